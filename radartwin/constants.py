@@ -1,0 +1,5 @@
+"""Physical constants (CODATA 2018, exact where the SI defines them)."""
+
+SPEED_OF_LIGHT = 299_792_458.0  # m/s
+BOLTZMANN = 1.380649e-23  # J/K
+VACUUM_PERMITTIVITY = 8.8541878128e-12  # F/m
