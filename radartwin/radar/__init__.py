@@ -1,0 +1,1 @@
+"""The radar: waveform and array, TI files, DCA1000 recordings, range/Doppler/angle processing, detection, pictures."""

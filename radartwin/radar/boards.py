@@ -1,0 +1,55 @@
+"""Where the antennas sit on the evaluation boards, and which element pattern they carry.
+
+References: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B) and IWR6843ISK in the mmWave EVM user's guide
+(TI SWRU546): receivers half a wavelength apart, transmitters one wavelength apart in azimuth, TX2 raised by half a
+wavelength, so that TX1 and TX3 with four receivers make eight half-wavelength channels in azimuth.
+xWR1642BOOST user's guide (TI SWRU521): two transmitters two wavelengths apart.
+
+Channels run towards +y: the mmWave SDK demo takes a phase that grows with the channel number for a target on its
+right. The guides give spacings in wavelengths but not the gap between the two groups, which stand side by side; two
+wavelengths is assumed. It lengthens every two-way path alike, by 0.1 mm at 0.5 m. The origin of the sensor frame is
+the middle between the two groups' centres, so transmit plus receive positions of the azimuth channels average to zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from radartwin.constants import SPEED_OF_LIGHT
+
+Position = tuple[float, float, float]
+
+_GROUP_GAP = 2.0  # wavelengths between the nearest transmitter and receiver; see above
+
+
+@dataclass(frozen=True)
+class Board:
+    """Antenna positions in metres, transmitters in the numbering of the board (TX1 first), and the element pattern."""
+
+    name: str
+    tx_positions_m: tuple[Position, ...]
+    rx_positions_m: tuple[Position, ...]
+    element: str
+
+
+def _board(name: str, design_frequency_hz: float, tx: tuple[tuple[float, float], ...], element: str) -> Board:
+    """A board from (azimuth, elevation) transmitter offsets in wavelengths; four receivers half a wavelength apart."""
+    wavelength = SPEED_OF_LIGHT / design_frequency_hz
+    tx_width, rx_width = max(y for y, _ in tx), 1.5
+    half = 0.25 * (tx_width + rx_width) + 0.5 * _GROUP_GAP  # half the distance between the centres of the groups
+    return Board(
+        name,
+        tuple((0.0, (y - tx_width / 2 + half) * wavelength, z * wavelength) for y, z in tx),
+        tuple((0.0, (0.5 * n - rx_width / 2 - half) * wavelength, 0.0) for n in range(4)),
+        element,
+    )
+
+
+_THREE_TX = ((0.0, 0.0), (1.0, 0.5), (2.0, 0.0))
+
+IWR1843BOOST = _board("iwr1843boost", 77e9, _THREE_TX, "iwr1843")
+IWR1642BOOST = _board("iwr1642boost", 77e9, ((0.0, 0.0), (2.0, 0.0)), "iwr1843")
+# No pattern of the 60 GHz antennas is modelled; recordings need none.
+IWR6843ISK = _board("iwr6843isk", 62e9, _THREE_TX, "isotropic")
+
+BOARDS = {board.name: board for board in (IWR1843BOOST, IWR1642BOOST, IWR6843ISK)}

@@ -1,0 +1,234 @@
+"""Waveform, array and timing of a TDM-MIMO FMCW radar, and what follows from them.
+
+Symbols: f0 -> start_frequency_hz, S -> slope_hz_per_s, fs -> sample_rate_hz, N -> num_samples, Tc -> chirp_interval,
+B = S N / fs -> sampled_bandwidth_hz, lambda at f0 -> wavelength_m, f0 + B/2 -> center_frequency_hz.
+Sensor frame: x forward, y left, z up; positions in metres about its origin.
+
+References: the paper's radar configuration table (77 GHz, 70 MHz/us, 5.21 Msps, 256 samples, 16 chirps, 10 Hz;
+B = 3.44 GHz, range resolution 0.044 m); S. Rao, Introduction to mmWave sensing: FMCW radars (TI), for the relations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.radar.antenna import ELEMENTS
+from radartwin.radar.boards import IWR1843BOOST, Position
+
+_POSITIVE = ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "chirp_interval", "frame_rate_hz")
+_COUNTS = ("num_samples", "num_chirps")
+
+
+@dataclass(frozen=True)
+class Radar:
+    """One radar configuration; frozen, hashable and comparable.
+
+    Attributes:
+        num_chirps: loops, that is chirps per transmitter and frame.
+        tx_positions_m, rx_positions_m: phase centres, transmitters in firing order.
+        chirp_interval: seconds between successive chirp starts, transmitters interleaved: loop c of transmitter t
+            starts (c * num_tx + t) * chirp_interval after the frame.
+        element: antenna pattern, "iwr1843" or "isotropic" (radartwin.radar.antenna).
+        real_sampling: the ADC keeps one real channel, which halves the unambiguous range.
+
+    >>> round(Radar.iwr1843().range_resolution_m, 4)
+    0.0436
+    """
+
+    name: str
+    start_frequency_hz: float
+    slope_hz_per_s: float
+    sample_rate_hz: float
+    num_samples: int
+    num_chirps: int
+    tx_positions_m: tuple[Position, ...]
+    rx_positions_m: tuple[Position, ...]
+    chirp_interval: float
+    frame_rate_hz: float
+    element: str = "isotropic"
+    noise_figure_db: float = 15.0
+    transmit_power_dbm: float = 12.0
+    real_sampling: bool = False
+
+    def __post_init__(self) -> None:
+        for name in _POSITIVE:
+            value = getattr(self, name)
+            if not (isinstance(value, int | float) and math.isfinite(value) and value > 0):
+                raise InputError(f"radar {self.name}: {name} must be a positive number, not {value!r}")
+        for name in _COUNTS:
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+                raise InputError(f"radar {self.name}: {name} must be a whole number of at least 1, not {value!r}")
+        for name in ("noise_figure_db", "transmit_power_dbm"):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(f"radar {self.name}: {name} must be finite, not {getattr(self, name)!r}")
+        if self.element not in ELEMENTS:
+            raise InputError(
+                f"radar {self.name}: element {self.element!r} is unknown; use one of {', '.join(ELEMENTS)}"
+            )
+        for name in ("tx_positions_m", "rx_positions_m"):
+            object.__setattr__(self, name, _positions(self.name, name, getattr(self, name)))
+        self._check_timing()
+
+    def _check_timing(self) -> None:
+        sampling = self.num_samples / self.sample_rate_hz
+        # A part in a million: configuration files round their times to nanoseconds.
+        if sampling > self.chirp_interval * (1 + 1e-6):
+            raise InputError(
+                f"radar {self.name}: sampling takes {sampling * 1e6:.2f} us but chirps start every "
+                f"{self.chirp_interval * 1e6:.2f} us; lengthen chirp_interval or take fewer samples"
+            )
+        if self.frame_duration_s > (1 + 1e-6) / self.frame_rate_hz:
+            raise InputError(
+                f"radar {self.name}: the chirps of a frame take {self.frame_duration_s * 1e3:.2f} ms but frames start "
+                f"every {1e3 / self.frame_rate_hz:.2f} ms; lower frame_rate_hz or num_chirps"
+            )
+
+    @property
+    def num_tx(self) -> int:
+        return len(self.tx_positions_m)
+
+    @property
+    def num_rx(self) -> int:
+        return len(self.rx_positions_m)
+
+    @property
+    def tx_positions(self) -> NDArray[np.float64]:
+        """Transmit phase centres in firing order, metres, shape (num_tx, 3)."""
+        return np.array(self.tx_positions_m, dtype=np.float64)
+
+    @property
+    def rx_positions(self) -> NDArray[np.float64]:
+        """Receive phase centres, metres, shape (num_rx, 3)."""
+        return np.array(self.rx_positions_m, dtype=np.float64)
+
+    @property
+    def virtual_positions(self) -> NDArray[np.float64]:
+        """Transmit plus receive position of every channel, transmitter-major, metres, shape (num_tx * num_rx, 3)."""
+        return (self.tx_positions[:, None] + self.rx_positions[None]).reshape(-1, 3)
+
+    @property
+    def wavelength_m(self) -> float:
+        """At the start of the chirp."""
+        return SPEED_OF_LIGHT / self.start_frequency_hz
+
+    @property
+    def sampled_bandwidth_hz(self) -> float:
+        return self.slope_hz_per_s * self.num_samples / self.sample_rate_hz
+
+    @property
+    def center_frequency_hz(self) -> float:
+        """Middle of the sampled sweep, where a range bin's phase turns with motion and angle."""
+        return self.start_frequency_hz + 0.5 * self.sampled_bandwidth_hz
+
+    @property
+    def range_resolution_m(self) -> float:
+        return SPEED_OF_LIGHT / (2 * self.sampled_bandwidth_hz)
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Range at which the beat frequency folds: fs for complex sampling, fs/2 for real sampling."""
+        full = self.sample_rate_hz * SPEED_OF_LIGHT / (2 * self.slope_hz_per_s)
+        return full / 2 if self.real_sampling else full
+
+    @property
+    def loop_interval_s(self) -> float:
+        """Seconds between successive chirps of one transmitter."""
+        return self.num_tx * self.chirp_interval
+
+    @property
+    def frame_duration_s(self) -> float:
+        """Seconds from the first chirp of a frame to the end of its last one."""
+        return self.num_chirps * self.loop_interval_s
+
+    @property
+    def max_velocity_mps(self) -> float:
+        """Speed at which Doppler folds: lambda / (4 num_tx Tc), with lambda at the middle of the sweep."""
+        return SPEED_OF_LIGHT / (4 * self.center_frequency_hz * self.loop_interval_s)
+
+    @property
+    def velocity_resolution_mps(self) -> float:
+        """One Doppler bin of a frame."""
+        return 2 * self.max_velocity_mps / self.num_chirps
+
+    def chirp_times(self) -> NDArray[np.float64]:
+        """Start of every chirp, seconds from the start of its frame, shape (num_chirps, num_tx)."""
+        loop, tx = np.arange(self.num_chirps)[:, None], np.arange(self.num_tx)[None]
+        return (loop * self.num_tx + tx) * self.chirp_interval
+
+    @classmethod
+    def iwr1843(cls, element: str = "iwr1843") -> Radar:
+        """The paper's IWR1843BOOST: two azimuth transmitters fired in turn, four receivers.
+
+        The 64 us chirp interval is this project's sweep timing; 15 dB noise figure and 12 dBm are the typical values
+        of the IWR1843 data sheet (TI SWRS228), RF specification.
+        """
+        return cls(
+            name="iwr1843",
+            start_frequency_hz=77e9,
+            slope_hz_per_s=70e12,
+            sample_rate_hz=5.21e6,
+            num_samples=256,
+            num_chirps=16,
+            tx_positions_m=tuple(IWR1843BOOST.tx_positions_m[i] for i in (0, 2)),
+            rx_positions_m=IWR1843BOOST.rx_positions_m,
+            chirp_interval=64e-6,
+            frame_rate_hz=10.0,
+            element=element,
+            noise_figure_db=15.0,
+            transmit_power_dbm=12.0,
+        )
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> Radar:
+        """Read mmWave SDK .cfg, mmWave Studio .mmwave.json, or this class's own .yaml / .json fields.
+
+        Raises:
+            MissingError: no such file.
+            RecordingError: a malformed or unsupported file, with its line where there is one.
+        """
+        from radartwin.radar.ti_files import read_radar
+
+        path = Path(path)
+        if not path.is_file():
+            raise MissingError(f"{path}: no such radar file; give a .cfg, .mmwave.json, .yaml or .json")
+        return read_radar(path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields as plain numbers, strings and lists, ready for JSON or YAML."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        for name in ("tx_positions_m", "rx_positions_m"):
+            values[name] = [list(position) for position in values[name]]
+        return values
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Radar:
+        """The inverse of to_dict. Raises InputError for an unknown, missing or mistyped field."""
+        known = {field.name for field in fields(cls)}
+        if unknown := sorted(set(values) - known):
+            raise RecordingError(
+                f"radar description: unknown field {unknown[0]!r}; known are {', '.join(sorted(known))}"
+            )
+        try:
+            return cls(**values)
+        except TypeError as error:
+            raise RecordingError(f"radar description: {error}".replace("Radar.__init__() ", "")) from None
+
+
+def _positions(radar: str, name: str, positions: Any) -> tuple[Position, ...]:
+    try:
+        array = np.array(positions, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.ndim != 2 or array.shape[0] < 1 or array.shape[1] != 3 or not np.isfinite(array).all():
+        raise InputError(f"radar {radar}: {name} must be one or more finite (x, y, z) positions in metres")
+    return tuple((float(x), float(y), float(z)) for x, y, z in array)
