@@ -1,0 +1,266 @@
+"""The configuration: one typed dataclass per Hydra group, and the checks no single value can make.
+
+The YAML files under conf/ name the options of each group; the types and defaults are here. `compose` is the only road from
+command-line overrides to a `Config`, and every mistake on it becomes one `ConfigError` line. Nothing behind this module sees
+a DictConfig. Fields marked by `_path` name files: they enter a run key by content, not by name (radartwin/digest.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from radartwin.errors import ConfigError
+
+
+def _path() -> Any:
+    return field(default=None, metadata={"path": True})
+
+
+def _unkeyed(default: Any) -> Any:
+    """A field that says where or how, never what: it stays out of run keys."""
+    return field(default=default, metadata={"unkeyed": True})
+
+
+def _one_of(key: str, value: str, options: Sequence[str]) -> None:
+    if value not in options:
+        raise ConfigError(f"{key}={value} is not known; options: {', '.join(options)}")
+
+
+def _positive(key: str, *values: float | None) -> None:
+    for value in values:
+        if value is not None and not value > 0:
+            raise ConfigError(f"{key}={value:g} must be above zero")
+
+
+@dataclass
+class SceneConfig:
+    """What is in front of the radar: a procedural room, a scan or a saved scene, and the target in it."""
+
+    name: str = "lab"  # lab | empty | plate | scan
+    path: str | None = _path()  # scan: a scene folder, or a .glb/.ply/.obj mesh
+    target: str = "corner_reflector"  # corner_reflector | plate | sphere | none
+    target_size_m: float = 0.1  # reflector leg, plate edge or sphere diameter
+
+    def __post_init__(self) -> None:
+        _one_of("scene.name", self.name, ("lab", "empty", "plate", "scan"))
+        _one_of("scene.target", self.target, ("corner_reflector", "plate", "sphere", "none"))
+        _positive("scene.target_size_m", self.target_size_m)
+        if self.name == "scan" and not self.path:
+            raise ConfigError("scene=scan needs the scan: add scene.path=FILE_OR_FOLDER")
+        if self.name != "scan" and self.path:
+            raise ConfigError(f"scene.path is only read by scene=scan, and scene.name is {self.name}; add scene=scan")
+
+
+@dataclass
+class MaterialsConfig:
+    """Who says what the room's surfaces are made of."""
+
+    source: str = "uniform"  # vlm | uniform | void | true
+    material: str = "plasterboard"  # of every room surface, for uniform
+
+    def __post_init__(self) -> None:
+        _one_of("materials.source", self.source, ("vlm", "uniform", "void", "true"))
+
+
+@dataclass
+class SimulatorConfig:
+    """How paths are found. The variant is where the same rays are traced, so it is not part of a run's key."""
+
+    backend: str = "mitsuba"
+    variant: str = _unkeyed("auto")  # auto | llvm | cuda
+    max_bounces: int = 4
+    rays: int | None = None  # per frame; null: from rays_per_wavelength2
+    rays_per_wavelength2: float = 1.0
+    per_element: bool = False
+
+    def __post_init__(self) -> None:
+        _one_of("simulator.backend", self.backend, ("mitsuba",))
+        _one_of("simulator.variant", self.variant, ("auto", "llvm", "cuda"))
+        _positive("simulator.max_bounces", self.max_bounces)
+        _positive("simulator.rays", self.rays)
+        _positive("simulator.rays_per_wavelength2", self.rays_per_wavelength2)
+
+
+@dataclass
+class RadarConfig:
+    """The fields of `radartwin.Radar`, or a TI configuration file that holds them. Positions: metres, x forward, y left, z up."""
+
+    name: str = "iwr1843"
+    file: str | None = _path()  # mmWave SDK .cfg or mmWave Studio .mmwave.json; then nothing else but element is read
+    start_frequency_hz: float | None = None
+    slope_hz_per_s: float | None = None
+    sample_rate_hz: float | None = None
+    num_samples: int | None = None
+    num_chirps: int | None = None  # loops per transmitter and frame
+    tx_positions_m: list[list[float]] | None = None
+    rx_positions_m: list[list[float]] | None = None
+    chirp_interval: float | None = None  # seconds between successive chirp starts, transmitters interleaved
+    frame_rate_hz: float | None = None
+    element: str = "iwr1843"  # iwr1843 | isotropic
+    noise_figure_db: float | None = None
+    transmit_power_dbm: float | None = None
+    real_sampling: bool = False
+
+    def __post_init__(self) -> None:
+        _one_of("radar.element", self.element, ("iwr1843", "isotropic"))
+        if self.name == "file" and not self.file:
+            raise ConfigError("radar=file needs the file: add radar.file=FILE.cfg or FILE.mmwave.json")
+        if self.name != "file" and self.file:
+            raise ConfigError(f"radar.file is only read by radar=file, and radar.name is {self.name}; add radar=file")
+
+    def given(self) -> dict[str, Any]:
+        """The fields that the option or the user set, by the names `Radar` has for them."""
+        return {f.name: value for f in fields(self) if f.name != "file" and (value := getattr(self, f.name)) is not None}
+
+
+@dataclass
+class TrajectoryConfig:
+    """How sensor and target move. Distances are from the radar to the target's axis."""
+
+    kind: str = "turntable"  # static | turntable | depth | lateral
+    distance_m: float = 1.0  # at the start
+    height_m: float = 0.4  # of the radar above the floor
+    frames: int | None = None  # null: the whole sweep or revolution
+    period_s: float = 25.0  # turntable: one revolution
+    length_m: float = 1.0  # depth and lateral: travelled
+    speed_mps: float = 0.2
+
+    def __post_init__(self) -> None:
+        _one_of("trajectory.kind", self.kind, ("static", "turntable", "depth", "lateral"))
+        for name in ("distance_m", "height_m", "frames", "period_s", "length_m", "speed_mps"):
+            _positive(f"trajectory.{name}", getattr(self, name))
+        if self.kind == "depth" and self.length_m >= self.distance_m:
+            raise ConfigError(
+                f"trajectory.length_m={self.length_m:g} runs into the target at trajectory.distance_m={self.distance_m:g}"
+            )
+
+
+@dataclass
+class GapConfig:
+    """Strength of each way in which the testbed's truth is not the twin: 1 as committed, 0 off, 2 doubled."""
+
+    geometry: float = 1.0
+    materials: float = 1.0
+    contents: float = 1.0
+    clutter: float = 1.0
+    hardware: float = 1.0
+    trajectory: float = 1.0
+    roughness: float = 1.0
+    solver: float = 1.0
+
+    def __post_init__(self) -> None:
+        for gap in fields(self):
+            if not getattr(self, gap.name) >= 0:
+                raise ConfigError(f"measured.gap.{gap.name}={getattr(self, gap.name):g} must be zero (off) or above")
+
+
+@dataclass
+class MeasuredConfig:
+    """What the twin is scored against."""
+
+    provider: str = "testbed"  # testbed | recordings
+    folder: str | None = _path()  # recordings: captures with their metadata
+    gap: GapConfig = field(default_factory=GapConfig)
+
+    def __post_init__(self) -> None:
+        _one_of("measured.provider", self.provider, ("testbed", "recordings"))
+        if self.provider == "recordings" and not self.folder:
+            raise ConfigError("measured=recordings needs the captures: add measured.folder=FOLDER")
+        if self.provider != "recordings" and self.folder:
+            raise ConfigError("measured.folder is only read by measured=recordings; add measured=recordings")
+
+
+@dataclass
+class FeaturesConfig:
+    name: str = "raw"
+
+    def __post_init__(self) -> None:
+        _one_of("features.name", self.name, ("raw",))
+
+
+@dataclass
+class SupervisionConfig:
+    """What is known of the measured domain: nothing, one unlabelled reflector recording, or some labelled recordings."""
+
+    mode: str = "label_free"  # label_free | calibrated | few_shot
+    shots: int = 0  # few_shot: labelled recordings per class
+
+    def __post_init__(self) -> None:
+        _one_of("supervision.mode", self.mode, ("label_free", "calibrated", "few_shot"))
+        if self.mode == "few_shot" and self.shots < 1:
+            raise ConfigError(f"supervision=few_shot needs supervision.shots of at least 1, not {self.shots}")
+        if self.mode != "few_shot" and self.shots != 0:
+            raise ConfigError(
+                f"supervision.shots={self.shots} contradicts supervision.mode={self.mode}; use supervision=few_shot"
+            )
+
+
+@dataclass
+class ProfileConfig:
+    """How much is computed: `quick` shows every claim on two cores in minutes, `paper` is what results/ holds."""
+
+    name: str = "quick"
+    frames: int = 12  # per recording
+    repeats: int = 3  # independent recordings per condition
+    resamples: int = 1000  # bootstrap
+
+    def __post_init__(self) -> None:
+        for name in ("frames", "repeats", "resamples"):
+            _positive(f"profile.{name}", getattr(self, name))
+
+
+@dataclass
+class TrackingConfig:
+    """Where runs are recorded. `uri` names a server; without it, SQLite in the output folder."""
+
+    backend: str = "mlflow"  # mlflow | off
+    uri: str | None = None
+    parent_run_id: str | None = None  # set by a sweep for its jobs
+
+    def __post_init__(self) -> None:
+        _one_of("tracking.backend", self.backend, ("mlflow", "off"))
+        if self.backend == "off" and self.uri:
+            raise ConfigError(f"tracking=off contradicts tracking.uri={self.uri}; use tracking=mlflow")
+
+
+@dataclass
+class ExperimentConfig:
+    """Which table to compute. `module` is only needed by an experiment outside the experiments/ folder."""
+
+    name: str | None = None
+    module: str | None = None
+    distances_m: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        _positive("experiment.distances_m", *self.distances_m)
+
+
+@dataclass
+class Config:
+    """A composed run. `output` is the root of everything written; it and `tracking` say where, never what."""
+
+    scene: SceneConfig = field(default_factory=SceneConfig)
+    materials: MaterialsConfig = field(default_factory=MaterialsConfig)
+    simulator: SimulatorConfig = field(default_factory=SimulatorConfig)
+    radar: RadarConfig = field(default_factory=RadarConfig)
+    trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
+    measured: MeasuredConfig = field(default_factory=MeasuredConfig)
+    features: FeaturesConfig = field(default_factory=FeaturesConfig)
+    supervision: SupervisionConfig = field(default_factory=SupervisionConfig)
+    profile: ProfileConfig = field(default_factory=ProfileConfig)
+    tracking: TrackingConfig = field(default_factory=TrackingConfig, metadata={"unkeyed": True})
+    experiment: ExperimentConfig = field(default_factory=ExperimentConfig)
+    seed: int = 0
+    output: str = _unkeyed("outputs")
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ConfigError(f"seed={self.seed} must be zero or above")
+        if self.materials.source == "void" and self.scene.target == "none":
+            raise ConfigError("materials=void with scene.target=none leaves nothing to simulate; choose a scene.target")
+        if self.materials.source == "true" and self.scene.name == "scan":
+            raise ConfigError("materials=true needs a procedural room: nobody knows the true materials of scene=scan")
+        if self.materials.source == "vlm" and self.scene.name in ("empty", "plate"):
+            raise ConfigError(f"materials=vlm needs a room with surfaces to label, and scene={self.scene.name} has none")
