@@ -1,0 +1,191 @@
+"""What a result depends on, as hexadecimal SHA-256: meaning of the configuration, source of the code, content of the inputs.
+
+A key must change with everything that could change a number and with nothing else. So the configuration enters without paths,
+launcher and verbosity; source enters as its syntax tree, where comments, docstrings and layout do not count, over the static import
+closure of the modules a stage names; files enter by content.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import functools
+import hashlib
+import importlib.util
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from radartwin.errors import ConfigError, MissingError
+
+PACKAGES = ("radartwin", "experiments")  # whose source counts; everything else is pinned by constraints.txt
+
+
+def spec_digest(spec: Any) -> str:
+    """Of a tree of dictionaries, lists and scalars; the order of dictionary keys does not matter."""
+    return hashlib.sha256(canonical(spec).encode()).hexdigest()
+
+
+def canonical(spec: Any) -> str:
+    return json.dumps(_plain(spec), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return semantic(value)
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy arrays and scalars
+        return _plain(value.tolist())
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    raise TypeError(f"a key cannot be made of {type(value).__name__}: {value!r}")
+
+
+def semantic(description: Any) -> dict[str, Any]:
+    """Fields of a dataclass that say what is computed: unkeyed ones left out, paths replaced by the digest of what they name."""
+    out = {}
+    for field in dataclasses.fields(description):
+        value = getattr(description, field.name)
+        if field.metadata.get("unkeyed"):
+            continue
+        if field.metadata.get("path") and value is not None:
+            value = path_digest(Path(value))
+        out[field.name] = _plain(value)
+    return out
+
+
+def path_digest(path: Path) -> str:
+    """Of a file's bytes, or of a folder's relative names and bytes."""
+    if path.is_file():
+        files = [path]
+    elif path.is_dir():
+        files = sorted(p for p in path.rglob("*") if p.is_file())
+    else:
+        raise MissingError(f"{path}: no such file or folder")
+    total = hashlib.sha256()
+    for file in files:
+        with file.open("rb") as stream:
+            content = hashlib.file_digest(stream, "sha256").hexdigest()
+        total.update(f"{file.relative_to(path).as_posix()} {content}\n".encode())
+    return total.hexdigest()
+
+
+def source_digest(roots: Iterable[str]) -> str:
+    """Of the modules in `roots` and all they import, directly or not, within PACKAGES.
+
+    Raises:
+        ConfigError: a root that is no module.
+    """
+    for root in roots:
+        if _source(root) is None:
+            raise ConfigError(f"there is no module '{root}'")
+    lines = (f"{name} {_tree_digest(name)}\n" for name in sorted(import_closure(tuple(roots))))
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+@functools.cache
+def import_closure(roots: tuple[str, ...]) -> frozenset[str]:
+    """Names of the modules reached from `roots` by import statements anywhere in them, lazy imports in functions included."""
+    reached: set[str] = set()
+    waiting = list(roots)
+    while waiting:
+        name = waiting.pop()
+        if name not in reached:
+            reached.add(name)
+            waiting.extend(imports(name))
+    return frozenset(reached)
+
+
+@functools.cache
+def imports(name: str) -> frozenset[str]:
+    """Modules of PACKAGES that the module `name` imports, with the packages that contain them."""
+    path = _source(name)
+    if path is None:
+        return frozenset()
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                found |= _module_and_lazy(alias.name)
+        elif isinstance(node, ast.ImportFrom):
+            base = importlib.util.resolve_name("." * node.level + (node.module or ""), package) if node.level else node.module
+            for alias in node.names:
+                submodule = f"{base}.{alias.name}"
+                found |= {submodule, str(base)} if _source(submodule) else _module_and_lazy(str(base))
+    return frozenset(_parents(m for m in found if _source(m)) - {name})
+
+
+def _module_and_lazy(name: str) -> set[str]:
+    """The module, and for a package that loads its names on demand every module it may load: their names stand in it as text."""
+    path = _source(name)
+    if path is None or path.name != "__init__.py":
+        return {name}
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    if not any(isinstance(n, ast.FunctionDef) and n.name == "__getattr__" for n in tree.body):
+        return {name}
+    text = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+    candidates = {t if t.startswith(name) else f"{name}.{t.lstrip('.')}" for t in text if t.replace(".", "").isidentifier()}
+    return {name} | {c for c in candidates if _source(c)}
+
+
+def _parents(names: Iterable[str]) -> set[str]:
+    return {".".join(parts[:n]) for parts in (name.split(".") for name in names) for n in range(1, len(parts) + 1)}
+
+
+@functools.cache
+def _source(name: str) -> Path | None:
+    """The source file of a module of PACKAGES or of a user's own experiment; None for anything else. Nothing is imported."""
+    top, _, rest = name.partition(".")
+    root = _package_root(top)
+    if root is None:
+        return None
+    base = root.joinpath(*rest.split(".")) if rest else root
+    for candidate in (base.with_suffix(".py") if rest else root, base / "__init__.py"):
+        if candidate.is_file():
+            return candidate
+    return None
+
+
+def _package_root(top: str) -> Path | None:
+    if top == "radartwin":
+        return Path(__file__).resolve().parent
+    if top not in PACKAGES and top not in _extra:
+        return None
+    spec = importlib.util.find_spec(top)
+    if spec is None:
+        return None
+    if spec.submodule_search_locations:
+        return Path(next(iter(spec.submodule_search_locations)))
+    return Path(spec.origin) if spec.origin else None
+
+
+_extra: set[str] = set()
+
+
+def include(top: str) -> None:
+    """Let the source of one more top-level package or module count: a user's own experiment."""
+    _extra.add(top)
+    _source.cache_clear()
+
+
+@functools.cache
+def _tree_digest(name: str) -> str:
+    path = _source(name)
+    assert path is not None
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(node) is not None:
+            assert isinstance(body, list)
+            body[0] = ast.Pass()
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()

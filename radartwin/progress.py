@@ -1,0 +1,77 @@
+"""Progress of long work: a bar on a terminal, plain lines elsewhere. On standard error, so that results can be piped.
+
+>>> progress = Progress(quiet=True)
+>>> [x * x for x in progress.over([1, 2, 3], "squares")]
+[1, 4, 9]
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sized
+from typing import TypeVar
+
+T = TypeVar("T")
+PLAIN_INTERVAL_S = 5.0
+
+
+class Progress:
+    """Says what is being done. `quiet` silences it, for tests and library use."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._quiet = quiet
+        self._terminal = not quiet and sys.stderr.isatty()
+
+    def say(self, line: str) -> None:
+        """One plain line."""
+        if not self._quiet:
+            print(line, file=sys.stderr, flush=True)
+
+    def over(self, items: Iterable[T], label: str) -> Iterator[T]:
+        """The items, with progress counted as each is done with."""
+        total = len(items) if isinstance(items, Sized) else None
+        with self.task(label, total) as advance:
+            for item in items:
+                yield item
+                advance()
+
+    @contextlib.contextmanager
+    def task(self, label: str, total: int | None = None) -> Iterator[Callable[[], None]]:
+        """A piece of work of `total` steps; call the value after each."""
+        if self._quiet:
+            yield lambda: None
+        elif self._terminal:
+            with _bar(label, total) as advance:
+                yield advance
+        else:
+            with self._lines(label, total) as advance:
+                yield advance
+
+    @contextlib.contextmanager
+    def _lines(self, label: str, total: int | None) -> Iterator[Callable[[], None]]:
+        done, started = 0, time.monotonic()
+        last = started
+
+        def advance() -> None:
+            nonlocal done, last
+            done += 1
+            if time.monotonic() - last >= PLAIN_INTERVAL_S:
+                last = time.monotonic()
+                self.say(f"{label}: {done}/{total}" if total else f"{label}: {done}")
+
+        yield advance
+        self.say(f"{label}: {done} done in {time.monotonic() - started:.1f} s")
+
+
+@contextlib.contextmanager
+def _bar(label: str, total: int | None) -> Iterator[Callable[[], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Bar(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(label, total=total)
+        yield lambda: bar.advance(task)

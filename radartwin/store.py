@@ -1,0 +1,173 @@
+"""The cache of everything computed: a product is a folder under its key, whole or absent.
+
+    output/cache/KIND/KEY/          the product, with meta.json beside what `build` wrote
+    output/cache/KIND/KEY.tmp/      while it is being built, under a lock; left by a killed process, swept at the next start
+
+The key of a product is the digest of three things (radartwin/digest.py): the specification, the source of the modules that compute it,
+and the content of its input files. A finished key is never computed again, a failed or killed one is.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from radartwin import files
+from radartwin.digest import canonical, source_digest, spec_digest
+from radartwin.provenance import version
+
+if TYPE_CHECKING:
+    import numpy as np
+
+META = "meta.json"
+KEY_LENGTH = 32  # 128 bits of the digest name the folder
+SHORT = 8
+RUN = "run"  # the kind of a scored experiment
+
+
+@dataclass(frozen=True)
+class Product:
+    """A finished folder of the cache. `reused` says that this process did not compute it."""
+
+    path: Path
+    key: str
+    reused: bool
+
+    @property
+    def short_key(self) -> str:
+        return self.key[:SHORT]
+
+    def arrays(self, name: str = "arrays") -> dict[str, np.ndarray]:
+        """What `save_arrays` wrote."""
+        import numpy as np
+
+        with np.load(self.path / f"{name}.npz", allow_pickle=False) as stored:
+            return dict(stored)
+
+    def read_json(self, name: str) -> Any:
+        return json.loads((self.path / f"{name}.json").read_text(encoding="utf-8"))
+
+
+@dataclass
+class Counts:
+    """What one process did: products simulated, products found in the cache, experiments scored."""
+
+    simulated: int = 0
+    reused: int = 0
+    scored: int = 0
+    by_kind: Counter[str] = field(default_factory=Counter)
+
+    def add(self, kind: str, reused: bool) -> None:
+        self.by_kind[f"{kind} {'reused' if reused else 'built'}"] += 1
+        if reused:
+            self.reused += 1
+        elif kind == RUN:
+            self.scored += 1
+        else:
+            self.simulated += 1
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(
+            self.simulated + other.simulated,
+            self.reused + other.reused,
+            self.scored + other.scored,
+            self.by_kind + other.by_kind,
+        )
+
+
+class Store:
+    """The cache below one output folder; any number of processes may share it.
+
+    Args:
+        root: usually output/cache; created, and swept of what killed processes left.
+        say: receives a line when another process is computing what this one needs.
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+
+    def __init__(self, root: Path, say: Callable[[str], None] = lambda line: None) -> None:
+        self.root = files.make_folder(Path(root).absolute())
+        self.counts = Counts()
+        self._say = say
+        files.sweep(self.root)
+
+    def key(self, kind: str, spec: Mapping[str, Any], roots: Iterable[str], inputs: Mapping[str, str] | None = None) -> str:
+        """Key of a product: `roots` name the modules whose source computes it, `inputs` are digests of the files it reads."""
+        parts = {"kind": kind, "spec": spec, "source": source_digest(roots), "inputs": dict(inputs or {})}
+        return spec_digest(parts)[:KEY_LENGTH]
+
+    def fetch(
+        self,
+        kind: str,
+        spec: Mapping[str, Any],
+        roots: Iterable[str],
+        build: Callable[[Path], None],
+        inputs: Mapping[str, str] | None = None,
+    ) -> Product:
+        """The product of this specification, from the cache or built now.
+
+        Args:
+            kind: folder of the cache, e.g. "recording"; "run" counts as scored, all else as simulated.
+            spec: everything that decides the content: plain values, arrays and dataclasses (radartwin/digest.py).
+            roots: modules whose source, with all they import, decides the content.
+            build: fills the empty folder it is given. If it raises, nothing is kept and the next fetch tries again.
+        """
+        roots = list(roots)
+        key = self.key(kind, spec, roots, inputs)
+        final, work = self.root / kind / key, self.root / kind / f"{key}{files.TEMPORARY}"
+        if final.is_dir():
+            return self._count(kind, Product(final, key, reused=True))
+        with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
+            try:
+                if final.is_dir():
+                    return self._count(kind, Product(final, key, reused=True))
+                folder = work / "product"
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                started = time.time()
+                build(folder)
+                self._describe(folder, kind, key, spec, roots, started)
+                files.sync(folder)
+                folder.rename(final)
+                files.sync(final.parent, deep=False)
+            finally:
+                shutil.rmtree(work / "product", ignore_errors=True)
+        with contextlib.suppress(OSError):  # somebody may be waiting in it; the last one out removes it
+            work.rmdir()
+        return self._count(kind, Product(final, key, reused=False))
+
+    def _count(self, kind: str, product: Product) -> Product:
+        self.counts.add(kind, product.reused)
+        return product
+
+    @staticmethod
+    def _describe(folder: Path, kind: str, key: str, spec: Mapping[str, Any], roots: list[str], started: float) -> None:
+        meta = {
+            "kind": kind,
+            "key": key,
+            "spec": json.loads(canonical(spec)),
+            "modules": roots,
+            "radartwin": version(),
+            "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "seconds": round(time.time() - started, 3),
+        }
+        save_json(folder, "meta", meta)
+
+
+def save_arrays(folder: Path, arrays: Mapping[str, np.ndarray], name: str = "arrays") -> None:
+    """Write NAME.npz into a folder under construction; `Product.arrays` reads it."""
+    import numpy as np
+
+    np.savez(folder / f"{name}.npz", **dict(arrays))  # pyright: ignore[reportArgumentType]
+
+
+def save_json(folder: Path, name: str, content: Any) -> None:
+    """Write NAME.json into a folder under construction; `Product.read_json` reads it."""
+    (folder / f"{name}.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,208 @@
+"""Runs in MLflow: SQLite in the output folder by default, or a server. The only module that imports mlflow.
+
+Several processes that open a fresh SQLite store at once destroy it, and writers that meet give up. So everything that touches the
+database happens under one file lock, starting with its creation; artifacts are plain files and need none. A run is written in three short
+visits: created, one batch of metrics and tags, ended.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from radartwin import files
+from radartwin.config import TrackingConfig
+from radartwin.errors import BackendError, ConfigError
+from radartwin.provenance import commit, version
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
+MAX_METRICS = 40  # about thirty scalars a run; curves and tables are artifacts
+
+
+@dataclass
+class Record:
+    """What a run leaves behind, filled while it runs. Parameters are the swept or otherwise telling settings, as text."""
+
+    run_id: str = ""
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    artifacts: Sequence[Path] = ()
+
+
+class Tracker:
+    """Tracking of one output folder. `Tracker(config, output)` opens nothing; `prepare` does.
+
+    Args:
+        config: backend off makes every method a no-op.
+        output: root of everything written.
+    """
+
+    def __init__(self, config: TrackingConfig, output: Path) -> None:
+        self.off = config.backend == "off"
+        self.uri = config.uri or f"sqlite:///{(Path(output).absolute() / DATABASE).as_posix()}"
+        self.parent_run_id = config.parent_run_id
+        self._database = Path(self.uri.removeprefix("sqlite:///")) if self.uri.startswith("sqlite:///") else None
+        self._client: MlflowClient | None = None
+
+    @property
+    def artifacts(self) -> str | None:
+        """Where artifacts lie beside a SQLite database, as a URI; a server decides for itself."""
+        return (self._database.absolute().parent / ARTIFACTS).as_uri() if self._database else None
+
+    def prepare(self) -> None:
+        """Create or open the store. The parent of a sweep calls it before its jobs start."""
+        if not self.off:
+            with self._exclusive():
+                self._connect()
+
+    @contextlib.contextmanager
+    def run(self, table: str, key: str, name: str, params: Mapping[str, str]) -> Iterator[Record]:
+        """Track the work inside the `with`: finished with the record's metrics and artifacts, or failed with the error.
+
+        Args:
+            table: the MLflow experiment it belongs to.
+            key: run key, a tag. An unfinished run of the same key is a killed one, and is marked so.
+            name: without the key; it is added.
+        """
+        record = Record()
+        if self.off:
+            yield record
+            return
+        with self._exclusive():
+            client = self._connect()
+            experiment_id = self._experiment(client, table)
+            self._bury(client, experiment_id, key)
+            record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", tags(table, key), self.parent_run_id)
+        try:
+            yield record
+        except BaseException as error:
+            self._end(record, params, "KILLED" if isinstance(error, KeyboardInterrupt) else "FAILED", str(error)[:500])
+            raise
+        self._end(record, params, "FINISHED")
+
+    def sweep(self, table: str, name: str) -> str | None:
+        """Open the parent run of a sweep and return its id for the jobs; None when tracking is off."""
+        if self.off:
+            return None
+        with self._exclusive():
+            client = self._connect()
+            return self._create(client, self._experiment(client, table), name, tags(table, "sweep"), None)
+
+    def end_sweep(self, run_id: str | None, finished: bool) -> None:
+        if run_id is not None:
+            with self._exclusive():
+                self._connect().set_terminated(run_id, "FINISHED" if finished else "FAILED")
+
+    def known(self, table: str, key: str) -> bool:
+        """Whether a finished run of this key is recorded."""
+        if self.off:
+            return True
+        with self._exclusive():
+            client = self._connect()
+            found = self._of_key(client, self._experiment(client, table), key)
+        return any(run.info.status == "FINISHED" for run in found)
+
+    def _connect(self) -> MlflowClient:
+        if self._client is None:
+            quieten()
+            from mlflow import MlflowClient
+            from mlflow.exceptions import MlflowException
+
+            try:
+                self._client = MlflowClient(tracking_uri=self.uri)
+                self._client.search_experiments(max_results=1)  # SQLite: creates the tables
+            except MlflowException as error:
+                raise BackendError(f"tracking store {self.uri}: {_one_line(error)}; check tracking.uri or use tracking=off") from error
+        return self._client
+
+    def _experiment(self, client: MlflowClient, table: str) -> str:
+        found = client.get_experiment_by_name(table)
+        if found is not None:
+            return found.experiment_id
+        location = f"{self.artifacts}/{table}" if self._database else None
+        return client.create_experiment(table, artifact_location=location)
+
+    @staticmethod
+    def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
+        return list(client.search_runs([experiment_id], filter_string=f"tags.`run_key` = '{key}'"))
+
+    def _bury(self, client: MlflowClient, experiment_id: str, key: str) -> None:
+        for run in self._of_key(client, experiment_id, key):
+            if run.info.status == "RUNNING":
+                client.set_terminated(run.info.run_id, "KILLED")
+
+    @staticmethod
+    def _create(client: MlflowClient, experiment_id: str, name: str, run_tags: dict[str, str], parent: str | None) -> str:
+        if parent:
+            run_tags["mlflow.parentRunId"] = parent
+        return client.create_run(experiment_id, run_name=name, tags=run_tags).info.run_id
+
+    def _end(self, record: Record, params: Mapping[str, str], status: str, error: str = "") -> None:
+        from mlflow.entities import Metric, Param, RunTag
+
+        if len(record.metrics) > MAX_METRICS:
+            raise ValueError(f"{len(record.metrics)} metrics in one run; keep {MAX_METRICS} and write the rest as an artifact")
+        now = int(time.time() * 1000)
+        client = self._connect()
+        for path in record.artifacts:
+            if path.is_dir():
+                client.log_artifacts(record.run_id, str(path), path.name)
+            else:
+                client.log_artifact(record.run_id, str(path))
+        with self._exclusive():
+            client.log_batch(
+                record.run_id,
+                metrics=[Metric(name, float(value), now, 0) for name, value in record.metrics.items()],
+                params=[Param(name, value) for name, value in params.items()],
+                tags=[RunTag("error", error)] if error else [],
+            )
+            client.set_terminated(record.run_id, status)
+
+    @contextlib.contextmanager
+    def _exclusive(self) -> Iterator[None]:
+        if self._database is None:
+            yield
+            return
+        with files.lock(self._database.with_name(f".{self._database.name}.lock")):
+            yield
+
+
+def tags(table: str, key: str) -> dict[str, str]:
+    head, dirty = commit()
+    return {"run_key": key, "table": table, "git_commit": head, "dirty": str(dirty).lower(), "radartwin": version()}
+
+
+def quieten() -> None:
+    """No telemetry, no migration log, no complaint about a missing git: before the first import of mlflow."""
+    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+    os.environ.setdefault("DO_NOT_TRACK", "true")
+    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
+    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+
+
+def dashboard(config: TrackingConfig, output: Path, port: int) -> int:
+    """Serve MLflow's pages on loopback until interrupted; the exit status of the server."""
+    tracker = Tracker(config, output)
+    if tracker.artifacts is None:
+        raise ConfigError(f"tracking.uri={tracker.uri} is a server of its own; open it in a browser")
+    tracker.prepare()
+    command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", "127.0.0.1"]
+    command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
+    with contextlib.suppress(KeyboardInterrupt):
+        return subprocess.run(command, check=False).returncode
+    return 0
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]
