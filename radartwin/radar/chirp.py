@@ -163,7 +163,7 @@ class Radar:
     def chirp_times(self) -> NDArray[np.float64]:
         """Start of every chirp, seconds from the start of its frame, shape (num_chirps, num_tx)."""
         loop, tx = np.arange(self.num_chirps)[:, None], np.arange(self.num_tx)[None]
-        return (loop * self.num_tx + tx) * self.chirp_interval
+        return (loop * self.num_tx + tx).astype(np.float64) * self.chirp_interval
 
     @classmethod
     def iwr1843(cls, element: str = "iwr1843") -> Radar:
@@ -229,6 +229,6 @@ def _positions(radar: str, name: str, positions: Any) -> tuple[Position, ...]:
         array = np.array(positions, dtype=np.float64)
     except (TypeError, ValueError):
         array = np.empty(0)
-    if array.ndim != 2 or array.shape[0] < 1 or array.shape[1] != 3 or not np.isfinite(array).all():
+    if array.ndim != 2 or array.shape[0] < 1 or array.shape[-1] != 3 or not np.isfinite(array).all():
         raise InputError(f"radar {radar}: {name} must be one or more finite (x, y, z) positions in metres")
-    return tuple((float(x), float(y), float(z)) for x, y, z in array)
+    return tuple((float(p[0]), float(p[1]), float(p[2])) for p in array)

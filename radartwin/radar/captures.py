@@ -1,0 +1,138 @@
+"""Captures from elsewhere as recordings: mmWave Studio .bin with its .mmwave.json, and .npy cubes.
+
+A foreign capture has no amplitude calibration, so its iq is in ADC counts and its scale is 1. Which of I and Q comes
+first is read off the data where the caller does not say. Echoes cannot tell, since with complex sampling they may fill
+the whole band; the receive filter can: it passes beat frequencies from 0 to 0.9 fs (complex 1x mode), so the noise is
+lower just below fs, that is just below zero. With I and Q exchanged the spectrum is mirrored.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.errors import MissingError, RecordingError
+from radartwin.radar import dca1000
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording, read_counts, recording_files
+from radartwin.radar.ti_files import read_radar
+
+_EDGE_DB = 2.0  # see band_edge_db
+
+
+def load_capture(
+    path: str | Path, radar: Radar | str | Path | None = None, *, iq_swapped: bool | None = None
+) -> Recording:
+    """Read a recording of this package, a mmWave Studio capture or a .npy cube.
+
+    Args:
+        path: our recording (stem, .bin or .json); a raw .bin with one .mmwave.json in its folder; or a .npy
+            cube shaped [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
+            [frame, chirp, tx, rx, sample], channels transmitter-major.
+        radar: a Radar or the path of its file. Needed for .npy; where given for a .bin it replaces the file beside it.
+        iq_swapped: Q before I in a foreign capture; None reads it off the data. Our own recordings say it themselves.
+    Raises:
+        MissingError: the capture or its radar description is missing.
+        RecordingError: sizes that do not fit the radar.
+    """
+    path = Path(path)
+    if radar is not None and not isinstance(radar, Radar):
+        radar = Radar.from_file(radar)
+    if path.suffix == ".npy":
+        return _load_cube(path, radar, iq_swapped)
+    bin_path, json_path = recording_files(path)
+    if radar is None and (json_path.is_file() or not bin_path.is_file()):
+        return Recording.load(path)
+    if not bin_path.is_file():
+        raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
+    if radar is None:
+        radar = read_radar(_description_beside(bin_path))
+    counts = read_counts(bin_path, radar)
+    return _foreign(bin_path, counts, radar, iq_swapped)
+
+
+def band_edge_db(iq: NDArray[np.complexfloating]) -> float:
+    """Noise just above zero beat frequency over noise just below it, in decibels.
+
+    Positive where I comes first, negative where Q does, about zero for a receiver without a filter, and zero for fewer
+    than eight chirps, where noise cannot be told from echoes. Real captures give 2.7 to 9.9 dB.
+
+    Args:
+        iq: one frame, (chirp, tx, rx, sample).
+    """
+    chirps, samples = iq.shape[0], iq.shape[-1]
+    if chirps < 8 or samples < 64:
+        return 0.0
+    windowed = iq * np.blackman(samples)
+    # Echoes fill few Doppler bins, so the median over Doppler is the noise.
+    noise = np.median(np.abs(np.fft.fft2(windowed, axes=(0, -1))) ** 2, axis=0).mean(axis=(0, 1))
+    low, high = (noise[round(a * samples) : round(b * samples)].mean() for a, b in ((0.03, 0.07), (0.93, 0.97)))
+    return float(10 * np.log10(low / high)) if low > 0 and high > 0 else 0.0
+
+
+def _foreign(path: Path, iq: NDArray[np.complex64], radar: Radar, iq_swapped: bool | None) -> Recording:
+    """A recording in counts from samples read with I first, conjugated where Q came first."""
+    edge = 0.0 if radar.real_sampling else band_edge_db(iq[0])
+    if iq_swapped is None:
+        iq_swapped = edge < -_EDGE_DB
+    if iq_swapped:
+        # Reading Q + jI as I + jQ gives j conj(I + jQ); undo it exactly.
+        iq = 1j * iq.conj()
+    provenance: dict[str, Any] = {"source": path.name, "unit": "counts", "band_edge_db": round(edge, 1)}
+    return Recording(iq, radar, scale=1.0, iq_swapped=bool(iq_swapped), provenance=provenance)
+
+
+def _description_beside(path: Path) -> Path:
+    """The mmWave Studio description of a .bin: the one in its folder, or the one that shares most of its name."""
+    found = sorted(path.parent.glob("*.mmwave.json"))
+    if len(found) == 1:
+        return found[0]
+    same = [p for p in found if p.name.removesuffix(".mmwave.json") == path.stem]
+    if same:
+        return same[0]
+    if found:
+        raise MissingError(f"{path}: {len(found)} .mmwave.json lie beside it; say which is its radar")
+    raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json lies beside it; give the radar file")
+
+
+def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Recording:
+    if not path.is_file():
+        raise MissingError(f"{path}: no such file")
+    if radar is None:
+        raise RecordingError(f"{path}: a .npy cube does not say its radar; give a .cfg, .mmwave.json or .yaml")
+    try:
+        cube = np.load(path, allow_pickle=False)
+    except (ValueError, OSError, EOFError) as error:
+        raise RecordingError(f"{path}: it is not a readable .npy array ({' '.join(str(error).split())})") from error
+    if not np.iscomplexobj(cube):
+        raise RecordingError(f"{path}: complex samples are expected, not {cube.dtype}")
+    if cube.ndim == 2:
+        # One channel: keep the time between its chirps, drop the others.
+        radar = replace(
+            radar,
+            tx_positions_m=radar.tx_positions_m[:1],
+            rx_positions_m=radar.rx_positions_m[:1],
+            chirp_interval=radar.loop_interval_s,
+        )
+    shape = dca1000.frame_shape(radar)
+    frames = cube.shape[0] if cube.ndim > 3 else 1
+    if cube.ndim not in (2, 3, 4, 5) or cube.size != frames * np.prod(shape) or cube.shape[-1] != radar.num_samples:
+        raise RecordingError(
+            f"{path}: shape {cube.shape} does not fit radar {radar.name}, "
+            f"whose frames are (chirp, tx, rx, sample) = {shape}"
+        )
+    if frames < 1:
+        raise RecordingError(f"{path}: it has zero frames")
+    return _foreign(path, _signed(cube).reshape(frames, *shape), radar, iq_swapped)
+
+
+def _signed(cube: NDArray[np.complexfloating]) -> NDArray[np.complex64]:
+    """Real and imaginary parts that were stored as unsigned 16-bit counts, reinterpreted as signed."""
+    parts = np.stack([cube.real, cube.imag])
+    if parts.min() >= 0 and 32767 < parts.max() <= 65535 and np.array_equal(parts, np.rint(parts)):
+        parts = parts.astype(np.uint16).view(np.int16)
+    return (parts[0] + 1j * parts[1].astype(np.float64)).astype(np.complex64)

@@ -1,0 +1,241 @@
+"""A recording: IQ samples with the radar that took them, kept as a DCA1000 .bin and a .json beside it.
+
+The .json holds the radar, the amplitude per count (scale), the poses and the provenance. Loading gives counts times
+scale, so saving a loaded recording writes the same .bin. Both files are complete before either gets its name, and the
+.json comes last: a .bin without its .json is an interrupted save.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.errors import MissingError, OutputError, RecordingError
+from radartwin.radar import dca1000
+from radartwin.radar.chirp import Radar
+
+FORMAT = "radartwin recording 1"
+# Without a hardware model the peak lands at half of full scale, 6 dB below clipping.
+_PEAK_COUNT = dca1000.FULL_SCALE // 2
+_BLOCK_BYTES = 64 << 20
+
+
+@dataclass
+class Recording:
+    """IQ data of one radar over some frames.
+
+    Attributes:
+        iq: complex64 [frame, chirp, tx, rx, sample]; amplitude units (|a|^2 = received over transmitted power), or
+            counts for a foreign capture, whose scale is then 1.
+        sensor_poses: sensor-to-world (F, 4, 4), or (1, 4, 4) for a radar at rest, or None where unknown.
+        scale: amplitude per ADC count; None until a hardware model or a save has set one.
+        iq_swapped: the .bin holds Q before I.
+        saturated: int16 values clipped when this was written.
+        provenance: what made it, plain JSON values.
+    """
+
+    iq: NDArray[np.complex64]
+    radar: Radar
+    sensor_poses: NDArray[np.float64] | None = None
+    scale: float | None = None
+    iq_swapped: bool = False
+    saturated: int = 0
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.iq = np.asarray(self.iq, dtype=np.complex64)
+        expected = dca1000.frame_shape(self.radar)
+        if self.iq.ndim != 5 or self.iq.shape[1:] != expected:
+            raise RecordingError(
+                f"recording of radar {self.radar.name}: iq must be [frame, chirp, tx, rx, sample] = (F, "
+                f"{', '.join(map(str, expected))}), not {self.iq.shape}"
+            )
+        if self.num_frames < 1:
+            raise RecordingError(f"recording of radar {self.radar.name}: it has zero frames; give at least one")
+        if self.scale is not None:
+            _check_scale(self.scale, "recording")
+        if self.sensor_poses is not None:
+            self.sensor_poses = np.asarray(self.sensor_poses, dtype=np.float64)
+            if self.sensor_poses.shape not in ((self.num_frames, 4, 4), (1, 4, 4)):
+                raise RecordingError(
+                    f"recording of radar {self.radar.name}: sensor_poses must be ({self.num_frames}, 4, 4) or "
+                    f"(1, 4, 4), not {self.sensor_poses.shape}"
+                )
+
+    @property
+    def num_frames(self) -> int:
+        return self.iq.shape[0]
+
+    def frame_blocks(self) -> Iterator[slice]:
+        """Slices over frames, about 64 MiB of samples each."""
+        step = max(1, _BLOCK_BYTES // max(1, self.iq[:1].nbytes))
+        for start in range(0, self.num_frames, step):
+            yield slice(start, min(start + step, self.num_frames))
+
+    def save(self, path: str | Path, *, iq_swapped: bool | None = None) -> int:
+        """Write path.bin and path.json.
+
+        Sets `scale` where none was set, so that the peak lands near half of full scale, and `saturated`.
+
+        Args:
+            path: without suffix; .bin or .json at its end is ignored.
+            iq_swapped: write Q before I; None keeps the recording's own order.
+        Returns:
+            How many int16 values were clipped to the 16-bit range.
+        Raises:
+            RecordingError: samples that are NaN or infinite.
+            OutputError: the folder cannot be written; nothing is left behind.
+        """
+        bin_path, json_path = recording_files(path)
+        swapped = self.iq_swapped if iq_swapped is None else iq_swapped
+        scale = self._peak_scale() if self.scale is None else self.scale
+        temporary = {p: p.with_name(f".{p.name}.{os.getpid()}.tmp") for p in (bin_path, json_path)}
+        try:
+            bin_path.parent.mkdir(parents=True, exist_ok=True)
+            saturated = 0
+            with temporary[bin_path].open("wb") as stream:
+                for block in self.frame_blocks():
+                    data, clipped = dca1000.encode(
+                        self.iq[block], scale, iq_swapped=swapped, real_sampling=self.radar.real_sampling
+                    )
+                    stream.write(data)
+                    saturated += clipped
+                _flush(stream)
+            with temporary[json_path].open("w", encoding="utf-8") as stream:
+                json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)
+                stream.write("\n")
+                _flush(stream)
+            # An older .json must never sit beside a newer .bin, not even for a moment.
+            json_path.unlink(missing_ok=True)
+            temporary[bin_path].replace(bin_path)
+            temporary[json_path].replace(json_path)
+        except OSError as error:
+            raise OutputError(
+                f"cannot write {bin_path}: {error.strerror or error}; choose another output folder"
+            ) from error
+        finally:
+            for leftover in temporary.values():
+                with contextlib.suppress(OSError):
+                    leftover.unlink(missing_ok=True)
+        self.scale, self.iq_swapped, self.saturated = scale, swapped, saturated
+        return saturated
+
+    @classmethod
+    def load(cls, path: str | Path) -> Recording:
+        """Read path.bin and path.json; iq is counts times scale.
+
+        Raises:
+            MissingError: either file is missing.
+            RecordingError: a .json that is malformed or does not match the .bin, a truncated .bin, or zero frames.
+        """
+        bin_path, json_path = recording_files(path)
+        for needed in (bin_path, json_path):
+            if not needed.is_file():
+                raise MissingError(f"{needed}: no such file; a recording is a .bin with its .json beside it")
+        described = read_json(json_path)
+        for key in ("radar", "scale"):
+            if key not in described:
+                raise RecordingError(f"{json_path}: it has no {key!r}; was it written by Recording.save?")
+        try:
+            radar = Radar.from_dict(described["radar"])
+        except (RecordingError, ValueError, TypeError) as error:
+            raise RecordingError(f"{json_path}: {error}") from error
+        scale = _check_scale(described["scale"], str(json_path))
+        swapped = bool(described.get("iq_swapped", False))
+        counts = read_counts(bin_path, radar, iq_swapped=swapped)
+        frames = described.get("frames", len(counts))
+        if frames != len(counts):
+            raise RecordingError(
+                f"{bin_path}: it holds {len(counts)} frames but {json_path.name} says {frames}; "
+                "one of them is not of this recording"
+            )
+        counts *= np.float32(scale) if np.float32(scale) == scale else scale
+        poses = described.get("sensor_poses")
+        try:
+            return cls(
+                counts,
+                radar,
+                sensor_poses=None if poses is None else np.array(poses, dtype=np.float64),
+                scale=scale,
+                iq_swapped=swapped,
+                saturated=int(described.get("saturated", 0)),
+                provenance=dict(described.get("provenance", {})),
+            )
+        except (TypeError, ValueError) as error:
+            raise RecordingError(f"{json_path}: {error}") from error
+
+    def _peak_scale(self) -> float:
+        peak = max(
+            float(max(np.abs(self.iq[b].real).max(), np.abs(self.iq[b].imag).max())) for b in self.frame_blocks()
+        )
+        if not math.isfinite(peak):
+            raise RecordingError("recording holds NaN or infinite samples; it cannot be written as int16")
+        return peak / _PEAK_COUNT if peak > 0 else 1.0
+
+    def _description(self, scale: float, swapped: bool, saturated: int) -> dict[str, Any]:
+        return {
+            "format": FORMAT,
+            "frames": self.num_frames,
+            "scale": scale,
+            "iq_swapped": swapped,
+            "saturated": saturated,
+            "radar": self.radar.to_dict(),
+            "provenance": self.provenance,
+            "sensor_poses": None if self.sensor_poses is None else self.sensor_poses.tolist(),
+        }
+
+
+def recording_files(path: str | Path) -> tuple[Path, Path]:
+    """The .bin and .json of a recording named with or without either suffix."""
+    path = Path(path)
+    name = path.name[: -len(path.suffix)] if path.suffix in (".bin", ".json") else path.name
+    return path.with_name(name + ".bin"), path.with_name(name + ".json")
+
+
+def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False) -> NDArray[np.complex64]:
+    """Counts of a .bin, [frame, chirp, tx, rx, sample]. Raises RecordingError if it is truncated, foreign or empty."""
+    size, frame = path.stat().st_size, dca1000.frame_bytes(radar)
+    if size == 0:
+        raise RecordingError(f"{path}: it is empty, zero frames; record again")
+    if size % frame:
+        raise RecordingError(
+            f"{path}: {size} bytes are {size / frame:.2f} frames of {frame} bytes for radar {radar.name}; "
+            "it is truncated or belongs to another radar description"
+        )
+    try:
+        return dca1000.decode(path.read_bytes(), radar, iq_swapped=iq_swapped)
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object. Raises RecordingError with the line where it is malformed."""
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise RecordingError(f"{path}: line {error.lineno}: {error.msg}; it is not valid JSON") from error
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path}: it is not a text file") from error
+    if not isinstance(values, dict):
+        raise RecordingError(f"{path}: a JSON object is expected, not {type(values).__name__}")
+    return values
+
+
+def _check_scale(scale: Any, where: str) -> float:
+    if isinstance(scale, bool) or not isinstance(scale, int | float) or not math.isfinite(scale) or scale <= 0:
+        raise RecordingError(f"{where}: scale must be a positive number (amplitude per count), not {scale!r}")
+    return float(scale)
+
+
+def _flush(stream: Any) -> None:
+    stream.flush()
+    os.fsync(stream.fileno())
