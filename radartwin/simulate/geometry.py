@@ -1,0 +1,116 @@
+"""Triangles as the tracer needs them: split at sharp edges, with vertex normals, material indices and one BVH.
+
+A tessellated can is a can again once a hit knows its vertex normals: edges between faces that differ by less than 30
+degrees are smooth, all others stay sharp even where vertices are shared.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+SMOOTH_EDGE_RAD = np.radians(30.0)
+
+
+@dataclass
+class Geometry:
+    """Merged triangles of several surfaces.
+
+    Attributes:
+        corners: (F, 3, 3) float64, positions of each face's corners in metres.
+        normals: (F, 3, 3) float64, unit vertex normals of each face's corners.
+        surface: (F,) int, index of the surface each face came from.
+    """
+
+    corners: np.ndarray
+    normals: np.ndarray
+    surface: np.ndarray
+    _scene: Any = field(default=None, repr=False)
+
+    @property
+    def extent_m(self) -> float:
+        """Largest absolute coordinate, which sets the float32 resolution of a hit."""
+        return float(np.abs(self.corners).max(initial=1e-3))
+
+    @property
+    def centre(self) -> np.ndarray:
+        """(3,) middle of the bounding box."""
+        points = self.corners.reshape(-1, 3)
+        return (points.min(0) + points.max(0)) / 2
+
+    def hull_points(self, limit: int = 4000) -> np.ndarray:
+        """(V, 3) points whose bounding box in any view holds the whole geometry."""
+        points = np.unique(self.corners.reshape(-1, 3), axis=0)
+        if len(points) <= 64:
+            return points
+        from scipy.spatial import ConvexHull, QhullError
+
+        try:
+            return points[ConvexHull(points).vertices]
+        except QhullError:  # flat geometry has no volume and is its own hull
+            return points[:: max(1, len(points) // limit)] if len(points) > 10 * limit else points
+
+    def scene(self) -> Any:
+        """The Mitsuba scene of these triangles, built on first use."""
+        if self._scene is None:
+            import mitsuba as mi
+
+            count = len(self.corners)
+            mesh = mi.Mesh("geometry", 3 * count, count)
+            parameters = mi.traverse(mesh)
+            parameters["vertex_positions"] = self.corners.astype(np.float32).ravel()
+            parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
+            parameters.update()
+            self._scene = mi.load_dict({"type": "scene", "geometry": mesh})
+        return self._scene
+
+
+def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
+    """(F, 3, 3) corner normals: area- and angle-free sums would favour slivers, so corners weigh by their angle."""
+    faces = np.asarray(mesh.faces)
+    face_normals = np.asarray(mesh.face_normals)
+    count = len(faces)
+    pairs = np.asarray(mesh.face_adjacency)
+    group = np.arange(3 * count)
+    if len(pairs):
+        smooth = np.asarray(mesh.face_adjacency_angles) < SMOOTH_EDGE_RAD
+        pairs, edges = pairs[smooth], np.asarray(mesh.face_adjacency_edges)[smooth]
+        links = []
+        for end in range(2):
+            # the corner of each of the two faces that sits on this end of the shared edge
+            corner = [3 * pairs[:, side] + np.argmax(faces[pairs[:, side]] == edges[:, end : end + 1], axis=1) for side in range(2)]
+            links.append(np.stack(corner, axis=1))
+        link = np.concatenate(links)
+        graph = coo_matrix((np.ones(len(link), np.int8), (link[:, 0], link[:, 1])), shape=(3 * count, 3 * count))
+        group = connected_components(graph, directed=False)[1]
+    weight = np.asarray(mesh.face_angles).reshape(-1)
+    corner_normals = np.repeat(face_normals, 3, axis=0) * weight[:, None]
+    total = np.stack([np.bincount(group, corner_normals[:, axis]) for axis in range(3)], axis=1)[group]
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    fallback = np.repeat(face_normals, 3, axis=0)
+    return np.where(length > 1e-9, total / np.maximum(length, 1e-30), fallback).reshape(count, 3, 3)
+
+
+def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
+    """Merge surfaces into one geometry; faces without area are dropped, meshes themselves are not changed.
+
+    Args:
+        meshes: one per surface, in one common frame, metres.
+    """
+    corners, normals, surface = [], [], []
+    for index, mesh in enumerate(meshes):
+        clean = trimesh.Trimesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces), process=False)
+        clean.merge_vertices(digits_vertex=9)
+        clean.update_faces(clean.area_faces > 1e-14)
+        if not len(clean.faces):
+            continue
+        corners.append(np.asarray(clean.triangles, float))
+        normals.append(_smooth_normals(clean))
+        surface.append(np.full(len(clean.faces), index))
+    if not corners:
+        return Geometry(np.zeros((0, 3, 3)), np.zeros((0, 3, 3)), np.zeros(0, int))
+    return Geometry(np.concatenate(corners), np.concatenate(normals), np.concatenate(surface))

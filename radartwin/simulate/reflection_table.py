@@ -1,0 +1,92 @@
+"""Reflection coefficients of a scene's materials, tabulated over the angle for the tracer's kernels.
+
+A table is evaluated at a few frequencies of the sweep (Chebyshev nodes); amplitudes between them are their interpolating
+polynomial. A half-space or a metal needs one node, a wall of 12 mm plasterboard, whose reflection moves by 4 dB within the
+sweep, needs a handful: as many as bring the interpolation error below TOLERANCE.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.materials import Layered, reflection
+
+COSINES = 1024
+TOLERANCE = 3e-3  # of the incident field; -50 dB, below every other error of the tracer
+_NODE_COUNTS = (1, 3, 5, 8, 12)
+
+
+@dataclass(frozen=True)
+class ReflectionTable:
+    """Attributes:
+    te, tm: (S, COSINES, Q) complex, per surface, cosine of incidence from 0 to 1, and frequency node.
+    frequencies_hz: (Q,) nodes.
+    """
+
+    te: np.ndarray
+    tm: np.ndarray
+    frequencies_hz: np.ndarray
+
+
+def chebyshev_nodes(low_hz: float, high_hz: float, count: int) -> np.ndarray:
+    """(count,) Chebyshev nodes of an interval, ascending; one node is its middle."""
+    angle = (2 * np.arange(count)[::-1] + 1) * np.pi / (2 * count)
+    return (low_hz + high_hz) / 2 + (high_hz - low_hz) / 2 * np.cos(angle)
+
+
+def lagrange_basis(nodes_hz: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray:
+    """(Q, N) Lagrange polynomials of the nodes at N frequencies.
+
+    >>> np.round(lagrange_basis(np.array([1.0, 2.0]), np.array([1.0, 1.5])), 3)
+    array([[1. , 0.5],
+           [0. , 0.5]])
+    """
+    count = len(nodes_hz)
+    basis = np.ones((count, len(frequency_hz)))
+    for i in range(count):
+        for j in range(count):
+            if i != j:
+                basis[i] *= (frequency_hz - nodes_hz[j]) / (nodes_hz[i] - nodes_hz[j])
+    return basis
+
+
+def build(
+    surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float | None = None
+) -> ReflectionTable:
+    """Tabulate surfaces given as (material, roughness_m).
+
+    Args:
+        surfaces: one entry per surface of a geometry.
+        low_hz, high_hz: the sweep; without an upper end, a single frequency.
+    Raises:
+        MaterialError: a material unknown or without values at these frequencies.
+    """
+    cosines = np.linspace(0, 1, COSINES)
+    cosines[0] = 1e-6  # grazing limit, where TM turns over
+    distinct = list(dict.fromkeys(surfaces))
+    nodes = np.array([low_hz]) if high_hz is None else _nodes(distinct, low_hz, high_hz)
+    values = {entry: _evaluate(entry, cosines, nodes) for entry in distinct}
+    te = np.array([values[entry][0] for entry in surfaces]).reshape(len(surfaces), COSINES, len(nodes))
+    tm = np.array([values[entry][1] for entry in surfaces]).reshape(len(surfaces), COSINES, len(nodes))
+    return ReflectionTable(te, tm, nodes)
+
+
+def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    material, roughness_m = entry
+    return reflection(material, cosines[:, None], nodes[None, :], roughness_m)
+
+
+def _nodes(distinct: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float) -> np.ndarray:
+    """The fewest nodes whose polynomial is within TOLERANCE of every material, at sixteen angles over the sweep."""
+    fine = np.linspace(low_hz, high_hz, 48)
+    cosines = np.linspace(0.06, 1, 16)
+    truth = [np.stack(_evaluate(entry, cosines, fine)) for entry in distinct]
+    nodes = chebyshev_nodes(low_hz, high_hz, 1)
+    for count in _NODE_COUNTS:
+        nodes = chebyshev_nodes(low_hz, high_hz, count)
+        basis = lagrange_basis(nodes, fine)
+        error = [np.abs(np.stack(_evaluate(e, cosines, nodes)) @ basis - t).max() for e, t in zip(distinct, truth, strict=True)]
+        if max(error, default=0.0) < TOLERANCE:
+            break
+    return nodes

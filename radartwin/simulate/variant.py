@@ -1,0 +1,109 @@
+"""Which Mitsuba variant runs here, and the LLVM library a CPU variant needs.
+
+Dr.Jit compiles CPU kernels with the system's LLVM. Version 14 is refused by it, and 15 and 16 abort the whole process while
+compiling (no instruction selection for fmaximum), so the library is chosen here, before Dr.Jit loads one.
+"""
+
+import argparse
+import ctypes
+import functools
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from radartwin.errors import BackendError
+
+LLVM_MINIMUM = 17
+_FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib")
+_REMEDY = "install LLVM 17 or newer (Debian/Ubuntu: apt-get install libllvm19) or set DRJIT_LIBLLVM_PATH to its library"
+
+
+def llvm_version(library: Path) -> int | None:
+    """Major version from the file name (libLLVM-19.so, libLLVM.so.19.1), or from the library itself; None if unreadable."""
+    match = re.search(r"libLLVM(?:-|\.so\.)(\d+)", library.resolve().name) or re.search(r"libLLVM(?:-|\.so\.)(\d+)", library.name)
+    if match:
+        return int(match.group(1))
+    try:
+        handle = ctypes.CDLL(str(library))
+        major = ctypes.c_uint()
+        handle.LLVMGetVersion(ctypes.byref(major), None, None)
+    except (OSError, AttributeError):
+        return None
+    return int(major.value)
+
+
+def find_llvm() -> Path | None:
+    """The newest usable LLVM library on this machine, or None. An explicit DRJIT_LIBLLVM_PATH is looked at alone."""
+    explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if explicit:
+        candidates = [Path(explicit)]
+    else:
+        folders = [Path(f) for f in _FOLDERS] + sorted(Path("/usr/lib").glob("llvm-*/lib"))
+        candidates = [p for folder in folders for p in folder.glob("libLLVM*") if re.search(r"\.so(\.|$)|\.dylib$", p.name)]
+    usable = [(version, path) for path in candidates if path.exists() and (version := llvm_version(path)) and version >= LLVM_MINIMUM]
+    return max(usable)[1] if usable else None
+
+
+def has_cuda() -> bool:
+    """Whether an NVIDIA driver answers and lists a device."""
+    if shutil.which("nvidia-smi") is None:
+        return False
+    answer = subprocess.run(["nvidia-smi", "-L"], capture_output=True, text=True, check=False)
+    return answer.returncode == 0 and "GPU" in answer.stdout
+
+
+@functools.cache
+def activate(preference: str = "auto") -> str:
+    """Set the Mitsuba variant, once per process, and return its name.
+
+    Args:
+        preference: "auto" (CUDA where a device is found, else LLVM), "llvm" or "cuda".
+    Raises:
+        BackendError: no device for "cuda"; no LLVM of at least version 17 for the CPU.
+    """
+    if preference not in ("auto", "llvm", "cuda"):
+        raise BackendError(f"simulator variant {preference!r} is not one of auto, llvm, cuda")
+    cuda = preference == "cuda" or (preference == "auto" and has_cuda())
+    if preference == "cuda" and not has_cuda():
+        raise BackendError("simulator variant 'cuda': no NVIDIA device answers nvidia-smi; use variant llvm or auto")
+    if not cuda:
+        library = find_llvm()
+        if library is None:
+            explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
+            found = f"DRJIT_LIBLLVM_PATH={explicit} is too old or unreadable" if explicit else "no LLVM >= 17 found"
+            raise BackendError(f"CPU tracing: {found}; {_REMEDY}")
+        os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+    import mitsuba as mi
+
+    name = "cuda_ad_rgb" if cuda else "llvm_ad_rgb"
+    if mi.variant() is not None and mi.variant() != name:
+        raise BackendError(f"Mitsuba already runs as {mi.variant()!r} in this process; {name!r} needs a process of its own")
+    mi.set_variant(name)
+    return name
+
+
+def ensure_llvm() -> int:
+    """Install LLVM where this may be done without a question, else say what to type. Returns an exit status."""
+    if has_cuda() or find_llvm() is not None:
+        return 0
+    prefix = [] if os.geteuid() == 0 else ["sudo", "-n"]
+    if shutil.which("apt-get") and (not prefix or shutil.which("sudo")):
+        print("installing libllvm19 for CPU tracing")
+        for command in (["apt-get", "update", "-qq"], ["apt-get", "install", "-y", "-qq", "libllvm19"]):
+            if subprocess.run([*prefix, *command], stdout=subprocess.DEVNULL, stdin=subprocess.DEVNULL, check=False).returncode:
+                break
+        if find_llvm() is not None:
+            return 0
+    print(f"CPU tracing needs LLVM: {_REMEDY}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Find, or with --ensure install, the LLVM library for CPU tracing.")
+    parser.add_argument("--ensure", action="store_true")
+    if parser.parse_args().ensure:
+        sys.exit(ensure_llvm())
+    print(find_llvm() or "no LLVM >= 17")
