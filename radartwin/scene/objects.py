@@ -1,0 +1,190 @@
+"""Canonical targets as smooth parametric meshes: trihedral, dihedral, plate, sphere, cylinder, any body of revolution.
+
+All dimensions in metres, all windings consistent: outwards on solids, towards the opening on reflectors. Reflectors open
+towards +x, so that an object turned to face a sensor shows its strong side. Curved sides carry exact vertex normals;
+sharp rims have their own vertices, so no normal is averaged across an edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import MeshError
+
+SMOOTH_RAD = np.radians(30.0)  # edges bent less are curved, api.md 10
+
+
+def plate(width_m: float, height_m: float) -> trimesh.Trimesh:
+    """Flat rectangle centred at the origin, width along y, height along z, facing +x."""
+    _positive(width_m=width_m, height_m=height_m)
+    y, z = width_m / 2, height_m / 2
+    return _flat([[[0, -y, -z], [0, y, -z], [0, y, z], [0, -y, z]]])
+
+
+def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
+    """Two plates of face_m x height_m at right angles, fold along z through the origin, opening towards +x."""
+    _positive(face_m=face_m, height_m=height_m)
+    d, z = face_m / np.sqrt(2), height_m / 2
+    left = [[0, 0, -z], [0, 0, z], [d, d, z], [d, d, -z]]
+    right = [[0, 0, -z], [d, -d, -z], [d, -d, z], [0, 0, z]]
+    return _flat([left, right])
+
+
+def trihedral(leg_m: float, origin: Literal["apex", "aperture"] = "apex") -> trimesh.Trimesh:
+    """Triangular trihedral corner reflector: three right isosceles triangles, boresight (1, 1, 1)/sqrt(3) turned to +x.
+
+    One leg rises in the xz plane, the other two spread to left and right below it. Its far-field peak is
+    4 pi leg^4 / (3 lambda^2).
+
+    Args:
+        leg_m: length of the two equal sides of each triangle.
+        origin: where the mesh origin lies: the apex (where a point target of the same phase would be) or the middle of
+            the aperture, leg/sqrt(3) in front of it.
+    """
+    _positive(leg_m=leg_m)
+    azimuth = np.radians([90.0, 210.0, 330.0])
+    legs = leg_m * np.stack(
+        [np.full(3, 1 / np.sqrt(3)), np.sqrt(2 / 3) * np.cos(azimuth), np.sqrt(2 / 3) * np.sin(azimuth)], axis=1
+    )
+    apex = np.zeros(3) if origin == "apex" else np.array([-leg_m / np.sqrt(3), 0, 0])
+    mesh = _flat([[apex, apex + legs[k], apex + legs[(k + 1) % 3]] for k in range(3)])
+    return mesh
+
+
+def sphere(radius_m: float, subdivisions: int = 4, kind: Literal["ico", "uv"] = "ico") -> trimesh.Trimesh:
+    """Sphere about the origin with exact normals.
+
+    Args:
+        subdivisions: ico: 20 * 4^n faces; uv: 2^(n+2) segments around, half as many from pole to pole.
+    """
+    _positive(radius_m=radius_m)
+    if kind == "uv":
+        segments = 2 ** (subdivisions + 2)
+        polar = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 1)
+        mesh = revolution(np.stack([radius_m * np.cos(polar), radius_m * np.sin(polar)], axis=1), segments)
+    else:
+        mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius_m)
+    normals = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=normals, process=False)
+
+
+def cylinder(radius_m: float, height_m: float, segments: int = 64) -> trimesh.Trimesh:
+    """Closed can about z, centred at the origin: smooth side, flat caps, sharp rims."""
+    _positive(radius_m=radius_m, height_m=height_m)
+    z = height_m / 2
+    return revolution([(0, -z), (radius_m, -z), (radius_m, z), (0, z)], segments)
+
+
+def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: int = 64) -> trimesh.Trimesh:
+    """Body of revolution about z.
+
+    Args:
+        profile_m: (N, 2) radius and height, from the bottom upwards along the outside; a radius of zero closes an end.
+            Where the profile turns by less than 30 degrees it is smooth, otherwise it is a sharp rim.
+        segments: facets around.
+    Raises:
+        MeshError: fewer than two points, a negative radius, fewer than 3 segments.
+    """
+    profile = np.asarray(profile_m, dtype=np.float64)
+    if profile.ndim != 2 or profile.shape[0] < 2 or profile.shape[1] != 2 or (profile[:, 0] < 0).any() or segments < 3:
+        raise MeshError(
+            "revolution: give a profile of at least two (radius >= 0, height) points and at least 3 segments"
+        )
+    steps = np.diff(profile, axis=0)
+    normals = np.stack([steps[:, 1], -steps[:, 0]], axis=1) / np.linalg.norm(steps, axis=1, keepdims=True)
+    azimuth = 2 * np.pi * np.arange(segments) / segments
+    around = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    vertices, vertex_normals, faces = [], [], []
+    count = 0
+    for k in range(len(steps)):
+        for end in (0, 1):
+            normal = _end_normal(normals, k, k - 1 if end == 0 else k + 1)
+            radius, height = profile[k + end]
+            vertices.append(np.column_stack([radius * around, np.full(segments, height)]))
+            vertex_normals.append(np.column_stack([normal[0] * around, np.full(segments, normal[1])]))
+        low, high = count + np.arange(segments), count + segments + np.arange(segments)
+        low_next, high_next = np.roll(low, -1), np.roll(high, -1)
+        if profile[k, 0] > 0:
+            faces.append(np.stack([low, low_next, high_next], axis=1))
+        if profile[k + 1, 0] > 0:
+            faces.append(np.stack([low, high_next, high], axis=1))
+        elif profile[k, 0] > 0:
+            faces[-1] = np.stack([low, low_next, high], axis=1)
+        count += 2 * segments
+    mesh = trimesh.Trimesh(
+        np.vstack(vertices), np.vstack(faces), vertex_normals=np.vstack(vertex_normals), process=False
+    )
+    return _without_doubles(mesh)
+
+
+def box(low_m: Sequence[float], high_m: Sequence[float]) -> trimesh.Trimesh:
+    """Solid box between two corners, each side with its own vertices."""
+    low, high = np.asarray(low_m, float), np.asarray(high_m, float)
+    if not (high > low).all():
+        raise MeshError(f"box: the corner {high.tolist()} is not above {low.tolist()}")
+    (x0, y0, z0), (x1, y1, z1) = low, high
+    return _flat(
+        [
+            [[x1, y0, z0], [x1, y1, z0], [x1, y1, z1], [x1, y0, z1]],
+            [[x0, y1, z0], [x0, y0, z0], [x0, y0, z1], [x0, y1, z1]],
+            [[x1, y1, z0], [x0, y1, z0], [x0, y1, z1], [x1, y1, z1]],
+            [[x0, y0, z0], [x1, y0, z0], [x1, y0, z1], [x0, y0, z1]],
+            [[x0, y0, z1], [x1, y0, z1], [x1, y1, z1], [x0, y1, z1]],
+            [[x0, y1, z0], [x1, y1, z0], [x1, y0, z0], [x0, y0, z0]],
+        ]
+    )
+
+
+def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """One mesh of several, vertices and normals untouched."""
+    offsets = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
+    return trimesh.Trimesh(
+        np.vstack([m.vertices for m in meshes]),
+        np.vstack([m.faces + k for m, k in zip(meshes, offsets, strict=True)]),
+        vertex_normals=np.vstack([m.vertex_normals for m in meshes]),
+        process=False,
+    )
+
+
+def _flat(polygons: Sequence[Sequence[Sequence[float]]]) -> trimesh.Trimesh:
+    """Convex planar polygons, counter-clockwise seen from their front, as fans with their own vertices and flat normals."""
+    vertices, faces, normals = [], [], []
+    for polygon in polygons:
+        corners = np.asarray(polygon, dtype=np.float64)
+        base = sum(len(v) for v in vertices)
+        faces += [[base, base + k, base + k + 1] for k in range(1, len(corners) - 1)]
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        normals.append(np.tile(normal / np.linalg.norm(normal), (len(corners), 1)))
+        vertices.append(corners)
+    return trimesh.Trimesh(np.vstack(vertices), np.array(faces), vertex_normals=np.vstack(normals), process=False)
+
+
+def _end_normal(normals: np.ndarray, band: int, neighbour: int) -> np.ndarray:
+    """Profile normal at one end of a band: shared with the neighbour where the profile is smooth."""
+    own = normals[band]
+    if 0 <= neighbour < len(normals) and own @ normals[neighbour] > np.cos(SMOOTH_RAD):
+        own = own + normals[neighbour]
+        own = own / np.linalg.norm(own)
+    return own
+
+
+def _without_doubles(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Merge vertices that agree in position AND normal; keep rims doubled."""
+    key = np.round(np.hstack([mesh.vertices, mesh.vertex_normals]), 9)
+    _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    faces = inverse.reshape(-1)[mesh.faces]
+    used, faces = np.unique(faces, return_inverse=True)
+    keep = first[used]
+    return trimesh.Trimesh(
+        mesh.vertices[keep], faces.reshape(-1, 3), vertex_normals=mesh.vertex_normals[keep], process=False
+    )
+
+
+def _positive(**lengths: float) -> None:
+    for name, value in lengths.items():
+        if not (np.isfinite(value) and value > 0):
+            raise MeshError(f"{name} is {value}; give a positive length in metres")

@@ -1,0 +1,119 @@
+"""Poses and motion: 4x4 float64 transforms, sensor- or object-to-world.
+
+Sensor frame: x forward (boresight), y left, z up. Object poses carry a mesh given in its own frame (origin on the axis
+of rotation) to the world: vertices_world = pose @ vertices.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radartwin.errors import PoseError
+
+
+def pose(position: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
+    """(4, 4) from a position (3,) and a rotation (3, 3), identity unless given."""
+    out = np.eye(4)
+    out[:3, 3] = np.asarray(position, dtype=np.float64)
+    if rotation is not None:
+        out[:3, :3] = rotation
+    return out
+
+
+def look_at(position: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Sensor pose (4, 4) at `position` with boresight towards `target`, level (y horizontal).
+
+    Raises:
+        PoseError: the two points coincide.
+
+    >>> look_at([0, 0, 1], [0, 2, 1])[:3, 0].tolist()
+    [0.0, 1.0, 0.0]
+    """
+    position, target = np.asarray(position, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    forward = target - position
+    distance = np.linalg.norm(forward)
+    if not distance > 0:
+        raise PoseError(f"look_at: position and target are both {position.tolist()}; the sensor needs a direction")
+    forward = forward / distance
+    left = np.cross([0.0, 0.0, 1.0], forward)
+    if np.linalg.norm(left) < 1e-9:  # straight up or down: any level direction will do, take world y
+        left = np.array([0.0, 1.0, 0.0])
+    left = left / np.linalg.norm(left)
+    return pose(position, np.stack([forward, left, np.cross(forward, left)], axis=1))
+
+
+def static(sensor_pose: np.ndarray, frames: int) -> np.ndarray:
+    """The same pose for every frame, (F, 4, 4)."""
+    return np.repeat(np.asarray(sensor_pose, dtype=np.float64)[None], _count(frames), axis=0)
+
+
+def turntable(
+    position: np.ndarray,
+    frames: int,
+    frame_rate_hz: float,
+    seconds_per_revolution: float = 25.0,
+    start_rad: float = 0.0,
+) -> np.ndarray:
+    """Object poses (F, 4, 4) turning counter-clockwise seen from above about the vertical through `position`.
+
+    Args:
+        position: (3,), where the object's own origin stands; its own +x starts at azimuth `start_rad` in the world.
+        seconds_per_revolution: negative turns clockwise.
+    """
+    if not (frame_rate_hz > 0 and seconds_per_revolution):
+        raise PoseError("turntable: frame_rate_hz must be positive and seconds_per_revolution not zero")
+    angle = start_rad + 2 * np.pi * np.arange(_count(frames)) / (frame_rate_hz * seconds_per_revolution)
+    out = np.repeat(pose(position)[None], frames, axis=0)
+    out[:, 0, 0] = out[:, 1, 1] = np.cos(angle)
+    out[:, 1, 0] = np.sin(angle)
+    out[:, 0, 1] = -out[:, 1, 0]
+    return out
+
+
+def rail(start: np.ndarray, direction: np.ndarray, length_m: float, frames: int) -> np.ndarray:
+    """Poses (F, 4, 4) shifted evenly from `start` by `length_m` along `direction`, orientation kept.
+
+    Args:
+        start: (4, 4) pose of the first frame, of a sensor or an object.
+        direction: (3,) in the world, any length but zero.
+    """
+    direction = np.asarray(direction, dtype=np.float64)
+    if not np.linalg.norm(direction) > 0:
+        raise PoseError("rail: the direction has no length; give a world vector")
+    out = static(start, frames)
+    along = np.linspace(0.0, length_m, frames)
+    out[:, :3, 3] += along[:, None] * direction / np.linalg.norm(direction)
+    return out
+
+
+def depth_sweep(
+    start: np.ndarray, length_m: float = 1.0, speed_mps: float = 0.2, frame_rate_hz: float = 10.0
+) -> np.ndarray:
+    """Sensor poses (F, 4, 4) driving forward along the boresight of `start` (negative length: backing off)."""
+    start = np.asarray(start, dtype=np.float64)
+    return _sweep(start, start[:3, 0], length_m, speed_mps, frame_rate_hz)
+
+
+def lateral_sweep(
+    middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 0.24, frame_rate_hz: float = 10.0
+) -> np.ndarray:
+    """Sensor poses (F, 4, 4) driving to the left past `middle`, half the length before it and half behind."""
+    middle = np.asarray(middle, dtype=np.float64)
+    start = middle.copy()
+    start[:3, 3] -= middle[:3, 1] * length_m / 2
+    return _sweep(start, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
+
+
+def _sweep(start: np.ndarray, direction: np.ndarray, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
+    """Constant speed from `start`: frame f is at f * speed / rate, the last within one step of the full length."""
+    if not (speed_mps > 0 and rate_hz > 0 and length_m):
+        raise PoseError("sweep: speed_mps and frame_rate_hz must be positive and length_m not zero")
+    step = speed_mps / rate_hz
+    frames = int(np.floor(abs(length_m) / step + 1e-9))
+    return rail(start, np.sign(length_m) * direction, step * max(frames - 1, 0), max(frames, 1))
+
+
+def _count(frames: int) -> int:
+    if int(frames) != frames or frames < 1:
+        raise PoseError(f"{frames} frames; give a whole number of at least 1")
+    return int(frames)
