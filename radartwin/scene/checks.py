@@ -1,4 +1,4 @@
-"""What a mesh must be to be simulated: finite, not empty, of a plausible size; and whether a point lies inside a solid."""
+"""What a mesh must be to be simulated: finite, not empty, of plausible size; and whether a point is inside a solid."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
     bad = ~np.isfinite(vertices).all(axis=1)
     if bad.any():
         raise MeshError(
-            f"{where}: {int(bad.sum())} of {len(vertices)} vertices are NaN or infinite; repair or export the mesh again"
+            f"{where}: {int(bad.sum())} of {len(vertices)} vertices are NaN or infinite; repair or export it again"
         )
     used = vertices[faces.reshape(-1)]
     extent = float(np.ptp(used, axis=0).max())

@@ -1,8 +1,8 @@
 """Canonical targets as smooth parametric meshes: trihedral, dihedral, plate, sphere, cylinder, any body of revolution.
 
-All dimensions in metres, all windings consistent: outwards on solids, towards the opening on reflectors. Reflectors open
-towards +x, so that an object turned to face a sensor shows its strong side. Curved sides carry exact vertex normals;
-sharp rims have their own vertices, so no normal is averaged across an edge.
+All dimensions in metres, all windings consistent: outwards on solids, towards the opening on reflectors, which open
+towards +x. Curved sides carry exact vertex normals; sharp rims have their own vertices, so no normal is averaged
+across an edge.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
     """Two plates of face_m x height_m at right angles, fold along z through the origin, opening towards +x."""
     _positive(face_m=face_m, height_m=height_m)
     d, z = face_m / np.sqrt(2), height_m / 2
-    left = [[0, 0, -z], [0, 0, z], [d, d, z], [d, d, -z]]
-    right = [[0, 0, -z], [d, -d, -z], [d, -d, z], [0, 0, z]]
+    left = [[0, 0, -z], [d, d, -z], [d, d, z], [0, 0, z]]
+    right = [[0, 0, -z], [0, 0, z], [d, -d, z], [d, -d, -z]]
     return _flat([left, right])
 
 
@@ -65,7 +65,9 @@ def sphere(radius_m: float, subdivisions: int = 4, kind: Literal["ico", "uv"] = 
     if kind == "uv":
         segments = 2 ** (subdivisions + 2)
         polar = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 1)
-        mesh = revolution(np.stack([radius_m * np.cos(polar), radius_m * np.sin(polar)], axis=1), segments)
+        profile = radius_m * np.stack([np.cos(polar), np.sin(polar)], axis=1)
+        profile[[0, -1], 0] = 0.0  # cos(pi/2) is not quite zero, and the poles are closed only if it is
+        mesh = revolution(profile, segments)
     else:
         mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius_m)
     normals = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
@@ -151,7 +153,7 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def _flat(polygons: Sequence[Sequence[Sequence[float]]]) -> trimesh.Trimesh:
-    """Convex planar polygons, counter-clockwise seen from their front, as fans with their own vertices and flat normals."""
+    """Convex planar polygons, counter-clockwise seen from their front, each a fan with its own vertices and normal."""
     vertices, faces, normals = [], [], []
     for polygon in polygons:
         corners = np.asarray(polygon, dtype=np.float64)

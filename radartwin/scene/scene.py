@@ -105,7 +105,7 @@ class Scene:
         for surface in surfaces:
             if not isinstance(surface, Surface):
                 raise SceneError(
-                    f"a scene is made of Surface, not {type(surface).__name__}; wrap the mesh in Surface(mesh, material)"
+                    f"a scene is made of Surface, not {type(surface).__name__}; use Surface(mesh, material)"
                 )
         object.__setattr__(self, "surfaces", surfaces)
         object.__setattr__(self, "provenance", dict(provenance or {}))
@@ -149,7 +149,7 @@ class Scene:
     def check_sensor(self, positions: np.ndarray) -> None:
         """Refuse a sensor inside a solid: a watertight mesh of positive volume.
 
-        A room whose normals point inwards has negative volume, and one of separate walls is not watertight; both are fine.
+        A room with inward normals has negative volume, one of separate walls is not watertight; both are fine.
 
         Args:
             positions: (F, 3) world positions, or (3,).
@@ -163,8 +163,8 @@ class Scene:
                 frame = int(np.argmax(inside))
                 at = ", ".join(f"{x:.3g}" for x in positions[frame])
                 raise SceneError(
-                    f"the sensor at ({at}) m, frame {frame}, is inside surface '{surface.name or index}'; move the sensor, "
-                    "or turn the mesh's normals inwards if it is a room"
+                    f"the sensor at ({at}) m, frame {frame}, is inside surface '{surface.name or index}'; "
+                    "move the sensor, or turn the mesh's normals inwards if it is a room"
                 )
 
     def save(self, folder: str | Path) -> Path:

@@ -99,9 +99,9 @@ def lateral_sweep(
 ) -> np.ndarray:
     """Sensor poses (F, 4, 4) driving to the left past `middle`, half the length before it and half behind."""
     middle = np.asarray(middle, dtype=np.float64)
-    start = middle.copy()
-    start[:3, 3] -= middle[:3, 1] * length_m / 2
-    return _sweep(start, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
+    out = _sweep(middle, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
+    out[:, :3, 3] += middle[:3, 3] - out[:, :3, 3].mean(axis=0)
+    return out
 
 
 def _sweep(start: np.ndarray, direction: np.ndarray, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
