@@ -1,0 +1,66 @@
+"""What a tracer hands to the synthesis: propagation paths per pose, free of antennas, waveform timing and noise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Propagation paths of F poses, seen from the sensor.
+
+    Attributes:
+        poses: F.
+        pose: (N,) index of the pose, ascending.
+        bounces: (N,) number of reflections.
+        amplitude: (N, Q) complex at the Q frequency nodes, without the propagation phase; the path adds
+            amplitude(f) exp(+j 2 pi f L/c) between isotropic antennas, |amplitude|^2 received over transmitted power.
+        frequencies_hz: (Q,) nodes; between them amplitudes follow their interpolating polynomial.
+        length_in_m, length_out_m: (N,) transmitter to last hit, unfolded, and last hit to receiver, metres.
+        departure, arrival: (N, 3) unit vectors in the sensor frame from the sensor towards first and last hit.
+        rate_mps: (N,) growth of length_in + length_out, m/s.
+    """
+
+    poses: int
+    pose: np.ndarray
+    bounces: np.ndarray
+    amplitude: np.ndarray
+    frequencies_hz: np.ndarray
+    length_in_m: np.ndarray
+    length_out_m: np.ndarray
+    departure: np.ndarray
+    arrival: np.ndarray
+    rate_mps: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    @property
+    def length_m(self) -> np.ndarray:
+        """(N,) total path length."""
+        return self.length_in_m + self.length_out_m
+
+    def where(self, keep: np.ndarray) -> "Paths":
+        """The chosen paths, by mask or index."""
+        chosen = {f.name: getattr(self, f.name) for f in fields(self)}
+        for name, value in chosen.items():
+            if name not in ("poses", "frequencies_hz"):
+                chosen[name] = value[keep]
+        return Paths(**chosen)
+
+    def pruned(self, share: float) -> "Paths":
+        """Without the paths weaker than `share` of the strongest amplitude of their pose."""
+        level = np.abs(self.amplitude).max(axis=1, initial=0.0)
+        strongest = np.zeros(self.poses)
+        np.maximum.at(strongest, self.pose, level)
+        return self.where(level >= share * strongest[self.pose])
+
+    @staticmethod
+    def concatenate(parts: Sequence["Paths"]) -> "Paths":
+        """Paths of the same poses and frequency nodes, ordered by pose."""
+        first = parts[0]
+        names = [f.name for f in fields(first) if f.name not in ("poses", "frequencies_hz")]
+        joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        order = np.argsort(joined["pose"], kind="stable")
+        return Paths(poses=first.poses, frequencies_hz=first.frequencies_hz, **{k: v[order] for k, v in joined.items()})
