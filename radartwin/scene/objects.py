@@ -152,7 +152,7 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
     )
 
 
-def _flat(polygons: Sequence[Sequence[Sequence[float]]]) -> trimesh.Trimesh:
+def _flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]]]) -> trimesh.Trimesh:
     """Convex planar polygons, counter-clockwise seen from their front, each a fan with its own vertices and normal."""
     vertices, faces, normals = [], [], []
     for polygon in polygons:
