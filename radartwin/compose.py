@@ -87,6 +87,11 @@ def quoted(overrides: Sequence[str]) -> list[str]:
     return out
 
 
+def path_override(key: str, path: str | Path) -> str:
+    """key=path with the path in quotes, so that Hydra takes spaces and signs in it as they are."""
+    return f"{key}='" + str(path).replace("\\", "\\\\").replace("'", "\\'") + "'"
+
+
 def check_folder(folder: Path) -> Path:
     if not folder.is_dir():
         raise MissingError(f"{folder}: no such folder of configuration files; --config-dir names an existing one")

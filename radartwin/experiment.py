@@ -9,13 +9,12 @@ from __future__ import annotations
 import importlib
 import math
 import numbers
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from radartwin import digest
+from radartwin import digest, study
 from radartwin.config import Config, ExperimentConfig
 from radartwin.errors import ConfigError, InputError
 from radartwin.progress import Progress
@@ -71,7 +70,7 @@ def load(experiment: ExperimentConfig) -> Experiment:
         ConfigError: it does not exist here, or has no `run`.
     """
     name = module_name(experiment)
-    add_study_to_path()
+    study.add_to_path()
     top = name.partition(".")[0]
     digest.include(top)
     try:
@@ -84,16 +83,6 @@ def load(experiment: ExperimentConfig) -> Experiment:
     if not callable(getattr(module, "run", None)):
         raise ConfigError(f"experiment module {name} has no function run(config, store, progress)")
     return module
-
-
-def add_study_to_path() -> Path | None:
-    """Make experiments/ and analysis/ importable from the checkout that holds them; its root, or None outside a checkout."""
-    for root in (Path(__file__).resolve().parent.parent, Path.cwd()):
-        if (root / "experiments" / "__init__.py").is_file() and (root / "analysis" / "__init__.py").is_file():
-            if str(root) not in sys.path:
-                sys.path.insert(0, str(root))
-            return root
-    return None
 
 
 def check_rows(table: str, rows: list[dict[str, Any]]) -> None:

@@ -91,6 +91,17 @@ def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None
             os.close(descriptor)
 
 
+def drop_stale(path: Path) -> None:
+    """Remove a lock file that a killed process left; one that is held, or waited for, stays."""
+    with contextlib.suppress(FileNotFoundError):
+        descriptor = os.open(path, os.O_RDWR)
+        try:
+            if _try_lock(descriptor) and _leads_to(path, descriptor):
+                path.unlink(missing_ok=True)
+        finally:
+            os.close(descriptor)
+
+
 def held(path: Path) -> bool:
     """Whether a living process holds the lock."""
     try:
@@ -103,13 +114,15 @@ def held(path: Path) -> bool:
         os.close(descriptor)
 
 
-def sweep(root: Path) -> None:
-    """Remove below `root` what killed processes left: folders NAME.tmp whose lock nobody holds, files .NAME.PID.tmp of no process.
+def sweep(root: Path, deep: bool = True) -> None:
+    """Remove from `root` (and below, if deep) what killed processes left: NAME.tmp/ nobody holds, .NAME.PID.tmp of no process.
 
     Anything else that ends in .tmp is not ours and stays.
     """
-    for path in sorted(root.rglob(f"*{TEMPORARY}")):
+    for path in sorted(root.glob(f"{'**/' if deep else ''}*{TEMPORARY}")):
         if path.is_dir():
+            with contextlib.suppress(OSError):
+                path.rmdir()  # killed before it held its lock
             if (path / LOCK).exists() and not held(path / LOCK):
                 shutil.rmtree(path, ignore_errors=True)
         elif path.name.startswith(".") and _writer_is_gone(path):

@@ -26,7 +26,6 @@ from radartwin.provenance import version
 if TYPE_CHECKING:
     import numpy as np
 
-META = "meta.json"
 KEY_LENGTH = 32  # 128 bits of the digest name the folder
 SHORT = 8
 RUN = "run"  # the kind of a scored experiment
@@ -124,41 +123,44 @@ class Store:
         final, work = self.root / kind / key, self.root / kind / f"{key}{files.TEMPORARY}"
         if final.is_dir():
             return self._count(kind, Product(final, key, reused=True))
-        with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
-            try:
+        try:
+            with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
                 if final.is_dir():
                     return self._count(kind, Product(final, key, reused=True))
-                folder = work / "product"
-                shutil.rmtree(folder, ignore_errors=True)
-                folder.mkdir()
-                started = time.time()
-                build(folder)
-                self._describe(folder, kind, key, spec, roots, started)
-                files.sync(folder)
-                folder.rename(final)
-                files.sync(final.parent, deep=False)
-            finally:
-                shutil.rmtree(work / "product", ignore_errors=True)
-        with contextlib.suppress(OSError):  # somebody may be waiting in it; the last one out removes it
-            work.rmdir()
+                self._build(kind, key, spec, roots, build, work / "product", final)
+        finally:
+            with contextlib.suppress(OSError):  # somebody may be waiting in it; the last one out removes it
+                work.rmdir()
         return self._count(kind, Product(final, key, reused=False))
+
+    @staticmethod
+    def _build(
+        kind: str, key: str, spec: Mapping[str, Any], roots: list[str], build: Callable[[Path], None], folder: Path, final: Path
+    ) -> None:
+        shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed here
+        folder.mkdir()
+        try:
+            started = time.time()
+            build(folder)
+            meta = {
+                "kind": kind,
+                "key": key,
+                "spec": json.loads(canonical(spec)),
+                "modules": roots,
+                "radartwin": version(),
+                "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+                "seconds": round(time.time() - started, 3),
+            }
+            save_json(folder, "meta", meta)
+            files.sync(folder)
+            folder.rename(final)
+            files.sync(final.parent, deep=False)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
     def _count(self, kind: str, product: Product) -> Product:
         self.counts.add(kind, product.reused)
         return product
-
-    @staticmethod
-    def _describe(folder: Path, kind: str, key: str, spec: Mapping[str, Any], roots: list[str], started: float) -> None:
-        meta = {
-            "kind": kind,
-            "key": key,
-            "spec": json.loads(canonical(spec)),
-            "modules": roots,
-            "radartwin": version(),
-            "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            "seconds": round(time.time() - started, 3),
-        }
-        save_json(folder, "meta", meta)
 
 
 def save_arrays(folder: Path, arrays: Mapping[str, np.ndarray], name: str = "arrays") -> None:

@@ -53,11 +53,18 @@ class Tracker:
         self.parent_run_id = config.parent_run_id
         self._database = Path(self.uri.removeprefix("sqlite:///")) if self.uri.startswith("sqlite:///") else None
         self._client: MlflowClient | None = None
+        if self._database and not self.off:
+            files.drop_stale(self._lock)
 
     @property
     def artifacts(self) -> str | None:
         """Where artifacts lie beside a SQLite database, as a URI; a server decides for itself."""
         return (self._database.absolute().parent / ARTIFACTS).as_uri() if self._database else None
+
+    @property
+    def _lock(self) -> Path:
+        assert self._database is not None
+        return self._database.with_name(f".{self._database.name}.lock")
 
     def prepare(self) -> None:
         """Create or open the store. The parent of a sweep calls it before its jobs start."""
@@ -173,7 +180,7 @@ class Tracker:
         if self._database is None:
             yield
             return
-        with files.lock(self._database.with_name(f".{self._database.name}.lock")):
+        with files.lock(self._lock):
             yield
 
 

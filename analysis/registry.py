@@ -1,0 +1,41 @@
+"""Every table of the study: what it is called and what its caption says. The order here is the order of the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from radartwin.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Table:
+    """An entry: `name` is also the experiment (experiments/NAME.py, conf/experiment/NAME.yaml) and the file name."""
+
+    name: str
+    title: str
+    caption: str
+
+
+TABLES = (
+    Table(
+        name="environment",
+        title="The room in the signal",
+        caption="Corner reflector on a turntable in a laboratory room: Pearson correlation of mean range profiles with the measured "
+        "domain, simulated in void and in the reconstructed room, and the share of energy beyond the target.",
+    ),
+)
+
+# Said under every table that is scored against the testbed, so that nobody takes it for a measurement of reality.
+TESTBED_NOTE = (
+    "Scored against the testbed, a virtual measurement campaign that deliberately differs from the twin: this tests the method and "
+    "each named gap; it is not a measurement of reality."
+)
+
+
+def select(names: list[str] | None) -> list[Table]:
+    """The tables of these names, or all. Raises ConfigError for an unknown one."""
+    known = {table.name: table for table in TABLES}
+    for name in names or ():
+        if name not in known:
+            raise ConfigError(f"--only {name}: there is no such table; tables: {', '.join(known)}")
+    return [known[name] for name in names] if names else list(TABLES)

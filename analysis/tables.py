@@ -1,0 +1,104 @@
+"""One table in four formats: CSV for tools, Markdown for the repository, LaTeX booktabs for the paper, HTML for the report.
+
+Columns that say which case a row is come first, then the run keys, then the score columns in their fixed order. The CSV holds full
+precision and every run key; the other three round to three significant digits and leave the keys to the CSV.
+"""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from analysis.registry import TESTBED_NOTE, Table
+from radartwin import files
+from radartwin.experiment import SCORE_COLUMNS, check_rows
+
+Row = dict[str, Any]
+FORMATS = ("csv", "md", "tex", "html")
+_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {c: f"\\{c}" for c in "&%$#_{}"}
+
+
+def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
+    """Write NAME.csv, .md, .tex and .html, each whole or not at all; the paths.
+
+    Raises:
+        InputError: a row without a score column, with an unknown verdict, or outside its interval.
+    """
+    check_rows(table.name, list(rows))
+    texts = {"csv": to_csv(rows), "md": to_markdown(table, rows), "tex": to_latex(table, rows), "html": to_html(table, rows)}
+    return [files.write_atomically(folder / f"{table.name}.{suffix}", texts[suffix]) for suffix in FORMATS]
+
+
+def columns(rows: Sequence[Row]) -> list[str]:
+    """Case columns in order of appearance, run_keys, then the score columns."""
+    cases = dict.fromkeys(c for row in rows for c in row if c not in SCORE_COLUMNS and c != "run_keys")
+    return [*cases, "run_keys", *SCORE_COLUMNS]
+
+
+def caption(table: Table, rows: Sequence[Row]) -> str:
+    """The registered caption, with the note that a virtual measured domain owes its reader."""
+    return f"{table.caption} {TESTBED_NOTE}" if any("testbed" in str(row["domain"]) for row in rows) else table.caption
+
+
+def to_csv(rows: Sequence[Row]) -> str:
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, columns(rows), restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({c: "" if v is None else v for c, v in row.items()} for row in rows)
+    return stream.getvalue()
+
+
+def to_markdown(table: Table, rows: Sequence[Row]) -> str:
+    shown, cells = _cells(rows)
+    lines = [f"| {' | '.join(_heading(c) for c in shown)} |", f"|{'---|' * len(shown)}"]
+    lines += [f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in cells]
+    return f"**{table.title}.** {caption(table, rows)}\n\n" + "\n".join(lines) + "\n"
+
+
+def to_latex(table: Table, rows: Sequence[Row]) -> str:
+    shown, cells = _cells(rows)
+    align = "".join("r" if c in ("paper", "value", "low", "high", "n") else "l" for c in shown)
+    body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
+    return (
+        "\\begin{table}[t]\n  \\centering\n"
+        f"  \\caption{{\\textbf{{{_latex(table.title)}.}} {_latex(caption(table, rows))}}}\n  \\label{{tab:{table.name}}}\n"
+        f"  \\begin{{tabular}}{{{align}}}\n    \\toprule\n    {' & '.join(_latex(_heading(c)) for c in shown)} \\\\\n    \\midrule\n"
+        f"{body}\n    \\bottomrule\n  \\end{{tabular}}\n\\end{{table}}\n"
+    )
+
+
+def to_html(table: Table, rows: Sequence[Row]) -> str:
+    """The table element alone; the report sets it on a page."""
+    shown, cells = _cells(rows)
+    head = "".join(f"<th>{html.escape(_heading(c))}</th>" for c in shown)
+    body = "\n".join(
+        f'<tr class="{html.escape(str(row["verdict"]))}">' + "".join(f"<td>{html.escape(cell)}</td>" for cell in texts) + "</tr>"
+        for row, texts in zip(rows, cells, strict=True)
+    )
+    text = f"<strong>{html.escape(table.title)}.</strong> {html.escape(caption(table, rows))}"
+    return f"<table>\n<caption>{text}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n"
+
+
+def _cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+    shown = [c for c in columns(rows) if c != "run_keys"]
+    return shown, [[_text(row.get(c)) for c in shown] for row in rows]
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:.3g}".replace("-", "−")
+    return str(value)
+
+
+def _heading(column: str) -> str:
+    return column.replace("_", " ")
+
+
+def _latex(text: str) -> str:
+    return "".join(_LATEX.get(c, c) for c in text).replace("–", "--").replace("−", "$-$")

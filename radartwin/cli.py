@@ -1,0 +1,186 @@
+"""The command line: verbs and their arguments, nothing else. Each verb imports what it needs when it is called.
+
+Exit status: 0 done, 1 a run failed, 2 the user's input is wrong (one line on standard error, no traceback).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from radartwin.errors import UserError
+
+Verb = Callable[[argparse.Namespace], int]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    options = _parse(arguments)
+    try:
+        return options.verb(options)
+    except UserError as error:
+        print(f"radartwin: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("radartwin: interrupted; the same command resumes where it stopped", file=sys.stderr)
+        return 1
+    except BrokenPipeError:  # the reader of a pipe has seen enough
+        sys.stderr.close()
+        return 0
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """As parse_args, but overrides may stand on both sides of an option: run experiment=NAME -m materials=vlm,void."""
+    parser = _parser()
+    options, rest = parser.parse_known_args(arguments)
+    unknown = [word for word in rest if word.startswith("-") or not hasattr(options, "overrides")]
+    if unknown:
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    if rest:
+        options.overrides += rest
+    return options
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="radartwin",
+        description="Simulate the radar of a scanned room, learn from it, and measure what transfers.",
+        epilog="Exit status: 0 done, 1 a run failed, 2 the input is wrong.",
+    )
+    verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
+
+    run = _verb(verbs, "run", _run, "one experiment, or a sweep over comma-separated values with -m")
+    _overrides(run, "experiment=NAME [group=option ...] [key=value ...]")
+    run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
+
+    tables = _verb(verbs, "tables", _tables, "run what is missing, write tables, figures and the report")
+    tables.add_argument("--profile", choices=("quick", "paper"), default="quick", help="how much is computed (default: quick)")
+    tables.add_argument("--only", metavar="NAME", action="append", help="one table; may be given again")
+    _output(tables)
+
+    simulate = _verb(verbs, "simulate", _simulate, "a scene to a DCA1000 recording")
+    _overrides(simulate, "scene=lab|empty|plate|scan [radar=...] [trajectory=...] [key=value ...]")
+    simulate.add_argument("--out", metavar="PATH", type=Path, help="recording without suffix (default: OUTPUT/recordings/SCENE)")
+    simulate.add_argument("--noise", action="store_true", help="add the receiver's thermal noise")
+
+    process = _verb(verbs, "process", _process, "a recording to peaks.csv and range-time, Doppler and azimuth pictures")
+    process.add_argument("recording", metavar="RECORDING", type=Path, help="our recording, a mmWave Studio .bin, or a .npy cube")
+    process.add_argument("--radar", metavar="FILE", type=Path, help=".cfg, .mmwave.json or .yaml of the radar that recorded it")
+    process.add_argument("--out", metavar="FOLDER", type=Path, help="where to write (default: OUTPUT/processed/NAME)")
+    _output(process)
+
+    reconstruct = _verb(verbs, "reconstruct", _reconstruct, "a scanned mesh to a labelled scene folder")
+    reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh")
+    reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True)
+    reconstruct.add_argument("--material", default="plasterboard", help="of every surface (default: plasterboard)")
+    reconstruct.add_argument("--unit", default="auto", help="unit of the scan: auto, m, cm or mm")
+    reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto, y or z")
+
+    view = _verb(verbs, "view", _view, "a standalone 3D page of a scene, coloured by material")
+    view.add_argument("scene", metavar="SCENE", type=Path)
+    view.add_argument("--out", metavar="FILE", type=Path, help="default: SCENE/view.html")
+
+    dashboard = _verb(verbs, "dashboard", _dashboard, "the MLflow server on loopback")
+    dashboard.add_argument("--port", type=int, default=5000)
+    _output(dashboard)
+
+    report = _verb(verbs, "report", _report, "the static report from the tables already written")
+    _output(report)
+
+    doctor = _verb(verbs, "doctor", _doctor, "versions, devices, disk, tracking store, and what to do")
+    _output(doctor)
+    return parser
+
+
+def _verb(verbs: argparse._SubParsersAction, name: str, body: Verb, text: str) -> argparse.ArgumentParser:
+    verb = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    verb.set_defaults(verb=body)
+    return verb
+
+
+def _output(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("--output", metavar="DIR", type=Path, default=Path("outputs"), help="root of everything written")
+
+
+def _overrides(verb: argparse.ArgumentParser, text: str) -> None:
+    verb.add_argument("overrides", nargs="*", metavar="OVERRIDE", help=text)
+    verb.add_argument("--config-dir", metavar="DIR", type=Path, action="append", default=[], help="more configuration options")
+    verb.add_argument("--output", metavar="DIR", help="root of everything written (the same as output=DIR)")
+
+
+def _given(options: argparse.Namespace) -> list[str]:
+    from radartwin.compose import path_override
+
+    return [*options.overrides, *([path_override("output", options.output)] if options.output else [])]
+
+
+def _run(options: argparse.Namespace) -> int:
+    from radartwin import run
+
+    return (run.sweep if options.multirun else run.run)(_given(options), options.config_dir)
+
+
+def _tables(options: argparse.Namespace) -> int:
+    from radartwin import study
+
+    return study.module("analysis.main").tables(options.profile, options.only, options.output)
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from radartwin import files
+    from radartwin.assemble import simulate_scene
+    from radartwin.compose import compose
+
+    config = compose(_given(options), options.config_dir)
+    recording = simulate_scene(config, noise=options.noise)
+    path = options.out or Path(config.output) / "recordings" / config.scene.name
+    files.sweep(files.make_folder(path.parent), deep=False)
+    recording.save(path)
+    print(f"{path}.bin, {path}.json: {recording.iq.shape[0]} frames")
+    return 0
+
+
+def _process(options: argparse.Namespace) -> int:
+    from radartwin.radar.inspect import inspect
+
+    out = options.out or options.output / "processed" / options.recording.name.split(".")[0]
+    print(inspect(options.recording, out, radar=options.radar))
+    return 0
+
+
+def _reconstruct(options: argparse.Namespace) -> int:
+    from radartwin.reconstruct.build import reconstruct
+
+    scene = reconstruct(options.scan, options.out, material=options.material, unit=options.unit, up=options.up)
+    print(f"{options.out}: {len(scene)} surfaces")
+    return 0
+
+
+def _view(options: argparse.Namespace) -> int:
+    from radartwin.scene.scene import Scene
+    from radartwin.scene.view import view
+
+    out = options.out or (options.scene if options.scene.is_dir() else options.scene.parent) / "view.html"
+    view(Scene.load(options.scene), out)
+    print(out)
+    return 0
+
+
+def _dashboard(options: argparse.Namespace) -> int:
+    from radartwin.compose import compose
+    from radartwin.tracking import dashboard
+
+    return dashboard(compose().tracking, options.output, options.port)
+
+
+def _report(options: argparse.Namespace) -> int:
+    from radartwin import study
+
+    return study.module("analysis.main").report_verb(options.output)
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from radartwin.doctor import doctor
+
+    return doctor(options.output)

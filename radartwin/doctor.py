@@ -1,0 +1,118 @@
+"""What this machine has for the simulation, and what to do about what it has not."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from radartwin.provenance import commit, version
+
+LIBRARIES = ("mitsuba", "drjit", "numpy", "scipy", "trimesh", "hydra-core", "mlflow", "matplotlib")
+DISK_NEEDED_GB = 5.0  # the quick profile writes well below one, the paper profile a few
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line: `missing` makes the machine unusable, `note` does not."""
+
+    topic: str
+    status: Literal["ok", "note", "missing"]
+    text: str
+    remedy: str = ""
+
+
+def doctor(output: Path) -> int:
+    """Print the findings and what to do; 0 if simulations can run here, else 2."""
+    findings = list(examine(output))
+    for finding in findings:
+        print(f"{finding.status:8s}{finding.topic:10s}{finding.text}")
+    for finding in findings:
+        if finding.remedy:
+            print(f"to do: {finding.remedy}")
+    usable = all(finding.status != "missing" for finding in findings)
+    print("doctor: usable" if usable else "doctor: not usable yet; see above")
+    return 0 if usable else 2
+
+
+def examine(output: Path) -> Iterator[Finding]:
+    yield _python()
+    yield from _libraries()
+    yield from _devices()
+    yield _cpus()
+    yield _disk(output)
+    yield _tracking(output)
+
+
+def _python() -> Finding:
+    head, dirty = commit()
+    code = f", commit {head[:12]}{' with changes' if dirty else ''}" if head != "none" else ""
+    number = ".".join(map(str, sys.version_info[:3]))
+    good = (3, 11) <= sys.version_info[:2] <= (3, 13)
+    remedy = "" if good else "install Python 3.11, 3.12 or 3.13"
+    return Finding("python", "ok" if good else "missing", f"{number}; radartwin {version()}{code}", remedy)
+
+
+def _libraries() -> Iterator[Finding]:
+    found, absent = [], []
+    for name in LIBRARIES:
+        try:
+            found.append(f"{name} {importlib.metadata.version(name)}")
+        except importlib.metadata.PackageNotFoundError:
+            absent.append(name)
+    yield Finding("libraries", "ok", ", ".join(found))
+    if absent:
+        yield Finding("libraries", "missing", ", ".join(absent), f"pip install {' '.join(absent)} -c constraints.txt")
+
+
+def _devices() -> Iterator[Finding]:
+    from radartwin.simulate import variant
+
+    cuda, llvm = variant.has_cuda(), variant.find_llvm()
+    yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces")
+    if llvm is not None:
+        yield Finding("llvm", "ok", f"version {variant.llvm_version(llvm)}, {llvm}")
+    else:
+        remedy = f"install LLVM {variant.LLVM_MINIMUM} or newer (Debian/Ubuntu: apt-get install libllvm19) or set DRJIT_LIBLLVM_PATH"
+        yield Finding("llvm", "note" if cuda else "missing", f"no library of version {variant.LLVM_MINIMUM} or newer", remedy)
+    if cuda or llvm is not None:
+        yield Finding("variant", "ok", "cuda_ad_rgb" if cuda else "llvm_ad_rgb")
+
+
+def _cpus() -> Finding:
+    pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
+    return Finding("machine", "ok", f"{os.cpu_count()} cores, {pages:.0f} GB memory")
+
+
+def _disk(output: Path) -> Finding:
+    folder = output.absolute()
+    while not folder.exists():
+        folder = folder.parent
+    free = shutil.disk_usage(folder).free / 1e9
+    if not (folder.is_dir() and os.access(folder, os.W_OK)):
+        return Finding("disk", "missing", f"{folder} cannot be written", "choose another folder with --output DIR")
+    enough = free >= DISK_NEEDED_GB
+    remedy = "" if enough else f"free {DISK_NEEDED_GB:g} GB or choose another folder with --output DIR"
+    return Finding("disk", "ok" if enough else "note", f"{free:.0f} GB free in {folder}", remedy)
+
+
+def _tracking(output: Path) -> Finding:
+    from radartwin.tracking import DATABASE
+
+    database = output.absolute() / DATABASE
+    if not database.exists():
+        return Finding("tracking", "ok", f"{database} will be created by the first run")
+    import sqlite3
+
+    try:
+        with sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=5) as connection:
+            runs = connection.execute("SELECT count(*) FROM runs").fetchone()[0]
+        connection.close()
+    except sqlite3.Error as error:
+        return Finding("tracking", "note", f"{database}: {error}", f"move {database} away; the next run creates it again")
+    return Finding("tracking", "ok", f"{database}, {runs} runs")
