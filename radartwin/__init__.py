@@ -1,0 +1,42 @@
+"""RadarTwin: 77 GHz FMCW radar of scanned rooms, from mesh and materials to raw ADC data.
+
+Names load on first use, so that importing the package costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from radartwin.materials import MATERIAL_THICKNESS, Layered
+    from radartwin.radar.chirp import Radar
+    from radartwin.radar.recording import Recording
+    from radartwin.scene.scene import Scene, Surface
+    from radartwin.simulation.rcs import rcs
+    from radartwin.simulation.simulate import simulate
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "MATERIAL_THICKNESS": "radartwin.materials",
+    "Layered": "radartwin.materials",
+    "Radar": "radartwin.radar.chirp",
+    "Recording": "radartwin.radar.recording",
+    "Scene": "radartwin.scene.scene",
+    "Surface": "radartwin.scene.scene",
+    "rcs": "radartwin.simulation.rcs",
+    "simulate": "radartwin.simulation.simulate",
+}
+
+__all__ = ["MATERIAL_THICKNESS", "Layered", "Radar", "Recording", "Scene", "Surface", "rcs", "simulate"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'radartwin' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

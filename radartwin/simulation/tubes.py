@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.simulate.geometry import Geometry
-from radartwin.simulate.launch import Launch
-from radartwin.simulate.reflection_table import COSINES, ReflectionTable
+from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.launch import Launch
+from radartwin.simulation.reflection_table import COSINES, ReflectionTable
 
 TUBES_PER_LAUNCH = 1 << 21  # bounds a kernel's memory to a few hundred megabytes
 COS_GRAZING = 1e-3  # below this a smooth surface returns nothing a tube could resolve
@@ -91,8 +91,8 @@ def trace(
     receive: Antennas,
     *,
     max_bounces: int,
-    first_hit_fine: bool | None = None,
-    fine: np.ndarray | None = None,
+    cluster: np.ndarray | None = None,
+    first_hit: int = 0,
     occluder: Occluder | None = None,
 ) -> Hits:
     """All hits of a launch, up to `max_bounces` reflections.
@@ -100,7 +100,8 @@ def trace(
     Args:
         geometry: what is hit; table: its surfaces' reflection, at Q frequencies.
         launch: tubes of F poses; transmit, receive: antennas of the same poses (of one phase centre when equal positions).
-        first_hit_fine, fine: keep only tubes whose first hit lies on a face with this flag; `fine` is (faces,) bool.
+        cluster, first_hit: with `cluster` (faces,) given, keep only tubes whose first hit lies on a face of cluster `first_hit`, so that
+            launches of different density share the scene between them.
         occluder: static geometry tested between sensor and first and last hit.
     """
     per_chunk = max(1, TUBES_PER_LAUNCH // launch.per_pose)
@@ -108,7 +109,7 @@ def trace(
     for start in range(0, launch.poses, per_chunk):
         stop = min(start + per_chunk, launch.poses)
         parts += _trace_chunk(
-            geometry, table, launch, transmit, receive, start, stop, max_bounces, first_hit_fine, fine, occluder
+            geometry, table, launch, transmit, receive, start, stop, max_bounces, cluster, first_hit, occluder
         )
     q = len(table.frequencies_hz)
     empty = Hits(
@@ -120,7 +121,7 @@ def trace(
 class _Tables:
     """Per-face and per-surface arrays on the device, with the gathers the kernel makes."""
 
-    def __init__(self, geometry: Geometry, table: ReflectionTable, fine: np.ndarray | None):
+    def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None):
         import drjit as dr
         import mitsuba as mi
 
@@ -128,7 +129,7 @@ class _Tables:
         self.corner = mi.Float(geometry.corners.astype(np.float32).ravel())
         self.normal = mi.Float(geometry.normals.astype(np.float32).ravel())
         self.surface = mi.UInt32(geometry.surface.astype(np.uint32))
-        self.fine = mi.UInt32((fine if fine is not None else np.zeros(len(geometry.surface))).astype(np.uint32))
+        self.cluster = None if cluster is None else mi.UInt32(cluster.astype(np.uint32))
         self.nodes = len(table.frequencies_hz)
         self.coefficients = [mi.Float(part.astype(np.float32).ravel()) for c in (table.te, table.tm) for part in (c.real, c.imag)]
 
@@ -162,13 +163,13 @@ def _project(dr: Any, mi: Any, axis: Any, direction: Any, cross: bool) -> Any:
     return dr.cross(direction, field) if cross else field
 
 
-def _trace_chunk(geometry, table, launch, transmit, receive, start, stop, max_bounces, first_hit_fine, fine, occluder):  # noqa: PLR0913
+def _trace_chunk(geometry, table, launch, transmit, receive, start, stop, max_bounces, cluster, first_hit, occluder):  # noqa: PLR0913
     import drjit as dr
     import mitsuba as mi
 
     if len(geometry.corners) == 0:
         return []
-    tables = _Tables(geometry, table, fine)
+    tables = _Tables(geometry, table, cluster)
     scene = geometry.scene()
     wavenumber = mi.Float(dr.opaque(mi.Float, 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT))
     lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
@@ -225,8 +226,8 @@ def _trace_chunk(geometry, table, launch, transmit, receive, start, stop, max_bo
         hit = scene.ray_intersect_preliminary(ray, coherent=bounce == 1, active=active)
         active = active & hit.is_valid()
         face = hit.prim_index
-        if bounce == 1 and first_hit_fine is not None:
-            active &= dr.gather(mi.UInt32, tables.fine, face, active) == int(first_hit_fine)
+        if bounce == 1 and tables.cluster is not None:
+            active &= dr.gather(mi.UInt32, tables.cluster, face, active) == dr.opaque(mi.UInt32, first_hit)
         distance = dr.select(active, hit.t, 0.0)
         corners = tables.corners(tables.corner, face, active)
         normals = tables.corners(tables.normal, face, active)

@@ -1,7 +1,7 @@
 """What a tracer hands to the synthesis: propagation paths per pose, free of antennas, waveform timing and noise."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -48,6 +48,12 @@ class Paths:
             if name not in ("poses", "frequencies_hz"):
                 chosen[name] = value[keep]
         return Paths(**chosen)
+
+    def frames(self, start: int, stop: int) -> "Paths":
+        """The poses from `start` to before `stop`, counted from zero again."""
+        low, high = np.searchsorted(self.pose, (start, stop))
+        chosen = self.where(slice(low, high))
+        return replace(chosen, poses=stop - start, pose=chosen.pose - start)
 
     def pruned(self, share: float) -> "Paths":
         """Without the paths weaker than `share` of the strongest amplitude of their pose."""

@@ -6,9 +6,9 @@ import trimesh
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError
 from radartwin.materials import Layered
-from radartwin.simulate import geometry as geometry_module
-from radartwin.simulate import launch as launch_module
-from radartwin.simulate import reflection_table, tubes, variant
+from radartwin.simulation import geometry as geometry_module
+from radartwin.simulation import launch as launch_module
+from radartwin.simulation import reflection_table, tubes, variant
 
 
 def rcs(

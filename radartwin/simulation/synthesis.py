@@ -11,6 +11,8 @@ kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41 (201
 Spreading is a sparse matrix product: ordered, so equal inputs give equal bytes.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.special import jv
@@ -18,8 +20,8 @@ from scipy.special import jv
 from radartwin.constants import BOLTZMANN, SPEED_OF_LIGHT
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
-from radartwin.simulate.paths import Paths
-from radartwin.simulate.reflection_table import lagrange_basis
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.reflection_table import lagrange_basis
 
 KERNEL_WIDTH = 6  # taps; relative error 1e-5 with the shape below on a doubled grid
 _SHAPE = 2.30 * KERNEL_WIDTH
@@ -68,7 +70,7 @@ def synthesize(paths: Paths, radar: Radar, *, prune: float = PRUNE_SHARE) -> np.
     gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
     weighted = paths.amplitude * gain[:, None]
     lit = np.abs(weighted).max(axis=1, initial=0.0) > 0
-    paths = Paths(**{**vars(paths), "amplitude": weighted}).where(lit).pruned(prune)
+    paths = replace(paths, amplitude=weighted).where(lit).pruned(prune)
     iq = np.zeros((paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), complex)
     edges = np.searchsorted(paths.pose, np.arange(paths.poses + 1))
     start = 0
