@@ -49,4 +49,4 @@ $(VENV)/.ready-test: $(VENV)/.ready
 	@touch $@
 
 llvm: setup
-	@$(PY) -m radartwin.simulate.variant --ensure
+	@$(PY) -m radartwin.simulation.variant --ensure

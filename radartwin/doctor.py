@@ -71,7 +71,7 @@ def _libraries() -> Iterator[Finding]:
 
 
 def _devices() -> Iterator[Finding]:
-    from radartwin.simulate import variant
+    from radartwin.simulation import variant
 
     cuda, llvm = variant.has_cuda(), variant.find_llvm()
     yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces")

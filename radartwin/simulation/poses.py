@@ -1,0 +1,94 @@
+"""Rigid poses: checks, relative motion and velocity within a frame."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from radartwin.errors import PoseError
+
+_RIGID = 1e-4  # tolerated departure of R R^T from the identity: poses that came through float32 or a text file
+
+
+def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
+    """(F, 4, 4) float64 rigid poses; a single (4, 4) becomes one frame.
+
+    Raises:
+        PoseError: wrong shape, zero frames, not finite, not rigid; the message names `what` and the frame.
+    """
+    poses = np.asarray(poses, float)
+    if poses.shape == (4, 4):
+        poses = poses[None]
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+        raise PoseError(f"{what} must have shape (F, 4, 4), not {poses.shape}")
+    if len(poses) == 0:
+        raise PoseError(f"{what} holds zero frames; give at least one pose")
+    for frame, pose in enumerate(poses):
+        if not np.isfinite(pose).all():
+            raise PoseError(f"{what}, frame {frame}: not finite")
+        rotation = pose[:3, :3]
+        off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+        if off > _RIGID or np.linalg.det(rotation) < 0 or not np.allclose(pose[3], (0, 0, 0, 1), atol=1e-9):
+            raise PoseError(f"{what}, frame {frame}: not a rigid pose (rotation off by {off:.2g}, last row {pose[3].tolist()})")
+    return poses
+
+
+def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frames: int) -> tuple[dict[str, np.ndarray], int]:
+    """Checked object poses by surface name, all of one length with the sensor's, and that length.
+
+    Args:
+        frames: sensor poses given; one pose, of the sensor or of an object, holds for all frames.
+    """
+    checked = {name: check_poses(poses, f"motion of {name!r}") for name, poses in (motion or {}).items()}
+    for name in checked:
+        if name not in names:
+            raise PoseError(f"motion names surface {name!r}, which the scene does not have; it has: {', '.join(sorted(names))}")
+    lengths = {frames, *(len(p) for p in checked.values())} - {1}
+    if len(lengths) > 1:
+        raise PoseError(f"sensor poses and motion differ in length: {sorted(lengths)} frames")
+    count = lengths.pop() if lengths else 1
+    return {name: repeated(poses, count) for name, poses in checked.items()}, count
+
+
+def repeated(poses: np.ndarray, frames: int) -> np.ndarray:
+    """The poses, a single one repeated for every frame."""
+    return poses if len(poses) == frames else np.repeat(poses, frames, axis=0)
+
+
+def inverse(poses: np.ndarray) -> np.ndarray:
+    """Inverse of rigid poses (F, 4, 4)."""
+    rotation = np.swapaxes(poses[:, :3, :3], 1, 2)
+    out = np.zeros_like(poses)
+    out[:, :3, :3] = rotation
+    out[:, :3, 3] = -np.einsum("fij,fj->fi", rotation, poses[:, :3, 3])
+    out[:, 3, 3] = 1
+    return out
+
+
+def _advanced(poses: np.ndarray, share: float) -> np.ndarray:
+    """Poses a share of a frame later; rotations along their geodesic, the last frame as the one before it."""
+    if len(poses) == 1:
+        return poses
+    following = np.concatenate([poses[1:], poses[-1:]])
+    before = poses.copy()
+    following[-1], before[-1] = poses[-1], poses[-2]
+    turn = Rotation.from_matrix(np.swapaxes(before[:, :3, :3], 1, 2) @ following[:, :3, :3]).as_rotvec()
+    out = poses.copy()
+    out[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(share * turn).as_matrix()
+    out[:, :3, 3] += share * (following[:, :3, 3] - before[:, :3, 3])
+    return out
+
+
+def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sensor poses in a group's own frame, and the velocity of the sensor's origin there.
+
+    Args:
+        sensor, group: (F, 4, 4) to world; None for a group at rest in the world.
+    Returns:
+        poses (F, 4, 4) and velocity (F, 3) m/s, at frame starts; in the group's frame the group stands still, so that
+        a path changes only through the sensor's motion, whatever turns or slides.
+    """
+    share = 1e-4
+    now = sensor if group is None else inverse(group) @ sensor
+    later = _advanced(sensor, share) if group is None else inverse(_advanced(group, share)) @ _advanced(sensor, share)
+    return now, (later[:, :3, 3] - now[:, :3, 3]) / share * frame_rate_hz

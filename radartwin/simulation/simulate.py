@@ -1,0 +1,97 @@
+"""Scene, radar and poses to a recording: the library's main road."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from radartwin.errors import InputError
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
+from radartwin.scene.scene import Scene
+from radartwin.simulation import poses as poses_module
+from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.synthesis import synthesize, thermal_noise
+
+FRAMES_PER_BLOCK = 256  # bounds the double-precision working copy of the IQ data
+
+
+def simulate(
+    scene: Scene,
+    radar: Radar,
+    sensor_poses: np.ndarray,
+    *,
+    motion: Mapping[str, np.ndarray] | None = None,
+    max_bounces: int = 4,
+    rays: int | None = None,
+    noise: bool = False,
+    seed: int = 0,
+    rays_per_wavelength2: float = 1.0,
+    variant: str = "auto",
+) -> Recording:
+    """Raw FMCW samples of a scene as the radar would record them.
+
+    Args:
+        scene: surfaces in world coordinates, those named in `motion` in their own.
+        radar: waveform, array, element pattern and noise figure.
+        sensor_poses: (F, 4, 4) sensor-to-world at frame starts, or one pose for all frames.
+        motion: object-to-world poses (F, 4, 4) by surface name.
+        max_bounces: reflections per path, at least 1.
+        rays: tubes per pose over the sphere (over the object where there is no room); None takes the width rule.
+        noise: add thermal noise by the radar's noise figure and transmit power.
+        seed: root of the noise; the same seed gives the same bytes.
+        rays_per_wavelength2: tubes per square wavelength on objects.
+        variant: "auto", "llvm" or "cuda".
+    Returns:
+        A Recording, iq (F, chirps, tx, rx, samples) in amplitude units.
+    Raises:
+        PoseError, SceneError, MaterialError, InputError, BackendError: one line that names what is wrong.
+
+    >>> import trimesh
+    >>> from radartwin.scene.scene import Surface
+    >>> plate = trimesh.creation.box((0.001, 0.1, 0.1))
+    >>> pose = np.eye(4)
+    >>> pose[0, 3] = -1.0
+    >>> simulate(Scene([Surface(plate, "metal", "plate")]), Radar.iwr1843(), pose[None]).iq.shape
+    (1, 16, 2, 4, 256)
+    """
+    settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
+    parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings)
+    frames = len(sensor)
+    iq = np.empty((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
+    still = sum((synthesize(part, radar)[0] for part in parts if part.poses < frames), np.zeros(iq.shape[1:], complex))
+    rng = np.random.default_rng(np.random.SeedSequence([seed, *b"receiver noise"]))
+    for start in range(0, frames, FRAMES_PER_BLOCK):
+        stop = min(start + FRAMES_PER_BLOCK, frames)
+        block = np.broadcast_to(still, (stop - start, *still.shape)).copy()
+        for part in parts:
+            if part.poses == frames:
+                block += synthesize(part.frames(start, stop), radar)
+        if noise:
+            block += thermal_noise(block.shape, radar, rng)
+        iq[start:stop] = block
+    provenance = {
+        "kind": "simulation", "simulator": "mitsuba", "max_bounces": max_bounces, "rays": rays,
+        "rays_per_wavelength2": rays_per_wavelength2, "noise": noise, "seed": seed, "surfaces": list(scene.names),
+    }  # fmt: skip
+    return Recording(iq, radar, sensor, provenance=provenance)
+
+
+def trace_paths(
+    scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None, settings: TraceSettings
+) -> tuple[list[Paths], np.ndarray]:
+    """Check the input and trace it: (parts, each of all or of one pose; (F, 4, 4) sensor poses)."""
+    if settings.max_bounces < 1:
+        raise InputError(f"max_bounces must be at least 1, not {settings.max_bounces}")
+    if settings.rays is not None and not settings.rays > 0:
+        raise InputError(f"rays must be positive, not {settings.rays}")
+    if not settings.rays_per_wavelength2 > 0:
+        raise InputError(f"rays_per_wavelength2 must be positive, not {settings.rays_per_wavelength2}")
+    sensor = poses_module.check_poses(sensor_poses, "sensor_poses")
+    moving, frames = poses_module.check_motion(motion, set(scene.names), len(sensor))
+    sensor = poses_module.repeated(sensor, frames)
+    Scene(s for s in scene.surfaces if s.name not in moving).check_sensor(np.unique(sensor[:, :3, 3], axis=0))
+    for name, poses in moving.items():
+        inside = (poses_module.inverse(poses) @ sensor)[:, :3, 3]
+        Scene(s for s in scene.surfaces if s.name == name).check_sensor(inside)
+    return MitsubaBackend(settings).paths(scene, radar, sensor, moving), sensor
