@@ -7,11 +7,12 @@ of rotation) to the world: vertices_world = pose @ vertices.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from radartwin.errors import PoseError
 
 
-def pose(position: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
+def pose(position: ArrayLike, rotation: np.ndarray | None = None) -> np.ndarray:
     """(4, 4) from a position (3,) and a rotation (3, 3), identity unless given."""
     out = np.eye(4)
     out[:3, 3] = np.asarray(position, dtype=np.float64)
@@ -20,7 +21,7 @@ def pose(position: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray
     return out
 
 
-def look_at(position: np.ndarray, target: np.ndarray) -> np.ndarray:
+def look_at(position: ArrayLike, target: ArrayLike) -> np.ndarray:
     """Sensor pose (4, 4) at `position` with boresight towards `target`, level (y horizontal).
 
     Raises:
@@ -42,13 +43,13 @@ def look_at(position: np.ndarray, target: np.ndarray) -> np.ndarray:
     return pose(position, np.stack([forward, left, np.cross(forward, left)], axis=1))
 
 
-def static(sensor_pose: np.ndarray, frames: int) -> np.ndarray:
+def static(sensor_pose: ArrayLike, frames: int) -> np.ndarray:
     """The same pose for every frame, (F, 4, 4)."""
     return np.repeat(np.asarray(sensor_pose, dtype=np.float64)[None], _count(frames), axis=0)
 
 
 def turntable(
-    position: np.ndarray,
+    position: ArrayLike,
     frames: int,
     frame_rate_hz: float,
     seconds_per_revolution: float = 25.0,
@@ -70,7 +71,7 @@ def turntable(
     return out
 
 
-def rail(start: np.ndarray, direction: np.ndarray, length_m: float, frames: int) -> np.ndarray:
+def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -> np.ndarray:
     """Poses (F, 4, 4) shifted evenly from `start` by `length_m` along `direction`, orientation kept.
 
     Args:
@@ -104,7 +105,7 @@ def lateral_sweep(
     return out
 
 
-def _sweep(start: np.ndarray, direction: np.ndarray, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
+def _sweep(start: ArrayLike, direction: ArrayLike, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
     """Constant speed from `start`: frame f is at f * speed / rate, the last within one step of the full length."""
     if not (speed_mps > 0 and rate_hz > 0 and length_m):
         raise PoseError("sweep: speed_mps and frame_rate_hz must be positive and length_m not zero")
