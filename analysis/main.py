@@ -75,4 +75,3 @@ def write_report(output: Path) -> Path:
 def _index(output: Path) -> dict[str, dict]:
     path = output / "tables" / INDEX
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-

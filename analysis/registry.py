@@ -20,15 +20,15 @@ TABLES = (
     Table(
         name="environment",
         title="The room in the signal",
-        caption="Corner reflector on a turntable in a laboratory room: Pearson correlation of mean range profiles with the measured "
-        "domain, simulated in void and in the reconstructed room, and the share of energy beyond the target.",
+        caption="Corner reflector on a turntable in a laboratory room: Pearson correlation of mean range profiles with "
+        "the measured domain, simulated in void and in the reconstructed room, and the share of energy beyond it.",
     ),
 )
 
 # Said under every table that is scored against the testbed, so that nobody takes it for a measurement of reality.
 TESTBED_NOTE = (
-    "Scored against the testbed, a virtual measurement campaign that deliberately differs from the twin: this tests the method and "
-    "each named gap; it is not a measurement of reality."
+    "Scored against the testbed, a virtual measurement campaign that deliberately differs from the twin: this tests "
+    "the method and each named gap; it is not a measurement of reality."
 )
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.registry import Table
-from radartwin import files
-from radartwin.provenance import commit, version
+from radartwin import __version__, files
+from radartwin.provenance import commit
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b; }
@@ -37,7 +37,9 @@ class Section:
 
 
 def write(sections: Sequence[Section], output: Path) -> Path:
-    """Write OUTPUT/report/index.html; its path. Figures and tables are linked relative to it, so the folder can be moved whole."""
+    """Write OUTPUT/report/index.html; its path. Figures and tables are linked relative to it, so the folder can be
+    moved whole.
+    """
     page = output / "report" / "index.html"
     head, dirty = commit()
     body = "\n".join(_section(section, output, page.parent) for section in sections)
@@ -45,9 +47,11 @@ def write(sections: Sequence[Section], output: Path) -> Path:
     made = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
     code = f"commit {head[:12]}{' with local changes' if dirty else ''}" if head != "none" else "no repository"
     text = (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        f"<title>RadarTwin report</title><style>{_STYLE}</style></head>\n<body>\n<h1>RadarTwin</h1>\n<ul>{contents}</ul>\n{body}\n"
-        f"<footer>Written {made} by radartwin {html.escape(version())}, {code}.</footer>\n</body></html>\n"
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width">'
+        f"<title>RadarTwin report</title><style>{_STYLE}</style></head>\n"
+        f"<body>\n<h1>RadarTwin</h1>\n<ul>{contents}</ul>\n{body}\n"
+        f"<footer>Written {made} by radartwin {html.escape(__version__)}, {code}.</footer>\n</body></html>\n"
     )
     return files.write_atomically(page, text)
 
@@ -56,11 +60,13 @@ def _section(section: Section, output: Path, start: Path) -> str:
     name = section.table.name
     figures = "\n".join(
         f'<figure><img src="{_relative(stem, ".png", start)}" alt="{html.escape(_spoken(stem))}">'
-        f'<figcaption>{html.escape(_spoken(stem))} (<a href="{_relative(stem, ".pdf", start)}">PDF</a>)</figcaption></figure>'
+        f"<figcaption>{html.escape(_spoken(stem))} "
+        f'(<a href="{_relative(stem, ".pdf", start)}">PDF</a>)</figcaption></figure>'
         for stem in section.figures
     )
     links = " ".join(
-        f'<a href="{_relative(output / "tables" / name, suffix, start)}">{suffix[1:]}</a>' for suffix in (".csv", ".md", ".tex")
+        f'<a href="{_relative(output / "tables" / name, suffix, start)}">{suffix[1:]}</a>'
+        for suffix in (".csv", ".md", ".tex")
     )
     origin = f"Profile {section.profile}, run {section.run_key[:8]}. Files: {links}."
     return (

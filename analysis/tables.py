@@ -1,7 +1,8 @@
-"""One table in four formats: CSV for tools, Markdown for the repository, LaTeX booktabs for the paper, HTML for the report.
+"""One table in four formats: CSV for tools, Markdown for the repository, LaTeX booktabs for the paper, HTML for the
+report.
 
-Columns that say which case a row is come first, then the run keys, then the score columns in their fixed order. The CSV holds full
-precision and every run key; the other three round to three significant digits and leave the keys to the CSV.
+Columns that say which case a row is come first, then the run keys, then the score columns in their fixed order. The CSV
+holds full precision and every run key; the other three round to three significant digits and leave the keys to the CSV.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from radartwin.experiment import SCORE_COLUMNS, check_rows
 
 Row = dict[str, Any]
 FORMATS = ("csv", "md", "tex", "html")
-_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {c: f"\\{c}" for c in "&%$#_{}"}
+_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {
+    c: f"\\{c}" for c in "&%$#_{}"
+}
 
 
 def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
@@ -29,7 +32,12 @@ def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
         InputError: a row without a score column, with an unknown verdict, or outside its interval.
     """
     check_rows(table.name, list(rows))
-    texts = {"csv": to_csv(rows), "md": to_markdown(table, rows), "tex": to_latex(table, rows), "html": to_html(table, rows)}
+    texts = {
+        "csv": to_csv(rows),
+        "md": to_markdown(table, rows),
+        "tex": to_latex(table, rows),
+        "html": to_html(table, rows),
+    }
     return [files.write_atomically(folder / f"{table.name}.{suffix}", texts[suffix]) for suffix in FORMATS]
 
 
@@ -63,12 +71,20 @@ def to_latex(table: Table, rows: Sequence[Row]) -> str:
     shown, cells = _cells(rows)
     align = "".join("r" if c in ("paper", "value", "low", "high", "n") else "l" for c in shown)
     body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
-    return (
-        "\\begin{table}[t]\n  \\centering\n"
-        f"  \\caption{{\\textbf{{{_latex(table.title)}.}} {_latex(caption(table, rows))}}}\n  \\label{{tab:{table.name}}}\n"
-        f"  \\begin{{tabular}}{{{align}}}\n    \\toprule\n    {' & '.join(_latex(_heading(c)) for c in shown)} \\\\\n    \\midrule\n"
-        f"{body}\n    \\bottomrule\n  \\end{{tabular}}\n\\end{{table}}\n"
-    )
+    head = " & ".join(_latex(_heading(c)) for c in shown)
+    return rf"""\begin{{table}}[t]
+  \centering
+  \caption{{\textbf{{{_latex(table.title)}.}} {_latex(caption(table, rows))}}}
+  \label{{tab:{table.name}}}
+  \begin{{tabular}}{{{align}}}
+    \toprule
+    {head} \\
+    \midrule
+{body}
+    \bottomrule
+  \end{{tabular}}
+\end{{table}}
+"""
 
 
 def to_html(table: Table, rows: Sequence[Row]) -> str:
@@ -76,7 +92,9 @@ def to_html(table: Table, rows: Sequence[Row]) -> str:
     shown, cells = _cells(rows)
     head = "".join(f"<th>{html.escape(_heading(c))}</th>" for c in shown)
     body = "\n".join(
-        f'<tr class="{html.escape(str(row["verdict"]))}">' + "".join(f"<td>{html.escape(cell)}</td>" for cell in texts) + "</tr>"
+        f'<tr class="{html.escape(str(row["verdict"]))}">'
+        + "".join(f"<td>{html.escape(cell)}</td>" for cell in texts)
+        + "</tr>"
         for row, texts in zip(rows, cells, strict=True)
     )
     text = f"<strong>{html.escape(table.title)}.</strong> {html.escape(caption(table, rows))}"

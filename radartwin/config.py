@@ -1,8 +1,9 @@
 """The configuration: one typed dataclass per Hydra group, and the checks no single value can make.
 
-The YAML files under conf/ name the options of each group; the types and defaults are here. `compose` is the only road from
-command-line overrides to a `Config`, and every mistake on it becomes one `ConfigError` line. Nothing behind this module sees
-a DictConfig. Fields marked by `_path` name files: they enter a run key by content, not by name (radartwin/digest.py).
+The YAML files under conf/ name the options of each group; the types and defaults are here. `compose` is the only road
+from command-line overrides to a `Config`, and every mistake on it becomes one `ConfigError` line. Nothing behind this
+module sees a DictConfig. Fields marked by `_path` name files: they enter a run key by content, not by name
+(radartwin/digest.py).
 """
 
 from __future__ import annotations
@@ -85,7 +86,9 @@ class SimulatorConfig:
 
 @dataclass
 class RadarConfig:
-    """The fields of `radartwin.Radar`, or a TI configuration file that holds them. Positions: metres, x forward, y left, z up."""
+    """The fields of `radartwin.Radar`, or a TI configuration file that holds them. Positions: metres, x forward, y
+    left, z up.
+    """
 
     name: str = "iwr1843"
     file: str | None = _path()  # mmWave SDK .cfg or mmWave Studio .mmwave.json; then nothing else but element is read
@@ -112,7 +115,9 @@ class RadarConfig:
 
     def given(self) -> dict[str, Any]:
         """The fields that the option or the user set, by the names `Radar` has for them."""
-        return {f.name: value for f in fields(self) if f.name != "file" and (value := getattr(self, f.name)) is not None}
+        return {
+            f.name: value for f in fields(self) if f.name != "file" and (value := getattr(self, f.name)) is not None
+        }
 
 
 @dataclass
@@ -120,8 +125,10 @@ class TrajectoryConfig:
     """How sensor and target move. Distances are from the radar to the target's axis."""
 
     kind: str = "turntable"  # static | turntable | depth | lateral
+    position_m: list[float] | None = None  # of the radar at the start; null: the room's bench, or a scan's middle
+    heading_deg: float = 0.0  # of its boresight, from +x to the left
     distance_m: float = 1.0  # at the start
-    height_m: float = 0.4  # of the radar above the floor
+    height_m: float = 1.0  # of the radar above the floor, where position_m does not say
     frames: int | None = None  # null: the whole sweep or revolution
     period_s: float = 25.0  # turntable: one revolution
     length_m: float = 1.0  # depth and lateral: travelled
@@ -131,9 +138,12 @@ class TrajectoryConfig:
         _one_of("trajectory.kind", self.kind, ("static", "turntable", "depth", "lateral"))
         for name in ("distance_m", "height_m", "frames", "period_s", "length_m", "speed_mps"):
             _positive(f"trajectory.{name}", getattr(self, name))
+        if self.position_m is not None and len(self.position_m) != 3:
+            raise ConfigError(f"trajectory.position_m={self.position_m} must be [x,y,z] in metres")
         if self.kind == "depth" and self.length_m >= self.distance_m:
+            reach = f"trajectory.length_m={self.length_m:g} runs into the target"
             raise ConfigError(
-                f"trajectory.length_m={self.length_m:g} runs into the target at trajectory.distance_m={self.distance_m:g}"
+                f"{reach} at trajectory.distance_m={self.distance_m:g}; shorten one or lengthen the other"
             )
 
 
@@ -182,7 +192,7 @@ class FeaturesConfig:
 
 @dataclass
 class SupervisionConfig:
-    """What is known of the measured domain: nothing, one unlabelled reflector recording, or some labelled recordings."""
+    """What is known of the measured domain: nothing, one unlabelled reflector recording, or some labelled ones."""
 
     mode: str = "label_free"  # label_free | calibrated | few_shot
     shots: int = 0  # few_shot: labelled recordings per class
@@ -263,4 +273,6 @@ class Config:
         if self.materials.source == "true" and self.scene.name == "scan":
             raise ConfigError("materials=true needs a procedural room: nobody knows the true materials of scene=scan")
         if self.materials.source == "vlm" and self.scene.name in ("empty", "plate"):
-            raise ConfigError(f"materials=vlm needs a room with surfaces to label, and scene={self.scene.name} has none")
+            raise ConfigError(
+                f"materials=vlm needs a room with surfaces to label, and scene={self.scene.name} has none"
+            )

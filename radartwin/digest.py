@@ -1,8 +1,8 @@
-"""What a result depends on, as hexadecimal SHA-256: meaning of the configuration, source of the code, content of the inputs.
+"""What a result depends on, as SHA-256: the meaning of its configuration, the source of its code, its input files.
 
-A key must change with everything that could change a number and with nothing else. So the configuration enters without paths,
-launcher and verbosity; source enters as its syntax tree, where comments, docstrings and layout do not count, over the static import
-closure of the modules a stage names; files enter by content.
+A key must change with everything that could change a number and with nothing else. So the configuration enters without
+paths, launcher and verbosity; source enters as its syntax tree, where comments, docstrings and layout do not count,
+over the static import closure of the modules a stage names; files enter by content.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):  # NumPy arrays and scalars
-        return _plain(value.tolist())
+    if tolist := getattr(value, "tolist", None):  # NumPy arrays and scalars
+        return _plain(tolist())
     if isinstance(value, complex):
         return [value.real, value.imag]
     if isinstance(value, float) and not math.isfinite(value):
@@ -51,7 +51,7 @@ def _plain(value: Any) -> Any:
 
 
 def semantic(description: Any) -> dict[str, Any]:
-    """Fields of a dataclass that say what is computed: unkeyed ones left out, paths replaced by the digest of what they name."""
+    """What a dataclass says is computed: without its unkeyed fields, paths replaced by the digest of their content."""
     out = {}
     for field in dataclasses.fields(description):
         value = getattr(description, field.name)
@@ -94,7 +94,7 @@ def source_digest(roots: Iterable[str]) -> str:
 
 @functools.cache
 def import_closure(roots: tuple[str, ...]) -> frozenset[str]:
-    """Names of the modules reached from `roots` by import statements anywhere in them, lazy imports in functions included."""
+    """Names of the modules reached from `roots` by import statements, those inside functions included."""
     reached: set[str] = set()
     waiting = list(roots)
     while waiting:
@@ -118,15 +118,15 @@ def imports(name: str) -> frozenset[str]:
             for alias in node.names:
                 found |= _module_and_lazy(alias.name)
         elif isinstance(node, ast.ImportFrom):
-            base = importlib.util.resolve_name("." * node.level + (node.module or ""), package) if node.level else node.module
+            base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
             for alias in node.names:
                 submodule = f"{base}.{alias.name}"
-                found |= {submodule, str(base)} if _source(submodule) else _module_and_lazy(str(base))
+                found |= {submodule, base} if _source(submodule) else _module_and_lazy(base)
     return frozenset(_parents(m for m in found if _source(m)) - {name})
 
 
 def _module_and_lazy(name: str) -> set[str]:
-    """The module, and for a package that loads its names on demand every module it may load: their names stand in it as text."""
+    """The module, and for a package with `__getattr__` every module it may load: their names stand in it as text."""
     path = _source(name)
     if path is None or path.name != "__init__.py":
         return {name}
@@ -134,8 +134,7 @@ def _module_and_lazy(name: str) -> set[str]:
     if not any(isinstance(n, ast.FunctionDef) and n.name == "__getattr__" for n in tree.body):
         return {name}
     text = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
-    candidates = {t if t.startswith(name) else f"{name}.{t.lstrip('.')}" for t in text if t.replace(".", "").isidentifier()}
-    return {name} | {c for c in candidates if _source(c)}
+    return {name} | {t for t in text if t.startswith(f"{name}.") and t.replace(".", "").isidentifier() and _source(t)}
 
 
 def _parents(names: Iterable[str]) -> set[str]:
@@ -144,7 +143,7 @@ def _parents(names: Iterable[str]) -> set[str]:
 
 @functools.cache
 def _source(name: str) -> Path | None:
-    """The source file of a module of PACKAGES or of a user's own experiment; None for anything else. Nothing is imported."""
+    """Source file of a module of PACKAGES or of a user's experiment, found without importing; None for others."""
     top, _, rest = name.partition(".")
     root = _package_root(top)
     if root is None:
@@ -184,8 +183,6 @@ def _tree_digest(name: str) -> str:
     assert path is not None
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(node) is not None:
-            assert isinstance(body, list)
-            body[0] = ast.Pass()
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body[0] = ast.Pass()
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import os
 import shutil
@@ -11,7 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from radartwin.provenance import commit, version
+from radartwin import __version__
+from radartwin.provenance import commit
 
 LIBRARIES = ("mitsuba", "drjit", "numpy", "scipy", "trimesh", "hydra-core", "mlflow", "matplotlib")
 DISK_NEEDED_GB = 5.0  # the quick profile writes well below one, the paper profile a few
@@ -55,7 +57,7 @@ def _python() -> Finding:
     number = ".".join(map(str, sys.version_info[:3]))
     good = (3, 11) <= sys.version_info[:2] <= (3, 13)
     remedy = "" if good else "install Python 3.11, 3.12 or 3.13"
-    return Finding("python", "ok" if good else "missing", f"{number}; radartwin {version()}{code}", remedy)
+    return Finding("python", "ok" if good else "missing", f"{number}; radartwin {__version__}{code}", remedy)
 
 
 def _libraries() -> Iterator[Finding]:
@@ -74,12 +76,14 @@ def _devices() -> Iterator[Finding]:
     from radartwin.simulation import variant
 
     cuda, llvm = variant.has_cuda(), variant.find_llvm()
-    yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces")
+    yield Finding(
+        "gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces"
+    )
     if llvm is not None:
         yield Finding("llvm", "ok", f"version {variant.llvm_version(llvm)}, {llvm}")
     else:
-        remedy = f"install LLVM {variant.LLVM_MINIMUM} or newer (Debian/Ubuntu: apt-get install libllvm19) or set DRJIT_LIBLLVM_PATH"
-        yield Finding("llvm", "note" if cuda else "missing", f"no library of version {variant.LLVM_MINIMUM} or newer", remedy)
+        text = f"no library of version {variant.LLVM_MINIMUM} or newer"
+        yield Finding("llvm", "note" if cuda else "missing", text, variant.REMEDY)
     if cuda or llvm is not None:
         yield Finding("variant", "ok", "cuda_ad_rgb" if cuda else "llvm_ad_rgb")
 
@@ -110,9 +114,10 @@ def _tracking(output: Path) -> Finding:
     import sqlite3
 
     try:
-        with sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=5) as connection:
+        with contextlib.closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=5)) as connection:
             runs = connection.execute("SELECT count(*) FROM runs").fetchone()[0]
-        connection.close()
     except sqlite3.Error as error:
-        return Finding("tracking", "note", f"{database}: {error}", f"move {database} away; the next run creates it again")
+        return Finding(
+            "tracking", "note", f"{database}: {error}", f"move {database} away; the next run creates it again"
+        )
     return Finding("tracking", "ok", f"{database}, {runs} runs")

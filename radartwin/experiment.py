@@ -1,7 +1,7 @@
 """What an experiment is to the runner: a module with `run(config, store, progress) -> Result`.
 
-The library finds it by the name its configuration gives (`experiment.name` -> experiments.NAME, or `experiment.module`) and never
-imports it by statement. A finished result is itself a product of the store, so a second run reads it back.
+The library finds it by the name its configuration gives (`experiment.name` -> experiments.NAME, or `experiment.module`)
+and never imports it by statement. A finished result is itself a product of the store, so a second run reads it back.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numbers
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from radartwin import digest, study
 from radartwin.config import Config, ExperimentConfig
@@ -23,7 +23,16 @@ from radartwin.store import Product, Store, save_json
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SCORE_COLUMNS = ("metric", "paper", "value", "low", "high", "n", "domain", "verdict")  # the last columns of every table, in this order
+SCORE_COLUMNS = (
+    "metric",
+    "paper",
+    "value",
+    "low",
+    "high",
+    "n",
+    "domain",
+    "verdict",
+)  # the last columns of every table, in this order
 VERDICTS = ("holds", "fails", "untestable")
 
 
@@ -82,7 +91,7 @@ def load(experiment: ExperimentConfig) -> Experiment:
         raise ConfigError(f"experiment '{experiment.name or name}': there is no module {name}; {hint}") from None
     if not callable(getattr(module, "run", None)):
         raise ConfigError(f"experiment module {name} has no function run(config, store, progress)")
-    return module
+    return cast(Experiment, module)
 
 
 def check_rows(table: str, rows: list[dict[str, Any]]) -> None:
@@ -115,7 +124,13 @@ def save(result: Result, folder: Path) -> None:
             raise InputError(f"metric '{name}' of table {result.table} has brackets in its name; MLflow refuses them")
     rows = [{column: _plain(value) for column, value in row.items()} for row in result.rows]
     metrics = {name: float(value) for name, value in result.metrics.items()}
-    content = {"table": result.table, "rows": rows, "metrics": metrics, "keys": result.keys, "figures": sorted(result.figures)}
+    content = {
+        "table": result.table,
+        "rows": rows,
+        "metrics": metrics,
+        "keys": result.keys,
+        "figures": sorted(result.figures),
+    }
     save_json(folder, "result", content)
     if result.figures:
         from radartwin import plotting

@@ -1,4 +1,6 @@
-"""Files that survive a kill: whole or absent. Temporary name beside the target, fsync, rename; and a lock between processes."""
+"""Files that survive a kill: whole or absent. Temporary name beside the target, fsync, rename; and a lock between
+processes.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def make_folder(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot create this folder ({error.strerror}); choose another with --output DIR") from None
+        raise OutputError(
+            f"{folder}: cannot create this folder ({error.strerror}); choose another with --output DIR"
+        ) from None
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{folder}: this folder cannot be written; choose another with --output DIR")
     return folder
@@ -41,7 +45,9 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
             os.fsync(stream.fileno())
         temporary.replace(path)
     except OSError as error:
-        raise OutputError(f"{path}: cannot write ({error.strerror}); free some space or choose another folder") from error
+        raise OutputError(
+            f"{path}: cannot write ({error.strerror}); free some space or choose another folder"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
     return path
@@ -63,8 +69,8 @@ def sync(path: Path, deep: bool = True) -> None:
 def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None]:
     """Hold the file `path` as a lock between processes; it exists only while somebody holds it or waits for it.
 
-    The kernel releases the lock of a process that dies. A waiter may wake up holding a file that its last owner deleted, so it
-    checks that the name still leads to what it locked.
+    The kernel releases the lock of a process that dies. A waiter may wake up holding a file that its last owner
+    deleted, so it checks that the name still leads to what it locked.
 
     Args:
         waiting: called once if somebody else holds the lock.
@@ -115,7 +121,8 @@ def held(path: Path) -> bool:
 
 
 def sweep(root: Path, deep: bool = True) -> None:
-    """Remove from `root` (and below, if deep) what killed processes left: NAME.tmp/ nobody holds, .NAME.PID.tmp of no process.
+    """Remove from `root` (and below, if deep) what killed processes left: NAME.tmp/ nobody holds, .NAME.PID.tmp of no
+    process.
 
     Anything else that ends in .tmp is not ours and stays.
     """

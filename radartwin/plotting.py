@@ -1,7 +1,7 @@
 """One style for every figure: the Okabe-Ito palette, readable without colour vision, and print sizes in inches.
 
-Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. Figures are drawn without a display and without
-pyplot's global state: make one with `figure`, return it, and `save` writes PNG and PDF.
+Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. Figures are drawn without a
+display and without pyplot's global state: make one with `figure`, return it, and `save` writes PNG and PDF.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SEQUENTIAL = "viridis"
 SUFFIXES = (".png", ".pdf")
 
 
-def style() -> dict[str, Any]:
+def style() -> dict[Any, Any]:
     """Matplotlib settings, for `matplotlib.rc_context`."""
     from cycler import cycler
 
@@ -44,7 +44,9 @@ def style() -> dict[str, Any]:
     }
 
 
-def figure(rows: int = 1, columns: int = 1, *, width_in: float = PAGE_WIDTH_IN, height_in: float = 2.6, **subplots: Any) -> tuple[Figure, Any]:
+def figure(
+    rows: int = 1, columns: int = 1, *, width_in: float = PAGE_WIDTH_IN, height_in: float = 2.6, **subplots: Any
+) -> tuple[Figure, Any]:
     """A figure in the project's style and its axes, as `plt.subplots` returns them, without registering it anywhere."""
     import matplotlib
     from matplotlib.figure import Figure

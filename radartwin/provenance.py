@@ -1,19 +1,10 @@
-"""Which code made a result: version of the package, commit of the checkout and whether it has changes."""
+"""Which code made a result, besides `radartwin.__version__`: commit of the checkout and whether it has changes."""
 
 from __future__ import annotations
 
 import functools
-import importlib.metadata
 import subprocess
 from pathlib import Path
-
-
-@functools.cache
-def version() -> str:
-    try:
-        return importlib.metadata.version("radartwin")
-    except importlib.metadata.PackageNotFoundError:
-        return "0+uninstalled"
 
 
 @functools.cache

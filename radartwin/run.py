@@ -1,8 +1,9 @@
 """One experiment or a sweep: compose -> store -> experiment -> track, with resume.
 
-A single run composes in this process. A sweep goes through Hydra's multirun, so that every launcher (serial, joblib, SLURM) works
-with the same command; all jobs are composed once beforehand, so that a wrong key stops it before anything has started. A job never
-raises into its launcher, which would lose the rest of the sweep: it writes its outcome, and the parent reads them all.
+A single run composes in this process. A sweep goes through Hydra's multirun, so that every launcher (serial, joblib,
+SLURM) works with the same command; all jobs are composed once beforehand, so that a wrong key stops it before anything
+has started. A job never raises into its launcher, which would lose the rest of the sweep: it writes its outcome, and
+the parent reads them all.
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ class Outcome:
     line: str
 
 
-def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Progress | None = None) -> tuple[Result, Counts]:
+def run_experiment(
+    config: Config, overrides: Sequence[str] = (), progress: Progress | None = None
+) -> tuple[Result, Counts]:
     """The result of a composed experiment, computed or read back, and what that took.
 
     Raises:
@@ -78,7 +81,9 @@ def telling(overrides: Sequence[str]) -> dict[str, str]:
 
 def summary(result: Result) -> str:
     """Rows with their verdicts and the headline numbers, as lines for a terminal."""
-    verdicts = ", ".join(f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in ("holds", "fails", "untestable"))
+    verdicts = ", ".join(
+        f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in ("holds", "fails", "untestable")
+    )
     numbers = [f"  {name} = {value:.4g}" for name, value in result.metrics.items()]
     return "\n".join([f"{result.table}: {len(result.rows)} rows ({verdicts}); run {result.run_key[:8]}", *numbers])
 
@@ -100,7 +105,9 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     first = compose(jobs[0], config_dirs)
     load(first.experiment)
     table = first.experiment.name or module_name(first.experiment)
-    folder = files.make_folder(Path(first.output).absolute() / "sweeps" / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{os.getpid()}")
+    folder = files.make_folder(
+        Path(first.output).absolute() / "sweeps" / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{os.getpid()}"
+    )
     tracker = Tracker(first.tracking, Path(first.output))
     parent = tracker.sweep(table, " ".join(o for o in overrides if telling([o])) or table)
     own = [f"hydra.sweep.dir={folder}", *([f"tracking.parent_run_id={parent}"] if parent else [])]

@@ -1,10 +1,10 @@
 """The cache of everything computed: a product is a folder under its key, whole or absent.
 
     output/cache/KIND/KEY/          the product, with meta.json beside what `build` wrote
-    output/cache/KIND/KEY.tmp/      while it is being built, under a lock; left by a killed process, swept at the next start
+    output/cache/KIND/KEY.tmp/      while it is being built, under a lock; left by a killed process, swept at a start
 
-The key of a product is the digest of three things (radartwin/digest.py): the specification, the source of the modules that compute it,
-and the content of its input files. A finished key is never computed again, a failed or killed one is.
+The key of a product is the digest of three things (radartwin/digest.py): the specification, the source of the modules
+that compute it, and the content of its input files. A finished key is never computed again, a failed or killed one is.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radartwin import files
+from radartwin import __version__, files
 from radartwin.digest import canonical, source_digest, spec_digest
-from radartwin.provenance import version
 
 if TYPE_CHECKING:
     import numpy as np
@@ -97,8 +96,10 @@ class Store:
         self._say = say
         files.sweep(self.root)
 
-    def key(self, kind: str, spec: Mapping[str, Any], roots: Iterable[str], inputs: Mapping[str, str] | None = None) -> str:
-        """Key of a product: `roots` name the modules whose source computes it, `inputs` are digests of the files it reads."""
+    def key(
+        self, kind: str, spec: Mapping[str, Any], roots: Iterable[str], inputs: Mapping[str, str] | None = None
+    ) -> str:
+        """Key of a product; `roots` name the modules that compute it, `inputs` are digests of files it reads."""
         parts = {"kind": kind, "spec": spec, "source": source_digest(roots), "inputs": dict(inputs or {})}
         return spec_digest(parts)[:KEY_LENGTH]
 
@@ -124,7 +125,9 @@ class Store:
         if final.is_dir():
             return self._count(kind, Product(final, key, reused=True))
         try:
-            with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
+            with files.lock(
+                work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")
+            ):
                 if final.is_dir():
                     return self._count(kind, Product(final, key, reused=True))
                 self._build(kind, key, spec, roots, build, work / "product", final)
@@ -135,7 +138,13 @@ class Store:
 
     @staticmethod
     def _build(
-        kind: str, key: str, spec: Mapping[str, Any], roots: list[str], build: Callable[[Path], None], folder: Path, final: Path
+        kind: str,
+        key: str,
+        spec: Mapping[str, Any],
+        roots: list[str],
+        build: Callable[[Path], None],
+        folder: Path,
+        final: Path,
     ) -> None:
         shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed here
         folder.mkdir()
@@ -147,7 +156,7 @@ class Store:
                 "key": key,
                 "spec": json.loads(canonical(spec)),
                 "modules": roots,
-                "radartwin": version(),
+                "radartwin": __version__,
                 "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
                 "seconds": round(time.time() - started, 3),
             }

@@ -11,7 +11,9 @@ from radartwin.errors import MissingError
 
 
 def add_to_path() -> Path | None:
-    """Make experiments/ and analysis/ importable from the checkout that holds them; its root, or None outside a checkout."""
+    """Make experiments/ and analysis/ importable from the checkout that holds them; its root, or None outside a
+    checkout.
+    """
     for root in (Path(__file__).resolve().parent.parent, Path.cwd()):
         if (root / "experiments" / "__init__.py").is_file() and (root / "analysis" / "__init__.py").is_file():
             if str(root) not in sys.path:
@@ -23,5 +25,7 @@ def add_to_path() -> Path | None:
 def module(name: str) -> ModuleType:
     """A module of the study by name. Raises MissingError outside a checkout."""
     if add_to_path() is None:
-        raise MissingError("tables and the report need experiments/ and analysis/; run this from a checkout of the repository")
+        raise MissingError(
+            "tables and the report need experiments/ and analysis/; run this from a checkout of the repository"
+        )
     return importlib.import_module(name)

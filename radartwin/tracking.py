@@ -1,8 +1,8 @@
 """Runs in MLflow: SQLite in the output folder by default, or a server. The only module that imports mlflow.
 
-Several processes that open a fresh SQLite store at once destroy it, and writers that meet give up. So everything that touches the
-database happens under one file lock, starting with its creation; artifacts are plain files and need none. A run is written in three short
-visits: created, one batch of metrics and tags, ended.
+Several processes that open a fresh SQLite store at once destroy it, and writers that meet give up. So everything that
+touches the database happens under one file lock, starting with its creation; artifacts are plain files and need none. A
+run is written in three short visits: created, one batch of metrics and tags, ended.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radartwin import files
+from radartwin import __version__, files
 from radartwin.config import TrackingConfig
 from radartwin.errors import BackendError, ConfigError
-from radartwin.provenance import commit, version
+from radartwin.provenance import commit
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -32,7 +32,7 @@ MAX_METRICS = 40  # about thirty scalars a run; curves and tables are artifacts
 
 @dataclass
 class Record:
-    """What a run leaves behind, filled while it runs. Parameters are the swept or otherwise telling settings, as text."""
+    """What a run leaves behind; whoever runs it fills this in."""
 
     run_id: str = ""
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -89,7 +89,9 @@ class Tracker:
             client = self._connect()
             experiment_id = self._experiment(client, table)
             self._bury(client, experiment_id, key)
-            record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", tags(table, key), self.parent_run_id)
+            record.run_id = self._create(
+                client, experiment_id, f"{name} {key[:8]}", tags(table, key), self.parent_run_id
+            )
         try:
             yield record
         except BaseException as error:
@@ -129,7 +131,9 @@ class Tracker:
                 self._client = MlflowClient(tracking_uri=self.uri)
                 self._client.search_experiments(max_results=1)  # SQLite: creates the tables
             except MlflowException as error:
-                raise BackendError(f"tracking store {self.uri}: {_one_line(error)}; check tracking.uri or use tracking=off") from error
+                raise BackendError(
+                    f"tracking store {self.uri}: {_one_line(error)}; check tracking.uri or use tracking=off"
+                ) from error
         return self._client
 
     def _experiment(self, client: MlflowClient, table: str) -> str:
@@ -149,7 +153,9 @@ class Tracker:
                 client.set_terminated(run.info.run_id, "KILLED")
 
     @staticmethod
-    def _create(client: MlflowClient, experiment_id: str, name: str, run_tags: dict[str, str], parent: str | None) -> str:
+    def _create(
+        client: MlflowClient, experiment_id: str, name: str, run_tags: dict[str, str], parent: str | None
+    ) -> str:
         if parent:
             run_tags["mlflow.parentRunId"] = parent
         return client.create_run(experiment_id, run_name=name, tags=run_tags).info.run_id
@@ -158,7 +164,9 @@ class Tracker:
         from mlflow.entities import Metric, Param, RunTag
 
         if len(record.metrics) > MAX_METRICS:
-            raise ValueError(f"{len(record.metrics)} metrics in one run; keep {MAX_METRICS} and write the rest as an artifact")
+            raise ValueError(
+                f"{len(record.metrics)} metrics in one run; keep {MAX_METRICS} and write the rest as an artifact"
+            )
         now = int(time.time() * 1000)
         client = self._connect()
         for path in record.artifacts:
@@ -186,7 +194,7 @@ class Tracker:
 
 def tags(table: str, key: str) -> dict[str, str]:
     head, dirty = commit()
-    return {"run_key": key, "table": table, "git_commit": head, "dirty": str(dirty).lower(), "radartwin": version()}
+    return {"run_key": key, "table": table, "git_commit": head, "dirty": str(dirty).lower(), "radartwin": __version__}
 
 
 def quieten() -> None:

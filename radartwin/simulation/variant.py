@@ -18,7 +18,7 @@ from radartwin.errors import BackendError
 
 LLVM_MINIMUM = 17
 _FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib")
-_REMEDY = "install LLVM 17 or newer (Debian/Ubuntu: apt-get install libllvm19) or set DRJIT_LIBLLVM_PATH to its library"
+REMEDY = "install LLVM 17 or newer (Debian/Ubuntu: apt-get install libllvm19) or set DRJIT_LIBLLVM_PATH to its library"
 
 
 def llvm_version(library: Path) -> int | None:
@@ -74,7 +74,7 @@ def activate(preference: str = "auto") -> str:
         if library is None:
             explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
             found = f"DRJIT_LIBLLVM_PATH={explicit} is too old or unreadable" if explicit else "no LLVM >= 17 found"
-            raise BackendError(f"CPU tracing: {found}; {_REMEDY}")
+            raise BackendError(f"CPU tracing: {found}; {REMEDY}")
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
     import mitsuba as mi
 
@@ -97,7 +97,7 @@ def ensure_llvm() -> int:
                 break
         if find_llvm() is not None:
             return 0
-    print(f"CPU tracing needs LLVM: {_REMEDY}", file=sys.stderr)
+    print(f"CPU tracing needs LLVM: {REMEDY}", file=sys.stderr)
     return 2
 
 

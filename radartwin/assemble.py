@@ -1,0 +1,145 @@
+"""From a configuration to the things it describes: radar, scene, trajectory; and, with all three, a recording.
+
+The only place that knows both the configuration and the library behind it. World frame as in radartwin/scene/rooms.py;
+the target stands on the radar's boresight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radartwin.config import Config, MaterialsConfig, RadarConfig, SceneConfig, TrajectoryConfig
+from radartwin.errors import ConfigError
+from radartwin.radar.chirp import Radar
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from radartwin.radar.recording import Recording
+    from radartwin.scene.scene import Scene
+
+TARGET = "target"  # the name of the surface under test
+MAX_FRAMES = 10_000  # a thousand seconds at 10 Hz; beyond it the recording outgrows memory
+
+
+@dataclass(frozen=True)
+class Course:
+    """Where sensor and target are: sensor poses (F, 4, 4) or (1, 4, 4), target poses (F, 4, 4) or (1, 4, 4)."""
+
+    sensor_poses: np.ndarray
+    target_poses: np.ndarray
+
+
+def build_radar(config: RadarConfig) -> Radar:
+    """The configured radar: read from its file, or a board's values with what the configuration sets.
+
+    Raises:
+        InputError: values that are no radar; MissingError, RecordingError: the file is absent or malformed.
+    """
+    if config.file:
+        return Radar.from_file(Path(config.file))
+    board = Radar.iwr1843(element=config.element).to_dict() if config.name == "iwr1843" else {}
+    return Radar.from_dict({**board, **config.given()})
+
+
+def build_target(config: SceneConfig) -> trimesh.Trimesh | None:
+    """The target's mesh about its own origin, facing -x, towards the radar; None for no target."""
+    from radartwin.scene import objects
+
+    size = config.target_size_m
+    if config.target == "none":
+        return None
+    if config.target == "corner_reflector":
+        mesh = objects.trihedral(size)
+    elif config.target == "plate":
+        mesh = objects.plate(size, size)
+    else:
+        mesh = objects.sphere(size / 2)
+    return mesh.apply_transform(np.diag([-1.0, -1.0, 1.0, 1.0]))
+
+
+def build_room(scene: SceneConfig, materials: MaterialsConfig) -> Scene:
+    """What surrounds the target, its materials by the configured source; the target is not in it."""
+    from radartwin.label.sources import material_source
+    from radartwin.scene import rooms
+    from radartwin.scene.scene import Scene
+
+    if scene.name == "lab":
+        room = rooms.lab()
+    elif scene.name == "scan":
+        assert scene.path is not None
+        room = Scene.load(scene.path, **({} if Path(scene.path).is_dir() else {"material": materials.material}))
+    else:
+        return rooms.empty()
+    options = {"material": materials.material} if materials.source == "uniform" else {}
+    return material_source(materials.source, **options)(room)
+
+
+def build_start(config: TrajectoryConfig, room: Scene) -> np.ndarray:
+    """Sensor pose (4, 4) of the first frame: as configured, else the lab's bench, or the middle of a scan."""
+    from radartwin.scene import rooms, trajectory
+
+    if config.position_m is not None:
+        position = np.array(config.position_m)
+    elif len(room) and "room" not in room.provenance:
+        low, high = room.bounds
+        position = np.array([*(low + high)[:2] / 2, low[2] + config.height_m])
+    else:
+        position = rooms.lab_bench(config.height_m).sensor_pose[:3, 3]
+    heading = np.radians(config.heading_deg)
+    return trajectory.look_at(position, position + [np.cos(heading), np.sin(heading), 0.0])
+
+
+def build_course(config: TrajectoryConfig, radar: Radar, start: np.ndarray) -> Course:
+    """Poses of sensor and target over the frames of the trajectory that begins at `start`."""
+    from radartwin.scene import trajectory
+
+    target = trajectory.static(start, 1)
+    target[0, :3, 3] += config.distance_m * start[:3, 0]
+    rate = radar.frame_rate_hz
+    if config.kind == "turntable":
+        frames = config.frames or round(config.period_s * rate)
+        check_frames(frames)
+        turning = trajectory.turntable(target[0, :3, 3], frames, rate, config.period_s, np.radians(config.heading_deg))
+        return Course(start[None], turning)
+    if config.kind == "static":
+        frames = config.frames or 1
+        check_frames(frames)
+        return Course(trajectory.static(start, frames), target)
+    check_frames(config.length_m / config.speed_mps * rate)
+    sweep = trajectory.depth_sweep if config.kind == "depth" else trajectory.lateral_sweep
+    return Course(sweep(start, config.length_m, config.speed_mps, rate)[: config.frames], target)
+
+
+def check_frames(frames: float) -> None:
+    if frames > MAX_FRAMES:
+        raise ConfigError(f"the trajectory has {frames:.0f} frames, more than {MAX_FRAMES}; set trajectory.frames")
+
+
+def simulate_scene(config: Config, noise: bool = False) -> Recording:
+    """The recording of a composed configuration: its scene seen by its radar along its trajectory."""
+    from radartwin.scene.scene import Scene, Surface
+    from radartwin.simulation.simulate import simulate
+
+    radar = build_radar(config.radar)
+    scene = build_room(config.scene, config.materials)
+    course = build_course(config.trajectory, radar, build_start(config.trajectory, scene))
+    mesh = build_target(config.scene)
+    if mesh is not None:
+        scene = scene + Scene([Surface(mesh, "metal", TARGET, role="object")])
+    return simulate(
+        scene,
+        radar,
+        course.sensor_poses,
+        motion={TARGET: course.target_poses} if mesh is not None else None,
+        max_bounces=config.simulator.max_bounces,
+        rays=config.simulator.rays,
+        rays_per_wavelength2=config.simulator.rays_per_wavelength2,
+        variant=config.simulator.variant,
+        noise=noise,
+        seed=config.seed,
+    )
