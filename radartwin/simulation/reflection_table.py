@@ -28,6 +28,11 @@ class ReflectionTable:
     tm: np.ndarray
     frequencies_hz: np.ndarray
 
+    def envelope(self) -> "ReflectionTable":
+        """The largest magnitudes over the sweep, at one node in its middle: for finding what could matter."""
+        te, tm = (np.abs(c).max(axis=2, keepdims=True).astype(complex) for c in (self.te, self.tm))
+        return ReflectionTable(-te, tm, self.frequencies_hz.mean(keepdims=True))
+
 
 def chebyshev_nodes(low_hz: float, high_hz: float, count: int) -> np.ndarray:
     """(count,) Chebyshev nodes of an interval, ascending; one node is its middle."""

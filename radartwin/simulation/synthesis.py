@@ -27,7 +27,6 @@ KERNEL_WIDTH = 6  # taps; relative error 1e-5 with the shape below on a doubled 
 _SHAPE = 2.30 * KERNEL_WIDTH
 _BESSEL_TAIL = 1e-5
 PATHS_PER_BLOCK = 400_000
-PRUNE_SHARE = 1e-3  # of the strongest path of a frame
 
 
 def _kernel(x: np.ndarray) -> np.ndarray:
@@ -57,20 +56,18 @@ def _doppler_terms(paths: Paths, reach: float) -> np.ndarray:
     return np.where(order == 0, 1, 2) * 1j**order * jv(order[None, :], w[:, None])
 
 
-def synthesize(paths: Paths, radar: Radar, *, prune: float = PRUNE_SHARE) -> np.ndarray:
+def synthesize(paths: Paths, radar: Radar) -> np.ndarray:
     """IQ of all poses, one frame each.
 
     Args:
         paths: of F poses, ascending in pose.
         radar: T transmitters, R receivers, C loops, N samples.
-        prune: paths below this share of a frame's strongest are left out; 0 keeps all.
     Returns:
         complex128 (F, C, T, R, N), amplitude units: |.|^2 is received over transmitted power.
     """
     gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
     weighted = paths.amplitude * gain[:, None]
-    lit = np.abs(weighted).max(axis=1, initial=0.0) > 0
-    paths = replace(paths, amplitude=weighted).where(lit).pruned(prune)
+    paths = replace(paths, amplitude=weighted).where(gain > 0)
     iq = np.zeros((paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), complex)
     edges = np.searchsorted(paths.pose, np.arange(paths.poses + 1))
     start = 0

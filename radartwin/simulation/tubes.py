@@ -65,11 +65,13 @@ class Hits:
     """One entry per contributing hit.
 
     Attributes:
-        pose: (N,) index; amplitude: (N, Q) complex, conjugated, without propagation phase; bounce: (N,) reflections, from 1.
+        pose: (N,) index; tube: (N,) index in the launch; bounce: (N,) reflections, from 1.
+        amplitude: (N, Q) complex, conjugated, without propagation phase.
         length_in_m, length_out_m: (N,) float64; departure, arrival: (N, 3) unit, from source and receiver towards the path.
     """
 
     pose: np.ndarray
+    tube: np.ndarray
     bounce: np.ndarray
     amplitude: np.ndarray
     length_in_m: np.ndarray
@@ -79,7 +81,7 @@ class Hits:
 
     @staticmethod
     def concatenate(parts: Sequence["Hits"]) -> "Hits":
-        names = ("pose", "bounce", "amplitude", "length_in_m", "length_out_m", "departure", "arrival")
+        names = ("pose", "tube", "bounce", "amplitude", "length_in_m", "length_out_m", "departure", "arrival")
         return Hits(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
@@ -94,8 +96,12 @@ def trace(
     cluster: np.ndarray | None = None,
     first_hit: int = 0,
     occluder: Occluder | None = None,
+    prune: float = 0.0,
 ) -> Hits:
     """All hits of a launch, up to `max_bounces` reflections.
+
+    With several frequency nodes and pruning, tubes are first found with the largest reflection over the sweep at one node, and only those
+    that matter (a few in a hundred in a room) are traced again at all nodes.
 
     Args:
         geometry: what is hit; table: its surfaces' reflection, at Q frequencies.
@@ -103,18 +109,32 @@ def trace(
         cluster, first_hit: with `cluster` (faces,) given, keep only tubes whose first hit lies on a face of cluster `first_hit`, so that
             launches of different density share the scene between them.
         occluder: static geometry tested between sensor and first and last hit.
+        prune: leave out hits below this share of the strongest of their pose in this launch.
     """
-    per_chunk = max(1, TUBES_PER_LAUNCH // launch.per_pose)
+    if prune and len(table.frequencies_hz) > 1:
+        scout = trace(
+            geometry, table.envelope(), launch, transmit, receive,
+            max_bounces=max_bounces, cluster=cluster, first_hit=first_hit, occluder=occluder, prune=prune,
+        )  # fmt: skip
+        chosen = np.unique(scout.tube)
+    else:
+        chosen = None
     parts = []
-    for start in range(0, launch.poses, per_chunk):
-        stop = min(start + per_chunk, launch.poses)
-        parts += _trace_chunk(
-            geometry, table, launch, transmit, receive, start, stop, max_bounces, cluster, first_hit, occluder
-        )
+    if chosen is None:
+        per_chunk = max(1, TUBES_PER_LAUNCH // launch.per_pose)
+        blocks = [(start * launch.per_pose, min(start + per_chunk, launch.poses) * launch.per_pose) for start in range(0, launch.poses, per_chunk)]
+        tubes = [np.arange(low, high, dtype=np.uint32) for low, high in blocks]
+    else:
+        tubes = [chosen[k : k + TUBES_PER_LAUNCH].astype(np.uint32) for k in range(0, len(chosen), TUBES_PER_LAUNCH)]
+    if len(geometry.corners):
+        device = _Tables(geometry, table, cluster)
+        for block in tubes:
+            parts += _trace_block(
+                geometry, device, float(table.frequencies_hz.mean()), launch, transmit, receive, block, max_bounces, first_hit, occluder, prune
+            )
     q = len(table.frequencies_hz)
-    empty = Hits(
-        np.zeros(0, int), np.zeros(0, int), np.zeros((0, q), np.complex128), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))
-    )
+    none = np.zeros(0, int)
+    empty = Hits(none, none, none, np.zeros((0, q), np.complex128), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
     return Hits.concatenate([empty, *parts])
 
 
@@ -163,18 +183,14 @@ def _project(dr: Any, mi: Any, axis: Any, direction: Any, cross: bool) -> Any:
     return dr.cross(direction, field) if cross else field
 
 
-def _trace_chunk(geometry, table, launch, transmit, receive, start, stop, max_bounces, cluster, first_hit, occluder):  # noqa: PLR0913
+def _trace_block(geometry, tables, frequency_hz, launch, transmit, receive, block, max_bounces, first_hit, occluder, prune):  # noqa: PLR0913
     import drjit as dr
     import mitsuba as mi
 
-    if len(geometry.corners) == 0:
-        return []
-    tables = _Tables(geometry, table, cluster)
     scene = geometry.scene()
-    wavenumber = mi.Float(dr.opaque(mi.Float, 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT))
+    wavenumber = dr.opaque(mi.Float, 2 * np.pi * frequency_hz / SPEED_OF_LIGHT)
     lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
-    part = launch.chunk(start, stop)
-    chosen = slice(start, stop)
+    part = launch
 
     def rows(values: np.ndarray) -> Any:
         flat = [mi.Float(np.ascontiguousarray(values[:, i], np.float32)) for i in range(3)]
@@ -185,11 +201,13 @@ def _trace_chunk(geometry, table, launch, transmit, receive, start, stop, max_bo
         return lambda index: dr.gather(mi.Float, column, index)
 
     source_at, forward_at, u_at, v_at = rows(part.source), rows(part.forward), rows(part.u_axis), rows(part.v_axis)
-    tx_axis_at, rx_axis_at = rows(transmit.axis[chosen]), rows(receive.axis[chosen])
-    receiver_at = rows(receive.position[chosen])
-    same_place = bool(np.array_equal(transmit.position[chosen], receive.position[chosen]))
+    tx_axis_at, rx_axis_at = rows(transmit.axis), rows(receive.axis)
+    receiver_at = rows(receive.position)
+    same_place = bool(np.array_equal(transmit.position, receive.position))
 
-    index = dr.arange(mi.UInt32, part.poses * part.per_pose)
+    index = mi.UInt32(block)
+    tube = mi.UInt32(index)
+    strongest = dr.zeros(mi.Float, part.poses)
     per_pose, count_u = dr.opaque(mi.UInt32, part.per_pose), dr.opaque(mi.UInt32, part.count_u)
     pose = index // per_pose
     cell = index - pose * per_pose
@@ -258,10 +276,10 @@ def _trace_chunk(geometry, table, launch, transmit, receive, start, stop, max_bo
             seen &= ~scene.ray_test(mi.Ray3f(start_point, outgoing, reach, 0.0, []), seen)
         if occluder is not None:
             if bounce == 1:
-                active &= ~_blocked(dr, mi, occluder, chosen, pose, origin, facet_point, active)
+                active &= ~_blocked(dr, mi, occluder, pose, origin, facet_point, active)
             seen &= active
             if not (bounce == 1 and same_place):
-                seen &= ~_blocked(dr, mi, occluder, chosen, pose, receiver_at(pose, active), facet_point, seen)
+                seen &= ~_blocked(dr, mi, occluder, pose, receiver_at(pose, active), facet_point, seen)
 
         # local basis: s across the plane of incidence, p along the field in it
         across = dr.cross(direction, normal)
@@ -292,7 +310,12 @@ def _trace_chunk(geometry, table, launch, transmit, receive, start, stop, max_bo
                 component.append(common * dr.dot(receive_axis, electric + magnetic))
             outputs.append(component)
             next_fields.append((r_re, r_im))
-        results.append(_collect(dr, mi, outputs, seen, pose, bounce, length, length_out, departure, outgoing, start))
+        if prune:
+            level = sum(re * re + im * im for re, im in outputs) * mi.Float(dr.opaque(mi.Float, 1 / len(outputs)))
+            dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, pose, seen)
+            dr.eval(outputs, seen, level, strongest)
+            seen &= level >= prune * prune * dr.gather(mi.Float, strongest, pose, seen)
+        results.append(_collect(dr, mi, outputs, seen, pose, tube, bounce, length, length_out, departure, outgoing))
         if bounce == max_bounces:
             break
 
@@ -307,15 +330,15 @@ def _trace_chunk(geometry, table, launch, transmit, receive, start, stop, max_bo
             break
         pick = lambda x, i=alive: dr.gather(type(x), x, i)  # noqa: E731
         origin, direction, foot_u, foot_v, departure = map(pick, (origin, direction, foot_u, foot_v, departure))
-        weight, length, pose = map(pick, (weight, length, pose))
+        weight, length, pose, tube = map(pick, (weight, length, pose, tube))
         fields = [(pick(re), pick(im)) for re, im in fields]
         active = dr.full(mi.Bool, True, dr.width(alive))
     return [r for r in results if r is not None]
 
 
-def _blocked(dr: Any, mi: Any, occluder: Occluder, chosen: slice, pose: Any, start: Any, end: Any, active: Any) -> Any:
+def _blocked(dr: Any, mi: Any, occluder: Occluder, pose: Any, start: Any, end: Any, active: Any) -> Any:
     """Whether static geometry stands between two points given in the object's frame, short of either by 0.1 mm."""
-    rotation, translation = occluder.rotation[chosen], occluder.translation[chosen]
+    rotation, translation = occluder.rotation, occluder.translation
     columns = [[mi.Float(np.ascontiguousarray(rotation[:, i, j], np.float32)) for j in range(3)] for i in range(3)]
     shift = [mi.Float(np.ascontiguousarray(translation[:, i], np.float32)) for i in range(3)]
     matrix = [[dr.gather(mi.Float, columns[i][j], pose, active) for j in range(3)] for i in range(3)]
@@ -331,7 +354,7 @@ def _blocked(dr: Any, mi: Any, occluder: Occluder, chosen: slice, pose: Any, sta
     return occluder.geometry.scene().ray_test(ray, active)
 
 
-def _collect(dr, mi, outputs, seen, pose, bounce, length, length_out, departure, outgoing, start):  # noqa: PLR0913
+def _collect(dr, mi, outputs, seen, pose, tube, bounce, length, length_out, departure, outgoing):  # noqa: PLR0913
     """Contributing hits to host arrays; amplitudes become conj(-j x) = +j conj(x)."""
     keep = dr.compress(seen)
     if dr.width(keep) == 0:
@@ -344,6 +367,6 @@ def _collect(dr, mi, outputs, seen, pose, bounce, length, length_out, departure,
     arrival = -host(outgoing).T
     count = dr.width(keep)
     return Hits(
-        host(pose).astype(int) + start, np.full(count, bounce), amplitude, host(length),
+        host(pose).astype(int), host(tube).astype(int), np.full(count, bounce), amplitude, host(length),
         host(mi.Float64(length_out)), host(departure).T.astype(float), arrival.astype(float),
     )  # fmt: skip
