@@ -231,4 +231,4 @@ def _positions(radar: str, name: str, positions: Any) -> tuple[Position, ...]:
         array = np.empty(0)
     if array.ndim != 2 or array.shape[0] < 1 or array.shape[-1] != 3 or not np.isfinite(array).all():
         raise InputError(f"radar {radar}: {name} must be one or more finite (x, y, z) positions in metres")
-    return tuple((float(p[0]), float(p[1]), float(p[2])) for p in array)
+    return tuple((float(x), float(y), float(z)) for x, y, z in zip(*array.T, strict=True))

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radartwin import files
 from radartwin.errors import MissingError, OutputError, RecordingError
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
@@ -98,9 +99,9 @@ class Recording:
         bin_path, json_path = recording_files(path)
         swapped = self.iq_swapped if iq_swapped is None else iq_swapped
         scale = self._peak_scale() if self.scale is None else self.scale
-        temporary = {p: p.with_name(f".{p.name}.{os.getpid()}.tmp") for p in (bin_path, json_path)}
+        files.make_folder(bin_path.parent)
+        temporary = {p: p.with_name(f".{p.name}.{os.getpid()}{files.TEMPORARY}") for p in (bin_path, json_path)}
         try:
-            bin_path.parent.mkdir(parents=True, exist_ok=True)
             saturated = 0
             with temporary[bin_path].open("wb") as stream:
                 for block in self.frame_blocks():
