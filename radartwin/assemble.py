@@ -91,7 +91,7 @@ def build_start(config: TrajectoryConfig, room: Scene) -> np.ndarray:
     else:
         position = rooms.lab_bench(config.height_m).sensor_pose[:3, 3]
     heading = np.radians(config.heading_deg)
-    return trajectory.look_at(position, position + [np.cos(heading), np.sin(heading), 0.0])
+    return trajectory.look_at(position, position + np.array([np.cos(heading), np.sin(heading), 0.0]))
 
 
 def build_course(config: TrajectoryConfig, radar: Radar, start: np.ndarray) -> Course:

@@ -151,9 +151,9 @@ def _simulate(options: argparse.Namespace) -> int:
     from radartwin.compose import compose
 
     config = compose(_given(options), options.config_dir)
-    recording = simulate_scene(config, noise=options.noise)
     path = options.out or Path(config.output) / "recordings" / config.scene.name
-    files.sweep(files.make_folder(path.parent), deep=False)
+    files.sweep(files.check_folder(path.parent), deep=False)
+    recording = simulate_scene(config, noise=options.noise)
     recording.save(path)
     print(f"{path}.bin, {path}.json: {recording.iq.shape[0]} frames")
     return 0
@@ -166,7 +166,7 @@ def _process(options: argparse.Namespace) -> int:
     from radartwin.radar.maps import Chain
 
     out = options.out or options.output / "processed" / options.recording.name.split(".")[0]
-    files.sweep(files.make_folder(out), deep=False)
+    files.sweep(files.check_folder(out), deep=False)
     radar = options.radar and radar_file(options.radar)
     peaks = inspect(
         options.recording, out, radar, iq_swapped=options.iq_swapped, chain=Chain(static_removed=options.moving)

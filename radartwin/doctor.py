@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from radartwin import __version__
+from radartwin import __version__, files
+from radartwin.errors import OutputError
 from radartwin.provenance import commit
 
 LIBRARIES = ("mitsuba", "drjit", "numpy", "scipy", "trimesh", "hydra-core", "mlflow", "matplotlib")
@@ -94,12 +95,14 @@ def _cpus() -> Finding:
 
 
 def _disk(output: Path) -> Finding:
+    try:
+        files.check_folder(output)
+    except OutputError as error:
+        return Finding("disk", "missing", str(error), "give a folder that can be written with --output DIR")
     folder = output.absolute()
     while not folder.exists():
         folder = folder.parent
     free = shutil.disk_usage(folder).free / 1e9
-    if not (folder.is_dir() and os.access(folder, os.W_OK)):
-        return Finding("disk", "missing", f"{folder} cannot be written", "choose another folder with --output DIR")
     enough = free >= DISK_NEEDED_GB
     remedy = "" if enough else f"free {DISK_NEEDED_GB:g} GB or choose another folder with --output DIR"
     return Finding("disk", "ok" if enough else "note", f"{free:.0f} GB free in {folder}", remedy)

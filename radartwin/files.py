@@ -17,16 +17,29 @@ TEMPORARY = ".tmp"  # suffix of everything unfinished, so that a start can sweep
 LOCK = "lock"  # inside an unfinished folder, held while somebody fills it
 
 
+def check_folder(folder: Path) -> Path:
+    """Refuse a folder that cannot be written or made, without making it: before long work, not after.
+
+    Raises:
+        OutputError: naming what is in the way.
+    """
+    existing = Path(folder).absolute()
+    while not existing.exists():
+        existing = existing.parent
+    if not existing.is_dir():
+        raise OutputError(f"{folder}: {existing} is not a folder; choose another place for the output")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise OutputError(f"{folder}: {existing} cannot be written; choose another place for the output")
+    return folder
+
+
 def make_folder(folder: Path) -> Path:
-    """Create the folder, or say in one line why it cannot be written."""
+    """Create the folder. Raises OutputError where it cannot be made or written."""
+    check_folder(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(
-            f"{folder}: cannot create this folder ({error.strerror}); choose another with --output DIR"
-        ) from None
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise OutputError(f"{folder}: this folder cannot be written; choose another with --output DIR")
+        raise OutputError(f"{folder}: cannot be made ({error.strerror}); choose another place for the output") from error
     return folder
 
 

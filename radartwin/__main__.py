@@ -1,0 +1,8 @@
+"""`python -m radartwin` is the command line."""
+
+import sys
+
+from radartwin.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

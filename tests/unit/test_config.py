@@ -1,0 +1,97 @@
+"""Every mistake in a configuration is one line that names it, and what would have been right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from radartwin import compose as composer
+from radartwin.compose import compose
+from radartwin.config import Config, GapConfig
+from radartwin.errors import ConfigError, MissingError
+
+MISTAKES = {
+    "a key that does not exist": (["scene.nme=x"], ("scene.nme", "did you mean name", "target_size_m")),
+    "a key added with a plus": (["+scene.colour=red"], ("scene.colour", "target_size_m")),
+    "a group that does not exist": (["sene=lab"], ("sene", "did you mean scene", "materials")),
+    "an option that does not exist": (["scene=labb"], ("scene=labb", "did you mean lab", "empty", "plate", "scan")),
+    "an experiment that does not exist": (["experiment=enviroment"], ("enviroment", "did you mean environment")),
+    "a word for a whole number": (["radar.num_samples=many"], ("radar.num_samples", "many", "Integer")),
+    "a word in a list of numbers": (["experiment.distances_m=[near]"], ("experiment.distances_m[0]", "near")),
+    "null for an option": (["scene=null"], ("scene=null", "lab")),
+    "null where a value is needed": (["output=null"], ("output", "not Optional")),
+    "a value outside its range": (["simulator.max_bounces=0"], ("simulator.max_bounces=0", "above zero")),
+    "a value that is not a choice": (["simulator.variant=gpu"], ("simulator.variant=gpu", "auto", "llvm", "cuda")),
+    "a negative gap": (["measured.gap.clutter=-1"], ("measured.gap.clutter=-1", "zero")),
+    "an unreadable override": (["scene=["], ("scene=[",)),
+    "a sweep without -m": (["scene=lab,empty"], ("scene=lab,empty", "-m")),
+    "an interpolation to nowhere": (["scene.path=${nowhere}"], ("scene.path", "nowhere")),
+    "scan without path": (["scene=scan"], ("scene=scan", "scene.path")),
+    "path without scan": (["scene.path=room.glb"], ("scene.path", "scene=scan")),
+    "radar file without file": (["radar=file"], ("radar=file", "radar.file")),
+    "recordings without folder": (["measured=recordings"], ("measured=recordings", "measured.folder")),
+    "true materials of a scan": (["scene=scan", "scene.path=x.glb", "materials=true"], ("materials=true", "scan")),
+    "nothing to simulate": (["materials=void", "scene.target=none"], ("materials=void", "scene.target")),
+    "shots without few_shot": (["supervision.shots=3"], ("supervision.shots=3", "few_shot")),
+    "few_shot without shots": (["supervision=few_shot", "supervision.shots=0"], ("supervision.shots", "at least 1")),
+    "server without tracking": (["tracking=off", "tracking.uri=http://localhost:5000"], ("tracking=off", "mlflow")),
+    "a sweep through the target": (["trajectory=depth", "trajectory.distance_m=0.5"], ("trajectory.length_m", "0.5")),
+}
+
+
+@pytest.mark.parametrize(("overrides", "words"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_is_one_line_that_names_it(overrides: list[str], words: tuple[str, ...]) -> None:
+    with pytest.raises(ConfigError) as caught:
+        compose(overrides)
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_every_shipped_option_composes_or_says_what_it_needs() -> None:
+    needs = {"scene=scan", "radar=file", "measured=recordings"}
+    for group, options in composer.groups().items():
+        for option in options:
+            override = f"{group}={option}"
+            if override in needs:
+                with pytest.raises(ConfigError, match="needs"):
+                    compose([override])
+            else:
+                compose([override])
+
+
+def test_the_option_named_true_is_an_option_and_not_a_boolean() -> None:
+    assert compose(["materials=true"]).materials.source == "true"
+    assert composer.quoted(["materials=vlm,true", "radar.real_sampling=true"]) == [
+        "materials=vlm,'true'",
+        "radar.real_sampling=true",
+    ]
+
+
+def test_defaults_of_the_dataclasses_and_of_the_files_agree() -> None:
+    composed, built = compose(), Config()
+    assert composed.simulator == built.simulator
+    assert composed.profile == built.profile
+    assert composed.measured.gap == GapConfig()
+
+
+def test_an_experiment_file_sets_other_groups_and_yields_to_the_command_line() -> None:
+    assert compose(["experiment=environment"]).experiment.distances_m == [0.5, 1.0, 1.5, 2.0]
+    assert compose(["experiment=environment", "experiment.distances_m=[3]"]).experiment.distances_m == [3.0]
+    assert compose(["experiment=environment", "scene=empty"]).scene.name == "empty"
+
+
+def test_a_users_folder_adds_options(tmp_path: Path) -> None:
+    folder = tmp_path / "my conf" / "scene"
+    folder.mkdir(parents=True)
+    (folder / "mine.yaml").write_text("name: lab\ntarget: sphere\n")
+    assert compose(["scene=mine"], [folder.parent]).scene.target == "sphere"
+    with pytest.raises(MissingError, match="no_such_folder"):
+        compose([], [tmp_path / "no_such_folder"])
+
+
+def test_a_path_with_spaces_and_signs_survives(tmp_path: Path) -> None:
+    strange = tmp_path / "a b, 'c' = {d}"
+    assert compose([composer.path_override("output", strange)]).output == str(strange)
