@@ -6,9 +6,9 @@ wavelength, so that TX1 and TX3 with four receivers make eight half-wavelength c
 xWR1642BOOST user's guide (TI SWRU521): two transmitters two wavelengths apart.
 
 Channels run towards +y: the mmWave SDK demo takes a phase that grows with the channel number for a target on its
-right. The guides give spacings in wavelengths but not the gap between the two groups, which stand side by side; two
-wavelengths is assumed. It lengthens every two-way path alike, by 0.1 mm at 0.5 m. The origin of the sensor frame is
-the middle between the two groups' centres, so transmit plus receive positions of the azimuth channels average to zero.
+right. The guides give the spacings within the two groups but not the distance between the groups, which stand side by
+side a few wavelengths apart; both are centred at the origin of the sensor frame here. At 0.5 m that shortens the
+two-way path by about 0.1 mm, nearly alike on all channels.
 """
 
 from __future__ import annotations
@@ -18,8 +18,6 @@ from dataclasses import dataclass
 from radartwin.constants import SPEED_OF_LIGHT
 
 Position = tuple[float, float, float]
-
-_GROUP_GAP = 2.0  # wavelengths between the nearest transmitter and receiver; see above
 
 
 @dataclass(frozen=True)
@@ -36,11 +34,10 @@ def _board(name: str, design_frequency_hz: float, tx: tuple[tuple[float, float],
     """A board from (azimuth, elevation) transmitter offsets in wavelengths; four receivers half a wavelength apart."""
     wavelength = SPEED_OF_LIGHT / design_frequency_hz
     tx_width, rx_width = max(y for y, _ in tx), 1.5
-    half = 0.25 * (tx_width + rx_width) + 0.5 * _GROUP_GAP  # half the distance between the centres of the groups
     return Board(
         name,
-        tuple((0.0, (y - tx_width / 2 + half) * wavelength, z * wavelength) for y, z in tx),
-        tuple((0.0, (0.5 * n - rx_width / 2 - half) * wavelength, 0.0) for n in range(4)),
+        tuple((0.0, (y - tx_width / 2) * wavelength, z * wavelength) for y, z in tx),
+        tuple((0.0, (0.5 * n - rx_width / 2) * wavelength, 0.0) for n in range(4)),
         element,
     )
 

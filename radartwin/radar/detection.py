@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError
 from radartwin.radar.cfar import ca_cfar, os_cfar
 from radartwin.radar.chirp import Radar
@@ -114,11 +115,11 @@ def detect(
     columns = [decibels[doppler_cell, _neighbour(range_cell, step, power.shape[1], radar)] for step in (-1, 0, 1)]
     doppler_shift, doppler_gain = _parabola(rows)
     range_shift, range_gain = _parabola(columns)
-    velocity = maps.velocity_mps[doppler_cell] + doppler_shift * np.diff(maps.velocity_mps[:2]).sum()
+    velocity_step = 2 * radar.max_velocity_mps / len(power)
     peaks = Peaks(
         range_m=maps.range_m[range_cell] + range_shift * maps.range_m[1],
-        velocity_mps=velocity,
-        azimuth_rad=_azimuths(iq, radar, chain, cells),
+        velocity_mps=maps.velocity_mps[doppler_cell] + doppler_shift * velocity_step,
+        azimuth_rad=_azimuths(iq, radar, chain, cells, doppler_shift * velocity_step),
         power=10 ** ((rows[1] + doppler_gain + range_gain) / 10),
     )
     order = np.argsort(-peaks.power, kind="stable")
@@ -200,15 +201,21 @@ def _parabola(decibels: list[Real]) -> tuple[Real, Real]:
     return shift, slope * shift + 0.5 * curvature * shift**2
 
 
-def _azimuths(iq: Complex, radar: Radar, chain: Chain, cells: NDArray[np.intp]) -> Real:
-    """Direction of the strongest Bartlett response of each cell, averaged over frames."""
+def _azimuths(iq: Complex, radar: Radar, chain: Chain, cells: NDArray[np.intp], residual_mps: Real) -> Real:
+    """Direction of the strongest Bartlett response of each cell, averaged over frames; NaN for a single channel.
+
+    Args:
+        residual_mps: velocity beyond the Doppler bin's own, whose turn between transmitters is still in the bin.
+    """
     if radar.num_tx * radar.num_rx == 1:
         return np.full(len(cells), np.nan)
     doppler_cell, range_cell = cells.T
+    residual_hz = 2 * residual_mps * radar.center_frequency_hz / SPEED_OF_LIGHT
+    turn = np.exp(-2j * np.pi * residual_hz[:, None] * radar.chirp_times()[0])
     power = np.zeros((len(cells), len(_AZIMUTH_RAD)))
     for _, _, block in spectra(iq, radar, chain):
         snapshots = block[:, doppler_cell, :, :, range_cell]  # (cell, frame, tx, rx), as NumPy orders split indices
-        power += azimuth_spectrum(snapshots, radar, _AZIMUTH_RAD).sum(axis=1)
+        power += azimuth_spectrum(snapshots * turn[:, None, :, None], radar, _AZIMUTH_RAD).sum(axis=1)
     top = np.argmax(power, axis=1)
     inner = np.clip(top, 1, len(_AZIMUTH_RAD) - 2)
     decibels = 10 * np.log10(np.maximum(power, np.finfo(np.float64).tiny))

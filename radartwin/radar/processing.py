@@ -40,7 +40,7 @@ def range_axis(radar: Radar, bins: int) -> Real:
     """Centres of the range bins of range_fft in metres, shape (bins,), or (bins // 2,) for real sampling."""
     used = bins // 2 if radar.real_sampling else bins
     fold_m = radar.sample_rate_hz * SPEED_OF_LIGHT / (2 * radar.slope_hz_per_s)
-    return np.arange(used, dtype=np.float64) * (fold_m / bins)
+    return np.linspace(0.0, fold_m, bins, endpoint=False)[:used]
 
 
 def velocity_axis(radar: Radar, bins: int) -> Real:
