@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 from radartwin.materials import check_name
-from radartwin.reconstruct.flatten import flattened
+from radartwin.reconstruct.flatten import flattened, onto_plane
 from radartwin.reconstruct.mesh_file import Axis, Unit, load_scan
 from radartwin.reconstruct.segment import PlanarRegionGrowing, Segment, Segmenter
 from radartwin.scene.scene import Scene, Surface
@@ -58,7 +58,7 @@ def reconstruct(
     distance = np.linalg.norm(moved - mesh.vertices, axis=1)
     surfaces = []
     for segment, name in zip(segments, segment_names(mesh, segments), strict=True):
-        piece = _piece(moved, np.asarray(mesh.faces)[segment.faces], segment.normal if flatten else None)
+        piece = _piece(moved, np.asarray(mesh.faces)[segment.faces], segment if flatten else None)
         if piece is not None:
             label = {"source": "uniform", "planar": segment.normal is not None}
             surfaces.append(Surface(piece, material, name, role="room", provenance=label))
@@ -78,7 +78,7 @@ def reconstruct(
 
 
 def segment_names(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> list[str]:
-    """What the geometry says of each segment: floor, ceiling, wall_1, level_1, plane_1, part_1; numbered by area.
+    """What the geometry says of each segment: floor, ceiling, wall_1, level_1, plane_1, part_1; numbered in order.
 
     The floor is the largest level plane that faces up, the ceiling the largest that faces down above it.
     """
@@ -98,9 +98,9 @@ def segment_names(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> list[st
     if ceiling is not None:
         names[ceiling] = "ceiling"
     counts: dict[str, int] = {}
-    for k in order:
+    for k, segment in enumerate(segments):
         if not names[k]:
-            kind = _kind(segments[k], vertical(k))
+            kind = _kind(segment, vertical(k))
             counts[kind] = counts.get(kind, 0) + 1
             names[k] = f"{kind}_{counts[kind]}"
     return names
@@ -114,14 +114,18 @@ def _kind(segment: Segment, vertical: float) -> str:
     return "wall" if abs(vertical) < UPRIGHT and segment.area_m2 >= MIN_WALL_M2 else "plane"
 
 
-def _piece(vertices: np.ndarray, faces: np.ndarray, normal: np.ndarray | None) -> trimesh.Trimesh | None:
-    """The faces as a mesh of their own, less the ones flattening collapsed; flat ones carry their plane's normal."""
+def _piece(vertices: np.ndarray, faces: np.ndarray, flat: Segment | None) -> trimesh.Trimesh | None:
+    """The faces as a mesh of their own, on their plane if `flat` has one, less the ones flattening collapsed."""
+    used, faces = np.unique(faces, return_inverse=True)
+    faces = faces.reshape(-1, 3)
+    vertices = vertices[used] if flat is None else onto_plane(vertices[used], flat)
     corners = vertices[faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
     faces = faces[area > MIN_HEIGHT_M * np.maximum(longest, 1e-12)]
     if len(faces) == 0:
         return None
-    used, faces = np.unique(faces, return_inverse=True)
-    normals = None if normal is None else np.tile(normal, (len(used), 1))
-    return trimesh.Trimesh(vertices[used], faces.reshape(-1, 3), vertex_normals=normals, process=False)
+    normals = None if flat is None or flat.normal is None else np.tile(flat.normal, (len(vertices), 1))
+    mesh = trimesh.Trimesh(vertices, faces, vertex_normals=normals, process=False)
+    mesh.remove_unreferenced_vertices()
+    return mesh

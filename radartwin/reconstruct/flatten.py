@@ -1,8 +1,8 @@
 """Planar segments projected onto their planes.
 
-Depth noise of a scan is millimetres to centimetres, one to several wavelengths at 77 GHz. Left in, a painted wall scatters
-like rubble: its specular return is gone and a diffuse one that does not exist takes its place. A plane fitted to
-thousands of faces is good to a fraction of a millimetre, so the plane is what is kept.
+Depth noise of a scan is millimetres to centimetres, one to several wavelengths at 77 GHz. Left in, a painted wall
+scatters like rubble: its specular return is gone and a diffuse one that does not exist takes its place. Over thousands
+of faces the noise of the fitted plane averages down to a fraction of a millimetre, so the plane is what is kept.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ def flattened(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> np.ndarray:
     """Vertices (V, 3) moved by the least distance that puts each on all the planes whose faces use it.
 
     Vertices on a wall and the floor end on their intersection line, so surfaces stay joined; vertices of no plane stay.
+    Between nearly parallel planes they end in the middle, and `onto_plane` settles it per segment.
     """
     planes = [s for s in segments if s.normal is not None]
     vertices = np.array(mesh.vertices, dtype=np.float64)
@@ -45,3 +46,10 @@ def flattened(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> np.ndarray:
         move[far] = -(x[far] @ n[0] - d[0])[:, None] * n[0]
         vertices[indices] = x + move
     return vertices
+
+
+def onto_plane(vertices: np.ndarray, segment: Segment) -> np.ndarray:
+    """Vertices (V, 3) projected onto the segment's plane; unchanged for a part that has none."""
+    if segment.normal is None:
+        return vertices
+    return vertices - (vertices @ segment.normal - segment.offset_m)[:, None] * segment.normal

@@ -28,9 +28,7 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
         raise MeshError(f"{where}: a face names vertex {int(faces.max())} of a mesh with {len(vertices)} vertices")
     bad = ~np.isfinite(vertices).all(axis=1)
     if bad.any():
-        raise MeshError(
-            f"{where}: {int(bad.sum())} of {len(vertices)} vertices are NaN or infinite; repair or export it again"
-        )
+        raise MeshError(f"{where}: {int(bad.sum())} of {len(vertices)} vertices are NaN or infinite; repair or export it again")
     used = vertices[faces.reshape(-1)]
     extent = float(np.ptp(used, axis=0).max())
     if extent > MAX_EXTENT_M:

@@ -13,9 +13,7 @@ from radartwin.errors import MeshError, MissingError
 MESH_SUFFIXES = (".glb", ".ply", ".obj")
 
 
-def read_meshes(
-    source: str | Path | IO[bytes], file_type: str | None = None, name: str | Path | None = None
-) -> dict[str, trimesh.Trimesh]:
+def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, name: str | Path | None = None) -> dict[str, trimesh.Trimesh]:
     """Triangle meshes of a file by name, with the transforms of its nodes applied and nothing merged or dropped.
 
     Args:

@@ -47,9 +47,7 @@ def trihedral(leg_m: float, origin: Literal["apex", "aperture"] = "apex") -> tri
     """
     _positive(leg_m=leg_m)
     azimuth = np.radians([90.0, 210.0, 330.0])
-    legs = leg_m * np.stack(
-        [np.full(3, 1 / np.sqrt(3)), np.sqrt(2 / 3) * np.cos(azimuth), np.sqrt(2 / 3) * np.sin(azimuth)], axis=1
-    )
+    legs = leg_m * np.stack([np.full(3, 1 / np.sqrt(3)), np.sqrt(2 / 3) * np.cos(azimuth), np.sqrt(2 / 3) * np.sin(azimuth)], axis=1)
     apex = np.zeros(3) if origin == "apex" else np.array([-leg_m / np.sqrt(3), 0, 0])
     mesh = _flat([[apex, apex + legs[k], apex + legs[(k + 1) % 3]] for k in range(3)])
     return mesh
@@ -93,9 +91,7 @@ def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: 
     """
     profile = np.asarray(profile_m, dtype=np.float64)
     if profile.ndim != 2 or profile.shape[0] < 2 or profile.shape[1] != 2 or (profile[:, 0] < 0).any() or segments < 3:
-        raise MeshError(
-            "revolution: give a profile of at least two (radius >= 0, height) points and at least 3 segments"
-        )
+        raise MeshError("revolution: give a profile of at least two (radius >= 0, height) points and at least 3 segments")
     steps = np.diff(profile, axis=0)
     normals = np.stack([steps[:, 1], -steps[:, 0]], axis=1) / np.linalg.norm(steps, axis=1, keepdims=True)
     azimuth = 2 * np.pi * np.arange(segments) / segments
@@ -117,9 +113,7 @@ def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: 
         elif profile[k, 0] > 0:
             faces[-1] = np.stack([low, low_next, high], axis=1)
         count += 2 * segments
-    mesh = trimesh.Trimesh(
-        np.vstack(vertices), np.vstack(faces), vertex_normals=np.vstack(vertex_normals), process=False
-    )
+    mesh = trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), vertex_normals=np.vstack(vertex_normals), process=False)
     return _without_doubles(mesh)
 
 
@@ -181,9 +175,7 @@ def _without_doubles(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     faces = inverse.reshape(-1)[mesh.faces]
     used, faces = np.unique(faces, return_inverse=True)
     keep = first[used]
-    return trimesh.Trimesh(
-        mesh.vertices[keep], faces.reshape(-1, 3), vertex_normals=mesh.vertex_normals[keep], process=False
-    )
+    return trimesh.Trimesh(mesh.vertices[keep], faces.reshape(-1, 3), vertex_normals=mesh.vertex_normals[keep], process=False)
 
 
 def _positive(**lengths: float) -> None:

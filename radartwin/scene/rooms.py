@@ -218,7 +218,5 @@ def _clutter(length: float, width: float) -> list[Surface]:
     return [_truth(name, mesh, material) for name, mesh, material in zip(CLUTTER, items, stuff, strict=True)]
 
 
-def _truth(
-    name: str, mesh: trimesh.Trimesh, material: str | Layered, role: Literal["object", "room"] = "room"
-) -> Surface:
+def _truth(name: str, mesh: trimesh.Trimesh, material: str | Layered, role: Literal["object", "room"] = "room") -> Surface:
     return Surface(mesh, material, name, role=role, provenance={"source": "true"})

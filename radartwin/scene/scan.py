@@ -50,9 +50,7 @@ def as_scanned(
     )
 
 
-def _displaced(
-    surface: Surface, rng: np.random.Generator, offset_m: float, tilt_deg: float, vertex_noise_m: float
-) -> Surface:
+def _displaced(surface: Surface, rng: np.random.Generator, offset_m: float, tilt_deg: float, vertex_noise_m: float) -> Surface:
     vertices = np.asarray(surface.mesh.vertices)
     centre = vertices.mean(axis=0)
     axes = np.linalg.svd(vertices - centre, full_matrices=False)[2]  # the last spans the normal of a plane

@@ -65,9 +65,7 @@ class Surface:
 
             materials.check_name(self.material)
         if not (np.isfinite(self.roughness_m) and self.roughness_m >= 0):
-            raise SceneError(
-                f"{where}: roughness_m is {self.roughness_m}; give a finite height deviation >= 0 in metres"
-            )
+            raise SceneError(f"{where}: roughness_m is {self.roughness_m}; give a finite height deviation >= 0 in metres")
         if self.role not in ("auto", "object", "room"):
             raise SceneError(f"{where}: role is {self.role!r}; choose auto, object or room")
 
@@ -104,9 +102,7 @@ class Scene:
         surfaces = tuple(surfaces)
         for surface in surfaces:
             if not isinstance(surface, Surface):
-                raise SceneError(
-                    f"a scene is made of Surface, not {type(surface).__name__}; use Surface(mesh, material)"
-                )
+                raise SceneError(f"a scene is made of Surface, not {type(surface).__name__}; use Surface(mesh, material)")
         object.__setattr__(self, "surfaces", surfaces)
         object.__setattr__(self, "provenance", dict(provenance or {}))
 
@@ -182,9 +178,7 @@ class Scene:
         entries = []
         for index, surface in enumerate(self.surfaces):
             key = f"s{index:05d}"
-            mesh = trimesh.Trimesh(
-                surface.mesh.vertices, surface.mesh.faces, vertex_normals=surface.mesh.vertex_normals, process=False
-            )
+            mesh = trimesh.Trimesh(surface.mesh.vertices, surface.mesh.faces, vertex_normals=surface.mesh.vertex_normals, process=False)
             out.add_geometry(mesh, node_name=key, geom_name=key)
             entries.append(
                 {
@@ -236,9 +230,7 @@ class Scene:
             path = path.parent
         if path.is_dir():
             if material is not None:
-                raise SceneError(
-                    f"scene {path} carries its own materials; relabel it through a material source instead of material="
-                )
+                raise SceneError(f"scene {path} carries its own materials; relabel it through a material source instead of material=")
             return _load_folder(path)
         return _load_plain(path, material)
 
@@ -271,9 +263,7 @@ def material_from_json(value: Any) -> str | Layered:
 def _load_folder(folder: Path) -> Scene:
     for part in ("manifest.json", "scene.glb"):
         if not (folder / part).is_file():
-            raise MissingError(
-                f"scene folder {folder} has no {part}; write it with Scene.save or radartwin reconstruct"
-            )
+            raise MissingError(f"scene folder {folder} has no {part}; write it with Scene.save or radartwin reconstruct")
     glb = (folder / "scene.glb").read_bytes()
     try:
         manifest = json.loads((folder / "manifest.json").read_text())
@@ -281,13 +271,9 @@ def _load_folder(folder: Path) -> Scene:
         if manifest["format"] != FORMAT or manifest["version"] != VERSION:
             raise KeyError("format")
     except (ValueError, KeyError, TypeError) as error:
-        raise SceneError(
-            f"{folder / 'manifest.json'} is not a {FORMAT} version {VERSION} manifest; save the scene again"
-        ) from error
+        raise SceneError(f"{folder / 'manifest.json'} is not a {FORMAT} version {VERSION} manifest; save the scene again") from error
     if manifest.get("sha256") != hashlib.sha256(glb).hexdigest():
-        raise SceneError(
-            f"{folder / 'scene.glb'} is not the geometry its manifest.json describes; save the scene again"
-        )
+        raise SceneError(f"{folder / 'scene.glb'} is not the geometry its manifest.json describes; save the scene again")
     meshes = read_meshes(io.BytesIO(glb), "glb", folder / "scene.glb")
     surfaces = []
     for entry in entries:

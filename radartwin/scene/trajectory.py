@@ -87,17 +87,13 @@ def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -
     return out
 
 
-def depth_sweep(
-    start: np.ndarray, length_m: float = 1.0, speed_mps: float = 0.2, frame_rate_hz: float = 10.0
-) -> np.ndarray:
+def depth_sweep(start: np.ndarray, length_m: float = 1.0, speed_mps: float = 0.2, frame_rate_hz: float = 10.0) -> np.ndarray:
     """Sensor poses (F, 4, 4) driving forward along the boresight of `start` (negative length: backing off)."""
     start = np.asarray(start, dtype=np.float64)
     return _sweep(start, start[:3, 0], length_m, speed_mps, frame_rate_hz)
 
 
-def lateral_sweep(
-    middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 0.24, frame_rate_hz: float = 10.0
-) -> np.ndarray:
+def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 0.24, frame_rate_hz: float = 10.0) -> np.ndarray:
     """Sensor poses (F, 4, 4) driving to the left past `middle`, half the length before it and half behind."""
     middle = np.asarray(middle, dtype=np.float64)
     out = _sweep(middle, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
