@@ -14,7 +14,7 @@ import hashlib
 import importlib.util
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -113,28 +113,39 @@ def imports(name: str) -> frozenset[str]:
         return frozenset()
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _executed(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             for alias in node.names:
-                found |= _module_and_lazy(alias.name)
+                found |= {alias.name, *_on_demand(alias.name).values()}
         elif isinstance(node, ast.ImportFrom):
             base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
             for alias in node.names:
                 submodule = f"{base}.{alias.name}"
-                found |= {submodule, base} if _source(submodule) else _module_and_lazy(base)
+                found |= {base, submodule if _source(submodule) else _on_demand(base).get(alias.name, base)}
     return frozenset(_parents(m for m in found if _source(m)) - {name})
 
 
-def _module_and_lazy(name: str) -> set[str]:
-    """The module, and for a package with `__getattr__` every module it may load: their names stand in it as text."""
-    path = _source(name)
+def _executed(tree: ast.AST) -> Iterator[ast.AST]:
+    """The nodes of a module without what only a type checker reads."""
+    for node in ast.iter_child_nodes(tree):
+        if not (isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")):
+            yield node
+            yield from _executed(node)
+
+
+@functools.cache
+def _on_demand(package: str) -> dict[str, str]:
+    """Names a package loads on first use and the modules they come from: the dictionary its `__getattr__` looks in."""
+    path = _source(package)
     if path is None or path.name != "__init__.py":
-        return {name}
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    if not any(isinstance(n, ast.FunctionDef) and n.name == "__getattr__" for n in tree.body):
-        return {name}
-    text = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
-    return {name} | {t for t in text if t.startswith(f"{name}.") and t.replace(".", "").isidentifier() and _source(t)}
+        return {}
+    homes: dict[str, str] = {}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Dict):
+            for key, value in zip(node.keys, node.values, strict=True):
+                if isinstance(key, ast.Constant) and isinstance(value, ast.Constant) and _source(str(value.value)):
+                    homes[str(key.value)] = str(value.value)
+    return homes
 
 
 def _parents(names: Iterable[str]) -> set[str]:

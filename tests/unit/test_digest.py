@@ -67,7 +67,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def fresh(root: str) -> str:
     """The digest as a new process would see it."""
-    for function in (digest.import_closure, digest.imports, digest._tree_digest, digest._source):
+    for function in (digest.import_closure, digest.imports, digest._tree_digest, digest._source, digest._on_demand):
         function.cache_clear()
     return digest.source_digest([root])
 
@@ -88,9 +88,18 @@ def test_code_counts_and_its_comments_docstrings_and_layout_do_not(package: Path
     assert fresh("study_x.top") != base
 
 
-def test_names_that_a_package_loads_on_demand_belong_to_whoever_imports_the_package() -> None:
-    assert "radartwin.radar.chirp" in digest._module_and_lazy("radartwin")
-    assert "radartwin.simulation.simulate" not in digest.import_closure(("radartwin.constants",))
+def test_names_that_a_package_loads_on_demand_belong_to_whoever_imports_them(package: Path) -> None:
+    def reached(statement: str) -> frozenset[str]:
+        (package / "top.py").write_text(statement)
+        fresh("study_x.top")
+        return digest.import_closure(("study_x.top",))
+
+    everything = reached("import radartwin as rt\n")
+    assert {"radartwin.radar.chirp", "radartwin.simulation.simulate"} <= everything
+    radar = reached("from radartwin import Radar\n")
+    assert "radartwin.radar.chirp" in radar
+    assert "radartwin.simulation.simulate" not in radar
+    assert "radartwin.radar.chirp" not in reached("from radartwin import __version__\n")
 
 
 def test_an_unknown_module_is_refused() -> None:

@@ -1,0 +1,115 @@
+"""Tracking on a real SQLite store: complete after a run, intact after many processes, silent on the terminal."""
+
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from radartwin.config import TrackingConfig
+from radartwin.errors import ConfigError
+from radartwin.tracking import ARTIFACTS, DATABASE, Tracker, dashboard
+
+# SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
+pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
+
+
+def query(output: Path, statement: str) -> list[tuple]:
+    """What the database holds, read without mlflow."""
+    with closing(sqlite3.connect(output / DATABASE)) as connection:
+        return connection.execute(statement).fetchall()
+
+
+@pytest.fixture(scope="module")
+def output(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A store with a finished run, a failed one and a sweep of one child."""
+    folder = tmp_path_factory.mktemp("tracked")
+    tracker = Tracker(TrackingConfig(), folder)
+    artifact = folder / "result.json"
+    artifact.write_text("{}")
+    with tracker.run("environment", "a" * 32, "materials=void", {"materials": "void"}) as record:
+        record.metrics = {"correlation_2m": 0.42}
+        record.artifacts = [artifact]
+    with pytest.raises(RuntimeError), tracker.run("environment", "b" * 32, "x", {}):
+        raise RuntimeError("solver")
+    parent = tracker.sweep("environment", "materials=void,uniform")
+    with Tracker(TrackingConfig(parent_run_id=parent), folder).run("environment", "c" * 32, "y", {}):
+        pass
+    tracker.end_sweep(parent, finished=True)
+    yield folder
+
+
+def test_a_run_is_recorded_with_its_metrics_tags_and_artifacts(output: Path) -> None:
+    (run_id, status, name, artifacts) = query(
+        output,
+        "SELECT r.run_uuid, status, r.name, artifact_uri FROM runs r JOIN tags t ON t.run_uuid = r.run_uuid "
+        f"WHERE t.key = 'run_key' AND t.value = '{'a' * 32}'",
+    )[0]
+    assert (status, name) == ("FINISHED", "materials=void aaaaaaaa")
+    assert query(output, f"SELECT key, value FROM metrics WHERE run_uuid = '{run_id}'") == [("correlation_2m", 0.42)]
+    assert query(output, f"SELECT key, value FROM params WHERE run_uuid = '{run_id}'") == [("materials", "void")]
+    tags = dict(query(output, f"SELECT key, value FROM tags WHERE run_uuid = '{run_id}'"))
+    assert {"run_key", "table", "git_commit", "dirty"} <= set(tags)
+    assert artifacts.startswith((output / ARTIFACTS).as_uri())
+    assert (Path(artifacts.removeprefix("file://")) / "result.json").is_file()
+
+
+def test_a_failed_run_says_why(output: Path) -> None:
+    rows = query(output, "SELECT status, value FROM runs r JOIN tags t USING (run_uuid) WHERE t.key = 'error'")
+    assert rows == [("FAILED", "solver")]
+
+
+def test_the_runs_of_a_sweep_know_their_parent(output: Path) -> None:
+    parents = query(output, "SELECT value FROM tags WHERE key = 'mlflow.parentRunId'")
+    swept = query(output, "SELECT run_uuid FROM runs WHERE name = 'materials=void,uniform'")
+    assert parents == swept
+    assert len(parents) == 1
+
+
+def test_a_finished_run_is_known_and_a_failed_one_is_not(output: Path) -> None:
+    tracker = Tracker(TrackingConfig(), output)
+    assert tracker.known("environment", "a" * 32)
+    assert not tracker.known("environment", "b" * 32)
+
+
+OPENS = """
+import sys
+from pathlib import Path
+from radartwin.config import TrackingConfig
+from radartwin.tracking import Tracker
+
+number, output = sys.argv[1:]
+with Tracker(TrackingConfig(), Path(output)).run("environment", number * 32, number, {"number": number}) as record:
+    record.metrics = {"number": float(number)}
+"""
+
+
+def test_processes_that_open_a_fresh_store_at_once_all_get_their_run_in_it(tmp_path: Path) -> None:
+    def start(number: int) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", OPENS, str(number), str(tmp_path)]
+        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    said = [process.communicate(timeout=120) for process in [start(number) for number in range(4)]]
+    assert said == [("", "")] * 4, "a process failed, or mlflow talked"
+    assert query(tmp_path, "SELECT value FROM metrics ORDER BY value") == [(0.0,), (1.0,), (2.0,), (3.0,)]
+    assert query(tmp_path, "SELECT DISTINCT status FROM runs") == [("FINISHED",)]
+    assert {p.name for p in tmp_path.iterdir()} == {DATABASE}, "a lock or temporary file stayed"
+
+
+def test_tracking_off_touches_nothing(tmp_path: Path) -> None:
+    tracker = Tracker(TrackingConfig(backend="off"), tmp_path)
+    tracker.prepare()
+    with tracker.run("environment", "a" * 32, "x", {}):
+        pass
+    tracker.end_sweep(tracker.sweep("environment", "x"), finished=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_server_of_its_own_is_not_served_again(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="http://127.0.0.1:9"):
+        dashboard(TrackingConfig(uri="http://127.0.0.1:9"), tmp_path, 5000)
