@@ -49,9 +49,7 @@ class Hardware:
 
     def apply(self, iq: np.ndarray, radar: Radar) -> np.ndarray:
         """Leakage and I/Q imbalance on samples [frame, chirp, tx, rx, sample]; quantisation happens when the recording is saved."""
-        frequency = (
-            radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
-        )
+        frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
         leakage = 10 ** (self.leakage_db / 20) * np.exp(2j * np.pi * frequency * self.leakage_path_m / SPEED_OF_LIGHT)
         signal = iq + leakage
         phase = np.radians(self.phase_imbalance_deg)

@@ -6,6 +6,7 @@ moving group is traced by itself in its own coordinates, all poses in few launch
 Not modelled here: paths between a moving group and the room, and the shadow a moving object casts on the room.
 """
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -25,7 +26,12 @@ FARTHEST_M = 12.0  # beyond the range fold nothing sharpens the room's grid
 NEAREST_M = 0.5
 MAX_AROUND = 6_000_000
 PRUNE = 1e-3  # of the strongest path of a pose and launch, antennas included: moves the signal of the furnished lab by 0.2 %
+AT_REST = 1e-12  # largest change of a pose that is no motion
+ROOMS_KEPT = 4  # static path sets in memory, some tens of megabytes each
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
+
+
+_traced: dict[str, Paths] = {}  # by digest of geometry, reflection, poses and settings; oldest first
 
 
 @dataclass(frozen=True)
@@ -51,9 +57,7 @@ class MitsubaBackend:
 
     settings: TraceSettings = TraceSettings()
 
-    def paths(
-        self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None
-    ) -> list[Paths]:
+    def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
         """Paths of every static part and moving group.
 
         Args:
@@ -67,24 +71,40 @@ class MitsubaBackend:
         variant.activate(self.settings.variant)
         motion = motion or {}
         static = [s for s in scene.surfaces if s.name not in motion]
-        resting = bool((np.abs(sensor_poses - sensor_poses[:1]) < 1e-12).all())
+        resting = bool((np.abs(sensor_poses - sensor_poses[:1]) < AT_REST).all())
         parts = []
-        room = self._static_geometry(static)
+        room = geometry_module.build([s.mesh for s in static])
         if static:
             poses = sensor_poses[:1] if resting else sensor_poses
-            parts.append(self._static_paths(static, room, radar, poses))
+            parts.append(self._static_paths_once(static, room, radar, poses))
         for names in _groups(motion):
             surfaces = [s for s in scene.surfaces if s.name in names]
             poses = motion[names[0]]
             parts.append(self._group_paths(surfaces, room if static else None, radar, sensor_poses, poses))
         return parts
 
-    @staticmethod
-    def _static_geometry(static: Sequence[Surface]) -> geometry_module.Geometry:
-        return geometry_module.build([s.mesh for s in static])
-
-    def _static_paths(self, static: Sequence[Surface], built: geometry_module.Geometry, radar: Radar, poses: np.ndarray) -> Paths:
+    def _static_paths_once(self, static: Sequence[Surface], built: geometry_module.Geometry, radar: Radar, poses: np.ndarray) -> Paths:
+        """Static paths, kept in memory: frames, objects and repetitions in the same room trace it once."""
         table = _table(static, radar)
+        parts = (built.corners, built.normals, built.surface, table.te, table.tm, table.frequencies_hz, poses)
+        total = hashlib.sha256(repr((self.settings, radar.element, radar.frame_rate_hz, [s.kind for s in static])).encode())
+        for part in parts:
+            total.update(np.ascontiguousarray(part).tobytes())
+        key = total.hexdigest()
+        if key not in _traced:
+            while len(_traced) >= ROOMS_KEPT:
+                _traced.pop(next(iter(_traced)))
+            _traced[key] = self._static_paths(static, built, table, radar, poses)
+        return _traced[key]
+
+    def _static_paths(
+        self,
+        static: Sequence[Surface],
+        built: geometry_module.Geometry,
+        table: reflection_table.ReflectionTable,
+        radar: Radar,
+        poses: np.ndarray,
+    ) -> Paths:
         labels: dict[object, int] = {}
         kinds = [labels.setdefault(s.name or i, len(labels) + 1) if s.kind == "object" else 0 for i, s in enumerate(static)]
         cluster = np.asarray(kinds)[built.surface]
@@ -96,7 +116,9 @@ class MitsubaBackend:
             launches += [(one, 0) for one in launch_module.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
         alone = not (cluster == 0).any()
         for label in range(1, len(labels) + 1):
-            part = geometry_module.Geometry(built.corners[cluster == label], built.normals[cluster == label], built.surface[cluster == label])
+            part = geometry_module.Geometry(
+                built.corners[cluster == label], built.normals[cluster == label], built.surface[cluster == label]
+            )
             if len(part.corners):
                 launches += [(one, label) for one in self._object_launches(part, sensor, radar, alone)]
         return self._collect(built, table, launches, sensor, velocity, cluster, None, radar)
@@ -111,6 +133,8 @@ class MitsubaBackend:
     ) -> Paths:
         built = geometry_module.build([s.mesh for s in surfaces])
         sensor, velocity = poses_module.relative(sensor_poses, poses, radar.frame_rate_hz)
+        if float(np.abs(sensor - sensor[:1]).max()) < AT_REST:  # seen alike in every frame
+            sensor, velocity, poses = sensor[:1], velocity[:1], poses[:1]
         occluder = None if room is None else tubes.Occluder(room, poses[:, :3, :3], poses[:, :3, 3])
         launches = [(one, 0) for one in self._object_launches(built, sensor, radar, room is None)]
         return self._collect(built, _table(surfaces, radar), launches, sensor, velocity, None, occluder, radar)
@@ -194,4 +218,3 @@ def _room_rays(built: geometry_module.Geometry, positions: np.ndarray, wavelengt
     away = np.maximum(np.abs(positions - low), np.abs(positions - high))
     distance = float(np.clip(np.linalg.norm(away, axis=1).max(), NEAREST_M, FARTHEST_M))
     return min(MAX_AROUND, int(6 * (2 / (WIDTH_RULE * np.sqrt(wavelength_m / distance))) ** 2))
-

@@ -56,9 +56,7 @@ def lagrange_basis(nodes_hz: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray
     return basis
 
 
-def build(
-    surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float | None = None
-) -> ReflectionTable:
+def build(surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float | None = None) -> ReflectionTable:
     """Tabulate surfaces given as (material, roughness_m).
 
     Args:

@@ -122,7 +122,9 @@ def trace(
     parts = []
     if chosen is None:
         per_chunk = max(1, TUBES_PER_LAUNCH // launch.per_pose)
-        blocks = [(start * launch.per_pose, min(start + per_chunk, launch.poses) * launch.per_pose) for start in range(0, launch.poses, per_chunk)]
+        blocks = [
+            (start * launch.per_pose, min(start + per_chunk, launch.poses) * launch.per_pose) for start in range(0, launch.poses, per_chunk)
+        ]
         tubes = [np.arange(low, high, dtype=np.uint32) for low, high in blocks]
     else:
         tubes = [chosen[k : k + TUBES_PER_LAUNCH].astype(np.uint32) for k in range(0, len(chosen), TUBES_PER_LAUNCH)]
@@ -130,7 +132,17 @@ def trace(
         device = _Tables(geometry, table, cluster)
         for block in tubes:
             parts += _trace_block(
-                geometry, device, float(table.frequencies_hz.mean()), launch, transmit, receive, block, max_bounces, first_hit, occluder, prune
+                geometry,
+                device,
+                float(table.frequencies_hz.mean()),
+                launch,
+                transmit,
+                receive,
+                block,
+                max_bounces,
+                first_hit,
+                occluder,
+                prune,
             )
     q = len(table.frequencies_hz)
     none = np.zeros(0, int)

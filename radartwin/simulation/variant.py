@@ -17,7 +17,14 @@ from pathlib import Path
 from radartwin.errors import BackendError
 
 LLVM_MINIMUM = 17
-_FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib")
+_FOLDERS = (
+    "/usr/lib/x86_64-linux-gnu",
+    "/usr/lib/aarch64-linux-gnu",
+    "/usr/lib64",
+    "/usr/lib",
+    "/usr/local/lib",
+    "/opt/homebrew/opt/llvm/lib",
+)
 REMEDY = "install LLVM 17 or newer (Debian/Ubuntu: apt-get install libllvm19) or set DRJIT_LIBLLVM_PATH to its library"
 
 
