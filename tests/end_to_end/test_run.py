@@ -66,9 +66,7 @@ def test_a_run_is_computed_once_and_read_back(radartwin: Command, own: list[str]
     assert list((tmp_path / "outputs").rglob("*.tmp")) == []
 
 
-def test_a_sweep_survives_a_refused_and_a_failed_job_and_resumes(
-    radartwin: Command, own: list[str], tmp_path: Path
-) -> None:
+def test_a_sweep_survives_a_refused_and_a_failed_job_and_resumes(radartwin: Command, own: list[str], tmp_path: Path) -> None:
     swept = radartwin(*own, "-m", "materials=vlm,uniform,void")
     assert swept.returncode == 2
     assert "refused  materials=vlm: materials=vlm has no recorded answers" in swept.stdout
@@ -111,9 +109,7 @@ def test_a_sweep_with_a_mistake_starts_nothing(radartwin: Command, own: list[str
         (["report"], "run radartwin tables first"),
     ],
 )
-def test_wrong_input_is_one_line_and_status_two(
-    radartwin: Command, arguments: list[str], word: str, tmp_path: Path
-) -> None:
+def test_wrong_input_is_one_line_and_status_two(radartwin: Command, arguments: list[str], word: str, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = radartwin(*arguments)
     assert done.returncode == 2, done.stderr

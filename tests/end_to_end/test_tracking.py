@@ -5,7 +5,6 @@ from __future__ import annotations
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -26,7 +25,7 @@ def query(output: Path, statement: str) -> list[tuple]:
 
 
 @pytest.fixture(scope="module")
-def output(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store with a finished run, a failed one and a sweep of one child."""
     folder = tmp_path_factory.mktemp("tracked")
     tracker = Tracker(TrackingConfig(), folder)
@@ -41,7 +40,7 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with Tracker(TrackingConfig(parent_run_id=parent), folder).run("environment", "c" * 32, "y", {}):
         pass
     tracker.end_sweep(parent, finished=True)
-    yield folder
+    return folder
 
 
 def test_a_run_is_recorded_with_its_metrics_tags_and_artifacts(output: Path) -> None:
@@ -111,5 +110,5 @@ def test_tracking_off_touches_nothing(tmp_path: Path) -> None:
 
 
 def test_a_server_of_its_own_is_not_served_again(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="http://127.0.0.1:9"):
+    with pytest.raises(ConfigError, match=r"http://127\.0\.0\.1:9"):
         dashboard(TrackingConfig(uri="http://127.0.0.1:9"), tmp_path, 5000)

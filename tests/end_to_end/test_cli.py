@@ -1,0 +1,87 @@
+"""The command line answers fast, says what this machine can do, and carries a scene to a processed recording."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+HEAVY = ("hydra", "omegaconf", "mlflow", "mitsuba", "drjit", "numpy", "scipy", "trimesh", "matplotlib", "pandas", "plotly")
+VERBS = ("run", "tables", "simulate", "process", "reconstruct", "view", "dashboard", "report", "doctor")
+
+
+def test_help_answers_in_half_a_second(radartwin: Command) -> None:
+    radartwin("--help")  # the first start compiles the modules
+    best = min(_timed(radartwin) for _ in range(3))
+    assert best < 0.5
+
+
+def _timed(radartwin: Command) -> float:
+    started = time.perf_counter()
+    assert radartwin("--help").returncode == 0
+    return time.perf_counter() - started
+
+
+def test_the_package_and_its_command_line_import_nothing_heavy() -> None:
+    code = f"import sys, radartwin, radartwin.cli, radartwin.errors; print([m for m in {HEAVY} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_explains_itself(radartwin: Command, verb: str) -> None:
+    done = radartwin(verb, "--help")
+    assert done.returncode == 0
+    assert f"usage: radartwin {verb}" in done.stdout
+
+
+def test_overrides_may_stand_on_both_sides_of_an_option(radartwin: Command) -> None:
+    done = radartwin("run", "experiment=environment", "-m", "materials=cheese")
+    assert "materials=cheese is not an option" in done.stderr
+    unknown = radartwin("run", "experiment=environment", "--unknown")
+    assert unknown.returncode == 2
+    assert "--unknown" in unknown.stderr
+
+
+def test_doctor_finds_this_machine_usable_and_names_what_it_runs_on(radartwin: Command) -> None:
+    done = radartwin("doctor")
+    assert done.returncode == 0, done.stdout
+    for word in ("python", "mitsuba 3.9.1", "llvm", "variant", "disk", "tracking", "doctor: usable"):
+        assert word in done.stdout
+
+
+def test_doctor_names_an_llvm_that_is_too_old(tmp_path: Path) -> None:
+    old = tmp_path / "libLLVM-14.so"
+    old.write_bytes(b"")
+    code = "import sys; from radartwin.cli import main; sys.exit(main(['doctor']))"
+    # No GPU either: an empty PATH hides its driver.
+    environment = {"DRJIT_LIBLLVM_PATH": str(old), "PATH": "", "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "missing llvm" in " ".join(done.stdout.split())
+    assert "libllvm19" in done.stdout
+
+
+def test_a_plate_is_simulated_recorded_and_found_where_it_stands(radartwin: Command, tmp_path: Path) -> None:
+    simulated = radartwin("simulate", "scene=plate", "trajectory=static", "trajectory.distance_m=1.5")
+    assert simulated.returncode == 0, simulated.stderr
+    recording = tmp_path / "outputs" / "recordings" / "plate"
+    processed = radartwin("process", recording)
+    assert processed.returncode == 0, processed.stderr
+    folder = tmp_path / "outputs" / "processed" / "plate"
+    assert {"peaks.csv", "range_time.png", "range_doppler.png", "range_azimuth.png"} == {p.name for p in folder.iterdir()}
+    header, first = (folder / "peaks.csv").read_text().splitlines()[:2]
+    assert header == "range_m,doppler_mps,azimuth_deg,power_db"
+    distance, speed, azimuth, _ = (float(cell) for cell in first.split(","))
+    assert distance == pytest.approx(1.5, abs=0.02), "half a range bin"
+    assert speed == pytest.approx(0, abs=0.01)
+    assert azimuth == pytest.approx(0, abs=1)
+    assert processed.stdout.split()[:4] == header.split(",")
+    assert float(processed.stdout.split()[4]) == pytest.approx(distance, abs=1e-3), "the same table is printed"

@@ -1,0 +1,143 @@
+"""A table is the same rows in four formats, checked before any of them is written."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis import main, registry, tables
+from radartwin.errors import ConfigError, InputError, MissingError
+from radartwin.experiment import Result, check_rows
+
+SCORE = ["metric", "paper", "value", "low", "high", "n", "domain", "verdict"]
+TABLE = registry.Table("environment", "The room & the signal", "Correlation at 50 % of_all.")
+
+
+def row(**changes: Any) -> dict[str, Any]:
+    given = {
+        "metric": "r | z", "paper": "-0.24 to +0.42", "value": 1 / 3, "low": 0.25, "high": 0.5, "n": 3,
+        "domain": "testbed", "verdict": "holds", "distance_m": 2.0, "run_keys": "abc def",
+    }  # fmt: skip
+    return {**given, **changes}
+
+
+def test_csv_has_the_case_first_then_the_keys_then_the_score_in_full_precision() -> None:
+    read = list(csv.DictReader(io.StringIO(tables.to_csv([row()]))))
+    assert list(read[0]) == ["distance_m", "run_keys", *SCORE]
+    assert float(read[0]["value"]) == 1 / 3
+    assert read[0]["run_keys"] == "abc def"
+
+
+def test_a_value_nobody_could_compute_is_empty_in_csv_and_a_dash_for_readers() -> None:
+    untestable = [row(value=None, low=None, high=None, n=0, verdict="untestable")]
+    assert next(csv.DictReader(io.StringIO(tables.to_csv(untestable))))["value"] == ""
+    assert "| – |" in tables.to_markdown(TABLE, untestable)
+
+
+def test_markdown_has_as_many_cells_in_each_line_as_columns() -> None:
+    lines = [line for line in tables.to_markdown(TABLE, [row(), row()]).splitlines() if line.startswith("|")]
+    assert len(lines) == 4
+    assert {line.replace("\\|", "").count("|") for line in lines} == {len(SCORE) + 2}
+
+
+def test_html_is_well_formed_and_escapes_what_it_shows() -> None:
+    class Balanced(HTMLParser):
+        def __init__(self) -> None:
+            super().__init__()
+            self.open: list[str] = []
+
+        def handle_starttag(self, tag: str, attrs: object) -> None:
+            self.open.append(tag)
+
+        def handle_endtag(self, tag: str) -> None:
+            assert self.open.pop() == tag
+
+    text = tables.to_html(TABLE, [row(metric="<r>")])
+    parser = Balanced()
+    parser.feed(text)
+    assert parser.open == []
+    assert "&lt;r&gt;" in text
+    assert "room &amp; the" in text
+
+
+def test_latex_escapes_its_special_characters() -> None:
+    text = tables.to_latex(TABLE, [row()])
+    assert r"The room \& the signal" in text
+    assert r"50 \% of\_all" in text
+    assert text.count(r"\toprule") == text.count(r"\bottomrule") == 1
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX on this machine")
+def test_latex_compiles(tmp_path: Path) -> None:
+    body = tables.to_latex(TABLE, [row()])
+    (tmp_path / "t.tex").write_text(rf"\documentclass{{article}}\usepackage{{booktabs}}\begin{{document}}{body}\end{{document}}")
+    command = ["pdflatex", "-interaction=nonstopmode", "t.tex"]
+    assert subprocess.run(command, cwd=tmp_path, capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"verdict": "maybe"}, "maybe"),
+        ({"low": 0.4}, "outside its interval"),
+        ({"high": 0.3}, "outside its interval"),
+        ({"n": 2.5}, "2.5"),
+        ({"value": None}, "needs a value"),
+    ],
+)
+def test_a_row_that_cannot_be_is_refused_before_anything_is_written(changes: dict[str, Any], word: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=word):
+        tables.write(TABLE, [row(), row(**changes)], tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_row_without_a_score_column_is_refused() -> None:
+    with pytest.raises(InputError, match="verdict"):
+        check_rows("t", [{k: v for k, v in row().items() if k != "verdict"}])
+
+
+def test_the_caption_owns_up_to_a_virtual_measurement() -> None:
+    assert "not a measurement of reality" in tables.caption(TABLE, [row()])
+    assert tables.caption(TABLE, [row(domain="recordings")]) == TABLE.caption
+
+
+def test_the_report_links_every_file_relative_to_itself(tmp_path: Path) -> None:
+    stem = tmp_path / "store" / "curve"
+    stem.parent.mkdir()
+    for suffix in (".png", ".pdf"):
+        stem.with_name(stem.name + suffix).write_bytes(b"x")
+    table = registry.TABLES[0]
+    main.write(table, Result(table.name, [row()], {"curve": stem}, run_key="f" * 32), "quick", tmp_path / "out")
+    page = main.write_report(tmp_path / "out")
+    moved = shutil.move(tmp_path / "out", tmp_path / "elsewhere")
+    links = [part.split('"')[0] for part in page_text(Path(moved)).split('="')[1:]]
+    files = [link for link in links if link.endswith((".png", ".pdf", ".csv", ".md", ".tex"))]
+    assert len(files) == 5
+    for link in files:
+        assert (Path(moved) / "report" / link).is_file()
+    assert page.name == "index.html"
+
+
+def page_text(output: Path) -> str:
+    return (output / "report" / "index.html").read_text(encoding="utf-8")
+
+
+def test_every_table_has_its_experiment_and_its_configuration() -> None:
+    root = Path(__file__).resolve().parents[2]
+    for table in registry.TABLES:
+        assert (root / "experiments" / f"{table.name}.py").is_file()
+        assert (root / "conf" / "experiment" / f"{table.name}.yaml").is_file()
+
+
+def test_an_unknown_table_and_an_empty_report_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="nonsense"):
+        registry.select(["nonsense"])
+    with pytest.raises(MissingError, match="radartwin tables"):
+        main.write_report(tmp_path)
