@@ -41,7 +41,7 @@ class ScanReport:
     up_found: bool
     vertices: int
     faces: int
-    extents_m: tuple[float, float, float]
+    extents_m: list[float]
     area_m2: float
     degenerate_faces: int
     duplicate_faces: int
@@ -113,7 +113,7 @@ def load_scan(path: str | Path, unit: Unit = "auto", up: Axis = "auto") -> tuple
         up_found=up == "auto",
         vertices=len(vertices),
         faces=len(faces),
-        extents_m=(x, y, z),
+        extents_m=[x, y, z],
         area_m2=float(mesh.area),
         degenerate_faces=int(degenerate.sum()),
         duplicate_faces=int(duplicate.sum()),
@@ -162,7 +162,6 @@ def _up_axis(mesh: trimesh.Trimesh, path: Path) -> Literal["x", "y", "z"]:
     if area[order[2]] < UP_MARGIN * area[order[1]]:
         x, y, z = area
         raise ScanError(
-            f"{path}: no clear up axis (area facing x {x:.1f}, y {y:.1f}, z {z:.1f} m2); say which: up=z, or up=y as "
-            "phones export"
+            f"{path}: no clear up axis (area facing x {x:.1f}, y {y:.1f}, z {z:.1f} m2); say which: up=z, or up=y as phones export"
         )
     return ("x", "y", "z")[int(order[2])]

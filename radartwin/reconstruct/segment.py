@@ -50,7 +50,8 @@ class PlanarRegionGrowing:
         distance_m: and its centre this close to the plane; about twice the depth noise (phone LiDAR: 1-2 cm).
         min_area_m2: a smaller plane is not one; its faces go to the leftovers.
         smoothing: rounds of normal averaging.
-        loose_deg: leftovers that touch a plane and lie within distance_m join it up to this angle: noise, not shape.
+        loose_deg: leftovers that touch a plane and lie within distance_m, corners and all, join it up to this angle:
+            noise, not shape.
         merge_deg: touching planes that agree to this angle and distance_m are one.
         min_part_m2: connected leftovers below this area are gathered in one last segment of fragments.
     """
@@ -68,6 +69,7 @@ class PlanarRegionGrowing:
         label = self._grow(faces)
         label = self._merge(faces, label)
         self._absorb(faces, label)
+        self._settle(faces, label)
         planes = [_plane_segment(faces, np.flatnonzero(label == k)) for k in range(label.max() + 1)]
         planes.sort(key=lambda s: -s.area_m2)
         return planes + self._parts(faces, np.flatnonzero(label < 0))
@@ -108,9 +110,7 @@ class PlanarRegionGrowing:
         keep = self._fits(faces, inside, normal, offset, self.angle_deg)
         return inside[keep] if keep.any() else inside
 
-    def _fits(
-        self, faces: _Faces, which: np.ndarray, normal: np.ndarray, offset: float, angle_deg: float
-    ) -> np.ndarray:
+    def _fits(self, faces: _Faces, which: np.ndarray, normal: np.ndarray, offset: float, angle_deg: float) -> np.ndarray:
         straight = faces.normal[which] @ normal > np.cos(np.radians(angle_deg))
         return straight & (np.abs(faces.centre[which] @ normal - offset) < self.distance_m)
 
@@ -141,8 +141,26 @@ class PlanarRegionGrowing:
             while frontier.size:
                 near = faces.neighbours(frontier)
                 near = near[label[near] < 0]
-                frontier = near[self._fits(faces, near, normal, offset, self.loose_deg)]
+                fits = self._fits(faces, near, normal, offset, self.loose_deg)
+                frontier = near[fits & (faces.reach(near, normal, offset) < self.distance_m)]
                 label[frontier] = k
+
+    def _settle(self, faces: _Faces, label: np.ndarray) -> None:
+        """Give faces on the seam of two planes to the one their corners lie closer to, ring by ring, in place.
+
+        Smoothed normals blur a crease over a face or two on either side of it.
+        """
+        planes = [faces.plane(np.flatnonzero(label == k)) for k in range(label.max() + 1)]
+        for _ in range(2 * self.smoothing):
+            coo = faces.adjacency.tocoo()
+            here, there = label[coo.row], label[coo.col]
+            seam = (here >= 0) & (there >= 0) & (here != there)
+            face, other = coo.row[seam], there[seam]
+            own, new = (np.full(len(face), np.inf) for _ in range(2))
+            for k, (normal, offset) in enumerate(planes):
+                for at, which in ((own, label[face] == k), (new, other == k)):
+                    at[which] = faces.reach(face[which], normal, offset)
+            label[face[new < own]] = other[new < own]
 
     def _parts(self, faces: _Faces, left: np.ndarray) -> list[Segment]:
         if left.size == 0:
@@ -159,8 +177,9 @@ class PlanarRegionGrowing:
 
 @dataclass(frozen=True, eq=False)
 class _Faces:
-    """Per-face arrays of a mesh: centre (F, 3), smoothed normal (F, 3), area (F,), coherence (F,), adjacency (F, F)."""
+    """Per-face arrays of a mesh: corners (F, 3, 3), centre and smoothed normal (F, 3), area and coherence (F,), adjacency."""
 
+    corners: np.ndarray
     centre: np.ndarray
     normal: np.ndarray
     area: np.ndarray
@@ -179,7 +198,9 @@ class _Faces:
             weighted, total = weighted + adjacency @ weighted, total + adjacency @ total
         length = np.linalg.norm(weighted, axis=1)
         normal = weighted / np.maximum(length, 1e-300)[:, None]
-        return cls(np.asarray(mesh.triangles_center), normal, area, length / np.maximum(total, 1e-300), adjacency)
+        coherence = length / np.maximum(total, 1e-300)
+        corners = np.asarray(mesh.triangles)
+        return cls(corners, corners.mean(axis=1), normal, area, coherence, adjacency)
 
     def neighbours(self, which: np.ndarray) -> np.ndarray:
         """Faces that share an edge with any of `which`, each once."""
@@ -187,6 +208,10 @@ class _Faces:
         counts = stop - start
         index = np.repeat(start - np.r_[0, np.cumsum(counts)[:-1]], counts) + np.arange(counts.sum())
         return np.unique(self.adjacency.indices[index])
+
+    def reach(self, which: np.ndarray, normal: np.ndarray, offset: float) -> np.ndarray:
+        """Distance of the farthest corner of each face from a plane."""
+        return np.abs(self.corners[which] @ normal - offset).max(axis=1, initial=0.0)
 
     def mean(self, which: np.ndarray) -> np.ndarray:
         return np.average(self.centre[which], axis=0, weights=self.area[which])

@@ -34,7 +34,7 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
     try:
         if isinstance(source, Path):
             with source.open("rb") as stream:
-                loaded = trimesh.load_scene(stream, file_type=file_type, process=False)
+                loaded = trimesh.load_scene(stream, file_type=file_type, process=False, maintain_order=True)
         else:
             loaded = trimesh.load_scene(source, file_type=file_type, process=False)
     except Exception as error:  # trimesh's readers raise whatever their parsing runs into

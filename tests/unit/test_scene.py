@@ -1,0 +1,218 @@
+"""Scenes: what is refused and in which words, what survives the disk, where a sensor may stand."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from radartwin.errors import MaterialError, MeshError, MissingError, OutputError, SceneError
+from radartwin.materials import Layered
+from radartwin.scene.scene import Scene, Surface
+
+
+def box(size=0.2, at=(0, 0, 0)):
+    return trimesh.creation.box((size, size, size)).apply_translation(at)
+
+
+def labelled_scene():
+    pane = Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)], backing="air")
+    floor = trimesh.creation.box((4, 4, 0.1)).apply_translation([0.123456789, 0, -1])
+    return Scene(
+        [
+            Surface(box(), "metal", "target", roughness_m=2e-4, role="object", provenance={"source": "true"}),
+            Surface(floor, Layered([("floorboard", 0.008)], backing="concrete"), "floor"),
+            Surface(box(0.4, (2, 0, 0)), pane, "window", role="room"),
+            Surface(box(0.1, (0, 2, 0)), "wood"),
+        ],
+        {"room": "test", "scan": {"faces": 3}},
+    )
+
+
+def test_scene_round_trips_through_its_folder(tmp_path):
+    scene = labelled_scene()
+    scene.save(tmp_path / "room")
+    again = Scene.load(tmp_path / "room")
+    assert again.provenance == scene.provenance
+    for a, b in zip(scene, again, strict=True):
+        assert (a.material, a.name, a.roughness_m, a.role, dict(a.provenance)) == (
+            b.material,
+            b.name,
+            b.roughness_m,
+            b.role,
+            dict(b.provenance),
+        )
+        assert np.array_equal(a.mesh.faces, b.mesh.faces)
+        assert np.abs(a.mesh.vertices - b.mesh.vertices).max() < 1e-6  # float32 in glTF
+        assert np.abs(a.mesh.vertex_normals - b.mesh.vertex_normals).max() < 1e-6
+
+
+def test_saving_twice_writes_the_same_bytes_and_leaves_no_temporary_files(tmp_path):
+    scene = labelled_scene()
+    scene.save(tmp_path / "a")
+    Scene.load(tmp_path / "a").save(tmp_path / "b")
+    for name in ("scene.glb", "manifest.json"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    scene.save(tmp_path / "a")
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["manifest.json", "scene.glb"]
+
+
+@pytest.mark.parametrize("part", ["scene.glb", "manifest.json"])
+def test_either_file_of_the_folder_names_the_scene(tmp_path, part):
+    labelled_scene().save(tmp_path)
+    assert Scene.load(tmp_path / part).names == ("target", "floor", "window", "")
+
+
+def test_geometry_of_another_scene_is_refused(tmp_path):
+    labelled_scene().save(tmp_path / "a")
+    Scene([Surface(box(), "metal")]).save(tmp_path / "b")
+    (tmp_path / "a" / "scene.glb").write_bytes((tmp_path / "b" / "scene.glb").read_bytes())
+    with pytest.raises(SceneError, match=r"scene\.glb is not the geometry"):
+        Scene.load(tmp_path / "a")
+
+
+def test_incomplete_folder_names_the_missing_part(tmp_path):
+    labelled_scene().save(tmp_path)
+    (tmp_path / "scene.glb").unlink()
+    with pytest.raises(MissingError, match=r"has no scene\.glb"):
+        Scene.load(tmp_path)
+
+
+def test_manifest_with_an_unknown_material_is_refused(tmp_path):
+    Scene([Surface(box(), "metal")]).save(tmp_path)
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    manifest["surfaces"][0]["material"] = "unobtainium"
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(MaterialError, match="unobtainium"):
+        Scene.load(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"format": "other", "version": 1, "surfaces": []}', '{"format": 1}'])
+def test_broken_manifest_is_named(tmp_path, text):
+    Scene([Surface(box(), "metal")]).save(tmp_path)
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(SceneError, match=r"manifest\.json"):
+        Scene.load(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj"])
+def test_plain_mesh_takes_one_explicit_material(tmp_path, suffix):
+    path = tmp_path / f"room{suffix}"
+    box(2.0).export(path)
+    with pytest.raises(SceneError, match="pass material="):
+        Scene.load(path)
+    (surface,) = Scene.load(path, material="concrete")
+    assert surface.material == "concrete"
+    assert np.allclose(surface.mesh.bounds, [[-1, -1, -1], [1, 1, 1]])
+
+
+def test_labelled_folder_refuses_a_second_material(tmp_path):
+    labelled_scene().save(tmp_path)
+    with pytest.raises(SceneError, match="carries its own materials"):
+        Scene.load(tmp_path, material="concrete")
+
+
+def test_missing_unreadable_and_foreign_files_are_named(tmp_path):
+    with pytest.raises(MissingError, match=r"gone\.ply"):
+        Scene.load(tmp_path / "gone.ply", material="metal")
+    broken = tmp_path / "broken.glb"
+    broken.write_bytes(b"glTF but not really")
+    with pytest.raises(MeshError, match=r"broken\.glb cannot be read"):
+        Scene.load(broken, material="metal")
+    foreign = tmp_path / "room.dwg"
+    foreign.write_bytes(b"AC1032")
+    with pytest.raises(MeshError, match=r"room\.dwg"):
+        Scene.load(foreign, material="metal")
+    for error in (MissingError, MeshError):
+        assert issubclass(error, ValueError | OSError)
+
+
+def test_nan_vertices_are_refused_in_memory_and_from_a_file(tmp_path):
+    mesh = box()
+    mesh.vertices[3, 1] = np.nan
+    with pytest.raises(MeshError, match="'lid'.*1 of 8 vertices are NaN"):
+        Surface(mesh, "metal", "lid")
+    path = tmp_path / "nan.ply"
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\nnan 0 0\n0 1 0\n3 0 1 2\n"
+    )
+    with pytest.raises(MeshError, match=r"nan\.ply.*NaN"):
+        Scene.load(path)
+
+
+def test_empty_meshes_are_refused(tmp_path):
+    with pytest.raises(MeshError, match="empty"):
+        Surface(trimesh.Trimesh(), "metal")
+    path = tmp_path / "points.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    with pytest.raises(MeshError, match=r"points\.obj"):
+        Scene.load(path, material="metal")
+
+
+@pytest.mark.parametrize(("size", "hint"), [(6400.0, "millimetres"), (250.0, "centimetres"), (5e7, "units")])
+def test_extent_over_100_m_hints_at_the_unit(size, hint):
+    with pytest.raises(MeshError, match=f"over the limit of 100 m; .*{hint}"):
+        Surface(box(size), "metal", "hall")
+    Surface(box(100.0), "metal")
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "error", "words"),
+    [
+        ({"material": "plasterbord"}, MaterialError, "plasterboard"),
+        ({"roughness_m": -1e-3}, SceneError, "roughness_m"),
+        ({"roughness_m": np.nan}, SceneError, "roughness_m"),
+        ({"role": "furniture"}, SceneError, "auto, object or room"),
+    ],
+)
+def test_surface_refuses_wrong_fields(kwargs, error, words):
+    with pytest.raises(error, match=words):
+        Surface(box(), **{"material": "metal", **kwargs})
+
+
+def test_size_decides_the_role_unless_given():
+    assert Surface(box(0.5), "metal").kind == "object"
+    assert Surface(box(0.51), "metal").kind == "room"
+    assert Surface(box(3.0), "metal", role="object").kind == "object"
+
+
+def test_sensor_inside_a_solid_is_refused_and_a_room_is_fine():
+    position = np.array([[5.0, 0, 0], [0.1, 0.2, 0.3]])
+    solid = Scene([Surface(box(2.0), "concrete", "pillar")])
+    with pytest.raises(SceneError, match="frame 1, is inside surface 'pillar'"):
+        solid.check_sensor(position)
+    solid.check_sensor(position[:1])
+
+    inward = box(2.0)
+    inward.invert()
+    Scene([Surface(inward, "concrete", "room")]).check_sensor(position)
+    open_room = box(2.0)
+    open_room.update_faces(np.arange(len(open_room.faces)) > 1)
+    Scene([Surface(open_room, "concrete")]).check_sensor(position)
+    shell = trimesh.util.concatenate([box(2.4), inward])  # walls with thickness: the sensor is in the cavity
+    Scene([Surface(shell, "concrete")]).check_sensor(position)
+
+
+def test_doubled_vertices_do_not_open_a_solid():
+    soup = box(2.0)
+    soup = trimesh.Trimesh(soup.vertices[soup.faces.reshape(-1)], np.arange(36).reshape(-1, 3), process=False)
+    with pytest.raises(SceneError):
+        Scene([Surface(soup, "metal")]).check_sensor(np.zeros(3))
+
+
+def test_without_refuses_a_name_the_scene_lacks():
+    scene = labelled_scene()
+    assert scene.without(["floor"]).names == ("target", "window", "")
+    with pytest.raises(SceneError, match="no surface 'flor'"):
+        scene.without(["flor"])
+
+
+def test_unwritable_folder_leaves_nothing(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OutputError, match="file"):
+        labelled_scene().save(tmp_path / "file" / "room")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+    with pytest.raises(SceneError, match="nothing to save"):
+        Scene([]).save(tmp_path / "empty")
+    assert not (tmp_path / "empty").exists()
