@@ -4,10 +4,10 @@ Reference: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B), antenna sec
 76 to 81 GHz; one-way beamwidths in azimuth +-28 degrees (3 dB) and +-50 degrees (6 dB), in elevation +-14 degrees
 (3 dB) and +-20 degrees (6 dB).
 
-The fit is separable: with psi the azimuth atan2(y, x) or the elevation asin(z), each plane loses A |2 sin(psi/2)|^p dB,
-where A and p pass through the two published points; |2 sin(psi/2)| is smooth around the circle and close to psi in the
-beam. The board's ground plane takes the gain to zero at and behind its plane through the factor
-1 - (1 - cos psi)^16 on the azimuth cut, which is under 0.01 dB inside 50 degrees.
+The fit is separable: with psi the azimuth atan2(y, x) or the elevation asin(z), each plane loses the hyperbola
+a (sqrt(1 + (s/b)^2) - 1) dB in s = 2 sin(psi/2), through the two published points: smooth, quadratic on boresight. The
+board's ground plane takes the gain to zero at and behind its plane through the factor 1 - (1 - cos psi)^16 on the
+azimuth cut, which is under 0.01 dB inside 50 degrees.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from radartwin.errors import InputError
 ELEMENTS = ("iwr1843", "isotropic")
 
 PEAK_GAIN_DBI = 10.5
-_AZIMUTH_DB = ((28.0, 3.0), (50.0, 6.0))
-_ELEVATION_DB = ((14.0, 3.0), (20.0, 6.0))
+_AZIMUTH_DEG = (28.0, 50.0)  # 3 and 6 dB
+_ELEVATION_DEG = (14.0, 20.0)
 
 
 def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
@@ -49,14 +49,16 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
     x, y, z = np.moveaxis(directions, -1, 0) / np.where(length > 0, length, 1.0)
     azimuth = np.arctan2(y, x)
     elevation = np.arcsin(np.clip(z, -1.0, 1.0))
-    loss_db = _loss_db(azimuth, _AZIMUTH_DB) + _loss_db(elevation, _ELEVATION_DB)
+    loss_db = _loss_db(azimuth, *_AZIMUTH_DEG) + _loss_db(elevation, *_ELEVATION_DEG)
     ground = 1.0 - (1.0 - np.clip(np.cos(azimuth), 0.0, 1.0)) ** 16
     return np.where(x > 0, 10 ** ((PEAK_GAIN_DBI - loss_db) / 20) * ground, 0.0)
 
 
-def _loss_db(angle_rad: NDArray[np.float64], points: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
-    """Power loss A |2 sin(angle/2)|^p through two (degrees, dB) points."""
-    (near_deg, near_db), (far_deg, far_db) = points
-    near, far = (2 * np.sin(np.radians(degrees) / 2) for degrees in (near_deg, far_deg))
-    power = np.log(far_db / near_db) / np.log(far / near)
-    return near_db * (np.abs(2 * np.sin(angle_rad / 2)) / near) ** power
+def _loss_db(angle_rad: NDArray[np.float64], half_power_deg: float, quarter_power_deg: float) -> NDArray[np.float64]:
+    """Power loss that is 3 dB at the first angle and 6 dB at the second, which is less than twice as far."""
+    near, far = (2 * np.sin(np.radians(degrees) / 2) for degrees in (half_power_deg, quarter_power_deg))
+    # The hyperbola doubles from near to far where sqrt(1 + (near/b)^2) = k / (4 - k), with k = (far/near)^2.
+    ratio = (far / near) ** 2
+    at_near = ratio / (4 - ratio)
+    bend = (at_near**2 - 1) * (2 * np.sin(angle_rad / 2) / near) ** 2
+    return 3.0 * (np.sqrt(1 + bend) - 1) / (at_near - 1)

@@ -24,9 +24,7 @@ from radartwin.radar.ti_files import read_radar
 _EDGE_DB = 2.0  # see band_edge_db
 
 
-def load_capture(
-    path: str | Path, radar: Radar | str | Path | None = None, *, iq_swapped: bool | None = None
-) -> Recording:
+def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, iq_swapped: bool | None = None) -> Recording:
     """Read a recording of this package, a mmWave Studio capture or a .npy cube.
 
     Args:
@@ -122,8 +120,7 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
     frames = cube.shape[0] if cube.ndim > 3 else 1
     if cube.ndim not in (2, 3, 4, 5) or cube.size != frames * np.prod(shape) or cube.shape[-1] != radar.num_samples:
         raise RecordingError(
-            f"{path}: shape {cube.shape} does not fit radar {radar.name}, "
-            f"whose frames are (chirp, tx, rx, sample) = {shape}"
+            f"{path}: shape {cube.shape} does not fit radar {radar.name}, whose frames are (chirp, tx, rx, sample) = {shape}"
         )
     if frames < 1:
         raise RecordingError(f"{path}: it has zero frames")

@@ -141,9 +141,7 @@ def os_cfar(
 def _windows(
     power: Real, guard: Cells, training: Cells, wrap: tuple[bool, ...]
 ) -> tuple[tuple[int, ...], tuple[int, ...], tuple[str, ...]]:
-    guards, trainings = (
-        (cells,) * power.ndim if isinstance(cells, int) else tuple(cells) for cells in (guard, training)
-    )
+    guards, trainings = ((cells,) * power.ndim if isinstance(cells, int) else tuple(cells) for cells in (guard, training))
     wraps = wrap or (False,) * power.ndim
     if not len(guards) == len(trainings) == len(wraps) == power.ndim:
         raise InputError(f"CFAR: guard, training and wrap need one entry per axis of the {power.ndim}-dimensional map")

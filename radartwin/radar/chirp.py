@@ -72,9 +72,7 @@ class Radar:
             if not math.isfinite(getattr(self, name)):
                 raise InputError(f"radar {self.name}: {name} must be finite, not {getattr(self, name)!r}")
         if self.element not in ELEMENTS:
-            raise InputError(
-                f"radar {self.name}: element {self.element!r} is unknown; use one of {', '.join(ELEMENTS)}"
-            )
+            raise InputError(f"radar {self.name}: element {self.element!r} is unknown; use one of {', '.join(ELEMENTS)}")
         for name in ("tx_positions_m", "rx_positions_m"):
             object.__setattr__(self, name, _positions(self.name, name, getattr(self, name)))
         self._check_timing()
@@ -215,9 +213,7 @@ class Radar:
         """The inverse of to_dict. Raises InputError for an unknown, missing or mistyped field."""
         known = {field.name for field in fields(cls)}
         if unknown := sorted(set(values) - known):
-            raise RecordingError(
-                f"radar description: unknown field {unknown[0]!r}; known are {', '.join(sorted(known))}"
-            )
+            raise RecordingError(f"radar description: unknown field {unknown[0]!r}; known are {', '.join(sorted(known))}")
         try:
             return cls(**values)
         except TypeError as error:

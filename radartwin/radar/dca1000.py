@@ -30,9 +30,7 @@ def frame_bytes(radar: Radar) -> int:
     return samples * _SAMPLE.itemsize * (1 if radar.real_sampling else 2)
 
 
-def encode(
-    iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = False, real_sampling: bool = False
-) -> tuple[bytes, int]:
+def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = False, real_sampling: bool = False) -> tuple[bytes, int]:
     """The bytes of some frames, and how many int16 values were clipped to fit.
 
     Args:
@@ -83,6 +81,5 @@ def decode(data: bytes | memoryview, radar: Radar, *, iq_swapped: bool = False) 
 def _check_pairs(samples_per_chirp: int) -> None:
     if samples_per_chirp % 2:
         raise RecordingError(
-            f"{samples_per_chirp} samples per chirp over all receivers cannot be paired on two lanes; "
-            "use an even num_samples"
+            f"{samples_per_chirp} samples per chirp over all receivers cannot be paired on two lanes; use an even num_samples"
         )

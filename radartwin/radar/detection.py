@@ -42,6 +42,8 @@ class Detector:
         false_alarm: probability per cell; 1e-7 makes one false peak in about a hundred frames.
         min_contrast_db: least power over the mean of the training cells. Over many frames the noise estimate is so good
             that false_alarm alone would pass every unevenness of the clutter.
+        dynamic_range_db: peaks further below the strongest cell may be rounding: single precision keeps 140 dB, less
+            what was removed as static.
         min_range_m: nearer peaks are the leakage from transmitter to receiver and are left out.
     """
 
@@ -50,6 +52,7 @@ class Detector:
     training: tuple[int, int] = (4, 4)
     false_alarm: float = 1e-7
     min_contrast_db: float = 3.0
+    dynamic_range_db: float = 100.0
     min_range_m: float = 0.2
 
     def __post_init__(self) -> None:
@@ -92,9 +95,7 @@ class Peaks:
         )
 
 
-def detect(
-    iq: Complex, radar: Radar, detector: Detector | None = None, chain: Chain | None = None, *, maps: Maps | None = None
-) -> Peaks:
+def detect(iq: Complex, radar: Radar, detector: Detector | None = None, chain: Chain | None = None, *, maps: Maps | None = None) -> Peaks:
     """Peaks of a recording, or of one frame.
 
     Args:
@@ -151,15 +152,15 @@ def _candidates(power: Real, radar: Radar, detector: Detector, chain: Chain, fra
     for axis, wraps in enumerate(circular):
         size = min(around, power.shape[axis])
         tops = maximum_filter1d(tops, size, axis=axis, mode="wrap" if wraps else "nearest")
-    return np.argwhere(hits & (power == tops))
+    floor = power.max() * 10 ** (-detector.dynamic_range_db / 10)
+    return np.argwhere(hits & (power == tops) & (power > floor))
 
 
 def _without_sidelobes(cells: NDArray[np.intp], power: Real, radar: Radar, chain: Chain) -> NDArray[np.intp]:
     """The cells, strongest first, that are not sidelobes of a stronger one."""
     order = np.argsort(-power[tuple(cells.T)], kind="stable")
     doppler_skirt, range_skirt = (
-        _skirt(chain, size, bins)
-        for size, bins in ((radar.num_chirps, len(power)), (radar.num_samples, power.shape[1]))
+        _skirt(chain, size, bins) for size, bins in ((radar.num_chirps, len(power)), (radar.num_samples, power.shape[1]))
     )
     kept: list[NDArray[np.intp]] = []
     for cell in cells[order]:

@@ -85,10 +85,4 @@ def _hidden(path: Path) -> Path:
 def _radar(radar: Radar | str | Path | None) -> Radar | None:
     if radar is None or isinstance(radar, Radar):
         return radar
-    if Path(radar).suffix or Path(radar).exists():
-        return Radar.from_file(radar)
-    # Lazily: a named radar is the configuration's, which processing otherwise does not know.
-    from radartwin.assemble import build_radar
-    from radartwin.compose import compose
-
-    return build_radar(compose([f"radar={radar}"]).radar)
+    return Radar.from_file(radar)

@@ -99,8 +99,7 @@ def survey(iq: Complex, radar: Radar, chain: Chain | None = None, *, azimuth_rad
     bins_of_energy = len(iq) * len(velocity_mps) * float((window(chain.taper, radar.num_chirps) ** 2).sum())
     return Maps(
         range_m=range_m,
-        time_s=np.arange(len(range_time), dtype=np.float64)
-        * (radar.loop_interval_s if single else 1 / radar.frame_rate_hz),
+        time_s=np.arange(len(range_time), dtype=np.float64) * (radar.loop_interval_s if single else 1 / radar.frame_rate_hz),
         velocity_mps=velocity_mps,
         azimuth_rad=azimuth_rad,
         range_time=range_time,

@@ -81,9 +81,7 @@ def write(figure: Figure, path: Path) -> None:
 
 def _time(maps: Maps) -> tuple[Real, str, Real]:
     span = maps.time_s[-1] if len(maps.time_s) > 1 else 0.0
-    return (
-        (maps.time_s, "time (s)", maps.range_time) if span >= 1 else (maps.time_s * 1e3, "time (ms)", maps.range_time)
-    )
+    return (maps.time_s, "time (s)", maps.range_time) if span >= 1 else (maps.time_s * 1e3, "time (ms)", maps.range_time)
 
 
 def _edges(axis: Real) -> tuple[float, float]:

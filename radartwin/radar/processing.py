@@ -40,12 +40,12 @@ def range_axis(radar: Radar, bins: int) -> Real:
     """Centres of the range bins of range_fft in metres, shape (bins,), or (bins // 2,) for real sampling."""
     used = bins // 2 if radar.real_sampling else bins
     fold_m = radar.sample_rate_hz * SPEED_OF_LIGHT / (2 * radar.slope_hz_per_s)
-    return np.linspace(0.0, fold_m, bins, endpoint=False)[:used]
+    return fold_m / bins * np.arange(used, dtype=np.float64)
 
 
 def velocity_axis(radar: Radar, bins: int) -> Real:
     """Centres of the Doppler bins of doppler_fft in m/s, ascending, receding positive, shape (bins,)."""
-    return (np.arange(bins) - bins // 2) * (2 * radar.max_velocity_mps / bins)
+    return 2 * radar.max_velocity_mps / bins * (np.arange(bins, dtype=np.float64) - bins // 2)
 
 
 def range_fft(iq: Complex, radar: Radar, *, taper: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
@@ -72,9 +72,7 @@ def range_fft(iq: Complex, radar: Radar, *, taper: str = "hann", bins: int | Non
     return profile, range_axis(radar, bins)
 
 
-def doppler_fft(
-    profiles: Complex, radar: Radar, *, taper: str = "hann", bins: int | None = None
-) -> tuple[Complex, Real]:
+def doppler_fft(profiles: Complex, radar: Radar, *, taper: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
     """Doppler spectra, phase-compensated for the transmitters' turns.
 
     Transmitter t fires t chirp intervals after the first, while a target at Doppler frequency f turns by 2 pi f t Tc;

@@ -105,9 +105,7 @@ class Recording:
             saturated = 0
             with temporary[bin_path].open("wb") as stream:
                 for block in self.frame_blocks():
-                    data, clipped = dca1000.encode(
-                        self.iq[block], scale, iq_swapped=swapped, real_sampling=self.radar.real_sampling
-                    )
+                    data, clipped = dca1000.encode(self.iq[block], scale, iq_swapped=swapped, real_sampling=self.radar.real_sampling)
                     stream.write(data)
                     saturated += clipped
                 _flush(stream)
@@ -120,9 +118,7 @@ class Recording:
             temporary[bin_path].replace(bin_path)
             temporary[json_path].replace(json_path)
         except OSError as error:
-            raise OutputError(
-                f"cannot write {bin_path}: {error.strerror or error}; choose another output folder"
-            ) from error
+            raise OutputError(f"cannot write {bin_path}: {error.strerror or error}; choose another output folder") from error
         finally:
             for leftover in temporary.values():
                 with contextlib.suppress(OSError):
@@ -156,8 +152,7 @@ class Recording:
         frames = described.get("frames", len(counts))
         if frames != len(counts):
             raise RecordingError(
-                f"{bin_path}: it holds {len(counts)} frames but {json_path.name} says {frames}; "
-                "one of them is not of this recording"
+                f"{bin_path}: it holds {len(counts)} frames but {json_path.name} says {frames}; one of them is not of this recording"
             )
         counts *= np.float32(scale) if np.float32(scale) == scale else scale
         poses = described.get("sensor_poses")
@@ -175,9 +170,7 @@ class Recording:
             raise RecordingError(f"{json_path}: {error}") from error
 
     def _peak_scale(self) -> float:
-        peak = max(
-            float(max(np.abs(self.iq[b].real).max(), np.abs(self.iq[b].imag).max())) for b in self.frame_blocks()
-        )
+        peak = max(float(max(np.abs(self.iq[b].real).max(), np.abs(self.iq[b].imag).max())) for b in self.frame_blocks())
         if not math.isfinite(peak):
             raise RecordingError("recording holds NaN or infinite samples; it cannot be written as int16")
         return peak / _PEAK_COUNT if peak > 0 else 1.0

@@ -103,21 +103,15 @@ def _parse_cfg(text: str) -> _Setup:
             continue
         values = [_number(word, f"line {number}: {words[0]}") for word in words[1:]]
         if len(values) < wanted[words[0]]:
-            raise RecordingError(
-                f"line {number}: {words[0]} needs at least {wanted[words[0]]} numbers, it has {len(values)}"
-            )
+            raise RecordingError(f"line {number}: {words[0]} needs at least {wanted[words[0]]} numbers, it has {len(values)}")
         commands.setdefault(words[0], []).append((number, values))
     for command in ("channelCfg", "profileCfg", "chirpCfg", "frameCfg"):
         if command not in commands:
             raise RecordingError(f"it has no {command} line; is it a mmWave SDK configuration?")
     profiles = [
-        _Profile(_whole(n, v[0]), v[1], v[2], v[3], v[4], _whole(n, v[5]), v[7], _whole(n, v[9]), v[10])
-        for n, v in commands["profileCfg"]
+        _Profile(_whole(n, v[0]), v[1], v[2], v[3], v[4], _whole(n, v[5]), v[7], _whole(n, v[9]), v[10]) for n, v in commands["profileCfg"]
     ]
-    chirps = [
-        _Chirp(_whole(n, v[0]), _whole(n, v[1]), _whole(n, v[2]), tuple(v[3:7]), _whole(n, v[7]))
-        for n, v in commands["chirpCfg"]
-    ]
+    chirps = [_Chirp(_whole(n, v[0]), _whole(n, v[1]), _whole(n, v[2]), tuple(v[3:7]), _whole(n, v[7])) for n, v in commands["chirpCfg"]]
     line, channel = commands["channelCfg"][-1]
     frame_line, frame = commands["frameCfg"][-1]
     return _Setup(
@@ -150,9 +144,7 @@ def _parse_studio(values: Mapping[str, Any]) -> _Setup:
     rf = get(values, "mmWaveDevices", 0, "rfConfig")
     if (waveform := rf.get("waveformType", "legacyFrameChirp")) != "legacyFrameChirp":
         raise RecordingError(f"waveformType {waveform} is not supported; use legacyFrameChirp")
-    lanes = (
-        get(values, "mmWaveDevices", 0).get("rawDataCaptureConfig", {}).get("rlDevLaneEnable_t", {}).get("laneEn", 3)
-    )
+    lanes = get(values, "mmWaveDevices", 0).get("rawDataCaptureConfig", {}).get("rlDevLaneEnable_t", {}).get("laneEn", 3)
     if int(_number(lanes, "laneEn")) != 3:
         raise RecordingError(f"laneEn {lanes} is not the two LVDS lanes (0x3) of xWR16xx, xWR18xx and xWR68xx captures")
     profiles = []
@@ -209,13 +201,10 @@ def _assemble(path: Path, setup: _Setup, board_name: str | None) -> Radar:
         raise RecordingError(f"the frame fires chirps {setup.first} to {setup.last}: none")
     for chirp in fired:
         if any(chirp.variations):
-            raise RecordingError(
-                f"chirp {chirp.first} varies its profile; only chirps of one constant profile are supported"
-            )
+            raise RecordingError(f"chirp {chirp.first} varies its profile; only chirps of one constant profile are supported")
         if bin(chirp.tx_mask).count("1") != 1:
             raise RecordingError(
-                f"chirp {chirp.first} enables transmitters {chirp.tx_mask:#x}; "
-                "only time division (one at a time) is supported"
+                f"chirp {chirp.first} enables transmitters {chirp.tx_mask:#x}; only time division (one at a time) is supported"
             )
     transmitters = [chirp.tx_mask.bit_length() - 1 for chirp in fired]
     if len(set(transmitters)) < len(transmitters):
@@ -228,9 +217,7 @@ def _assemble(path: Path, setup: _Setup, board_name: str | None) -> Radar:
     board = BOARDS[board_name] if board_name else _likely_board(profile, setup.tx_mask)
     receivers = [n for n in range(len(board.rx_positions_m)) if setup.rx_mask >> n & 1]
     if not receivers or max(transmitters) >= len(board.tx_positions_m):
-        raise RecordingError(
-            f"channels rx {setup.rx_mask:#x} tx {setup.tx_mask:#x} do not fit a {board.name}; name the board"
-        )
+        raise RecordingError(f"channels rx {setup.rx_mask:#x} tx {setup.tx_mask:#x} do not fit a {board.name}; name the board")
     if setup.period_ms <= 0 or profile.rate_ksps <= 0:
         raise RecordingError("frame period and ADC rate must be above zero")
     return Radar(

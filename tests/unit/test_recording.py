@@ -1,0 +1,237 @@
+"""Recordings on disk: the same bytes again, the scale, and every way in which files do not fit together."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from radartwin.errors import InputError, MissingError, OutputError, RecordingError
+from radartwin.radar.captures import band_edge_db, load_capture
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
+
+RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=64, num_chirps=8)
+SHAPE = (3, 8, 2, 4, 64)
+
+
+def _noise(seed: int = 0, amplitude: float = 1e-5) -> NDArray[np.complex64]:
+    rng = np.random.default_rng(seed)
+    return (amplitude * (rng.normal(size=SHAPE) + 1j * rng.normal(size=SHAPE))).astype(np.complex64)
+
+
+def _poses(frames: int) -> np.ndarray:
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    poses[:, 0, 3] = np.linspace(0, 1 / 3, frames)
+    return poses
+
+
+def test_loading_gives_counts_times_scale_and_saving_gives_the_same_bytes(tmp_path):
+    recording = Recording(_noise(), RADAR, _poses(3), provenance={"scene": "lab"})
+    assert recording.save(tmp_path / "a") == 0
+    described = json.loads((tmp_path / "a.json").read_text())
+    counts = np.frombuffer((tmp_path / "a.bin").read_bytes(), "<i2").reshape(-1, 2, 2)
+    loaded = Recording.load(tmp_path / "a")
+    # I0 I1 Q0 Q1, read here without the package.
+    expected = (counts[:, 0] + 1j * counts[:, 1]).reshape(SHAPE) * described["scale"]
+    np.testing.assert_allclose(loaded.iq, expected, rtol=1e-6)
+    assert Radar.from_dict(described["radar"]) == RADAR
+    assert loaded.radar == RADAR
+    assert loaded.provenance == {"scene": "lab"}
+    np.testing.assert_array_equal(loaded.sensor_poses, _poses(3))
+    loaded.save(str(tmp_path / "sub" / "b"))
+    assert (tmp_path / "sub" / "b.bin").read_bytes() == (tmp_path / "a.bin").read_bytes()
+    assert (tmp_path / "sub" / "b.json").read_bytes() == (tmp_path / "a.json").read_bytes()
+
+
+def test_without_a_hardware_model_the_peak_is_near_half_of_full_scale(tmp_path):
+    recording = Recording(_noise(), RADAR)
+    recording.save(tmp_path / "a")
+    peak = np.abs(np.frombuffer((tmp_path / "a.bin").read_bytes(), "<i2")).max()
+    assert 0.45 * 32767 < peak < 0.55 * 32767
+    assert np.abs(Recording.load(tmp_path / "a").iq - recording.iq).max() <= recording.scale
+
+
+def test_a_physical_scale_is_kept_and_clipping_counted(tmp_path):
+    iq = _noise()
+    clipped = int(np.count_nonzero(np.rint(np.stack([iq.real, iq.imag]).astype(np.float32) / 1e-9) > 32767))
+    clipped += int(np.count_nonzero(np.rint(np.stack([iq.real, iq.imag]).astype(np.float32) / 1e-9) < -32768))
+    recording = Recording(iq, RADAR, scale=1e-9)
+    assert recording.save(tmp_path / "a") == clipped > 0
+    assert Recording.load(tmp_path / "a").saturated == clipped
+    assert json.loads((tmp_path / "a.json").read_text())["scale"] == 1e-9
+
+
+def test_silence_can_be_saved(tmp_path):
+    Recording(np.zeros(SHAPE, np.complex64), RADAR).save(tmp_path / "a")
+    assert np.all(Recording.load(tmp_path / "a").iq == 0)
+
+
+def test_swapped_order_reads_back_the_same_and_differs_on_disk(tmp_path):
+    Recording(_noise(), RADAR).save(tmp_path / "a")
+    Recording(_noise(), RADAR).save(tmp_path / "b", iq_swapped=True)
+    a, b = (np.frombuffer((tmp_path / f"{n}.bin").read_bytes(), "<i2").reshape(-1, 2, 2) for n in "ab")
+    np.testing.assert_array_equal(a, b[:, ::-1])
+    loaded = Recording.load(tmp_path / "b")
+    assert loaded.iq_swapped
+    np.testing.assert_array_equal(loaded.iq, Recording.load(tmp_path / "a").iq)
+
+
+def test_real_sampling_survives_the_disk(tmp_path):
+    radar = dataclasses.replace(RADAR, real_sampling=True)
+    recording = Recording(_noise().real + 0j, radar)
+    recording.save(tmp_path / "a")
+    assert (tmp_path / "a.bin").stat().st_size == 2 * np.prod(SHAPE)
+    assert np.abs(Recording.load(tmp_path / "a").iq - recording.iq).max() <= recording.scale
+
+
+def test_names_with_dots_and_suffixes_lead_to_the_same_files(tmp_path):
+    Recording(_noise(), RADAR).save(tmp_path / "run.0.5m")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.0.5m.bin", "run.0.5m.json"]
+    for name in ("run.0.5m", "run.0.5m.bin", "run.0.5m.json"):
+        assert Recording.load(tmp_path / name).num_frames == 3
+
+
+def test_the_bytes_are_the_same_in_another_process(tmp_path):
+    script = f"""
+import dataclasses, sys
+import numpy as np
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
+radar = dataclasses.replace(Radar.iwr1843(), num_samples=64, num_chirps=8)
+rng = np.random.default_rng(0)
+iq = (1e-5 * (rng.normal(size={SHAPE}) + 1j * rng.normal(size={SHAPE}))).astype(np.complex64)
+Recording(iq, radar).save(sys.argv[1])
+"""
+    subprocess.run([sys.executable, "-c", script, str(tmp_path / "other")], check=True, timeout=60)
+    Recording(_noise(), RADAR).save(tmp_path / "here")
+    for suffix in (".bin", ".json"):
+        assert (tmp_path / f"other{suffix}").read_bytes() == (tmp_path / f"here{suffix}").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("iq", "poses", "said"),
+    [
+        (np.zeros((0, 8, 2, 4, 64)), None, "zero frames"),
+        (np.zeros((3, 8, 2, 4, 63)), None, "iq must be"),
+        (np.zeros((8, 2, 4, 64)), None, "iq must be"),
+        (np.zeros(SHAPE), np.eye(4), "sensor_poses"),
+        (np.zeros(SHAPE), np.zeros((2, 4, 4)), "sensor_poses"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(iq, poses, said):
+    with pytest.raises(RecordingError, match=said):
+        Recording(iq, RADAR, poses)
+
+
+def _edit_json(stem, **changes):
+    path = stem.with_suffix(".json")
+    described = json.loads(path.read_text())
+    for key, value in changes.items():
+        if value is None:
+            described.pop(key)
+        else:
+            described[key] = value
+    path.write_text(json.dumps(described))
+
+
+def _truncate(stem):
+    path = stem.with_suffix(".bin")
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def _other_radar(stem):
+    _edit_json(stem, radar=dataclasses.replace(RADAR, num_samples=100).to_dict())
+
+
+@pytest.mark.parametrize(
+    ("damage", "error", "said"),
+    [
+        (_truncate, RecordingError, r"a\.bin.*truncated"),
+        (_other_radar, RecordingError, r"a\.bin.*another radar"),
+        (lambda s: s.with_suffix(".bin").write_bytes(b""), RecordingError, r"a\.bin.*zero frames"),
+        (lambda s: s.with_suffix(".json").unlink(), MissingError, r"a\.json"),
+        (lambda s: s.with_suffix(".bin").unlink(), MissingError, r"a\.bin"),
+        (lambda s: s.with_suffix(".json").write_text("{"), RecordingError, r"a\.json: line 1"),
+        (lambda s: s.with_suffix(".json").write_text("[]"), RecordingError, r"a\.json"),
+        (lambda s: s.with_suffix(".json").write_bytes(b"\xff\xfe\x00"), RecordingError, r"a\.json"),
+        (lambda s: _edit_json(s, scale=None), RecordingError, r"a\.json.*scale"),
+        (lambda s: _edit_json(s, scale=-1.0), RecordingError, r"a\.json.*scale"),
+        (lambda s: _edit_json(s, radar=None), RecordingError, r"a\.json.*radar"),
+        (lambda s: _edit_json(s, radar={"name": "x"}), RecordingError, r"a\.json"),
+        (lambda s: _edit_json(s, radar=[1]), RecordingError, r"a\.json"),
+        (lambda s: _edit_json(s, frames=2), RecordingError, r"3 frames.*a\.json says 2"),
+        (lambda s: _edit_json(s, sensor_poses=[[1, 2]]), RecordingError, r"a\.json.*sensor_poses"),
+    ],
+)
+def test_damaged_files_are_one_line_that_names_them(tmp_path, damage, error, said):
+    stem = tmp_path / "a"
+    Recording(_noise(), RADAR, _poses(3)).save(stem)
+    damage(stem)
+    for load in (Recording.load, load_capture):
+        with pytest.raises(error, match=said) as caught:
+            load(stem)
+        assert "\n" not in str(caught.value)
+
+
+def test_an_unwritable_place_is_named_and_nothing_is_left(tmp_path):
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(OutputError, match="file") as caught:
+        Recording(_noise(), RADAR).save(tmp_path / "file" / "a")
+    assert "\n" not in str(caught.value)
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_failed_save_leaves_the_older_recording_whole(tmp_path):
+    Recording(_noise(), RADAR).save(tmp_path / "a")
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    broken = _noise()
+    broken[2, 7, 1, 3, 63] = np.nan
+    with pytest.raises(RecordingError, match="NaN"):
+        Recording(broken, RADAR, scale=1e-9).save(tmp_path / "a")
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_a_cube_stored_unsigned_is_read_signed(tmp_path):
+    rng = np.random.default_rng(3)
+    counts = rng.integers(-500, 500, size=(2, *SHAPE[1:]))
+    cube = (counts[0] % 65536) + 1j * (counts[1] % 65536)
+    np.save(tmp_path / "cube.npy", cube.reshape(8, 8, 64))
+    loaded = load_capture(tmp_path / "cube.npy", RADAR)
+    np.testing.assert_array_equal(loaded.iq[0], counts[0] + 1j * counts[1])
+
+
+def test_a_cube_needs_its_radar_and_must_fit_it(tmp_path):
+    np.save(tmp_path / "cube.npy", np.zeros((8, 8, 60), complex))
+    with pytest.raises(RecordingError, match=r"cube\.npy.*radar"):
+        load_capture(tmp_path / "cube.npy")
+    with pytest.raises(RecordingError, match=r"cube\.npy.*does not fit"):
+        load_capture(tmp_path / "cube.npy", RADAR)
+    with pytest.raises(MissingError, match=r"none\.npy"):
+        load_capture(tmp_path / "none.npy", RADAR)
+    (tmp_path / "text.npy").write_text("no array")
+    with pytest.raises(RecordingError, match=r"text\.npy"):
+        load_capture(tmp_path / "text.npy", RADAR)
+    np.save(tmp_path / "none_left.npy", np.zeros((0, 8, 2, 4, 64), complex))
+    with pytest.raises(InputError, match="zero frames"):
+        load_capture(tmp_path / "none_left.npy", RADAR)
+
+
+def test_a_receive_filter_betrays_which_of_i_and_q_came_first(tmp_path):
+    radar = dataclasses.replace(Radar.iwr1843(), num_chirps=64)
+    rng = np.random.default_rng(5)
+    shape = (1, 64, 2, 4, 256)
+    spectrum = rng.normal(size=shape) + 1j * rng.normal(size=shape)
+    spectrum[..., 231:] *= 0.3  # nothing above 0.9 fs
+    spectrum[:, :, :, :, 200] += 40.0  # an echo in the upper half, which must not mislead
+    samples = np.fft.ifft(spectrum, axis=-1) * 2000
+    assert band_edge_db(samples[0]) > 5
+    for swapped in (False, True):
+        counts = np.stack([samples.imag, samples.real] if swapped else [samples.real, samples.imag])
+        np.save(tmp_path / "cube.npy", np.rint(counts[0]) + 1j * np.rint(counts[1]))
+        loaded = load_capture(tmp_path / "cube.npy", radar)
+        assert loaded.iq_swapped is swapped
+        np.testing.assert_allclose(loaded.iq, np.rint(samples.real) + 1j * np.rint(samples.imag))
