@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from radartwin.errors import MissingError, RecordingError
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
+from radartwin.radar.description import read_radar
 from radartwin.radar.recording import Recording, read_counts, recording_files
-from radartwin.radar.ti_files import read_radar
 
 _EDGE_DB = 2.0  # see band_edge_db
 

@@ -194,7 +194,7 @@ class Radar:
             MissingError: no such file.
             RecordingError: a malformed or unsupported file, with its line where there is one.
         """
-        from radartwin.radar.ti_files import read_radar
+        from radartwin.radar.description import read_radar
 
         path = Path(path)
         if not path.is_file():

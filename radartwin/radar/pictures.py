@@ -28,6 +28,8 @@ def draw(maps: Maps, name: str, *, peaks: Peaks | None = None, unit: str = "dB",
         peaks: marked in range-Doppler and range-azimuth.
         unit: of the colour bar, such as "dB of transmitted power".
     """
+    import matplotlib
+
     across, label, power = {
         "range_time": _time(maps),
         "range_doppler": (maps.velocity_mps, "radial velocity (m/s), receding positive", maps.range_doppler),
@@ -39,29 +41,23 @@ def draw(maps: Maps, name: str, *, peaks: Peaks | None = None, unit: str = "dB",
         ),
     }[name]
     decibels, top = in_decibels(power)
-    figure, axes = plotting.figure(height_in=4.6)
-    image = axes.imshow(
-        decibels.T,
-        origin="lower",
-        aspect="auto",
-        interpolation="nearest",
-        extent=(*_edges(across), *_edges(maps.range_m)),
-        vmin=top - DYNAMIC_RANGE_DB,
-        vmax=top,
-        cmap=plotting.SEQUENTIAL,
-    )
-    marks = (
-        {}
-        if peaks is None
-        else {
-            "range_doppler": peaks.velocity_mps,
-            "range_azimuth": np.degrees(peaks.azimuth_rad),
-        }
-    )
-    if name in marks and peaks is not None and len(peaks):
-        axes.plot(marks[name], peaks.range_m, "o", mfc="none", mec="white", ms=6, mew=0.9, alpha=0.8)
-    axes.set(xlabel=label, ylabel="range (m)", title=title, xlim=_edges(across), ylim=_edges(maps.range_m))
-    figure.colorbar(image, ax=axes, label=f"power ({unit})")
+    with matplotlib.rc_context(plotting.style()):
+        figure, axes = plotting.figure(height_in=4.6)
+        image = axes.imshow(
+            decibels.T,
+            origin="lower",
+            aspect="auto",
+            interpolation="nearest",
+            extent=(*_edges(across), *_edges(maps.range_m)),
+            vmin=top - DYNAMIC_RANGE_DB,
+            vmax=top,
+            cmap=plotting.SEQUENTIAL,
+        )
+        marks = {"range_doppler": peaks.velocity_mps, "range_azimuth": np.degrees(peaks.azimuth_rad)} if peaks else {}
+        if peaks and name in marks:
+            axes.plot(marks[name], peaks.range_m, "o", mfc="none", mec="white", ms=6, mew=0.9, alpha=0.8)
+        axes.set(xlabel=label, ylabel="range (m)", title=title, xlim=_edges(across), ylim=_edges(maps.range_m))
+        figure.colorbar(image, ax=axes, label=f"power ({unit})")
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Radar descriptions from files: mmWave SDK .cfg, mmWave Studio .mmwave.json, and this package's own .yaml or .json.
+"""TI's radar descriptions: mmWave SDK .cfg and mmWave Studio .mmwave.json.
 
 Both TI formats describe a profile (one chirp), the chirps with their transmitters, and the frame. The radar of this
 package starts at the first ADC sample: start_frequency_hz = startFreq + slope * adcStart; chirp_interval = idle +
@@ -10,14 +10,11 @@ rlFrameCfg_t and rlChanCfg_t of the mmWaveLink interface, which mmWave Studio wr
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from radartwin.errors import InputError, RecordingError
+from radartwin.errors import RecordingError
 from radartwin.radar.boards import BOARDS, IWR1642BOOST, IWR1843BOOST, IWR6843ISK, Board
 from radartwin.radar.chirp import Radar
 
@@ -60,33 +57,22 @@ class _Setup:
     real_sampling: bool
 
 
-def read_radar(path: str | Path, board: str | None = None) -> Radar:
-    """Read a radar description by its suffix.
+def radar_from_cfg(text: str, name: str, board: str | None = None) -> Radar:
+    """The radar of a mmWave SDK .cfg.
 
     Args:
-        board: antenna layout for TI files, one of boards.BOARDS. None takes the IWR6843ISK below 70 GHz, otherwise the
-            xWR1843BOOST, or the xWR1642BOOST where only TX1 and TX2 are enabled.
+        name: what to call it.
+        board: one of BOARDS. None takes the IWR6843ISK below 70 GHz, otherwise the xWR1843BOOST, or the xWR1642BOOST where
+            only TX1 and TX2 are enabled.
     Raises:
-        RecordingError: malformed, or a mode other than time-division chirps of one profile.
+        RecordingError: malformed (with its line), or a mode other than time-division chirps of one profile.
     """
-    path = Path(path)
-    if board is not None and board not in BOARDS:
-        raise InputError(f"board {board!r} is unknown; use one of {', '.join(BOARDS)}")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: it cannot be read as a text file; give a radar file") from error
-    try:
-        if path.suffix == ".cfg":
-            return _assemble(path, _parse_cfg(text), board)
-        if path.suffix not in (".json", ".yaml", ".yml"):
-            raise RecordingError(f"suffix {path.suffix!r} is none of .cfg, .mmwave.json, .yaml and .json")
-        values = _parse_mapping(path, text)
-        if "mmWaveDevices" in values:
-            return _assemble(path, _parse_studio(values), board)
-        return Radar.from_dict(values.get("radar", values))
-    except InputError as error:
-        raise RecordingError(f"{path}: {error}") from error
+    return _assemble(name, _parse_cfg(text), board)
+
+
+def radar_from_studio(values: Mapping[str, Any], name: str, board: str | None = None) -> Radar:
+    """The radar of a parsed mmWave Studio .mmwave.json; arguments and errors as radar_from_cfg."""
+    return _assemble(name, _parse_studio(values), board)
 
 
 def _parse_cfg(text: str) -> _Setup:
@@ -190,7 +176,7 @@ def _parse_studio(values: Mapping[str, Any]) -> _Setup:
     )
 
 
-def _assemble(path: Path, setup: _Setup, board_name: str | None) -> Radar:
+def _assemble(name: str, setup: _Setup, board_name: str | None) -> Radar:
     fired = []
     for index in range(setup.first, setup.last + 1):
         matching = [chirp for chirp in setup.chirps if chirp.first <= index <= chirp.last]
@@ -221,7 +207,7 @@ def _assemble(path: Path, setup: _Setup, board_name: str | None) -> Radar:
     if setup.period_ms <= 0 or profile.rate_ksps <= 0:
         raise RecordingError("frame period and ADC rate must be above zero")
     return Radar(
-        name=path.name.removesuffix(".json").removesuffix(".mmwave").removesuffix(".cfg"),
+        name=name,
         start_frequency_hz=profile.start_ghz * 1e9 + profile.slope_mhz_us * 1e6 * profile.adc_start_us,
         slope_hz_per_s=profile.slope_mhz_us * 1e12,
         sample_rate_hz=profile.rate_ksps * 1e3,
@@ -242,33 +228,6 @@ def _likely_board(profile: _Profile, tx_mask: int) -> Board:
     if profile.start_ghz < 70:
         return IWR6843ISK
     return IWR1642BOOST if tx_mask == 0b011 else IWR1843BOOST
-
-
-def _parse_mapping(path: Path, text: str) -> dict[str, Any]:
-    import yaml
-
-    try:
-        values = json.loads(text) if path.suffix == ".json" else _with_numbers(yaml.safe_load(text))
-    except json.JSONDecodeError as error:
-        raise RecordingError(f"line {error.lineno}: {error.msg}; it is not valid JSON") from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f"line {mark.line + 1}: " if mark is not None else ""
-        raise RecordingError(f"{line}{getattr(error, 'problem', None) or 'malformed YAML'}") from error
-    if not isinstance(values, dict) or not isinstance(values.get("radar", values), dict):
-        raise RecordingError("a mapping of radar fields is expected")
-    return values
-
-
-def _with_numbers(value: Any) -> Any:
-    """YAML 1.1 reads 77e9 as text; take text that spells a number as the number."""
-    if isinstance(value, dict):
-        return {key: _with_numbers(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_with_numbers(item) for item in value]
-    if isinstance(value, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+", value):
-        return float(value)
-    return value
 
 
 def _number(text: Any, where: str) -> float:

@@ -7,7 +7,7 @@ import pytest
 
 from radartwin.errors import RecordingError
 from radartwin.radar.chirp import Radar
-from radartwin.radar.ti_files import read_radar
+from radartwin.radar.description import read_radar
 
 C = 299_792_458.0
 CFG = """% made with the mmWave SDK visualizer
