@@ -14,8 +14,9 @@ from radartwin import __version__, files
 from radartwin.provenance import commit
 
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b; }
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 78rem; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b; }
 table { border-collapse: collapse; width: 100%; font-size: 13px; margin: 1rem 0; font-variant-numeric: tabular-nums; }
+.number { text-align: right; white-space: nowrap; }
 caption { text-align: left; padding-bottom: .5rem; }
 th, td { padding: .25rem .6rem; text-align: left; border-bottom: 1px solid #ddd; }
 thead th { border-bottom: 2px solid #333; border-top: 2px solid #333; }
@@ -65,8 +66,7 @@ def _section(section: Section, output: Path, start: Path) -> str:
         for stem in section.figures
     )
     links = " ".join(
-        f'<a href="{_relative(output / "tables" / name, suffix, start)}">{suffix[1:]}</a>'
-        for suffix in (".csv", ".md", ".tex")
+        f'<a href="{_relative(output / "tables" / name, suffix, start)}">{suffix[1:]}</a>' for suffix in (".csv", ".md", ".tex")
     )
     origin = f"Profile {section.profile}, run {section.run_key[:8]}. Files: {links}."
     return (

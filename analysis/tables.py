@@ -20,9 +20,9 @@ from radartwin.experiment import SCORE_COLUMNS, check_rows
 
 Row = dict[str, Any]
 FORMATS = ("csv", "md", "tex", "html")
-_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {
-    c: f"\\{c}" for c in "&%$#_{}"
-}
+_NUMBER = int | float | None
+_UNITS = {"m": "m", "db": "dB", "deg": "deg", "hz": "Hz", "s": "s", "mps": "m/s"}
+_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {c: f"\\{c}" for c in "&%$#_{}"}
 
 
 def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
@@ -69,7 +69,7 @@ def to_markdown(table: Table, rows: Sequence[Row]) -> str:
 
 def to_latex(table: Table, rows: Sequence[Row]) -> str:
     shown, cells = _cells(rows)
-    align = "".join("r" if c in ("paper", "value", "low", "high", "n") else "l" for c in shown)
+    align = "".join("r" if all(isinstance(row.get(c), _NUMBER) for row in rows) else "l" for c in shown)
     body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
     head = " & ".join(_latex(_heading(c)) for c in shown)
     return rf"""\begin{{table}}[t]
@@ -88,17 +88,19 @@ def to_latex(table: Table, rows: Sequence[Row]) -> str:
 
 
 def to_html(table: Table, rows: Sequence[Row]) -> str:
-    """The table element alone; the report sets it on a page."""
+    """The table element alone, in ASCII, so that it reads the same on a page of any encoding."""
     shown, cells = _cells(rows)
-    head = "".join(f"<th>{html.escape(_heading(c))}</th>" for c in shown)
+    kinds = [' class="number"' if all(isinstance(row.get(c), _NUMBER) for row in rows) else "" for c in shown]
+    head = "".join(f"<th{kind}>{html.escape(_heading(c))}</th>" for c, kind in zip(shown, kinds, strict=True))
     body = "\n".join(
         f'<tr class="{html.escape(str(row["verdict"]))}">'
-        + "".join(f"<td>{html.escape(cell)}</td>" for cell in texts)
+        + "".join(f"<td{kind}>{html.escape(cell)}</td>" for cell, kind in zip(texts, kinds, strict=True))
         + "</tr>"
         for row, texts in zip(rows, cells, strict=True)
     )
     text = f"<strong>{html.escape(table.title)}.</strong> {html.escape(caption(table, rows))}"
-    return f"<table>\n<caption>{text}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n"
+    table_text = f"<table>\n<caption>{text}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n"
+    return table_text.encode("ascii", "xmlcharrefreplace").decode()
 
 
 def _cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
@@ -115,7 +117,9 @@ def _text(value: Any) -> str:
 
 
 def _heading(column: str) -> str:
-    return column.replace("_", " ")
+    """distance_m -> distance (m)"""
+    name, _, unit = column.rpartition("_")
+    return f"{name} ({_UNITS[unit]})".replace("_", " ") if name and unit in _UNITS else column.replace("_", " ")
 
 
 def _latex(text: str) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from radartwin.compose import compose
 from radartwin.config import Config, MaterialsConfig, RadarConfig, SceneConfig, TrajectoryConfig
 from radartwin.errors import ConfigError
 from radartwin.radar.chirp import Radar
@@ -44,6 +45,13 @@ def build_radar(config: RadarConfig) -> Radar:
         return Radar.from_file(Path(config.file))
     board = Radar.iwr1843(element=config.element).to_dict() if config.name == "iwr1843" else {}
     return Radar.from_dict({**board, **config.given()})
+
+
+def named_radar(name: str) -> Radar:
+    """The radar of a file, or of an option of the radar group such as "openradar_77ghz"."""
+    if Path(name).suffix or Path(name).exists():
+        return Radar.from_file(name)
+    return build_radar(compose([f"radar={name}"]).radar)
 
 
 def build_target(config: SceneConfig) -> trimesh.Trimesh | None:

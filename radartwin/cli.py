@@ -55,23 +55,17 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
 
     tables = _verb(verbs, "tables", _tables, "run what is missing, write tables, figures and the report")
-    tables.add_argument(
-        "--profile", choices=("quick", "paper"), default="quick", help="how much is computed (default: quick)"
-    )
+    tables.add_argument("--profile", choices=("quick", "paper"), default="quick", help="how much is computed (default: quick)")
     tables.add_argument("--only", metavar="NAME", action="append", help="one table; may be given again")
     _output(tables)
 
     simulate = _verb(verbs, "simulate", _simulate, "a scene to a DCA1000 recording")
     _overrides(simulate, "scene=lab|empty|plate|scan [radar=...] [trajectory=...] [key=value ...]")
-    simulate.add_argument(
-        "--out", metavar="PATH", type=Path, help="recording without suffix (default: OUTPUT/recordings/SCENE)"
-    )
+    simulate.add_argument("--out", metavar="PATH", type=Path, help="recording without suffix (default: OUTPUT/recordings/SCENE)")
     simulate.add_argument("--noise", action="store_true", help="add the receiver's thermal noise")
 
     process = _verb(verbs, "process", _process, "a recording to peaks.csv and range-time, Doppler and azimuth pictures")
-    process.add_argument(
-        "recording", metavar="RECORDING", type=Path, help="our recording, a mmWave Studio .bin, or a .npy cube"
-    )
+    process.add_argument("recording", metavar="RECORDING", type=Path, help="our recording, a mmWave Studio .bin, or a .npy cube")
     process.add_argument(
         "--radar",
         metavar="FILE",
@@ -121,9 +115,7 @@ def _output(verb: argparse.ArgumentParser) -> None:
 
 def _overrides(verb: argparse.ArgumentParser, text: str) -> None:
     verb.add_argument("overrides", nargs="*", metavar="OVERRIDE", help=text)
-    verb.add_argument(
-        "--config-dir", metavar="DIR", type=Path, action="append", default=[], help="more configuration options"
-    )
+    verb.add_argument("--config-dir", metavar="DIR", type=Path, action="append", default=[], help="more configuration options")
     verb.add_argument("--output", metavar="DIR", help="root of everything written (the same as output=DIR)")
 
 
@@ -161,16 +153,14 @@ def _simulate(options: argparse.Namespace) -> int:
 
 def _process(options: argparse.Namespace) -> int:
     from radartwin import files
-    from radartwin.compose import radar_file
+    from radartwin.assemble import named_radar
     from radartwin.radar.inspect import PEAKS_FILE, inspect
     from radartwin.radar.maps import Chain
 
     out = options.out or options.output / "processed" / options.recording.name.split(".")[0]
     files.sweep(files.check_folder(out), deep=False)
-    radar = options.radar and radar_file(options.radar)
-    peaks = inspect(
-        options.recording, out, radar, iq_swapped=options.iq_swapped, chain=Chain(static_removed=options.moving)
-    )
+    radar = named_radar(options.radar) if options.radar else None
+    peaks = inspect(options.recording, out, radar, iq_swapped=options.iq_swapped, chain=Chain(static_removed=options.moving))
     digits = {"range_m": 3, "doppler_mps": 3, "azimuth_deg": 1, "power_db": 1}
     print(peaks.to_string(index=False, formatters={c: f"{{:.{n}f}}".format for c, n in digits.items()}))
     print(f"{len(peaks)} peaks; pictures and {PEAKS_FILE} in {out}", file=sys.stderr)

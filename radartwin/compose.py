@@ -44,12 +44,6 @@ def groups() -> dict[str, list[str]]:
     return {d.name: sorted(f.stem for f in d.glob("*.yaml")) for d in sorted(conf_dir().iterdir()) if d.is_dir()}
 
 
-def radar_file(name: str) -> Path:
-    """The file a radar is described in: a path, or the name of an option of the radar group such as openradar_77ghz."""
-    shipped = conf_dir() / "radar" / f"{name}.yaml"
-    return shipped if shipped.is_file() and not Path(name).exists() else Path(name)
-
-
 def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> Config:
     """The configuration that `overrides` describe, e.g. ["experiment=environment", "seed=1"].
 
@@ -65,9 +59,7 @@ def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> 
 
     register()
     overrides = quoted(overrides)
-    searched = (
-        [f"hydra.searchpath=[{','.join(f'file://{check_folder(d)}' for d in config_dirs)}]"] if config_dirs else []
-    )
+    searched = [f"hydra.searchpath=[{','.join(f'file://{check_folder(d)}' for d in config_dirs)}]"] if config_dirs else []
     GlobalHydra.instance().clear()
     try:
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
@@ -89,12 +81,7 @@ def quoted(overrides: Sequence[str]) -> list[str]:
     """The overrides with options of a group that Hydra would read as a boolean in quotes: materials=true is an option's
     name.
     """
-    named = [
-        (group, option)
-        for group, options in groups().items()
-        for option in options
-        if option in ("true", "false", "null")
-    ]
+    named = [(group, option) for group, options in groups().items() for option in options if option in ("true", "false", "null")]
     out = list(overrides)
     for group, option in named:
         for i, override in enumerate(out):
