@@ -1,0 +1,1 @@
+"""A scan becomes a scene: mesh files checked, segmented into surfaces, flattened and labelled."""

@@ -49,7 +49,7 @@ class PlanarRegionGrowing:
         angle_deg: a face joins while its smoothed normal is this close to the plane's.
         distance_m: and its centre this close to the plane; about twice the depth noise (phone LiDAR: 1-2 cm).
         min_area_m2: a smaller plane is not one; its faces go to the leftovers.
-        smoothing: rounds of normal averaging.
+        smoothing_m: radius over which normals are averaged; a triangle larger than this keeps its own.
         loose_deg: leftovers that touch a plane and lie within distance_m, corners and all, join it up to this angle:
             noise, not shape.
         merge_deg: touching planes that agree to this angle and distance_m are one.
@@ -59,13 +59,13 @@ class PlanarRegionGrowing:
     angle_deg: float = 25.0
     distance_m: float = 0.04
     min_area_m2: float = 0.1
-    smoothing: int = 2
+    smoothing_m: float = 0.08
     loose_deg: float = 60.0
     merge_deg: float = 10.0
     min_part_m2: float = 0.01
 
     def __call__(self, mesh: trimesh.Trimesh) -> list[Segment]:
-        faces = _Faces.of(mesh, self.smoothing)
+        faces = _Faces.of(mesh, self.smoothing_m)
         label = self._grow(faces)
         label = self._merge(faces, label)
         self._absorb(faces, label)
@@ -78,11 +78,12 @@ class PlanarRegionGrowing:
         """Plane index of every face, -1 for none."""
         label = np.full(len(faces.area), -1)
         tried = np.zeros(len(faces.area), dtype=bool)
+        mark = np.full(len(faces.area), -1)  # the last seed whose region held a face: one array for all, not one each
         count = 0
         for seed in np.argsort(-faces.coherence, kind="stable"):
             if tried[seed] or label[seed] >= 0:
                 continue
-            region = self._region(faces, int(seed), label)
+            region = self._region(faces, int(seed), label, mark)
             if faces.area[region].sum() >= self.min_area_m2:
                 label[region] = count
                 count += 1
@@ -90,22 +91,23 @@ class PlanarRegionGrowing:
                 tried[region] = True
         return label
 
-    def _region(self, faces: _Faces, seed: int, label: np.ndarray) -> np.ndarray:
-        member = np.zeros(len(label), dtype=bool)
-        member[seed] = True
+    def _region(self, faces: _Faces, seed: int, label: np.ndarray, mark: np.ndarray) -> np.ndarray:
+        mark[seed] = seed
         frontier = np.array([seed])
+        rings, count = [frontier], 1
         normal, offset = faces.normal[seed], float(faces.normal[seed] @ faces.centre[seed])
         fitted = 1
         while frontier.size:
             near = faces.neighbours(frontier)
-            near = near[~member[near] & (label[near] < 0)]
+            near = near[(mark[near] != seed) & (label[near] < 0)]
             frontier = near[self._fits(faces, near, normal, offset, self.angle_deg)]
-            member[frontier] = True
-            inside = np.flatnonzero(member)
-            if len(inside) > 1.2 * fitted:  # refit as it grows by a fifth: often while small, rarely when settled
-                normal, offset = faces.plane(inside)
-                fitted = len(inside)
-        inside = np.flatnonzero(member)
+            mark[frontier] = seed
+            rings.append(frontier)
+            count += len(frontier)
+            if count > 1.2 * fitted:  # refit as it grows by a fifth: often while small, rarely when settled
+                normal, offset = faces.plane(np.concatenate(rings))
+                fitted = count
+        inside = np.concatenate(rings)
         normal, offset = faces.plane(inside)
         keep = self._fits(faces, inside, normal, offset, self.angle_deg)
         return inside[keep] if keep.any() else inside
@@ -151,7 +153,7 @@ class PlanarRegionGrowing:
         Smoothed normals blur a crease over a face or two on either side of it.
         """
         planes = [faces.plane(np.flatnonzero(label == k)) for k in range(label.max() + 1)]
-        for _ in range(2 * self.smoothing):
+        for _ in range(2 * faces.rounds):
             coo = faces.adjacency.tocoo()
             here, there = label[coo.row], label[coo.col]
             seam = (here >= 0) & (there >= 0) & (here != there)
@@ -185,22 +187,29 @@ class _Faces:
     area: np.ndarray
     coherence: np.ndarray
     adjacency: sp.csr_matrix
+    rounds: int
 
     @classmethod
-    def of(cls, mesh: trimesh.Trimesh, smoothing: int) -> _Faces:
+    def of(cls, mesh: trimesh.Trimesh, smoothing_m: float) -> _Faces:
         count = len(mesh.faces)
         i, j = np.asarray(mesh.face_adjacency).reshape(-1, 2).T
         ones = np.ones(2 * len(i), dtype=np.float64)
         adjacency = sp.csr_matrix((ones, (np.r_[i, j], np.r_[j, i])), shape=(count, count))
         area = np.asarray(mesh.area_faces)
-        weighted, total = area[:, None] * mesh.face_normals, area.copy()
-        for _ in range(smoothing):
-            weighted, total = weighted + adjacency @ weighted, total + adjacency @ total
+        own = area[:, None] * mesh.face_normals
+        small = area < smoothing_m**2 / 2
+        # Averaging is a random walk over faces: n rounds reach about sqrt(n) edges. 20 bounds the time on fine meshes.
+        edge = np.sqrt(2 * np.median(area[small])) if small.any() else np.inf
+        rounds = int(np.clip(np.ceil((smoothing_m / edge) ** 2), 0, 20)) if small.any() else 0
+        weighted, total = own, area
+        for _ in range(rounds):
+            weighted = np.where(small[:, None], weighted + adjacency @ weighted, own)
+            total = np.where(small, total + adjacency @ total, area)
         length = np.linalg.norm(weighted, axis=1)
         normal = weighted / np.maximum(length, 1e-300)[:, None]
         coherence = length / np.maximum(total, 1e-300)
         corners = np.asarray(mesh.triangles)
-        return cls(corners, corners.mean(axis=1), normal, area, coherence, adjacency)
+        return cls(corners, corners.mean(axis=1), normal, area, coherence, adjacency, rounds)
 
     def neighbours(self, which: np.ndarray) -> np.ndarray:
         """Faces that share an edge with any of `which`, each once."""

@@ -8,6 +8,7 @@ import trimesh
 
 from radartwin.errors import MaterialError, MeshError, MissingError, OutputError, SceneError
 from radartwin.materials import Layered
+from radartwin.scene.objects import joined
 from radartwin.scene.scene import Scene, Surface
 
 
@@ -130,7 +131,7 @@ def test_missing_unreadable_and_foreign_files_are_named(tmp_path):
 def test_nan_vertices_are_refused_in_memory_and_from_a_file(tmp_path):
     mesh = box()
     mesh.vertices[3, 1] = np.nan
-    with pytest.raises(MeshError, match="'lid'.*1 of 8 vertices are NaN"):
+    with pytest.raises(MeshError, match=r"'lid'.*1 of 8 vertices are NaN"):
         Surface(mesh, "metal", "lid")
     path = tmp_path / "nan.ply"
     path.write_text(
@@ -190,7 +191,7 @@ def test_sensor_inside_a_solid_is_refused_and_a_room_is_fine():
     open_room = box(2.0)
     open_room.update_faces(np.arange(len(open_room.faces)) > 1)
     Scene([Surface(open_room, "concrete")]).check_sensor(position)
-    shell = trimesh.util.concatenate([box(2.4), inward])  # walls with thickness: the sensor is in the cavity
+    shell = joined([box(2.4), inward])  # walls with thickness: the sensor is in the cavity
     Scene([Surface(shell, "concrete")]).check_sensor(position)
 
 

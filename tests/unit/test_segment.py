@@ -72,6 +72,7 @@ def test_planes_of_a_noisy_room_are_good_to_two_millimetres():
     planes = [s for s in PlanarRegionGrowing()(mesh) if s.area_m2 > 10]
     truth = {(0, 0.0), (0, 6.0), (1, 0.0), (1, 5.0), (2, 0.0), (2, 2.8)}
     for plane in planes:
+        assert plane.normal is not None
         axis = int(np.argmax(np.abs(plane.normal)))
         position = plane.offset_m / plane.normal[axis]
         nearest = min((p for a, p in truth if a == axis), key=lambda p: abs(p - position))
@@ -100,6 +101,15 @@ def test_segmentation_is_deterministic():
     assert all(np.array_equal(a.faces, b.faces) for a, b in zip(first, second, strict=True))
 
 
+def test_two_triangles_a_wall_are_enough():
+    room = trimesh.creation.box((6, 5, 2.8))
+    room.invert()
+    segments = PlanarRegionGrowing()(room)
+    assert [len(s.faces) for s in segments] == [2] * 6
+    assert [round(s.area_m2, 6) for s in segments] == [30, 30, 16.8, 16.8, 14, 14]
+    assert all(s.normal is not None and np.isclose(np.abs(s.normal).max(), 1) for s in segments)
+
+
 def test_a_sphere_is_a_part_not_a_plane():
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.15)
     segments = PlanarRegionGrowing()(ball)
@@ -112,6 +122,7 @@ def test_rooms_surfaces_get_the_names_geometry_gives_them():
     names = segment_names(mesh, segments)
     assert len(set(names)) == len(names)
     named = dict(zip(names, segments, strict=True))
+    assert named["ceiling"].normal is not None
     assert named["floor"].area_m2 == pytest.approx(30, rel=0.05)
     assert named["ceiling"].area_m2 == pytest.approx(30, rel=0.05)
     assert named["ceiling"].normal[2] < -0.99
