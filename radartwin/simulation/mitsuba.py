@@ -147,10 +147,10 @@ class MitsubaBackend:
         cell = radar.wavelength_m / np.sqrt(self.settings.rays_per_wavelength2)
         points = built.hull_points()
         if alone and self.settings.rays:
-            one = launch_module.towards(points, source[:1], built.centre, cell, (0.0, 0.0))
+            one = launch_module.towards(points, source[:1], built.centre, cell, built.grid_shift)
             if one is not None:
                 cell *= np.sqrt(one.per_pose / self.settings.rays)
-        grid = launch_module.towards(points, source, built.centre, cell, (0.0, 0.0))
+        grid = launch_module.towards(points, source, built.centre, cell, built.grid_shift)
         if grid is not None:
             return [grid]
         reach = max(NEAREST_M, float(np.linalg.norm(points - source.mean(0), axis=1).max()))

@@ -64,7 +64,7 @@ def rcs(
     wavenumber = 2 * np.pi / wavelength
     target = geometry_module.build([mesh])
     table = reflection_table.build([(material, 0.0)], frequency)
-    shift = tuple(np.random.default_rng(seed).random(2)) if seed else (0.0, 0.0)
+    shift = tuple(np.random.default_rng(seed).random(2)) if seed else target.grid_shift
     cell = wavelength / np.sqrt(rays_per_wavelength2)
     far = distance is None
     stand_off = 2 * target.extent_m + 1.0 if far else distance

@@ -1,0 +1,210 @@
+"""Scene to samples: level, phase, motion, angle, visibility and determinism of whole simulations."""
+
+import hashlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+import radartwin as rt
+from radartwin.materials import reflection
+from radartwin.scene import objects, rooms, trajectory
+
+C = 299_792_458.0
+RADAR = rt.Radar.iwr1843(element="isotropic")
+
+
+def at(x, y=0.0, z=0.0):
+    return trajectory.pose([x, y, z])
+
+
+def profile(samples, bins=8192):
+    taper = np.hanning(samples.shape[-1])
+    return np.fft.fft(samples * taper, bins) / taper.sum()
+
+
+def peak(samples, bins=8192):
+    """(range in metres, complex value) of the strongest peak of one chirp."""
+    spectrum = profile(samples, bins)
+    index = int(np.abs(spectrum).argmax())
+    return index * RADAR.unambiguous_range_m / bins, spectrum[index]
+
+
+def facing(mesh, distance):
+    """A target that faces the sensor at the origin."""
+    return rt.Scene([rt.Surface(mesh, "metal", "target")]), {"target": np.array([trajectory.pose([distance, 0, 0], np.diag([-1.0, -1.0, 1.0]))])}
+
+
+@pytest.mark.parametrize("distance", [2.0, 4.0, 8.0])
+def test_level_of_a_sphere_is_the_radar_equation(distance):
+    """|a|^2 = lambda^2 sigma / ((4 pi)^3 R^4), and its range is where it stands less its radius."""
+    scene, motion = facing(objects.sphere(0.05), distance)
+    recording = rt.simulate(scene, RADAR, np.eye(4)[None], motion=motion, rays_per_wavelength2=4)
+    where, value = peak(recording.iq[0, 0, 0, 0])
+    wavelength = C / RADAR.center_frequency_hz
+    expected = 10 * np.log10(wavelength**2 * np.pi * 0.05**2 / ((4 * np.pi) ** 3 * distance**4))
+    assert where == pytest.approx(distance - 0.05, abs=0.01)
+    assert 20 * np.log10(abs(value)) == pytest.approx(expected, abs=0.4)
+
+
+@pytest.mark.parametrize("material", ["metal", "plasterboard", rt.Layered([("plasterboard", 0.0125)])])
+def test_large_wall_is_its_exact_image(material):
+    """Complex signal of a wall against the image source, every channel and sample; the rest is the wall's own edges."""
+    wall = rt.Scene([rt.Surface(objects.plate(8.0, 8.0), material, "wall")])
+    recording = rt.simulate(wall, RADAR, at(-2.0)[None])
+    f = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * np.arange(256) / RADAR.sample_rate_hz
+    te, _ = reflection(material, np.array(1.0), f)
+    mirrored = RADAR.rx_positions * [-1, 1, 1] + [4.0, 0, 0]
+    length = np.linalg.norm(RADAR.tx_positions[:, None] - mirrored[None], axis=2)[..., None]
+    expected = np.conj(te) * C / f / (4 * np.pi * length) * np.exp(2j * np.pi * f * length / C)
+    inner = slice(32, 224)
+    assert np.linalg.norm((recording.iq[0, 0] - expected)[..., inner]) / np.linalg.norm(expected[..., inner]) < 0.08
+
+
+def test_corner_of_two_walls_returns_the_double_bounce_image():
+    """Two metal walls at a right angle: third path at the diagonal image distance, level lambda/(4 pi L)."""
+    a = rt.Surface(rooms.rectangle([0, 0, -4], np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), (8, 8)), "metal", "a")
+    b = rt.Surface(rooms.rectangle([0, 0, -4], np.array([0, 1.0, 0]), np.array([0, 0, 1.0]), (8, 8)), "metal", "b")
+    pose = trajectory.look_at(np.array([2.0, 3.0, 0.0]), np.array([0.0, 0.0, 0.0]))
+    radar = rt.Radar.iwr1843(element="isotropic")
+    two = rt.simulate(rt.Scene([a, b]), radar, pose[None], max_bounces=2).iq[0, 0, 0, 0]
+    one = rt.simulate(rt.Scene([a, b]), radar, pose[None], max_bounces=1).iq[0, 0, 0, 0]
+    diagonal = 2 * np.hypot(2, 3)
+    where, value = peak(two - one)
+    assert where == pytest.approx(diagonal / 2, abs=0.02)
+    assert 20 * np.log10(abs(value) / (RADAR.wavelength_m / (4 * np.pi * diagonal))) == pytest.approx(-0.2, abs=0.5)
+
+
+@pytest.mark.parametrize("speed", [0.2, -0.2, 1.0])
+def test_speed_and_angle_of_a_moving_target(speed):
+    """Chirp to chirp phase within one frame, TDM times as they are: within 1 % and 0.3 degrees."""
+    azimuth = np.radians(20)
+    way = np.array([np.cos(azimuth), np.sin(azimuth), 0])
+    poses = np.array([trajectory.pose(way * (2 + speed * f / RADAR.frame_rate_hz)) for f in range(3)])
+    scene = rt.Scene([rt.Surface(objects.sphere(0.03), "metal", "ball")])
+    samples = rt.simulate(scene, RADAR, np.eye(4)[None], motion={"ball": poses}).iq[1]
+    spectrum = profile(samples)
+    index = int(np.abs(spectrum[0, 0, 0]).argmax())
+    times = RADAR.chirp_times()[:, 0]
+    rate = np.polyfit(times, np.unwrap(np.angle(spectrum[:, 0, 0, index])), 1)[0]
+    # every frequency of the sweep sees the same speed; the peak's phase turns with the mean one
+    assert rate * C / (4 * np.pi * RADAR.center_frequency_hz) == pytest.approx(speed, rel=0.01)
+    across = np.polyfit(RADAR.rx_positions[:, 1], np.unwrap(np.angle(spectrum[0, 0, :, index])), 1)[0]
+    assert np.degrees(np.arcsin(-across * C / (2 * np.pi * RADAR.center_frequency_hz))) == pytest.approx(20, abs=0.3)
+
+
+def test_moving_sensor_is_a_moving_target_seen_from_it():
+    sphere = rt.Scene([rt.Surface(objects.sphere(0.03), "metal", "ball")])
+    drive = np.array([at(0.05 * f) for f in range(3)])
+    moved = np.array([at(2 - 0.05 * f) for f in range(3)])
+    sensor = rt.simulate(sphere, RADAR, drive, motion={"ball": at(2.0)[None]}).iq
+    target = rt.simulate(sphere, RADAR, np.eye(4)[None], motion={"ball": moved}).iq
+    assert np.abs(sensor - target).max() < 2e-3 * np.abs(target).max()
+
+
+def test_static_object_is_the_same_whether_moved_there_or_built_there():
+    mesh = objects.plate(0.1, 0.1)
+    there = mesh.copy().apply_transform(at(1.5))
+    moved = rt.simulate(rt.Scene([rt.Surface(mesh, "metal", "p")]), RADAR, np.eye(4)[None], motion={"p": at(1.5)[None]}).iq
+    built = rt.simulate(rt.Scene([rt.Surface(there, "metal", "p")]), RADAR, np.eye(4)[None]).iq
+    assert np.abs(moved - built).max() < 2e-3 * np.abs(built).max()
+
+
+def test_turning_target_at_rest_has_no_speed_and_a_turning_rim_has():
+    """A sphere turning about its own axis returns the same samples in every frame."""
+    poses = trajectory.turntable(np.array([1.5, 0.0, 0.0]), 4, 10.0, 25.0)
+    iq = rt.simulate(rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]), RADAR, np.eye(4)[None], motion={"ball": poses}, rays_per_wavelength2=4).iq
+    spread = np.abs(iq - iq[:1]).max() / np.abs(iq).max()
+    assert spread < 0.05  # tessellation under the curved facets
+
+
+def test_wall_hides_what_stands_behind_it():
+    scene, motion = facing(objects.plate(0.1, 0.1), 3.0)
+    screen = rt.Surface(objects.plate(2.0, 2.0).apply_transform(at(1.0)), "plasterboard", "screen")
+    only_screen = rt.simulate(rt.Scene([screen]), RADAR, np.eye(4)[None]).iq
+    both = rt.simulate(rt.Scene([screen, *scene.surfaces]), RADAR, np.eye(4)[None], motion=motion).iq
+    assert np.abs(both - only_screen).max() <= 1e-9
+
+
+def test_small_object_survives_beside_a_bright_wall():
+    """Pruning is per part: a 3 cm sphere in front of a metal wall keeps its own level."""
+    ball = objects.sphere(0.03).apply_transform(at(1.5))
+    wall = objects.plate(6.0, 6.0).apply_transform(at(4.0))
+    alone = rt.simulate(rt.Scene([rt.Surface(ball, "metal", "ball")]), RADAR, np.eye(4)[None])
+    scene = rt.Scene([rt.Surface(ball, "metal", "ball"), rt.Surface(wall, "metal", "wall")])
+    both = rt.simulate(scene, RADAR, np.eye(4)[None])
+    bins = np.arange(256) * RADAR.unambiguous_range_m / 256
+    near = np.abs(bins - 1.5) < 0.1
+    a, b = (np.abs(profile(r.iq[0, 0, 0, 0], 256))[near].max() for r in (alone, both))
+    assert 20 * np.log10(b / a) == pytest.approx(0, abs=0.5)
+
+
+def test_same_seed_same_bytes_across_processes(tmp_path):
+    code = (
+        "import sys, numpy as np, radartwin as rt; from radartwin.scene import rooms, objects;"
+        "s = rooms.lab(detail='shell'); b = rooms.lab_bench();"
+        "r = rt.simulate(s, rt.Radar.iwr1843(), b.sensor_pose[None], rays=60000, noise=True, seed=int(sys.argv[1]));"
+        "r.save(sys.argv[2])"
+    )
+    digests = []
+    for run, seed in enumerate((3, 3, 4)):
+        stem = tmp_path / f"run{run}"
+        subprocess.run([sys.executable, "-c", code, str(seed), str(stem)], check=True, timeout=120)
+        digests.append(hashlib.sha256(stem.with_suffix(".bin").read_bytes()).hexdigest())
+    assert digests[0] == digests[1]
+    assert digests[0] != digests[2]
+
+
+def test_another_seed_changes_the_noise_and_not_the_scene():
+    scene, motion = facing(objects.trihedral(0.1), 1.5)
+    quiet = [rt.simulate(scene, RADAR, np.eye(4)[None], motion=motion, seed=s).iq for s in (0, 1)]
+    noisy = [rt.simulate(scene, RADAR, np.eye(4)[None], motion=motion, seed=s, noise=True).iq for s in (0, 1)]
+    assert np.array_equal(quiet[0], quiet[1])
+    assert not np.array_equal(noisy[0], noisy[1])
+
+
+def test_lab_is_finite_and_below_what_was_sent():
+    recording = rt.simulate(rooms.lab(detail="furnished"), rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays=100_000)
+    assert np.isfinite(recording.iq).all()
+    assert 0 < np.abs(recording.iq).max() < 1e-2
+
+
+@pytest.mark.parametrize(
+    ("call", "match"),
+    [
+        (lambda s: rt.simulate(s, RADAR, np.eye(3)[None]), r"sensor_poses.*\(F, 4, 4\)"),
+        (lambda s: rt.simulate(s, RADAR, np.zeros((0, 4, 4))), "zero frames"),
+        (lambda s: rt.simulate(s, RADAR, 2 * np.eye(4)[None]), "not a rigid pose"),
+        (lambda s: rt.simulate(s, RADAR, np.full((1, 4, 4), np.nan)), "not finite"),
+        (lambda s: rt.simulate(s, RADAR, np.eye(4)[None], rays=0), "rays"),
+        (lambda s: rt.simulate(s, RADAR, np.eye(4)[None], max_bounces=0), "max_bounces"),
+        (lambda s: rt.simulate(s, RADAR, np.eye(4)[None], motion={"nobody": np.eye(4)[None]}), "nobody"),
+        (lambda s: rt.simulate(s, RADAR, np.repeat(np.eye(4)[None], 2, 0), motion={"box": np.repeat(np.eye(4)[None], 3, 0)}), "length"),
+        (lambda s: rt.simulate(s, RADAR, at(1.0)[None]), "inside surface 'box'"),
+    ],
+)
+def test_bad_input_is_named(call, match):
+    box = rt.Scene([rt.Surface(trimesh.creation.box((0.2, 0.2, 0.2)).apply_transform(at(1.0)), "metal", "box")])
+    with pytest.raises(ValueError, match=match):
+        call(box)
+
+
+def test_old_llvm_is_named_before_anything_loads(tmp_path):
+    """Dr.Jit would abort the process with 15 or 16; here it is one line."""
+    fake = tmp_path / "libLLVM-15.so"
+    fake.touch()
+    code = (
+        "import os, numpy as np, radartwin as rt; from radartwin.scene import objects\n"
+        "from radartwin.errors import BackendError\n"
+        "try: rt.rcs(objects.plate(.1, .1), [1, 0, 0])\n"
+        "except BackendError as error: print(error)"
+    )
+    import os
+
+    environment = {**os.environ, "DRJIT_LIBLLVM_PATH": str(fake)}
+    environment["PATH"] = "/usr/bin:/bin"
+    out = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60, check=True)
+    assert "LLVM 17" in out.stdout
+    assert "libLLVM-15.so" in out.stdout
