@@ -1,14 +1,14 @@
 # `make tables` and `make test` need Python 3.11 to 3.13, pip and this file; everything else they set up themselves.
 
-PYTHON ?= $(firstword $(foreach v,3.12 3.11 3.13,$(shell command -v python$(v) 2>/dev/null)) $(shell command -v python3 2>/dev/null))
 VENV := .venv
 PY := $(VENV)/bin/python
-PIP := $(PY) -m pip --disable-pip-version-check install --quiet -c constraints.txt
+PIP := $(PY) -m pip install --quiet --disable-pip-version-check -c constraints.txt
+SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 export PYTHONUNBUFFERED := 1
 
-.PHONY: tables test check bench slow clean setup setup-test llvm
+.PHONY: tables test slow check bench clean setup setup-test llvm
 
-tables: setup llvm
+tables: llvm
 	@$(VENV)/bin/radartwin tables --profile quick
 
 test: setup-test llvm
@@ -22,7 +22,7 @@ check: setup-test
 	@$(PY) -m ruff format --check .
 	@$(PY) -m pyright
 
-bench: setup llvm
+bench: llvm
 	@$(PY) experiments/bench.py
 
 clean:
@@ -32,21 +32,26 @@ clean:
 setup: $(VENV)/.ready
 setup-test: $(VENV)/.ready-test
 
-$(PY):
-	@test -n "$(PYTHON)" || { echo "Python 3.11, 3.12 or 3.13 is needed and none was found; set PYTHON=/path/to/python3"; exit 2; }
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"Python 3.11, 3.12 or 3.13 is needed; $(PYTHON) is {v[0]}.{v[1]}; set PYTHON=/path/to/python3")'
-	@echo "setting up: virtual environment in $(VENV) ($(PYTHON))"
-	@$(PYTHON) -m venv $(VENV)
-
-$(VENV)/.ready: $(PY) pyproject.toml constraints.txt
-	@echo "setting up: pinned dependencies (about 1 GB, a minute or two)"
-	@$(PIP) -e .
-	@touch $@
+llvm: setup
+	@$(PY) -m radartwin.simulation.variant --ensure
 
 $(VENV)/.ready-test: $(VENV)/.ready
 	@echo "setting up: test dependencies"
 	@$(PIP) -e '.[test]'
 	@touch $@
 
-llvm: setup
-	@$(PY) -m radartwin.simulation.variant --ensure
+$(VENV)/.ready: $(PY) pyproject.toml constraints.txt
+	@echo "setting up: pinned dependencies, about 1 GB, one to three minutes"
+	@$(PIP) -e .
+	@touch $@
+
+# The first Python that runs and is of a supported version; a name on the PATH may be a shim of one that is not there.
+$(PY):
+	@for python in $(PYTHON) python3.12 python3.11 python3.13 python3; do \
+	  if "$$python" -c '$(SUPPORTED)' >/dev/null 2>&1; then \
+	    echo "setting up: $(VENV) with $$("$$python" --version)"; \
+	    "$$python" -m venv $(VENV) && exit 0; \
+	    echo "this Python cannot make virtual environments; on Debian or Ubuntu: apt-get install python3-venv"; exit 2; \
+	  fi; \
+	done; \
+	echo "Python 3.11, 3.12 or 3.13 is needed and none was found; try make PYTHON=/path/to/python3 $(MAKECMDGOALS)"; exit 2

@@ -88,14 +88,14 @@ def build_room(scene: SceneConfig, materials: MaterialsConfig) -> Scene:
 
 
 def build_start(config: TrajectoryConfig, room: Scene) -> np.ndarray:
-    """Sensor pose (4, 4) of the first frame: as configured, else the lab's bench, or the middle of a scan."""
+    """Sensor pose (4, 4) of the first frame: as configured, else the lab's bench, or just inside a scan's low-x end."""
     from radartwin.scene import rooms, trajectory
 
     if config.position_m is not None:
         position = np.array(config.position_m)
     elif len(room) and "room" not in room.provenance:
         low, high = room.bounds
-        position = np.array([*(low + high)[:2] / 2, low[2] + config.height_m])
+        position = np.array([low[0] + 0.1 * (high - low)[0], (low + high)[1] / 2, low[2] + config.height_m])
     else:
         position = rooms.lab_bench(config.height_m).sensor_pose[:3, 3]
     heading = np.radians(config.heading_deg)

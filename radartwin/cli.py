@@ -147,6 +147,9 @@ def _simulate(options: argparse.Namespace) -> int:
     files.sweep(files.check_folder(path.parent), deep=False)
     recording = simulate_scene(config, noise=options.noise)
     recording.save(path)
+    if not recording.iq.any():
+        where = "trajectory.position_m, heading_deg and height_m"
+        print(f"radartwin: warning: nothing returns an echo to the radar; check {where}", file=sys.stderr)
     print(f"{path}.bin, {path}.json: {recording.iq.shape[0]} frames")
     return 0
 
@@ -162,7 +165,9 @@ def _process(options: argparse.Namespace) -> int:
     radar = named_radar(options.radar) if options.radar else None
     peaks = inspect(options.recording, out, radar, iq_swapped=options.iq_swapped, chain=Chain(static_removed=options.moving))
     digits = {"range_m": 3, "doppler_mps": 3, "azimuth_deg": 1, "power_db": 1}
-    print(peaks.to_string(index=False, formatters={c: f"{{:.{n}f}}".format for c, n in digits.items()}))
+    print(" ".join(digits))
+    for peak in peaks.itertuples(index=False):
+        print(*(f"{value:>{len(name)}.{digits[name]}f}" for name, value in zip(digits, peak, strict=True)))
     print(f"{len(peaks)} peaks; pictures and {PEAKS_FILE} in {out}", file=sys.stderr)
     return 0
 

@@ -115,9 +115,7 @@ class RadarConfig:
 
     def given(self) -> dict[str, Any]:
         """The fields that the option or the user set, by the names `Radar` has for them."""
-        return {
-            f.name: value for f in fields(self) if f.name != "file" and (value := getattr(self, f.name)) is not None
-        }
+        return {f.name: value for f in fields(self) if f.name != "file" and (value := getattr(self, f.name)) is not None}
 
 
 @dataclass
@@ -125,7 +123,7 @@ class TrajectoryConfig:
     """How sensor and target move. Distances are from the radar to the target's axis."""
 
     kind: str = "turntable"  # static | turntable | depth | lateral
-    position_m: list[float] | None = None  # of the radar at the start; null: the room's bench, or a scan's middle
+    position_m: list[float] | None = None  # of the radar at the start; null: the bench, or inside a scan's low-x end
     heading_deg: float = 0.0  # of its boresight, from +x to the left
     distance_m: float = 1.0  # at the start
     height_m: float = 1.0  # of the radar above the floor, where position_m does not say
@@ -142,9 +140,7 @@ class TrajectoryConfig:
             raise ConfigError(f"trajectory.position_m={self.position_m} must be [x,y,z] in metres")
         if self.kind == "depth" and self.length_m >= self.distance_m:
             reach = f"trajectory.length_m={self.length_m:g} runs into the target"
-            raise ConfigError(
-                f"{reach} at trajectory.distance_m={self.distance_m:g}; shorten one or lengthen the other"
-            )
+            raise ConfigError(f"{reach} at trajectory.distance_m={self.distance_m:g}; shorten one or lengthen the other")
 
 
 @dataclass
@@ -202,9 +198,7 @@ class SupervisionConfig:
         if self.mode == "few_shot" and self.shots < 1:
             raise ConfigError(f"supervision=few_shot needs supervision.shots of at least 1, not {self.shots}")
         if self.mode != "few_shot" and self.shots != 0:
-            raise ConfigError(
-                f"supervision.shots={self.shots} contradicts supervision.mode={self.mode}; use supervision=few_shot"
-            )
+            raise ConfigError(f"supervision.shots={self.shots} contradicts supervision.mode={self.mode}; use supervision=few_shot")
 
 
 @dataclass
@@ -212,7 +206,7 @@ class ProfileConfig:
     """How much is computed: `quick` shows every claim on two cores in minutes, `paper` is what results/ holds."""
 
     name: str = "quick"
-    frames: int = 12  # per recording
+    frames: int = 60  # per recording
     repeats: int = 3  # independent recordings per condition
     resamples: int = 1000  # bootstrap
 
@@ -273,6 +267,4 @@ class Config:
         if self.materials.source == "true" and self.scene.name == "scan":
             raise ConfigError("materials=true needs a procedural room: nobody knows the true materials of scene=scan")
         if self.materials.source == "vlm" and self.scene.name in ("empty", "plate"):
-            raise ConfigError(
-                f"materials=vlm needs a room with surfaces to label, and scene={self.scene.name} has none"
-            )
+            raise ConfigError(f"materials=vlm needs a room with surfaces to label, and scene={self.scene.name} has none")
