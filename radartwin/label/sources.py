@@ -95,9 +95,7 @@ class Vlm:
 
         def answered(surface: Surface) -> tuple[str | Layered, float]:
             if surface.name not in answers:
-                raise SceneError(
-                    f"the recorded answers of materials=vlm leave out surface '{surface.name}'; record them again"
-                )
+                raise SceneError(f"the recorded answers of materials=vlm leave out surface '{surface.name}'; record them again")
             return answers[surface.name], surface.roughness_m
 
         return _relabelled(scene, answered, self.name)
