@@ -1,9 +1,9 @@
 """Environment ablation: is a range profile more like the measured one when the room is simulated too?
 
-A corner reflector turns once in front of the radar at each distance. Measured: the testbed's room with its clutter, layers and imperfect radar.
-Simulated twice: object and stand alone (void), and with the twin's room (as scanned, with the configured materials). Compared: mean range
-profiles by Pearson correlation, and the share of energy that arrives from beyond the target. Paper: environment ablation, void against
-reconstructed scene, -0.24 against +0.42 at 2 m and about 75 % of the energy beyond the target.
+A corner reflector turns once in front of the radar at each distance. Measured: the testbed's room with its clutter, layers and imperfect
+radar. Simulated twice: object and stand alone (void), and with the twin's room (as scanned, with the configured materials). Compared: mean
+range profiles by Pearson correlation, and the share of energy that arrives from beyond the target. Paper: environment ablation, void
+against reconstructed scene, -0.24 against +0.42 at 2 m and about 75 % of the energy beyond the target.
 """
 
 from __future__ import annotations

@@ -78,18 +78,17 @@ def stack_reflection(
         raise MaterialError("a permittivity with gain (positive imaginary part under exp(+j omega t))")
     # Principal root has Re > 0; with eta'' >= 0 its imaginary part is <= 0, a wave decaying inwards.
     kz = [np.asarray(cos_incidence) + 0j, *[np.sqrt(m - sin2) for m in media[1:]]]
-    te = tm = None
+    te = tm = np.zeros(())
     for outer in range(len(media) - 2, -1, -1):
         inner = outer + 1
         r_te = (kz[outer] - kz[inner]) / (kz[outer] + kz[inner])
         numerator = media[inner] * kz[outer] - media[outer] * kz[inner]
         r_tm = numerator / (media[inner] * kz[outer] + media[outer] * kz[inner])
-        if te is None or tm is None:
+        if inner == len(media) - 1:  # the last interface has nothing behind it
             te, tm = r_te, r_tm
             continue
         twice = np.exp(-2j * k0 * kz[inner] * thicknesses_m[inner - 1])
         te = (r_te + te * twice) / (1 + r_te * te * twice)
         tm = (r_tm + tm * twice) / (1 + r_tm * tm * twice)
-    assert te is not None and tm is not None
     shape = np.broadcast_shapes(np.shape(te), np.shape(sin2), np.shape(k0))
     return np.broadcast_to(te, shape), np.broadcast_to(tm, shape)

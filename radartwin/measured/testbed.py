@@ -1,8 +1,9 @@
 """The virtual testbed: a measurement campaign that is deliberately not the twin.
 
-Truth is the exact scene, its layered and rough materials, its clutter and its stand, solved more finely and with one bounce more than the twin
-takes, through an imperfect radar, with the target not quite where the log says. It is not reality: tables scored against it test the
-method and each named gap. It never sees the twin's scan, labels or settings. Every gap has a strength: 1 as committed, 0 off, 2 doubled.
+Truth is the exact scene, its layered and rough materials, its clutter and its stand, solved more finely and with one bounce more than
+the twin takes, through an imperfect radar, with the target not quite where the log says. It is not reality: tables scored against it
+test the method and each named gap. It never sees the twin's scan, labels or settings. Every gap has a strength: 1 as committed, 0 off,
+2 doubled.
 """
 
 from collections.abc import Mapping

@@ -1,9 +1,9 @@
 """What a real IWR1843 and its capture card do to the ideal signal.
 
-Order of the chain: TX-RX leakage adds, the mixer has I/Q imbalance, the ADC quantises to 16 bits at a physical scale (thermal noise comes
-from the radar's own noise figure). There is no published figure of the board for any of these defaults; each is an order of
-magnitude, chosen before anything was scored: leakage -60 dB over 6 cm (patch antennas some wavelengths apart on one board); imbalance 0.1 dB
-and 1 degree (a calibrated quadrature receiver); full scale at -40 dB of received over transmitted power, 20 dB above the leakage.
+Order of the chain: TX-RX leakage adds, the mixer has I/Q imbalance, the ADC quantises to 16 bits at a physical scale (thermal noise
+comes from the radar's own noise figure). There is no published figure of the board for any of these defaults; each is an order of
+magnitude, chosen before anything was scored: leakage -60 dB over 6 cm (patch antennas some wavelengths apart on one board); imbalance
+0.1 dB and 1 degree (a calibrated quadrature receiver); full scale at -40 dB of received over transmitted power, 20 dB above leakage.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """Paths of a scene by tubes on Mitsuba 3: static surfaces in one frame, each moving group in its own.
 
-Small or moving surfaces ("object") get tubes of about a wavelength over their bounding box, large ones ("room") wide tubes over the sphere; a
-tube belongs to whichever kind it hits first, so nothing is counted twice. A static scene seen by a sensor at rest is traced for one pose. A
-moving group is traced by itself in its own coordinates, all poses in few launches, with the static surfaces as occluders.
+Small or moving surfaces ("object") get tubes of about a wavelength over their bounding box, large ones ("room") wide tubes over the
+sphere; a tube belongs to whichever kind it hits first, so nothing is counted twice. A static scene seen by a sensor at rest is traced for
+one pose. A moving group is traced by itself in its own coordinates, all poses in few launches, with the static surfaces as occluders.
 Not modelled here: paths between a moving group and the room, and the shadow a moving object casts on the room.
 """
 

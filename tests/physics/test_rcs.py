@@ -60,7 +60,9 @@ def test_plate_pattern_follows_its_sinc(angle_deg):
 def test_trihedral_peak_matches_closed_form(leg, polarization):
     expected = db(4 * np.pi * leg**4 / (3 * WAVELENGTH**2))
     assert db(rt.rcs(objects.trihedral(leg), [1, 0, 0], polarization=polarization)) == pytest.approx(expected, abs=1.0)
-    assert db(rt.rcs(objects.trihedral(leg), [1, 0, 0], polarization=polarization, rays_per_wavelength2=16)) == pytest.approx(expected, abs=0.3)
+    assert db(rt.rcs(objects.trihedral(leg), [1, 0, 0], polarization=polarization, rays_per_wavelength2=16)) == pytest.approx(
+        expected, abs=0.3
+    )
 
 
 def test_trihedral_needs_three_bounces():
@@ -107,7 +109,10 @@ def test_near_field_figures_of_the_reference(shared_data):
     """10 cm plate and trihedral at 0.5, 1 and 2 m, relative to their far field, within 0.5 dB at four rays per square wavelength."""
     import csv
 
-    rows = {float(r["R_m"]): r for r in csv.DictReader((shared_data.parent / "reference" / "near_over_far_field_dB.csv").read_text().splitlines())}
+    rows = {
+        float(r["R_m"]): r
+        for r in csv.DictReader((shared_data.parent / "reference" / "near_over_far_field_dB.csv").read_text().splitlines())
+    }
     for mesh, column in ((objects.plate(0.1, 0.1), "plate10cm"), (objects.trihedral(0.1), "tri10")):
         far = 4 * np.pi * 0.1**4 / WAVELENGTH**2 / (1 if column == "plate10cm" else 3)
         for distance in (0.5, 1.0, 2.0):

@@ -34,7 +34,9 @@ def peak(samples, bins=8192):
 
 def facing(mesh, distance):
     """A target that faces the sensor at the origin."""
-    return rt.Scene([rt.Surface(mesh, "metal", "target")]), {"target": np.array([trajectory.pose([distance, 0, 0], np.diag([-1.0, -1.0, 1.0]))])}
+    return rt.Scene([rt.Surface(mesh, "metal", "target")]), {
+        "target": np.array([trajectory.pose([distance, 0, 0], np.diag([-1.0, -1.0, 1.0]))])
+    }
 
 
 @pytest.mark.parametrize("distance", [2.0, 4.0, 8.0])
@@ -115,7 +117,13 @@ def test_static_object_is_the_same_whether_moved_there_or_built_there():
 def test_turning_target_at_rest_has_no_speed_and_a_turning_rim_has():
     """A sphere turning about its own axis returns the same samples in every frame."""
     poses = trajectory.turntable(np.array([1.5, 0.0, 0.0]), 4, 10.0, 25.0)
-    iq = rt.simulate(rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]), RADAR, np.eye(4)[None], motion={"ball": poses}, rays_per_wavelength2=4).iq
+    iq = rt.simulate(
+        rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]),
+        RADAR,
+        np.eye(4)[None],
+        motion={"ball": poses},
+        rays_per_wavelength2=4,
+    ).iq
     spread = np.abs(iq - iq[:1]).max() / np.abs(iq).max()
     assert spread < 0.05  # tessellation under the curved facets
 

@@ -1,0 +1,247 @@
+"""The device side of the tube tracer: launch, meet a surface, scatter to the receiver, bounce.
+
+Formulas and symbols are those of `radartwin.simulation.tubes`; arrays here are Dr.Jit's, one lane per tube. Import only once a Mitsuba
+variant is active. Numbers that change from call to call are made opaque, for a literal in a kernel means compiling it again.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.launch import Launch
+from radartwin.simulation.reflection_table import COSINES, ReflectionTable
+
+COS_GRAZING = 1e-3  # below this a smooth surface returns nothing a tube could resolve
+SHADOW_SHORT = 1e-4  # share of a way to the receiver, and metres at an occluder, by which visibility tests stop short
+
+
+def rows(values: np.ndarray) -> Callable[..., Any]:
+    """(F, 3) on the device, as a function that gathers vectors by index."""
+    columns = [mi.Float(np.ascontiguousarray(values[:, i], np.float32)) for i in range(3)]
+    return lambda index, active=True: mi.Vector3f(*(dr.gather(mi.Float, column, index, active) for column in columns))
+
+
+def scalars(values: np.ndarray) -> Callable[[Any], Any]:
+    """(F,) on the device, as a function that gathers by index."""
+    column = mi.Float(values.astype(np.float32))
+    return lambda index: dr.gather(mi.Float, column, index)
+
+
+class Device:
+    """A geometry and its reflection on the device, with the gathers the kernels make."""
+
+    def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None):
+        self.scene = geometry.scene()
+        self.corner = mi.Float(geometry.corners.astype(np.float32).ravel())
+        self.normal = mi.Float(geometry.normals.astype(np.float32).ravel())
+        self.surface = mi.UInt32(geometry.surface.astype(np.uint32))
+        self.cluster = None if cluster is None else mi.UInt32(cluster.astype(np.uint32))
+        self.nodes = len(table.frequencies_hz)
+        self.coefficients = [mi.Float(part.astype(np.float32).ravel()) for c in (table.te, table.tm) for part in (c.real, c.imag)]
+        # rays leave a surface this far above it: well over the float32 resolution of its coordinates
+        self.lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
+
+    @staticmethod
+    def corners(source: Any, face: Any, active: Any) -> list[Any]:
+        """The three corner vectors of a face from one of the per-corner arrays."""
+        return [mi.Vector3f(*(dr.gather(mi.Float, source, face * 9 + 3 * c + i, active) for i in range(3))) for c in range(3)]
+
+    def reflection(self, face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
+        """[te.re, te.im, tm.re, tm.im] at one frequency node, linear in the cosine."""
+        x = dr.clip(cosine, 0, 1) * (COSINES - 1)
+        low = dr.minimum(mi.UInt32(x), COSINES - 2)
+        weight = x - mi.Float(low)
+        index = (dr.gather(mi.UInt32, self.surface, face, active) * COSINES + low) * self.nodes + node
+        return [
+            dr.lerp(dr.gather(mi.Float, c, index, active), dr.gather(mi.Float, c, index + self.nodes, active), weight)
+            for c in self.coefficients
+        ]
+
+
+@dataclass
+class Tubes:
+    """Tubes on their way, before the next hit.
+
+    Attributes:
+        index, pose: launch index and pose. origin, direction: of the ray. foot_u, foot_v, weight: footprint vectors and solid angle or area.
+        departure: direction at the source. field_re, field_im: polarisation per frequency node. length: unfolded, float64.
+    """
+
+    index: Any
+    pose: Any
+    origin: Any
+    direction: Any
+    foot_u: Any
+    foot_v: Any
+    weight: Any
+    departure: Any
+    field_re: list[Any]
+    field_im: list[Any]
+    length: Any
+
+    def evaluate(self) -> None:
+        dr.eval(*self._values())
+
+    def compacted(self, alive: Any) -> "Tubes":
+        """The tubes at these lane indices."""
+
+        def pick(value: Any) -> Any:
+            return [pick(v) for v in value] if isinstance(value, list) else dr.gather(type(value), value, alive)
+
+        return Tubes(*(pick(value) for value in self._values()))
+
+    def _values(self) -> Iterator[Any]:
+        return (getattr(self, field.name) for field in fields(self))
+
+
+@dataclass
+class Contact:
+    """Where tubes meet a surface: face, flat and curved normal on the lit side, point on the facet and lifted onto the curve."""
+
+    face: Any
+    flat_normal: Any
+    normal: Any
+    facet_point: Any
+    point: Any
+    cosine: Any
+
+
+def project(axis: Any, direction: Any) -> Any:
+    """Normalised part of `axis` across `direction`."""
+    across = axis - direction * dr.dot(axis, direction)
+    return across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-12))
+
+
+def sinc(x: Any) -> Any:
+    """sin(x)/x without the hole at zero."""
+    return dr.select(dr.abs(x) < 1e-3, 1 - x * x / 6, dr.sin(x) / dr.select(x == 0, 1, x))
+
+
+def start(launch: Launch, axis: np.ndarray, cross: bool, block: np.ndarray, nodes: int) -> Tubes:
+    """Tubes of a launch by index; fields along the projected antenna axis, turned for H."""
+    index = mi.UInt32(block)
+    pose = index // dr.opaque(mi.UInt32, launch.per_pose)
+    cell = index - pose * dr.opaque(mi.UInt32, launch.per_pose)
+    cell_v = cell // dr.opaque(mi.UInt32, launch.count_u)
+    cell_u = cell - cell_v * dr.opaque(mi.UInt32, launch.count_u)
+    step_u, step_v = scalars(launch.step_u)(pose), scalars(launch.step_v)(pose)
+    u = scalars(launch.low_u)(pose) + mi.Float(cell_u) * step_u
+    v = scalars(launch.low_v)(pose) + mi.Float(cell_v) * step_v
+    origin, forward, u_axis, v_axis = (rows(x)(pose) for x in (launch.source, launch.forward, launch.u_axis, launch.v_axis))
+    if launch.plane:
+        origin += u_axis * u + v_axis * v
+        direction, foot_u, foot_v, weight = forward, u_axis * step_u, v_axis * step_v, step_u * step_v
+    else:
+        scale = dr.rsqrt(1 + u * u + v * v)
+        direction = (forward + u_axis * u + v_axis * v) * scale
+        foot_u = (u_axis - direction * dr.dot(direction, u_axis)) * scale * step_u
+        foot_v = (v_axis - direction * dr.dot(direction, v_axis)) * scale * step_v
+        weight = step_u * step_v * scale * scale * scale
+    field = project(rows(axis)(pose), direction)
+    if cross:  # H = (direction to the radar) x V, and the radar lies against the ray
+        field = dr.cross(-direction, field)
+    nothing = dr.zeros(mi.Vector3f, dr.width(index))
+    return Tubes(
+        index, pose, origin, direction, foot_u, foot_v, weight, mi.Vector3f(direction),
+        [mi.Vector3f(field) for _ in range(nodes)], [mi.Vector3f(nothing) for _ in range(nodes)], dr.zeros(mi.Float64, dr.width(index)),
+    )  # fmt: skip
+
+
+def meet(device: Device, tubes: Tubes, coherent: bool) -> tuple[Contact, Any]:
+    """Next surface of every tube, and which tubes have one. Adds the way there to their length."""
+    hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=coherent)
+    active = hit.is_valid()
+    face = hit.prim_index
+    distance = dr.select(active, hit.t, 0.0)  # a miss has infinite t, and 0 * inf would spread
+    corners = device.corners(device.corner, face, active)
+    normals = device.corners(device.normal, face, active)
+    barycentric = [1 - hit.prim_uv.x - hit.prim_uv.y, hit.prim_uv.x, hit.prim_uv.y]
+    flat = dr.normalize(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
+    smooth = normals[0] * barycentric[0] + normals[1] * barycentric[1] + normals[2] * barycentric[2]
+    normal = smooth * dr.rsqrt(dr.maximum(dr.squared_norm(smooth), 1e-12))
+    sag = mi.Float(0.0)
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        sag += barycentric[i] * barycentric[j] * dr.dot(normals[i] - normals[j], corners[j] - corners[i])
+    facet_point = tubes.origin + tubes.direction * distance
+    point = facet_point - normal * (0.5 * sag)
+    side = dr.select(dr.dot(tubes.direction, flat) > 0, -1.0, 1.0)
+    contact = Contact(face, flat * side, normal * side, facet_point, point, -dr.dot(tubes.direction, normal) * side)
+    tubes.length = tubes.length + mi.Float64(distance) + mi.Float64(dr.dot(point - facet_point, tubes.direction))
+    return contact, active & (contact.cosine > COS_GRAZING)
+
+
+def visible(device: Device, contact: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> Any:
+    """Of the lanes `seen`, those with a free way to the receiver."""
+    reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHADOW_SHORT) * length_out
+    ray = mi.Ray3f(contact.facet_point + contact.flat_normal * device.lift, outgoing, reach, 0.0, [])
+    return seen & ~device.scene.ray_test(ray, seen)
+
+
+def blocked(scene: Any, rotation: np.ndarray, translation: np.ndarray, pose: Any, first: Any, last: Any, active: Any) -> Any:
+    """Whether the triangles of `scene` stand between two points that each pose's (F, 3, 3) rotation and (F, 3) translation carry there."""
+    turn = [rows(rotation[:, i])(pose, active) for i in range(3)]
+    offset = rows(translation)(pose, active)
+    a, b = (mi.Vector3f(*(dr.dot(t, p) for t in turn)) + offset for p in (first, last))
+    distance = dr.norm(b - a)
+    ray = mi.Ray3f(a, (b - a) / dr.maximum(distance, 1e-9), distance - SHADOW_SHORT, 0.0, [])
+    return scene.ray_test(ray, active)
+
+
+def scatter(
+    device: Device,
+    tubes: Tubes,
+    contact: Contact,
+    outgoing: Any,
+    length_out: Any,
+    receive_axis: Any,
+    wavenumber: Any,
+    active: Any,
+    plane: bool,
+) -> list[tuple[Any, Any]]:
+    """Contribution of every tube to the receiver per node, (real, imaginary) of P.V times its integral; mirrors the tubes' fields."""
+    across = dr.cross(tubes.direction, contact.normal)
+    size = dr.squared_norm(across)
+    # s across the plane of incidence (any direction at normal incidence), p along the field in it, before and after
+    s = dr.select(size > 1e-10, across * dr.rsqrt(dr.maximum(size, 1e-12)), mi.coordinate_system(contact.normal)[0])
+    mirrored = tubes.direction + contact.normal * (2 * contact.cosine)
+    p_in, p_out = dr.cross(tubes.direction, s), dr.cross(mirrored, s)
+    footprint = mi.Float(1.0) if plane else mi.Float(tubes.length)
+    integral = mi.Float(1.0)
+    for foot in (tubes.foot_u, tubes.foot_v):
+        slope = dr.dot(foot, contact.normal) * (1 - dr.dot(outgoing, tubes.direction)) / contact.cosine - dr.dot(outgoing, foot)
+        integral *= sinc(0.5 * wavenumber * slope * footprint)
+    spread = tubes.weight * footprint / (contact.cosine * (mi.Float(1.0) if plane else length_out))
+    common = dr.select(active, integral * integral * spread / (8 * np.pi), 0.0)
+    out = []
+    for node in range(device.nodes):
+        e_re, e_im = tubes.field_re[node], tubes.field_im[node]
+        te_re, te_im, tm_re, tm_im = device.reflection(contact.face, contact.cosine, node, active)
+        s_re, s_im, p_re, p_im = dr.dot(e_re, s), dr.dot(e_im, s), dr.dot(e_re, p_in), dr.dot(e_im, p_in)
+        r_re = s * (te_re * s_re - te_im * s_im) + p_out * (tm_re * p_re - tm_im * p_im)
+        r_im = s * (te_re * s_im + te_im * s_re) + p_out * (tm_re * p_im + tm_im * p_re)
+        parts = []
+        for incident, reflected in ((e_re, r_re), (e_im, r_im)):
+            electric = dr.cross(contact.normal, dr.cross(tubes.direction, incident) + dr.cross(mirrored, reflected))
+            magnetic = dr.cross(dr.cross(incident + reflected, contact.normal), outgoing)
+            parts.append(common * dr.dot(receive_axis, electric + magnetic))
+        out.append((parts[0], parts[1]))
+        tubes.field_re[node], tubes.field_im[node] = r_re, r_im
+    return out
+
+
+def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Tubes:
+    """The tubes after a mirror reflection, without those that end here. Their fields are mirrored already."""
+    mirrored = tubes.direction + contact.normal * (2 * contact.cosine)
+    # the path leaves from the lifted point, but is counted from the facet
+    tubes.length = tubes.length - mi.Float64(dr.dot(contact.point - contact.facet_point, mirrored))
+    tubes.foot_u, tubes.foot_v = (f - contact.normal * (2 * dr.dot(f, contact.normal)) for f in (tubes.foot_u, tubes.foot_v))
+    tubes.origin = contact.facet_point + contact.flat_normal * device.lift
+    tubes.direction = mirrored
+    active &= dr.dot(mirrored, contact.flat_normal) > 0
+    tubes.evaluate()
+    return tubes.compacted(dr.compress(active))
