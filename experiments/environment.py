@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.statistics import bootstrap_mean
+from radartwin.assemble import build_radar
 from radartwin.config import Config
 from radartwin.errors import ConfigError
 from radartwin.experiment import Result
@@ -110,9 +111,8 @@ def _fetch(config: Config, store: Store, kind: str, distance: float, repeat: int
 
 
 def _radar(config: Config) -> Radar:
-    """The configured element on the paper's radar, its frames spread evenly over one revolution."""
-    radar = Radar.iwr1843(config.radar.element)
-    return replace(radar, frame_rate_hz=config.profile.frames / config.trajectory.period_s)
+    """The configured radar, its frames spread evenly over one revolution."""
+    return replace(build_radar(config.radar), frame_rate_hz=config.profile.frames / config.trajectory.period_s)
 
 
 def _target(config: Config, distance: float) -> tuple[Scene, dict[str, np.ndarray], np.ndarray]:
