@@ -77,13 +77,13 @@ def _devices() -> Iterator[Finding]:
     from radartwin.simulation import variant
 
     cuda, llvm = variant.has_cuda(), variant.find_llvm()
-    yield Finding(
-        "gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces"
-    )
+    yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces")
     if llvm is not None:
         yield Finding("llvm", "ok", f"version {variant.llvm_version(llvm)}, {llvm}")
     else:
-        text = f"no library of version {variant.LLVM_MINIMUM} or newer"
+        explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
+        text = f"DRJIT_LIBLLVM_PATH={explicit} is none" if explicit else "no library"
+        text += f" of version {variant.LLVM_MINIMUM} or newer"
         yield Finding("llvm", "note" if cuda else "missing", text, variant.REMEDY)
     if cuda or llvm is not None:
         yield Finding("variant", "ok", "cuda_ad_rgb" if cuda else "llvm_ad_rgb")
@@ -120,7 +120,5 @@ def _tracking(output: Path) -> Finding:
         with contextlib.closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=5)) as connection:
             runs = connection.execute("SELECT count(*) FROM runs").fetchone()[0]
     except sqlite3.Error as error:
-        return Finding(
-            "tracking", "note", f"{database}: {error}", f"move {database} away; the next run creates it again"
-        )
+        return Finding("tracking", "note", f"{database}: {error}", f"move {database} away; the next run creates it again")
     return Finding("tracking", "ok", f"{database}, {runs} runs")

@@ -58,9 +58,7 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
             os.fsync(stream.fileno())
         temporary.replace(path)
     except OSError as error:
-        raise OutputError(
-            f"{path}: cannot write ({error.strerror}); free some space or choose another folder"
-        ) from error
+        raise OutputError(f"{path}: cannot write ({error.strerror}); free some space or choose another folder") from error
     finally:
         temporary.unlink(missing_ok=True)
     return path

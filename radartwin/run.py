@@ -45,9 +45,7 @@ class Outcome:
     line: str
 
 
-def run_experiment(
-    config: Config, overrides: Sequence[str] = (), progress: Progress | None = None
-) -> tuple[Result, Counts]:
+def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Progress | None = None) -> tuple[Result, Counts]:
     """The result of a composed experiment, computed or read back, and what that took.
 
     Raises:
@@ -81,9 +79,7 @@ def telling(overrides: Sequence[str]) -> dict[str, str]:
 
 def summary(result: Result) -> str:
     """Rows with their verdicts and the headline numbers, as lines for a terminal."""
-    verdicts = ", ".join(
-        f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in ("holds", "fails", "untestable")
-    )
+    verdicts = ", ".join(f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in ("holds", "fails", "untestable"))
     numbers = [f"  {name} = {value:.4g}" for name, value in result.metrics.items()]
     return "\n".join([f"{result.table}: {len(result.rows)} rows ({verdicts}); run {result.run_key[:8]}", *numbers])
 
@@ -105,9 +101,7 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     first = compose(jobs[0], config_dirs)
     load(first.experiment)
     table = first.experiment.name or module_name(first.experiment)
-    folder = files.make_folder(
-        Path(first.output).absolute() / "sweeps" / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{os.getpid()}"
-    )
+    folder = files.make_folder(Path(first.output).absolute() / "sweeps" / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{os.getpid()}")
     tracker = Tracker(first.tracking, Path(first.output))
     parent = tracker.sweep(table, " ".join(o for o in overrides if telling([o])) or table)
     own = [f"hydra.sweep.dir={folder}", *([f"tracking.parent_run_id={parent}"] if parent else [])]

@@ -96,9 +96,7 @@ class Store:
         self._say = say
         files.sweep(self.root)
 
-    def key(
-        self, kind: str, spec: Mapping[str, Any], roots: Iterable[str], inputs: Mapping[str, str] | None = None
-    ) -> str:
+    def key(self, kind: str, spec: Mapping[str, Any], roots: Iterable[str], inputs: Mapping[str, str] | None = None) -> str:
         """Key of a product; `roots` name the modules that compute it, `inputs` are digests of files it reads."""
         parts = {"kind": kind, "spec": spec, "source": source_digest(roots), "inputs": dict(inputs or {})}
         return spec_digest(parts)[:KEY_LENGTH]
@@ -125,9 +123,7 @@ class Store:
         if final.is_dir():
             return self._count(kind, Product(final, key, reused=True))
         try:
-            with files.lock(
-                work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")
-            ):
+            with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
                 if final.is_dir():
                     return self._count(kind, Product(final, key, reused=True))
                 self._build(kind, key, spec, roots, build, work / "product", final)

@@ -25,7 +25,5 @@ def add_to_path() -> Path | None:
 def module(name: str) -> ModuleType:
     """A module of the study by name. Raises MissingError outside a checkout."""
     if add_to_path() is None:
-        raise MissingError(
-            "tables and the report need experiments/ and analysis/; run this from a checkout of the repository"
-        )
+        raise MissingError("tables and the report need experiments/ and analysis/; run this from a checkout of the repository")
     return importlib.import_module(name)

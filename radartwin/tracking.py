@@ -89,9 +89,7 @@ class Tracker:
             client = self._connect()
             experiment_id = self._experiment(client, table)
             self._bury(client, experiment_id, key)
-            record.run_id = self._create(
-                client, experiment_id, f"{name} {key[:8]}", tags(table, key), self.parent_run_id
-            )
+            record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", tags(table, key), self.parent_run_id)
         try:
             yield record
         except BaseException as error:
@@ -126,13 +124,14 @@ class Tracker:
             quieten()
             from mlflow import MlflowClient
             from mlflow.exceptions import MlflowException
+            from sqlalchemy.exc import SQLAlchemyError
 
             try:
                 self._client = MlflowClient(tracking_uri=self.uri)
                 self._client.search_experiments(max_results=1)  # SQLite: creates the tables
-            except MlflowException as error:
+            except (MlflowException, SQLAlchemyError) as error:
                 raise BackendError(
-                    f"tracking store {self.uri}: {_one_line(error)}; check tracking.uri or use tracking=off"
+                    f"tracking store {self.uri}: {_one_line(error)}; move the store away, correct tracking.uri, or use tracking=off"
                 ) from error
         return self._client
 
@@ -153,9 +152,7 @@ class Tracker:
                 client.set_terminated(run.info.run_id, "KILLED")
 
     @staticmethod
-    def _create(
-        client: MlflowClient, experiment_id: str, name: str, run_tags: dict[str, str], parent: str | None
-    ) -> str:
+    def _create(client: MlflowClient, experiment_id: str, name: str, run_tags: dict[str, str], parent: str | None) -> str:
         if parent:
             run_tags["mlflow.parentRunId"] = parent
         return client.create_run(experiment_id, run_name=name, tags=run_tags).info.run_id
@@ -164,9 +161,7 @@ class Tracker:
         from mlflow.entities import Metric, Param, RunTag
 
         if len(record.metrics) > MAX_METRICS:
-            raise ValueError(
-                f"{len(record.metrics)} metrics in one run; keep {MAX_METRICS} and write the rest as an artifact"
-            )
+            raise ValueError(f"{len(record.metrics)} metrics in one run; keep {MAX_METRICS} and write the rest as an artifact")
         now = int(time.time() * 1000)
         client = self._connect()
         for path in record.artifacts:
@@ -220,4 +215,4 @@ def dashboard(config: TrackingConfig, output: Path, port: int) -> int:
 
 
 def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]
