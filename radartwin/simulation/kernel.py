@@ -17,6 +17,8 @@ from radartwin.simulation.launch import Launch
 from radartwin.simulation.reflection_table import COSINES, ReflectionTable
 
 COS_GRAZING = 1e-3  # below this a smooth surface returns nothing a tube could resolve
+STEEP = 14.0  # phase slope across half a hat, radians, from which its integral is taken from its kinks
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 SHADOW_SHORT = 1e-4  # share of a way to the receiver, and metres at an occluder, by which visibility tests stop short
 
 
@@ -68,7 +70,8 @@ class Tubes:
     """Tubes on their way, before the next hit.
 
     Attributes:
-        index, pose: launch index and pose. origin, direction: of the ray. foot_u, foot_v, weight: footprint vectors and solid angle or area.
+        index, pose: launch index and pose. origin, direction: of the ray.
+        foot_u, foot_v, weight: footprint vectors and solid angle or area.
         departure: direction at the source. field_re, field_im: polarisation per frequency node. length: unfolded, float64.
     """
 
@@ -101,7 +104,12 @@ class Tubes:
 
 @dataclass
 class Contact:
-    """Where tubes meet a surface: face, flat and curved normal on the lit side, point on the facet and lifted onto the curve."""
+    """Where tubes meet a surface, on the lit side.
+
+    Attributes:
+        face: index; flat_normal, normal: of the facet and of the curve through it; facet_point, point: on the facet, and lifted onto the
+        curve; cosine: of incidence. edges, turns: two edge vectors of the facet and how much the vertex normal turns along them.
+    """
 
     face: Any
     flat_normal: Any
@@ -109,6 +117,16 @@ class Contact:
     facet_point: Any
     point: Any
     cosine: Any
+    edges: list[Any]
+    turns: list[Any]
+
+    def turn(self, step: Any) -> Any:
+        """Change of the normal along a tangent vector: the surface's curvature times the step."""
+        first, second = self.edges
+        g11, g12, g22 = dr.squared_norm(first), dr.dot(first, second), dr.squared_norm(second)
+        c1, c2 = dr.dot(step, first), dr.dot(step, second)
+        size = dr.rcp(dr.maximum(g11 * g22 - g12 * g12, 1e-30))
+        return (self.turns[0] * (c1 * g22 - c2 * g12) + self.turns[1] * (c2 * g11 - c1 * g12)) * size
 
 
 def project(axis: Any, direction: Any) -> Any:
@@ -117,9 +135,24 @@ def project(axis: Any, direction: Any) -> Any:
     return across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-12))
 
 
-def sinc(x: Any) -> Any:
-    """sin(x)/x without the hole at zero."""
-    return dr.select(dr.abs(x) < 1e-3, 1 - x * x / 6, dr.sin(x) / dr.select(x == 0, 1, x))
+def hat(alpha: Any, beta: Any) -> tuple[Any, Any]:
+    """Integral of (1 - |x|) exp(-j (alpha x + beta x^2)) over [-1, 1], real and imaginary part.
+
+    Gauss-Legendre while the phase turns by less than about two cycles a side (error 1e-7), beyond it the leading asymptotic terms of the
+    hat's three kinks (error below 2e-3).
+    """
+    re, im = mi.Float(0.0), mi.Float(0.0)
+    for node, weight in zip((_NODES + 1) / 2, _WEIGHTS / 2, strict=True):
+        part = float(2 * weight * (1 - node)) * dr.cos(alpha * float(node))
+        sine, cosine = dr.sincos(beta * float(node * node))
+        re += part * cosine
+        im -= part * sine
+    up, down = dr.rcp(dr.square(alpha + 2 * beta)), dr.rcp(dr.square(alpha - 2 * beta))
+    (sine_up, cosine_up), (sine_down, cosine_down) = dr.sincos(beta + alpha), dr.sincos(beta - alpha)
+    steep = (dr.abs(alpha) > STEEP) & (dr.abs(alpha) > 4 * dr.abs(beta))
+    far_re = 2 * dr.rcp(dr.square(alpha)) - cosine_up * up - cosine_down * down
+    far_im = sine_up * up + sine_down * down
+    return dr.select(steep, far_re, re), dr.select(steep, far_im, im)
 
 
 def start(launch: Launch, axis: np.ndarray, cross: bool, block: np.ndarray, nodes: int) -> Tubes:
@@ -170,7 +203,9 @@ def meet(device: Device, tubes: Tubes, coherent: bool) -> tuple[Contact, Any]:
     facet_point = tubes.origin + tubes.direction * distance
     point = facet_point - normal * (0.5 * sag)
     side = dr.select(dr.dot(tubes.direction, flat) > 0, -1.0, 1.0)
-    contact = Contact(face, flat * side, normal * side, facet_point, point, -dr.dot(tubes.direction, normal) * side)
+    edges = [corners[1] - corners[0], corners[2] - corners[0]]
+    turns = [(normals[1] - normals[0]) * side, (normals[2] - normals[0]) * side]
+    contact = Contact(face, flat * side, normal * side, facet_point, point, -dr.dot(tubes.direction, normal) * side, edges, turns)
     tubes.length = tubes.length + mi.Float64(distance) + mi.Float64(dr.dot(point - facet_point, tubes.direction))
     return contact, active & (contact.cosine > COS_GRAZING)
 
@@ -211,12 +246,18 @@ def scatter(
     mirrored = tubes.direction + contact.normal * (2 * contact.cosine)
     p_in, p_out = dr.cross(tubes.direction, s), dr.cross(mirrored, s)
     footprint = mi.Float(1.0) if plane else mi.Float(tubes.length)
-    integral = mi.Float(1.0)
+    inverse_in, inverse_out = (mi.Float(0.0), mi.Float(0.0)) if plane else (dr.rcp(footprint), dr.rcp(length_out))
+    total_re, total_im = tubes.weight * footprint * dr.rcp(8 * np.pi * contact.cosine) * (1.0 if plane else inverse_out), mi.Float(0.0)
+    change = tubes.direction - outgoing  # gradient of the path length at the hit
     for foot in (tubes.foot_u, tubes.foot_v):
-        slope = dr.dot(foot, contact.normal) * (1 - dr.dot(outgoing, tubes.direction)) / contact.cosine - dr.dot(outgoing, foot)
-        integral *= sinc(0.5 * wavenumber * slope * footprint)
-    spread = tubes.weight * footprint / (contact.cosine * (mi.Float(1.0) if plane else length_out))
-    common = dr.select(active, integral * integral * spread / (8 * np.pi), 0.0)
+        step = (foot + tubes.direction * (dr.dot(foot, contact.normal) * dr.rcp(contact.cosine))) * footprint
+        slope = dr.dot(change, step)
+        square = dr.squared_norm(step)
+        bend = (square - dr.square(dr.dot(step, tubes.direction))) * inverse_in + (square - dr.square(dr.dot(step, outgoing))) * inverse_out
+        bend -= dr.dot(change, contact.normal) * dr.dot(contact.turn(step), step)
+        re, im = hat(wavenumber * slope, 0.5 * wavenumber * bend)
+        total_re, total_im = total_re * re - total_im * im, total_re * im + total_im * re
+    total_re, total_im = dr.select(active, total_re, 0.0), dr.select(active, total_im, 0.0)
     out = []
     for node in range(device.nodes):
         e_re, e_im = tubes.field_re[node], tubes.field_im[node]
@@ -228,8 +269,8 @@ def scatter(
         for incident, reflected in ((e_re, r_re), (e_im, r_im)):
             electric = dr.cross(contact.normal, dr.cross(tubes.direction, incident) + dr.cross(mirrored, reflected))
             magnetic = dr.cross(dr.cross(incident + reflected, contact.normal), outgoing)
-            parts.append(common * dr.dot(receive_axis, electric + magnetic))
-        out.append((parts[0], parts[1]))
+            parts.append(dr.dot(receive_axis, electric + magnetic))
+        out.append((parts[0] * total_re - parts[1] * total_im, parts[0] * total_im + parts[1] * total_re))
         tubes.field_re[node], tubes.field_im[node] = r_re, r_im
     return out
 

@@ -1,7 +1,7 @@
 """Regular grids of tubes: from a phase centre over a solid angle, or in parallel from far away.
 
 A tube carries the solid angle (or area) it stands for and its two footprint vectors, the derivatives of its direction (or
-position) along the grid. Grids are regular because the tubes' linear-phase integrals tile the wavefront only then; a seed may
+position) along the grid. Grids are regular because the tubes' integrals tile the wavefront only then; a seed may
 shift the whole grid by part of a cell, never one ray within its tube.
 """
 

@@ -21,7 +21,7 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation import reflection_table, tubes, variant
 from radartwin.simulation.paths import Paths
 
-WIDTH_RULE = 0.2  # room tubes are at most this times sqrt(wavelength x distance) wide
+WIDTH_RULE = 0.3  # room tubes are this times sqrt(wavelength x distance) wide; flat walls would stand 1, furniture would not
 FARTHEST_M = 12.0  # beyond the range fold nothing sharpens the room's grid
 NEAREST_M = 0.5
 MAX_AROUND = 6_000_000

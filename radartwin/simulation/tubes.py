@@ -1,20 +1,25 @@
 """Shooting and bouncing tubes with physical optics: the scattering kernel.
 
-Every tube adds, at each of its hits that the receiver sees, the linear-phase integral of the surface currents over its footprint:
+Every tube adds, at each of its hits that the receiver sees, the integral of the surface currents over its footprint, with the phase
+expanded to second order:
 
-    a = -j/(8 pi) [P . V] dOmega L_i / (L_o cos t) sinc^2(k g_u L_i/2) sinc^2(k g_v L_i/2) exp(-j k (L_i + L_o))
+    a = -j/(8 pi) [P . V] dOmega L_i / (L_o cos t) h(k s_u, k b_u/2) h(k s_v, k b_v/2) exp(-j k (L_i + L_o))
     V = n x (k_i x E_i + k_r x E_r) + ((E_i + E_r) x n) x s
-    g_u = (e_u . n)(1 - s . k_i)/cos t - s . e_u
+    h(alpha, beta) = integral of (1 - |x|) exp(-j (alpha x + beta x^2)) over [-1, 1]
+    p_u = L_i (e_u + k_i (e_u . n)/cos t)        s_u = (k_i - s) . p_u
+    b_u = (|p_u|^2 - (p_u . k_i)^2)/L_i + (|p_u|^2 - (p_u . s)^2)/L_o - (k_i - s) . n (dn(p_u) . p_u)
 
 Symbols: L_i -> length_in (unfolded, source to hit), L_o -> length_out (hit to receiver), k_i, k_r, s -> unit directions in,
-mirrored and to the receiver, n -> normal on the lit side, E_i, E_r -> incident and reflected field by the TE/TM coefficients of the
-surface, P -> receive polarisation, e_u, e_v -> footprint vectors. |a|^2 is received over transmitted power between isotropic antennas;
-on a perfect conductor V is the textbook 2 n x (k x E). For a plane wave dOmega L_i^2 is the tube's cross-section. Tubes are hats: they
-overlap by half and sum to one, hence the squared sinc. Box tubes (sinc to the first power) leave phase steps between neighbours, which
-on a sphere of 33 mm at one tube per square wavelength cost 0.62 dB rms against 0.21.
+mirrored and to the receiver, n -> normal on the lit side, dn(p) -> its change along p, E_i, E_r -> incident and reflected field by the
+TE/TM coefficients of the surface, P -> receive polarisation, e_u, e_v -> footprint vectors, p_u -> step on the surface from tube to tube.
+|a|^2 is received over transmitted power between isotropic antennas; on a perfect conductor V is the textbook 2 n x (k x E). For a plane
+wave dOmega L_i^2 is the tube's cross-section.
+Tubes are hats: they overlap by half and sum to one. One tube per square wavelength on a sphere of 33 mm is off Mie by 0.62 dB rms over
+grid offsets with box tubes and a linear phase, by 0.21 with linear hats and by 0.12 with these; the image of a large wall at 3 m is
+within 1.5 % from 20,000 tubes and 0.2 % from 200,000, where linear hats are off by 84 and 21 %.
 Curved facets: a hit is lifted by h = -1/2 sum_{i<j} b_i b_j (n_i - n_j).(p_j - p_i) along the interpolated normal, b its barycentrics.
 Amplitudes leave this module conjugated, for signals exp(+j k L), and without the propagation phase. Ref: H. Ling, R. Chou, S. Lee,
-IEEE Trans. Antennas Propag. 37 (1989) 194, with linear-phase integration per tube in place of point sums.
+IEEE Trans. Antennas Propag. 37 (1989) 194, with an integral per tube in place of point sums.
 """
 
 from collections.abc import Iterator, Sequence
