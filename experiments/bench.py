@@ -11,7 +11,7 @@ import argparse
 import os
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -52,7 +52,7 @@ def direct_sum(paths: Paths, radar: rt.Radar) -> np.ndarray:
     return out
 
 
-def timed(methods: dict[str, Callable[[], object]], repeats: int) -> dict[str, np.ndarray]:
+def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, np.ndarray]:
     """Seconds of each repetition, methods in turn; one unmeasured round first compiles the kernels."""
     for method in methods.values():
         method()

@@ -116,16 +116,15 @@ def _range_time_figure(maps: dict[str, np.ndarray], axis: np.ndarray, distance: 
     drawing, panels = figure(1, len(maps), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, sharex=True)
     inside = (axis >= NEAR_M) & (axis <= FAR_M)
     top = max(10 * np.log10(power[:, inside].max()) for power in maps.values())
-    image = None
     for panel, (domain, power) in zip(panels, maps.items(), strict=True):
         level = 10 * np.log10(np.maximum(power[:, inside], 1e-30))
         extent = (0, 360, float(axis[inside][0]), float(axis[inside][-1]))
-        image = panel.imshow(level.T, origin="lower", aspect="auto", extent=extent, vmin=top - 70, vmax=top, interpolation="nearest")
+        panel.imshow(level.T, origin="lower", aspect="auto", extent=extent, vmin=top - 70, vmax=top, interpolation="nearest")
         panel.set(title=labels[domain], xlabel="turntable angle (deg)", xticks=[0, 90, 180, 270, 360])
     line = {"arrowstyle": "-", "color": "white"}
     panels[0].annotate("reflector", (15, distance), (25, distance - 0.6), color="white", fontsize=7, arrowprops=line)
     panels[0].set_ylabel("range (m)")
-    drawing.colorbar(image, ax=panels, label="received / transmitted power (dB)", pad=0.01)
+    drawing.colorbar(panels[0].images[0], ax=panels, label="received / transmitted power (dB)", pad=0.01)
     return drawing
 
 

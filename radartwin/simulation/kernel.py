@@ -44,7 +44,7 @@ class Device:
         self.surface = mi.UInt32(geometry.surface.astype(np.uint32))
         self.cluster = None if cluster is None else mi.UInt32(cluster.astype(np.uint32))
         self.nodes = len(table.frequencies_hz)
-        self.coefficients = [mi.Float(part.astype(np.float32).ravel()) for c in (table.te, table.tm) for part in (c.real, c.imag)]
+        self.coefficients = [mi.Float(part.astype(np.float32).ravel()) for c in (table.te, table.tm) for part in (np.real(c), np.imag(c))]
         # rays leave a surface this far above it: well over the float32 resolution of its coordinates
         self.lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
 
@@ -210,11 +210,17 @@ def meet(device: Device, tubes: Tubes, coherent: bool) -> tuple[Contact, Any]:
     return contact, active & (contact.cosine > COS_GRAZING)
 
 
+def _ray(origin: Any, direction: Any, reach: Any) -> Any:
+    """A ray that ends at `reach`."""
+    ray = mi.Ray3f(origin, direction)
+    ray.maxt = reach
+    return ray
+
+
 def visible(device: Device, contact: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> Any:
     """Of the lanes `seen`, those with a free way to the receiver."""
     reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHADOW_SHORT) * length_out
-    ray = mi.Ray3f(contact.facet_point + contact.flat_normal * device.lift, outgoing, reach, 0.0, [])
-    return seen & ~device.scene.ray_test(ray, seen)
+    return seen & ~device.scene.ray_test(_ray(contact.facet_point + contact.flat_normal * device.lift, outgoing, reach), seen)
 
 
 def blocked(scene: Any, rotation: np.ndarray, translation: np.ndarray, pose: Any, first: Any, last: Any, active: Any) -> Any:
@@ -223,8 +229,7 @@ def blocked(scene: Any, rotation: np.ndarray, translation: np.ndarray, pose: Any
     offset = rows(translation)(pose, active)
     a, b = (mi.Vector3f(*(dr.dot(t, p) for t in turn)) + offset for p in (first, last))
     distance = dr.norm(b - a)
-    ray = mi.Ray3f(a, (b - a) / dr.maximum(distance, 1e-9), distance - SHADOW_SHORT, 0.0, [])
-    return scene.ray_test(ray, active)
+    return scene.ray_test(_ray(a, (b - a) / dr.maximum(distance, 1e-9), distance - SHADOW_SHORT), active)
 
 
 def scatter(

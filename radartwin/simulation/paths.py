@@ -41,8 +41,8 @@ class Paths:
         """(N,) total path length."""
         return self.length_in_m + self.length_out_m
 
-    def where(self, keep: np.ndarray) -> "Paths":
-        """The chosen paths, by mask or index."""
+    def where(self, keep: np.ndarray | slice) -> "Paths":
+        """The chosen paths, by mask, index or slice."""
         chosen = {f.name: getattr(self, f.name) for f in fields(self)}
         for name, value in chosen.items():
             if name not in ("poses", "frequencies_hz"):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import trimesh
+from numpy.typing import ArrayLike
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError
@@ -13,7 +14,7 @@ from radartwin.simulation import reflection_table, tubes, variant
 
 def rcs(
     mesh: trimesh.Trimesh,
-    direction: np.ndarray,
+    direction: ArrayLike,
     *,
     distance: float | None = None,
     frequency: float = 77e9,
