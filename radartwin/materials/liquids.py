@@ -7,14 +7,21 @@ eps = eps_0 - f [ (eps_0 - eps_1)/(f - j gamma_1) + (eps_1 - eps_2)/(f - j gamma
 
 import numpy as np
 
+from radartwin.errors import MaterialError
+
 
 def water(frequency_hz: np.ndarray | float, temperature_c: float = 20.0) -> np.ndarray:
-    """Complex relative permittivity of pure water, eta' - j eta''.
+    """Complex relative permittivity of pure water, eta' - j eta''; the model holds to 1 THz.
+
+    Raises:
+        MaterialError: a frequency above it.
 
     >>> complex(np.round(water(77e9), 1))
     (8.8-15.9j)
     """
     f = np.asarray(frequency_hz, float) / 1e9
+    if f.max() > 1000:
+        raise MaterialError(f"material 'water' has a model up to 1000 GHz, not at {float(f.max()):g} GHz")
     theta = 300.0 / (273.15 + temperature_c)
     static = 77.66 + 103.3 * (theta - 1)
     first = 0.0671 * static

@@ -202,7 +202,7 @@ def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False) -> NDArra
         raise RecordingError(f"{path}: it is empty, zero frames; record again")
     if size % frame:
         raise RecordingError(
-            f"{path}: {size} bytes are {size / frame:.2f} frames of {frame} bytes for radar {radar.name}; "
+            f"{path}: {size} bytes are not a whole number of frames of {frame} bytes for radar {radar.name}, {size % frame} are left over; "
             "it is truncated or belongs to another radar description"
         )
     try:

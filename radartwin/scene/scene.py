@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Role = Literal["auto", "object", "room"]
 
 OBJECT_EXTENT_M = 0.5  # role "auto": at most this large is an object (the largest of the twelve is a 0.3 m bottle)
+OBJECT_WIDTH_M = 0.2  # ... and so is what is longer but this narrow: some ten of a room's tubes at 3 m
+CURVED_EXTENT_M = 2.0  # ... and what is curved up to this size; beyond it, a scan's noise, which bends every edge
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -62,10 +64,18 @@ class Surface:
 
     @property
     def kind(self) -> Literal["object", "room"]:
-        """The role with "auto" resolved by the largest extent."""
+        """The role with "auto" resolved by shape: wide tubes suit what is large, wide and flat; all else is an object."""
         if self.role != "auto":
             return self.role
-        return "object" if float(self.mesh.extents.max()) <= OBJECT_EXTENT_M else "room"
+        _, width, length = sorted(float(extent) for extent in self.mesh.extents)
+        if length <= OBJECT_EXTENT_M or width <= OBJECT_WIDTH_M:
+            return "object"
+        return "object" if length <= CURVED_EXTENT_M and self._curved() else "room"
+
+    def _curved(self) -> bool:
+        """Whether a fifth of the edges bend by 0.5 to 30 degrees, as a tessellated curve's do and a box's do not."""
+        angles = np.degrees(self.mesh.face_adjacency_angles)
+        return bool(len(angles) and ((angles > 0.5) & (angles < 30)).mean() > 0.2)
 
     def replaced(self, **changes: Any) -> Surface:
         """A copy with some fields changed, e.g. `surface.replaced(material="concrete")`."""

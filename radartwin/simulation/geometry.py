@@ -108,7 +108,7 @@ def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
-    """Merge surfaces into one geometry; faces without area are dropped, meshes themselves are not changed.
+    """Merge surfaces into one geometry; faces without area and doubled faces are dropped, meshes themselves are not changed.
 
     Args:
         meshes: one per surface, in one common frame, metres.
@@ -116,8 +116,10 @@ def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
     corners, normals, surface = [], [], []
     for index, mesh in enumerate(meshes):
         clean = trimesh.Trimesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces), process=False)
-        clean.merge_vertices(digits_vertex=9)
-        clean.update_faces(clean.area_faces > 1e-14)
+        clean.merge_vertices(digits_vertex=7)  # closer than 0.1 um is the same point: rounding, not shape
+        clean.update_faces(clean.unique_faces() & (clean.area_faces > 1e-14))
+        if not clean.is_winding_consistent:
+            trimesh.repair.fix_winding(clean)  # smooth normals are averages, and neighbours that face apart would cancel
         if not len(clean.faces):
             continue
         corners.append(np.asarray(clean.triangles, float))

@@ -17,7 +17,8 @@ from radartwin.simulation.launch import Launch
 from radartwin.simulation.reflection_table import COSINES, ReflectionTable
 
 COS_GRAZING = 1e-3  # below this a smooth surface returns nothing a tube could resolve
-STEEP = 14.0  # phase slope across half a hat, radians, from which its integral is taken from its kinks
+STEEP = 14.0  # phase across half a tube, radians, from which its integral is taken from its kinks
+FLAT = 1e-10  # squared turn of the vertex normals over a facet below which it is flat
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 SHADOW_SHORT = 1e-4  # share of a way to the receiver, and metres at an occluder, by which visibility tests stop short
 
@@ -37,8 +38,9 @@ def scalars(values: np.ndarray) -> Callable[[Any], Any]:
 class Device:
     """A geometry and its reflection on the device, with the gathers the kernels make."""
 
-    def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None):
+    def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None, hats: bool):
         self.scene = geometry.scene()
+        self.hats = dr.opaque(mi.Bool, hats)
         self.corner = mi.Float(geometry.corners.astype(np.float32).ravel())
         self.normal = mi.Float(geometry.normals.astype(np.float32).ravel())
         self.surface = mi.UInt32(geometry.surface.astype(np.uint32))
@@ -135,23 +137,26 @@ def project(axis: Any, direction: Any) -> Any:
     return across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-12))
 
 
-def hat(alpha: Any, beta: Any) -> tuple[Any, Any]:
-    """Integral of (1 - |x|) exp(-j (alpha x + beta x^2)) over [-1, 1], real and imaginary part.
+def footprint_integral(alpha: Any, beta: Any, hat: Any) -> tuple[Any, Any]:
+    """Integral of w(x) exp(-j (alpha x + beta x^2)), real and imaginary part, with w a hat on [-1, 1] or a box on [-1/2, 1/2].
 
     Gauss-Legendre while the phase turns by less than about two cycles a side (error 1e-7), beyond it the leading asymptotic terms of the
-    hat's three kinks (error below 2e-3).
+    hat's three kinks (error below 2e-3), or the box without its curvature.
     """
+    half, slope = dr.select(hat, mi.Float(1.0), 0.5), dr.select(hat, mi.Float(1.0), 0.0)
     re, im = mi.Float(0.0), mi.Float(0.0)
     for node, weight in zip((_NODES + 1) / 2, _WEIGHTS / 2, strict=True):
-        part = float(2 * weight * (1 - node)) * dr.cos(alpha * float(node))
-        sine, cosine = dr.sincos(beta * float(node * node))
+        x = half * float(node)
+        part = half * float(2 * weight) * (1 - slope * float(node)) * dr.cos(alpha * x)
+        sine, cosine = dr.sincos(beta * x * x)
         re += part * cosine
         im -= part * sine
     up, down = dr.rcp(dr.square(alpha + 2 * beta)), dr.rcp(dr.square(alpha - 2 * beta))
     (sine_up, cosine_up), (sine_down, cosine_down) = dr.sincos(beta + alpha), dr.sincos(beta - alpha)
-    steep = (dr.abs(alpha) > STEEP) & (dr.abs(alpha) > 4 * dr.abs(beta))
-    far_re = 2 * dr.rcp(dr.square(alpha)) - cosine_up * up - cosine_down * down
-    far_im = sine_up * up + sine_down * down
+    steep = (dr.abs(alpha) * half > STEEP) & (dr.abs(alpha) > 4 * dr.abs(beta))
+    box = 2 * dr.sin(0.5 * alpha) * dr.rcp(alpha)
+    far_re = dr.select(hat, 2 * dr.rcp(dr.square(alpha)) - cosine_up * up - cosine_down * down, box)
+    far_im = dr.select(hat, sine_up * up + sine_down * down, 0.0)
     return dr.select(steep, far_re, re), dr.select(steep, far_im, im)
 
 
@@ -190,7 +195,6 @@ def meet(device: Device, tubes: Tubes, coherent: bool) -> tuple[Contact, Any]:
     hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=coherent)
     active = hit.is_valid()
     face = hit.prim_index
-    distance = dr.select(active, hit.t, 0.0)  # a miss has infinite t, and 0 * inf would spread
     corners = device.corners(device.corner, face, active)
     normals = device.corners(device.normal, face, active)
     barycentric = [1 - hit.prim_uv.x - hit.prim_uv.y, hit.prim_uv.x, hit.prim_uv.y]
@@ -200,13 +204,15 @@ def meet(device: Device, tubes: Tubes, coherent: bool) -> tuple[Contact, Any]:
     sag = mi.Float(0.0)
     for i, j in ((0, 1), (0, 2), (1, 2)):
         sag += barycentric[i] * barycentric[j] * dr.dot(normals[i] - normals[j], corners[j] - corners[i])
-    facet_point = tubes.origin + tubes.direction * distance
+    # From the corners, not along the ray: t carries the rounding of a far source, which would put the point below its own facet.
+    facet_point = corners[0] * barycentric[0] + corners[1] * barycentric[1] + corners[2] * barycentric[2]
+    facet_point = dr.select(active, facet_point, tubes.origin)  # a miss has no face, and what it gathered must not spread
     point = facet_point - normal * (0.5 * sag)
     side = dr.select(dr.dot(tubes.direction, flat) > 0, -1.0, 1.0)
     edges = [corners[1] - corners[0], corners[2] - corners[0]]
     turns = [(normals[1] - normals[0]) * side, (normals[2] - normals[0]) * side]
     contact = Contact(face, flat * side, normal * side, facet_point, point, -dr.dot(tubes.direction, normal) * side, edges, turns)
-    tubes.length = tubes.length + mi.Float64(distance) + mi.Float64(dr.dot(point - facet_point, tubes.direction))
+    tubes.length = tubes.length + dr.dot(mi.Vector3d(point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
     return contact, active & (contact.cosine > COS_GRAZING)
 
 
@@ -254,13 +260,14 @@ def scatter(
     inverse_in, inverse_out = (mi.Float(0.0), mi.Float(0.0)) if plane else (dr.rcp(footprint), dr.rcp(length_out))
     total_re, total_im = tubes.weight * footprint * dr.rcp(8 * np.pi * contact.cosine) * (1.0 if plane else inverse_out), mi.Float(0.0)
     change = tubes.direction - outgoing  # gradient of the path length at the hit
+    hat = device.hats | (dr.squared_norm(contact.turns[0]) + dr.squared_norm(contact.turns[1]) > FLAT)
     for foot in (tubes.foot_u, tubes.foot_v):
         step = (foot + tubes.direction * (dr.dot(foot, contact.normal) * dr.rcp(contact.cosine))) * footprint
         slope = dr.dot(change, step)
         square = dr.squared_norm(step)
         bend = (square - dr.square(dr.dot(step, tubes.direction))) * inverse_in + (square - dr.square(dr.dot(step, outgoing))) * inverse_out
         bend -= dr.dot(change, contact.normal) * dr.dot(contact.turn(step), step)
-        re, im = hat(wavenumber * slope, 0.5 * wavenumber * bend)
+        re, im = footprint_integral(wavenumber * slope, 0.5 * wavenumber * bend, hat)
         total_re, total_im = total_re * re - total_im * im, total_re * im + total_im * re
     total_re, total_im = dr.select(active, total_re, 0.0), dr.select(active, total_im, 0.0)
     out = []

@@ -27,6 +27,7 @@ NEAREST_M = 0.5
 MAX_AROUND = 6_000_000
 PRUNE = 1e-3  # of the strongest path of a pose and launch, antennas included: moves the signal of the furnished lab by 0.2 %
 AT_REST = 1e-12  # largest change of a pose that is no motion
+ROOM = 0  # cluster of the large surfaces
 ROOMS_KEPT = 4  # static path sets in memory, some tens of megabytes each
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
 
@@ -106,15 +107,15 @@ class MitsubaBackend:
         poses: np.ndarray,
     ) -> Paths:
         labels: dict[object, int] = {}
-        kinds = [labels.setdefault(s.name or i, len(labels) + 1) if s.kind == "object" else 0 for i, s in enumerate(static)]
+        kinds = [labels.setdefault(s.name or i, len(labels) + 1) if s.kind == "object" else ROOM for i, s in enumerate(static)]
         cluster = np.asarray(kinds)[built.surface]
         sensor, velocity = poses_module.relative(poses, None, radar.frame_rate_hz)
         launches: list[tuple[launch_module.Launch, int]] = []
-        if (cluster == 0).any():
+        if (cluster == ROOM).any():
             faces = 5 if radar.element != "isotropic" else 6
             rays = self.settings.rays or _room_rays(built, sensor[:, :3, 3], radar.wavelength_m)
-            launches += [(one, 0) for one in launch_module.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
-        alone = not (cluster == 0).any()
+            launches += [(one, ROOM) for one in launch_module.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
+        alone = not (cluster == ROOM).any()
         for label in range(1, len(labels) + 1):
             part = geometry_module.Geometry(
                 built.corners[cluster == label], built.normals[cluster == label], built.surface[cluster == label]
@@ -133,10 +134,11 @@ class MitsubaBackend:
     ) -> Paths:
         built = geometry_module.build([s.mesh for s in surfaces])
         sensor, velocity = poses_module.relative(sensor_poses, poses, radar.frame_rate_hz)
-        if float(np.abs(sensor - sensor[:1]).max()) < AT_REST:  # seen alike in every frame
+        still = room is None or float(np.abs(poses - poses[:1]).max()) < AT_REST
+        if still and float(np.abs(sensor - sensor[:1]).max()) < AT_REST:  # seen alike, and hidden alike, in every frame
             sensor, velocity, poses = sensor[:1], velocity[:1], poses[:1]
         occluder = None if room is None else tubes.Occluder(room, poses[:, :3, :3], poses[:, :3, 3])
-        launches = [(one, 0) for one in self._object_launches(built, sensor, radar, room is None)]
+        launches = [(one, ROOM + 1) for one in self._object_launches(built, sensor, radar, room is None)]
         return self._collect(built, _table(surfaces, radar), launches, sensor, velocity, None, occluder, radar)
 
     def _object_launches(
@@ -175,6 +177,7 @@ class MitsubaBackend:
             hits = tubes.trace(
                 built, table, one, antenna, antenna,
                 max_bounces=self.settings.max_bounces, cluster=cluster, first_hit=label, occluder=occluder, prune=SCOUT_PRUNE,
+                hats=label == ROOM,
             )  # fmt: skip
             turn = sensor[hits.pose, :3, :3]
             departure, arrival = (np.einsum("nij,ni->nj", turn, d) for d in (hits.departure, hits.arrival))

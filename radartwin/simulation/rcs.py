@@ -5,11 +5,13 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.errors import InputError
+from radartwin.errors import InputError, SceneError
 from radartwin.materials import Layered
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import launch as launch_module
 from radartwin.simulation import reflection_table, tubes, variant
+
+MAX_TUBES = 200_000_000  # some minutes of tracing
 
 
 def rcs(
@@ -39,10 +41,11 @@ def rcs(
     Returns:
         Cross-section in m^2.
     Raises:
+        SceneError: the radar is inside the mesh.
         MeshError: NaN, empty or oversized mesh. MaterialError: unknown or without values at this frequency.
         InputError: direction of length zero, non-positive distance, ray density or bounces, unknown polarization.
     """
-    from radartwin.scene.checks import check_mesh
+    from radartwin.scene.checks import check_mesh, inside_solid
 
     check_mesh(mesh, "rcs mesh")
     towards = np.asarray(direction, float).reshape(-1)
@@ -59,6 +62,9 @@ def rcs(
     if polarization not in ("VV", "VH", "HV", "HH"):
         raise InputError(f"rcs: polarization must be VV, VH, HV or HH, not {polarization!r}")
 
+    if distance is not None and inside_solid(mesh, distance * towards[None] / np.linalg.norm(towards)).any():
+        raise SceneError(f"rcs: the radar, {distance:g} m from the mesh origin, is inside the mesh; increase distance")
+
     variant.activate()
     towards = towards / np.linalg.norm(towards)
     wavelength = SPEED_OF_LIGHT / frequency
@@ -70,8 +76,15 @@ def rcs(
     far = distance is None
     stand_off = 2 * target.extent_m + 1.0 if far else distance
     position = (towards * stand_off)[None]
-    grid = launch_module.towards(target.hull_points(), position, np.zeros(3), cell, shift, plane=far)
-    grids = [grid] if grid is not None else launch_module.all_around(position, np.eye(3)[None], int(6 * (2 * stand_off / cell) ** 2))
+    grid = launch_module.towards(target.hull_points(), position, target.centre, cell, shift, plane=far)
+    if grid is None:  # so close that a planar grid cannot hold the target
+        reach = float(np.linalg.norm(target.hull_points() - position, axis=1).max())
+        grids = launch_module.all_around(position, np.eye(3)[None], int(6 * (2 * reach / cell) ** 2))
+    else:
+        grids = [grid]
+    count = sum(one.per_pose for one in grids)
+    if count > MAX_TUBES:
+        raise InputError(f"rcs: {count:.2g} tubes are needed, over {MAX_TUBES:.0g}; lower rays_per_wavelength2 or look from farther away")
     up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < 1 - 1e-9 else np.array([1.0, 0.0, 0.0])
     transmit, receive = (tubes.Antennas(position, up[None], letter == "H") for letter in polarization)
     total = 0.0 + 0.0j

@@ -55,6 +55,8 @@ def simulate(
     >>> simulate(Scene([Surface(plate, "metal", "plate")]), Radar.iwr1843(), pose[None]).iq.shape
     (1, 16, 2, 4, 256)
     """
+    if seed < 0:
+        raise InputError(f"seed must be zero or above, not {seed}")
     settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
     parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings)
     frames = len(sensor)
@@ -69,7 +71,7 @@ def simulate(
                 block += synthesize(part.frames(start, stop), radar)
         if noise:
             block += thermal_noise(block.shape, radar, rng)
-        iq[start:stop] = block
+        iq[start:stop] = block.real if radar.real_sampling else block
     provenance = {
         "kind": "simulation", "simulator": "mitsuba", "max_bounces": max_bounces, "rays": rays,
         "rays_per_wavelength2": rays_per_wavelength2, "noise": noise, "seed": seed, "surfaces": list(scene.names),
