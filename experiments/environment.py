@@ -9,7 +9,8 @@ against reconstructed scene, -0.24 against +0.42 at 2 m and about 75 % of the en
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,9 +27,31 @@ from radartwin.store import Store
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAPER = {("void", 2.0): "-0.24", ("room", 2.0): "+0.42"}
-PAPER_SHARE = {2.0: "about 0.75"}
-UNCORRELATED = 0.1  # "essentially uncorrelated or weakly anti-correlated", as a bound on the interval
+
+@dataclass(frozen=True)
+class Claim:
+    """What the paper says of a row, its figure, and the bounds between which the whole interval must lie for it to hold."""
+
+    text: str = ""
+    paper: str = ""
+    above: float = -math.inf
+    below: float = math.inf
+
+    def verdict(self, low: float, high: float, n: int) -> str:
+        """A claim needs two recordings, for one has no interval."""
+        if not self.text or n < 2:
+            return "untestable"
+        return "holds" if self.above < low and high < self.below else "fails"
+
+
+PAPER_DISTANCE_M = 2.0  # where the paper gives figures
+NONE = Claim()
+ROOM = Claim(paper="+0.42")
+CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.0)
+WIDENS = Claim("the gain widens with distance", "above 0", above=0.0)
+BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", above=0.5)
+# "essentially uncorrelated or weakly anti-correlated", taken as a bound on the interval
+UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", below=0.1)
 SCALES = {"amplitude": "amplitude", "db": "decibels"}
 
 
@@ -43,12 +66,12 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     repeats = {"measured": config.profile.repeats}
     cases = [(domain, distance, i) for distance in distances for domain in labels for i in range(repeats.get(domain, 1))]
     maps: dict[tuple[str, float], list[np.ndarray]] = {}
-    keys: list[str] = []
+    keys: dict[tuple[str, float], list[str]] = {}
     axis = np.zeros(0)
     for domain, distance, repeat in progress.over(cases, "environment recordings"):
         product, recording = turntable.fetch(config, store, domain, distance, repeat)
         power, axis = range_time(recording)
-        keys.append(product.key)
+        keys.setdefault((domain, distance), []).append(product.key)
         maps.setdefault((domain, distance), []).append(power)
     rows = _rows(config, {case: [power.mean(axis=0) for power in powers] for case, powers in maps.items()}, axis, labels, keys)
     last = distances[-1]
@@ -62,52 +85,55 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         for row in rows
         if row["metric"] == "profile correlation" and row["case"] == label and row["distance_m"] == last
     }
-    return Result("environment", rows, figures, metrics, keys)
+    return Result("environment", rows, figures, metrics, [key for made in keys.values() for key in made])
 
 
-def _rows(config: Config, profiles: dict, axis: np.ndarray, labels: dict[str, str], keys: list[str]) -> list[dict]:
+def _rows(config: Config, profiles: dict, axis: np.ndarray, labels: dict[str, str], keys: dict) -> list[dict]:
     """Table rows: per distance and scale void, room and their difference; per distance the energy share in each domain."""
     rows: list[dict] = []
     gains: dict[tuple[str, float], np.ndarray] = {}
-    run_keys = " ".join(key[:8] for key in keys)
     distances = config.experiment.distances_m
 
-    def add(distance, case, scale, metric, samples, *, paper="", claim="", above=-math.inf, below=math.inf) -> None:
-        """One row; a claim holds if the whole interval lies between `above` and `below`."""
+    def add(
+        where: tuple[float, str, str], metric: str, samples: Sequence[float] | np.ndarray, sources: Iterable, claim: Claim = NONE
+    ) -> None:
+        """One row at (distance, case, scale); `sources` are the (domain, distance) whose recordings it comes from."""
         low, value, high = bootstrap_mean(np.asarray(samples), config.profile.resamples, config.seed)
-        verdict = "untestable" if not claim else "holds" if above < low and high < below else "fails"
+        distance, case, scale = where
         rows.append({
-            "distance_m": distance, "case": case, "scale": scale, "claim": claim, "metric": metric, "paper": paper, "value": value,
-            "low": low, "high": high, "n": len(samples), "domain": "testbed", "verdict": verdict, "run_keys": run_keys,
+            "distance_m": distance, "case": case, "scale": scale, "claim": claim.text, "metric": metric,
+            "run_keys": " ".join(key[:8] for source in sources for key in keys[source]), "paper": claim.paper, "value": value,
+            "low": low, "high": high, "n": len(samples), "domain": "testbed", "verdict": claim.verdict(low, high, len(samples)),
         })  # fmt: skip
 
     for distance in distances:
         measured = profiles["measured", distance]
+        reported = distance == PAPER_DISTANCE_M
+        sources = {domain: [("measured", distance), (domain, distance)] for domain in labels}
         for scale in SCALES:
             score = {
                 domain: np.array([profile_correlation(profiles[domain, distance][0], one, axis, scale) for one in measured])
                 for domain in labels
                 if domain != "measured"
             }
-            paper = PAPER.get(("void", distance), "")
-            claim = "without the room the profiles do not correlate" if paper else ""
-            add(distance, labels["void"], scale, "profile correlation", score["void"], paper=paper, claim=claim, below=UNCORRELATED)
+            for domain, claim in (("void", UNCORRELATED), ("room", ROOM)):
+                if domain in score:
+                    where = (distance, labels[domain], scale)
+                    add(where, "profile correlation", score[domain], sources[domain], claim if reported else NONE)
             if "room" in score:
-                add(distance, labels["room"], scale, "profile correlation", score["room"], paper=PAPER.get(("room", distance), ""))
                 gains[scale, distance] = score["room"] - score["void"]
-                claim = "the room brings the profile closer to the measured one"
-                case = f"{labels['room']} - void"
-                add(distance, case, scale, "gain in correlation", gains[scale, distance], paper="above 0", claim=claim, above=0.0)
+                where = (distance, f"{labels['room']} - void", scale)
+                add(where, "gain in correlation", gains[scale, distance], [(domain, distance) for domain in labels], CLOSER)
         for domain, label in labels.items():
             shares = [beyond_target_share(one, axis, distance) for one in profiles[domain, distance]]
-            paper = PAPER_SHARE.get(distance, "") if domain == "measured" else ""
-            claim = "most of the energy arrives from beyond the target" if paper else ""
-            add(distance, label, "power", "energy share beyond the target", shares, paper=paper, claim=claim, above=0.5)
+            claim = BEYOND if reported and domain == "measured" else NONE
+            add((distance, label, "power"), "energy share beyond the target", shares, [(domain, distance)], claim)
     near, far = min(distances), max(distances)
     if gains and near < far:
         for scale in SCALES:
-            widening, claim = gains[scale, far] - gains[scale, near], "the gain widens with distance"
-            add(far, f"gain at {far:g} m - at {near:g} m", scale, "change of gain", widening, paper="above 0", claim=claim, above=0.0)
+            where = (far, f"gain at {far:g} m - at {near:g} m", scale)
+            sources = [(domain, distance) for distance in (near, far) for domain in labels]
+            add(where, "change of gain", gains[scale, far] - gains[scale, near], sources, WIDENS)
     return rows
 
 

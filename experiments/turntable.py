@@ -28,6 +28,7 @@ from radartwin.store import Product, Store
 ROOTS = ["experiments.turntable"]
 DOMAINS = ("measured", "room", "void")
 TARGET = "corner_reflector"
+WALL_M = 0.3  # the stand keeps this far from the wall behind it
 SCAN_OFFSET_M, SCAN_TILT_DEG = 0.01, 0.2  # of the twin's scan at strength 1 of the geometry gap; sources in radartwin/scene/scan.py
 
 
@@ -41,14 +42,29 @@ def check(config: Config) -> None:
         raise ConfigError("the turntable campaign is scored against measured=testbed; measured=recordings is not read by it")
     if not config.experiment.distances_m:
         raise ConfigError("experiment.distances_m is empty; give at least one distance in metres")
-    twin_room(config)
+    course = config.trajectory
+    if course.kind != "turntable":
+        raise ConfigError(f"the turntable campaign turns: trajectory={course.kind} cannot be recorded in it")
+    if course.position_m is not None or course.heading_deg or course.frames is not None:
+        raise ConfigError(
+            "the turntable stands on the lab's bench: trajectory.position_m, heading_deg and frames (see profile.frames) are not read"
+        )
+    room = twin_room(config)
+    farthest = rooms.lab_bench().target_position(max(config.experiment.distances_m))[0]
+    wall = rooms.lab().bounds[1, 0]
+    if not farthest < wall - WALL_M:
+        raise ConfigError(
+            f"experiment.distances_m: {max(config.experiment.distances_m):g} m is not inside the lab, whose wall is {wall - 1:g} m away"
+        )
+    room.check_sensor(rooms.lab_bench(course.height_m).sensor_pose[:3, 3])
 
 
 def fetch(config: Config, store: Store, domain: str, distance_m: float, repeat: int = 0) -> tuple[Product, Recording]:
     """One recording, from the store or made now."""
     spec: dict = {
         "domain": domain, "distance_m": distance_m, "repeat": repeat, "frames": config.profile.frames, "seed": config.seed,
-        "radar": config.radar, "trajectory": config.trajectory, "leg_m": config.scene.target_size_m,
+        "radar": config.radar, "height_m": config.trajectory.height_m, "period_s": config.trajectory.period_s,
+        "leg_m": config.scene.target_size_m,
     }  # fmt: skip
     if domain == "measured":
         spec["gap"] = {k: v for k, v in asdict(config.measured.gap).items() if k != "geometry"}  # the scan's, not the truth's

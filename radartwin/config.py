@@ -74,7 +74,6 @@ class SimulatorConfig:
     max_bounces: int = 4
     rays: int | None = None  # per frame; null: from rays_per_wavelength2
     rays_per_wavelength2: float = 1.0
-    per_element: bool = False
 
     def __post_init__(self) -> None:
         _one_of("simulator.backend", self.backend, ("mitsuba",))
@@ -149,7 +148,6 @@ class GapConfig:
 
     geometry: float = 1.0
     materials: float = 1.0
-    contents: float = 1.0
     clutter: float = 1.0
     hardware: float = 1.0
     trajectory: float = 1.0

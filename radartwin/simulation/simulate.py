@@ -71,7 +71,7 @@ def simulate(
                 block += synthesize(part.frames(start, stop), radar)
         if noise:
             block += thermal_noise(block.shape, radar, rng)
-        iq[start:stop] = block.real if radar.real_sampling else block
+        iq[start:stop] = np.real(block) if radar.real_sampling else block
     provenance = {
         "kind": "simulation", "simulator": "mitsuba", "max_bounces": max_bounces, "rays": rays,
         "rays_per_wavelength2": rays_per_wavelength2, "noise": noise, "seed": seed, "surfaces": list(scene.names),
