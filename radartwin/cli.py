@@ -144,7 +144,7 @@ def _simulate(options: argparse.Namespace) -> int:
 
     config = compose(_given(options), options.config_dir)
     path = options.out or Path(config.output) / "recordings" / config.scene.name
-    files.sweep(files.check_folder(path.parent), deep=False)
+    files.sweep(files.check_folder(path.parent))
     recording = simulate_scene(config, noise=options.noise)
     recording.save(path)
     if not recording.iq.any():
@@ -161,7 +161,7 @@ def _process(options: argparse.Namespace) -> int:
     from radartwin.radar.maps import Chain
 
     out = options.out or options.output / "processed" / options.recording.name.split(".")[0]
-    files.sweep(files.check_folder(out), deep=False)
+    files.sweep(files.check_folder(out))
     radar = named_radar(options.radar) if options.radar else None
     peaks = inspect(options.recording, out, radar, iq_swapped=options.iq_swapped, chain=Chain(static_removed=options.moving))
     digits = {"range_m": 3, "doppler_mps": 3, "azimuth_deg": 1, "power_db": 1}

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from pathlib import Path
 from radartwin.errors import OutputError
 
 TEMPORARY = ".tmp"  # suffix of everything unfinished, so that a start can sweep what a killed one left
+_UNFINISHED = re.compile(rf"\..+\.radartwin-(\d{{1,9}}){re.escape(TEMPORARY)}")  # .NAME.radartwin-PID.tmp
 LOCK = "lock"  # inside an unfinished folder, held while somebody fills it
 
 
@@ -43,6 +45,11 @@ def make_folder(folder: Path) -> Path:
     return folder
 
 
+def unfinished(path: Path) -> Path:
+    """The name beside `path` under which this process writes it until it is whole."""
+    return path.with_name(f".{path.name}.radartwin-{os.getpid()}{TEMPORARY}")
+
+
 def write_atomically(path: Path, content: bytes | str) -> Path:
     """Write the file whole or not at all.
 
@@ -50,7 +57,7 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
         OutputError: the folder cannot be made or written; nothing is left behind.
     """
     make_folder(path.parent)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY}")
+    temporary = unfinished(path)
     try:
         with temporary.open("wb") as stream:
             stream.write(content.encode() if isinstance(content, str) else content)
@@ -119,32 +126,34 @@ def drop_stale(path: Path) -> None:
             os.close(descriptor)
 
 
-def held(path: Path) -> bool:
-    """Whether a living process holds the lock."""
-    try:
-        descriptor = os.open(path, os.O_RDWR)
-    except OSError:
-        return False
-    try:
-        return not _try_lock(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def sweep(root: Path, deep: bool = True) -> None:
-    """Remove from `root` (and below, if deep) what killed processes left: NAME.tmp/ nobody holds, .NAME.PID.tmp of no
-    process.
-
-    Anything else that ends in .tmp is not ours and stays.
-    """
-    for path in sorted(root.glob(f"{'**/' if deep else ''}*{TEMPORARY}")):
-        if path.is_dir():
-            with contextlib.suppress(OSError):
-                path.rmdir()  # killed before it held its lock
-            if (path / LOCK).exists() and not held(path / LOCK):
-                shutil.rmtree(path, ignore_errors=True)
-        elif path.name.startswith(".") and _writer_is_gone(path):
+def sweep(folder: Path) -> None:
+    """Remove from the folder the `unfinished` files of processes that are gone; nothing else is ours."""
+    for path in sorted(folder.glob(f".*{TEMPORARY}")):
+        if (ours := _UNFINISHED.fullmatch(path.name)) and path.is_file() and not _alive(int(ours.group(1))):
             path.unlink(missing_ok=True)
+
+
+def drop_abandoned(folder: Path) -> None:
+    """Remove a folder that is filled under its lock, FOLDER/lock, unless a living process holds or awaits that lock.
+
+    The lock is held while the folder is emptied and goes last: whoever comes in between waits, then starts afresh.
+    """
+    with contextlib.suppress(OSError):
+        folder.rmdir()  # killed before it held its lock
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder / LOCK, os.O_RDWR)
+        try:
+            if not _try_lock(descriptor) or not _leads_to(folder / LOCK, descriptor):
+                return
+            for child in folder.iterdir():
+                if child.is_dir() and not child.is_symlink():
+                    shutil.rmtree(child)
+                elif child.name != LOCK:
+                    child.unlink()
+            (folder / LOCK).unlink()
+            folder.rmdir()  # fails if somebody has taken the lock anew
+        finally:
+            os.close(descriptor)
 
 
 def _try_lock(descriptor: int) -> bool:
@@ -162,14 +171,11 @@ def _leads_to(path: Path, descriptor: int) -> bool:
         return False
 
 
-def _writer_is_gone(path: Path) -> bool:
-    number = path.name.removesuffix(TEMPORARY).rpartition(".")[2]
-    if not number.isdigit():
-        return False
+def _alive(process: int) -> bool:
     try:
-        os.kill(int(number), 0)
-    except ProcessLookupError:
-        return True
-    except OSError:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
         return False
-    return False
+    except OSError:  # somebody else's
+        return True
+    return True

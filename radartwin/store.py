@@ -4,13 +4,15 @@
     output/cache/KIND/KEY.tmp/      while it is being built, under a lock; left by a killed process, swept at a start
 
 The key of a product is the digest of three things (radartwin/digest.py): the specification, the source of the modules
-that compute it, and the content of its input files. A finished key is never computed again, a failed or killed one is.
+that compute it, and the content of its input files. A finished key is not computed again while its files have the
+sizes that meta.json recorded; a failed, killed or damaged one is.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import re
 import shutil
 import time
 from collections import Counter
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 KEY_LENGTH = 32  # 128 bits of the digest name the folder
 SHORT = 8
+META = "meta.json"
 RUN = "run"  # the kind of a scored experiment
 
 
@@ -37,10 +40,6 @@ class Product:
     path: Path
     key: str
     reused: bool
-
-    @property
-    def short_key(self) -> str:
-        return self.key[:SHORT]
 
     def arrays(self, name: str = "arrays") -> dict[str, np.ndarray]:
         """What `save_arrays` wrote."""
@@ -85,7 +84,7 @@ class Store:
 
     Args:
         root: usually output/cache; created, and swept of what killed processes left.
-        say: receives a line when another process is computing what this one needs.
+        say: receives a line when another process is computing what this one needs, and when a product is damaged.
     Raises:
         OutputError: the folder cannot be written.
     """
@@ -94,7 +93,9 @@ class Store:
         self.root = files.make_folder(Path(root).absolute())
         self.counts = Counts()
         self._say = say
-        files.sweep(self.root)
+        for work in sorted(self.root.glob(f"*/*{files.TEMPORARY}")):
+            if re.fullmatch(rf"[0-9a-f]{{{KEY_LENGTH}}}", work.name.removesuffix(files.TEMPORARY)) and work.is_dir():
+                files.drop_abandoned(work)
 
     def key(self, kind: str, spec: Mapping[str, Any], roots: Iterable[str], inputs: Mapping[str, str] | None = None) -> str:
         """Key of a product; `roots` name the modules that compute it, `inputs` are digests of files it reads."""
@@ -120,12 +121,15 @@ class Store:
         roots = list(roots)
         key = self.key(kind, spec, roots, inputs)
         final, work = self.root / kind / key, self.root / kind / f"{key}{files.TEMPORARY}"
-        if final.is_dir():
+        if _whole(final):
             return self._count(kind, Product(final, key, reused=True))
         try:
             with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
-                if final.is_dir():
+                if _whole(final):
                     return self._count(kind, Product(final, key, reused=True))
+                if final.is_dir():
+                    self._say(f"{kind} {key[:SHORT]} in the cache is damaged (its files are not as they were written); building it again")
+                    shutil.rmtree(final)
                 self._build(kind, key, spec, roots, build, work / "product", final)
         finally:
             with contextlib.suppress(OSError):  # somebody may be waiting in it; the last one out removes it
@@ -155,8 +159,9 @@ class Store:
                 "radartwin": __version__,
                 "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
                 "seconds": round(time.time() - started, 3),
+                "bytes": _sizes(folder),
             }
-            save_json(folder, "meta", meta)
+            save_json(folder, META.removesuffix(".json"), meta)
             files.sync(folder)
             folder.rename(final)
             files.sync(final.parent, deep=False)
@@ -166,6 +171,19 @@ class Store:
     def _count(self, kind: str, product: Product) -> Product:
         self.counts.add(kind, product.reused)
         return product
+
+
+def _sizes(folder: Path) -> dict[str, int]:
+    return {path.relative_to(folder).as_posix(): path.stat().st_size for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def _whole(product: Path) -> bool:
+    """Whether a finished product still has every file at the size its meta.json recorded; others may lie beside them."""
+    try:
+        recorded = json.loads((product / META).read_text(encoding="utf-8"))["bytes"]
+        return recorded.items() <= _sizes(product).items()
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return False
 
 
 def save_arrays(folder: Path, arrays: Mapping[str, np.ndarray], name: str = "arrays") -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,12 +59,12 @@ def inspect(
     folder, written = files.make_folder(Path(out)), []
     try:
         for name in names:
-            written.append(_hidden(folder / f"{name}.png"))
+            written.append(files.unfinished(folder / f"{name}.png"))
             write(
                 draw(maps, name, peaks=peaks, unit=unit, title=f"{Path(path).stem}: {name.replace('_', '-')}"),
                 written[-1],
             )
-        written.append(_hidden(folder / PEAKS_FILE))
+        written.append(files.unfinished(folder / PEAKS_FILE))
         table.to_csv(written[-1], index=False, float_format="%.6g", lineterminator="\n")
         for temporary, name in zip(written, [*(f"{n}.png" for n in names), PEAKS_FILE], strict=True):
             temporary.replace(folder / name)
@@ -76,10 +75,6 @@ def inspect(
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
     return table
-
-
-def _hidden(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}{files.TEMPORARY}")
 
 
 def _radar(radar: Radar | str | Path | None) -> Radar | None:

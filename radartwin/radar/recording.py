@@ -100,7 +100,7 @@ class Recording:
         swapped = self.iq_swapped if iq_swapped is None else iq_swapped
         scale = self._peak_scale() if self.scale is None else self.scale
         files.make_folder(bin_path.parent)
-        temporary = {p: p.with_name(f".{p.name}.{os.getpid()}{files.TEMPORARY}") for p in (bin_path, json_path)}
+        temporary = {p: files.unfinished(p) for p in (bin_path, json_path)}
         try:
             saturated = 0
             with temporary[bin_path].open("wb") as stream:

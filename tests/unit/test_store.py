@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -132,24 +134,64 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 def test_the_sweep_takes_only_what_is_ours_and_abandoned(tmp_path: Path) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
-    kept = [tmp_path / "thesis.tmp", tmp_path / f".table.csv.{os.getpid()}.tmp", tmp_path / "data.tmp" / "x"]
-    gone = [tmp_path / f".table.csv.{dead.pid}.tmp"]
-    kept[2].parent.mkdir()
-    for path in kept + gone:
+    ours = f".table.csv.radartwin-{os.getpid()}.tmp"
+    others = ["thesis.tmp", f".table.csv.{dead.pid}.tmp", ".a.radartwin-99999999999999999999.tmp", "data.tmp/x", "run/empty.tmp/x"]
+    kept = [tmp_path / name for name in (ours, *others)]
+    gone = tmp_path / f".table.csv.radartwin-{dead.pid}.tmp"
+    for path in [*kept, gone]:
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("")
+    kept[-1].unlink()
+    kept[-1] = kept[-1].parent
     files.sweep(tmp_path)
+    Store(tmp_path)
     assert all(path.exists() for path in kept)
-    assert not any(path.exists() for path in gone)
+    assert not gone.exists()
+
+
+def test_a_sweep_keeps_out_whoever_wants_the_folder_until_it_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    work = tmp_path / ("a" * 32 + ".tmp")
+    (work / "product").mkdir(parents=True)
+    (work / files.LOCK).touch()
+    emptied, found = threading.Event(), []
+
+    def wait_for_it() -> None:
+        with files.lock(work / files.LOCK):
+            assert emptied.is_set(), "the lock was given away in the middle of the sweep"
+            (work / "product").mkdir()
+            found.append(sorted(path.name for path in work.iterdir()))
+
+    remove, second = shutil.rmtree, threading.Thread(target=wait_for_it)
+
+    def slow(path: Path) -> None:
+        second.start()
+        time.sleep(0.2)
+        remove(path)
+        emptied.set()
+
+    monkeypatch.setattr(shutil, "rmtree", slow)
+    files.drop_abandoned(work)
+    second.join(10)
+    assert found == [[files.LOCK, "product"]]
+
+
+def test_a_damaged_product_is_built_again_and_said(tmp_path: Path) -> None:
+    product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
+    for damage in (lambda: os.truncate(product.path / "arrays.npz", 10), (product.path / "note.json").unlink):
+        damage()
+        said: list[str] = []
+        store = Store(tmp_path, said.append)
+        assert not store.fetch("recording", {}, ROOTS, one).reused
+        assert [line.partition(" (")[0] for line in said] == [f"recording {product.key[:8]} in the cache is damaged"]
+        assert store.fetch("recording", {}, ROOTS, one).arrays()["x"].tolist() == [0, 1, 2, 3]
 
 
 def test_a_lock_file_is_gone_after_use_and_a_stale_one_is_dropped(tmp_path: Path) -> None:
     lock = tmp_path / "lock"
     with files.lock(lock):
-        assert files.held(lock)
         files.drop_stale(lock)
         assert lock.exists()
     assert not lock.exists()
     lock.write_text("")
-    assert not files.held(lock)
     files.drop_stale(lock)
     assert not lock.exists()
