@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
-from radartwin.errors import UserError
+from radartwin.errors import OutputError, UserError
 
 Verb = Callable[[argparse.Namespace], int]
 
@@ -18,7 +20,9 @@ Verb = Callable[[argparse.Namespace], int]
 def main(arguments: Sequence[str] | None = None) -> int:
     options = _parse(arguments)
     try:
-        return options.verb(options)
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            return options.verb(options)
     except UserError as error:
         print(f"radartwin: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
@@ -28,6 +32,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of a pipe has seen enough
         sys.stderr.close()
         return 0
+    except OSError as error:
+        if error.filename is None:  # no path of the user's: a defect
+            raise
+        print(f"radartwin: {error.filename}: {error.strerror}; choose another path", file=sys.stderr)
+        return 2
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    print(f"radartwin: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Wrong arguments are one line, as every other mistake."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -43,7 +63,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="radartwin",
         description="Simulate the radar of a scanned room, learn from it, and measure what transfers.",
         epilog="Exit status: 0 done, 1 a run failed, 2 the input is wrong.",
@@ -84,15 +104,15 @@ def _parser() -> argparse.ArgumentParser:
     reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh")
     reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True)
     reconstruct.add_argument("--material", default="plasterboard", help="of every surface (default: plasterboard)")
-    reconstruct.add_argument("--unit", default="auto", help="unit of the scan: auto, m, cm or mm")
-    reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto, y or z")
+    reconstruct.add_argument("--unit", default="auto", help="unit of the scan: auto (metres), m, cm, mm, in or ft")
+    reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto (found), x, y or z")
 
     view = _verb(verbs, "view", _view, "a standalone 3D page of a scene, coloured by material")
     view.add_argument("scene", metavar="SCENE", type=Path)
     view.add_argument("--out", metavar="FILE", type=Path, help="default: SCENE/view.html")
 
     dashboard = _verb(verbs, "dashboard", _dashboard, "the MLflow server on loopback")
-    dashboard.add_argument("--port", type=int, default=5000)
+    dashboard.add_argument("--port", type=_port, default=5000, help="default: 5000")
     _output(dashboard)
 
     report = _verb(verbs, "report", _report, "the static report from the tables already written")
@@ -111,6 +131,12 @@ def _verb(verbs: argparse._SubParsersAction, name: str, body: Verb, text: str) -
 
 def _output(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--output", metavar="DIR", type=Path, default=Path("outputs"), help="root of everything written")
+
+
+def _port(text: str) -> int:
+    if not (text.isdecimal() and int(text) <= 65535):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port, a whole number from 0 to 65535")
+    return int(text)
 
 
 def _overrides(verb: argparse.ArgumentParser, text: str) -> None:
@@ -141,26 +167,31 @@ def _simulate(options: argparse.Namespace) -> int:
     from radartwin import files
     from radartwin.assemble import simulate_scene
     from radartwin.compose import compose
+    from radartwin.radar.recording import recording_files
 
     config = compose(_given(options), options.config_dir)
     path = options.out or Path(config.output) / "recordings" / config.scene.name
+    for file in recording_files(path):
+        if file.is_dir():
+            raise OutputError(f"{file} is a folder; choose another name for the recording")
     files.sweep(files.check_folder(path.parent))
     recording = simulate_scene(config, noise=options.noise)
     recording.save(path)
     if not recording.iq.any():
         where = "trajectory.position_m, heading_deg and height_m"
         print(f"radartwin: warning: nothing returns an echo to the radar; check {where}", file=sys.stderr)
-    print(f"{path}.bin, {path}.json: {recording.iq.shape[0]} frames")
+    print(f"{', '.join(map(str, recording_files(path)))}: {recording.iq.shape[0]} frames")
     return 0
 
 
 def _process(options: argparse.Namespace) -> int:
     from radartwin import files
     from radartwin.assemble import named_radar
+    from radartwin.radar.captures import capture_name
     from radartwin.radar.inspect import PEAKS_FILE, inspect
     from radartwin.radar.maps import Chain
 
-    out = options.out or options.output / "processed" / options.recording.name.split(".")[0]
+    out = options.out or options.output / "processed" / capture_name(options.recording)
     files.sweep(files.check_folder(out))
     radar = named_radar(options.radar) if options.radar else None
     peaks = inspect(options.recording, out, radar, iq_swapped=options.iq_swapped, chain=Chain(static_removed=options.moving))

@@ -53,6 +53,12 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
     return _foreign(bin_path, counts, radar, iq_swapped)
 
 
+def capture_name(path: str | Path) -> str:
+    """What a capture is called: its file name without .bin, .json or .npy. Raises RecordingError for a path without a name."""
+    path = Path(path)
+    return path.stem if path.suffix == ".npy" else recording_files(path)[0].stem
+
+
 def band_edge_db(iq: NDArray[np.complexfloating]) -> float:
     """Noise just above zero beat frequency over noise just below it, in decibels.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from radartwin import files
 from radartwin.errors import OutputError
-from radartwin.radar.captures import load_capture
+from radartwin.radar.captures import capture_name, load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.detection import Detector, detect
 from radartwin.radar.maps import Chain, survey
@@ -35,7 +35,7 @@ def inspect(
         path: a recording of this package (stem, .bin or .json), a mmWave Studio .bin, or a .npy cube.
         out: folder for peaks.csv, range_time.png, range_doppler.png and range_azimuth.png; None writes nothing. A
             single channel has no azimuth, hence no range_azimuth.png.
-        radar: a Radar, the path of its file, or the name of an option of conf/radar; only a .npy needs it.
+        radar: a Radar or the path of its file; only a .npy needs it.
         iq_swapped: Q before I in a foreign capture; None reads it off the data.
         chain: window, padding, and whether what does not move is removed.
         detector: how peaks are told from noise.
@@ -61,7 +61,7 @@ def inspect(
         for name in names:
             written.append(files.unfinished(folder / f"{name}.png"))
             write(
-                draw(maps, name, peaks=peaks, unit=unit, title=f"{Path(path).stem}: {name.replace('_', '-')}"),
+                draw(maps, name, peaks=peaks, unit=unit, title=f"{capture_name(path)}: {name.replace('_', '-')}"),
                 written[-1],
             )
         written.append(files.unfinished(folder / PEAKS_FILE))

@@ -189,9 +189,11 @@ class Recording:
 
 
 def recording_files(path: str | Path) -> tuple[Path, Path]:
-    """The .bin and .json of a recording named with or without either suffix."""
+    """The .bin and .json of a recording named with or without either suffix. Raises RecordingError for no name at all."""
     path = Path(path)
     name = path.name[: -len(path.suffix)] if path.suffix in (".bin", ".json") else path.name
+    if not name.strip("."):
+        raise RecordingError(f"'{path}' names no recording; give FOLDER/NAME")
     return path.with_name(name + ".bin"), path.with_name(name + ".json")
 
 
