@@ -11,6 +11,7 @@ B = 3.44 GHz, range resolution 0.044 m); S. Rao, Introduction to mmWave sensing:
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -26,6 +27,7 @@ from radartwin.radar.boards import IWR1843BOOST, Position
 
 _POSITIVE = ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "chirp_interval", "frame_rate_hz")
 _COUNTS = ("num_samples", "num_chirps")
+_MAX_COUNT = 1_000_000  # far above any chirp or frame; a typing error must not fill the memory
 
 
 @dataclass(frozen=True)
@@ -60,18 +62,22 @@ class Radar:
     real_sampling: bool = False
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise InputError(f"radar: name must be text, not {self.name!r}")
         for name in _POSITIVE:
             value = getattr(self, name)
-            if not (isinstance(value, int | float) and math.isfinite(value) and value > 0):
-                raise InputError(f"radar {self.name}: {name} must be a positive number, not {value!r}")
+            if not (_is_number(value) and value > 0):
+                raise InputError(f"radar {self.name}: {name} must be a positive number, not {_short(value)}")
         for name in _COUNTS:
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-                raise InputError(f"radar {self.name}: {name} must be a whole number of at least 1, not {value!r}")
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= _MAX_COUNT:
+                raise InputError(f"radar {self.name}: {name} must be a whole number from 1 to {_MAX_COUNT}, not {_short(value)}")
         for name in ("noise_figure_db", "transmit_power_dbm"):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError(f"radar {self.name}: {name} must be finite, not {getattr(self, name)!r}")
-        if self.element not in ELEMENTS:
+            if not _is_number(getattr(self, name)):
+                raise InputError(f"radar {self.name}: {name} must be a finite number, not {_short(getattr(self, name))}")
+        if not isinstance(self.real_sampling, bool):
+            raise InputError(f"radar {self.name}: real_sampling must be true or false, not {_short(self.real_sampling)}")
+        if not isinstance(self.element, str) or self.element not in ELEMENTS:
             raise InputError(f"radar {self.name}: element {self.element!r} is unknown; use one of {', '.join(ELEMENTS)}")
         for name in ("tx_positions_m", "rx_positions_m"):
             object.__setattr__(self, name, _positions(self.name, name, getattr(self, name)))
@@ -211,8 +217,10 @@ class Radar:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Radar:
         """The inverse of to_dict. Raises InputError for an unknown, missing or mistyped field."""
+        if not isinstance(values, Mapping):
+            raise RecordingError(f"radar description: a mapping of radar fields is expected, not {_short(values)}")
         known = {field.name for field in fields(cls)}
-        if unknown := sorted(set(values) - known):
+        if unknown := sorted(set(values) - known, key=str):
             raise RecordingError(f"radar description: unknown field {unknown[0]!r}; known are {', '.join(sorted(known))}")
         try:
             return cls(**values)
@@ -220,10 +228,24 @@ class Radar:
             raise RecordingError(f"radar description: {error}".replace("Radar.__init__() ", "")) from None
 
 
+def _is_number(value: Any) -> bool:
+    """Whether it is a finite real number; True and False are none, nor is a whole number too large for a float."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _short(value: Any) -> str:
+    return reprlib.repr(value)
+
+
 def _positions(radar: str, name: str, positions: Any) -> tuple[Position, ...]:
     try:
         array = np.array(positions, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     if array.ndim != 2 or array.shape[0] < 1 or array.shape[-1] != 3 or not np.isfinite(array).all():
         raise InputError(f"radar {radar}: {name} must be one or more finite (x, y, z) positions in metres")

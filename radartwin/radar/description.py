@@ -49,6 +49,10 @@ def _parse_mapping(path: Path, text: str) -> dict[str, Any]:
         values = json.loads(text) if path.suffix == ".json" else _with_numbers(yaml.safe_load(text))
     except json.JSONDecodeError as error:
         raise RecordingError(f"line {error.lineno}: {error.msg}; it is not valid JSON") from error
+    except RecursionError as error:
+        raise RecordingError("it is nested too deeply; a mapping of radar fields is expected") from error
+    except ValueError as error:  # a whole number of thousands of digits
+        raise RecordingError(f"it holds a value that cannot be read ({str(error).splitlines()[0]})") from error
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}: " if mark is not None else ""

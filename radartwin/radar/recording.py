@@ -11,6 +11,7 @@ import contextlib
 import json
 import math
 import os
+import reprlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +29,7 @@ FORMAT = "radartwin recording 1"
 # Without a hardware model the peak lands at half of full scale, 6 dB below clipping.
 _PEAK_COUNT = dca1000.FULL_SCALE // 2
 _BLOCK_BYTES = 64 << 20
+_SCALES = (1e-37, 1e33)  # so that every count times scale is a finite, normal number in single precision
 
 
 @dataclass
@@ -65,11 +67,19 @@ class Recording:
         if self.scale is not None:
             _check_scale(self.scale, "recording")
         if self.sensor_poses is not None:
-            self.sensor_poses = np.asarray(self.sensor_poses, dtype=np.float64)
+            try:
+                self.sensor_poses = np.asarray(self.sensor_poses, dtype=np.float64)
+            except (TypeError, ValueError, OverflowError):
+                raise RecordingError(f"recording of radar {self.radar.name}: sensor_poses must be numbers, (frames, 4, 4)") from None
             if self.sensor_poses.shape not in ((self.num_frames, 4, 4), (1, 4, 4)):
                 raise RecordingError(
                     f"recording of radar {self.radar.name}: sensor_poses must be ({self.num_frames}, 4, 4) or "
                     f"(1, 4, 4), not {self.sensor_poses.shape}"
+                )
+            if (bad := np.flatnonzero(~_rigid(self.sensor_poses))).size:
+                raise RecordingError(
+                    f"recording of radar {self.radar.name}: sensor_poses, frame {bad[0]}: not a finite rigid pose; "
+                    "give a rotation and a position in metres, last row 0 0 0 1"
                 )
 
     @property
@@ -142,12 +152,16 @@ class Recording:
         for key in ("radar", "scale"):
             if key not in described:
                 raise RecordingError(f"{json_path}: it has no {key!r}; was it written by Recording.save?")
+        if (written := described.get("format", FORMAT)) != FORMAT:
+            raise RecordingError(f"{json_path}: format {reprlib.repr(written)} is not '{FORMAT}'; was it written by another version?")
         try:
             radar = Radar.from_dict(described["radar"])
         except (RecordingError, ValueError, TypeError) as error:
             raise RecordingError(f"{json_path}: {error}") from error
         scale = _check_scale(described["scale"], str(json_path))
-        swapped = bool(described.get("iq_swapped", False))
+        swapped = described.get("iq_swapped", False)
+        if not isinstance(swapped, bool):
+            raise RecordingError(f"{json_path}: iq_swapped must be true or false, not {reprlib.repr(swapped)}")
         counts = read_counts(bin_path, radar, iq_swapped=swapped)
         frames = described.get("frames", len(counts))
         if frames != len(counts):
@@ -160,13 +174,13 @@ class Recording:
             return cls(
                 counts,
                 radar,
-                sensor_poses=None if poses is None else np.array(poses, dtype=np.float64),
+                sensor_poses=poses,
                 scale=scale,
                 iq_swapped=swapped,
                 saturated=int(described.get("saturated", 0)),
                 provenance=dict(described.get("provenance", {})),
             )
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise RecordingError(f"{json_path}: {error}") from error
 
     def _peak_scale(self) -> float:
@@ -221,15 +235,26 @@ def read_json(path: Path) -> dict[str, Any]:
         raise RecordingError(f"{path}: line {error.lineno}: {error.msg}; it is not valid JSON") from error
     except UnicodeDecodeError as error:
         raise RecordingError(f"{path}: it is not a text file") from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
+        raise RecordingError(f"{path}: it holds a value that cannot be read ({str(error).splitlines()[0]})") from error
     if not isinstance(values, dict):
         raise RecordingError(f"{path}: a JSON object is expected, not {type(values).__name__}")
     return values
 
 
 def _check_scale(scale: Any, where: str) -> float:
-    if isinstance(scale, bool) or not isinstance(scale, int | float) or not math.isfinite(scale) or scale <= 0:
-        raise RecordingError(f"{where}: scale must be a positive number (amplitude per count), not {scale!r}")
+    low, high = _SCALES
+    if isinstance(scale, bool) or not isinstance(scale, int | float) or not low <= scale <= high:
+        raise RecordingError(f"{where}: scale must be an amplitude per count from {low:g} to {high:g}, not {reprlib.repr(scale)}")
     return float(scale)
+
+
+def _rigid(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which poses (F, 4, 4) are finite, with a right-handed rotation to within 1e-4 (text and float32 round) and last row 0 0 0 1."""
+    finite = np.isfinite(poses).all(axis=(1, 2))
+    rotation = np.where(finite[:, None, None], poses, 0.0)[:, :3, :3].clip(-2, 2)  # beyond 1 it is no rotation anyway
+    straight = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) < 1e-4
+    return finite & straight & (np.linalg.det(rotation) > 0) & np.isclose(poses[:, 3], (0, 0, 0, 1), atol=1e-9).all(axis=1)
 
 
 def _flush(stream: Any) -> None:

@@ -10,6 +10,8 @@ rlFrameCfg_t and rlChanCfg_t of the mmWaveLink interface, which mmWave Studio wr
 
 from __future__ import annotations
 
+import math
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -124,17 +126,25 @@ def _parse_studio(values: Mapping[str, Any]) -> _Setup:
                 raise RecordingError(f"it has no {'.'.join(map(str, keys[: depth + 1]))}") from None
         return mapping
 
+    def section(mapping: Any, key: str, kind: type, default: Any = None) -> Any:
+        found = get(mapping, key) if default is None else mapping.get(key, default)
+        if not isinstance(found, kind):
+            raise RecordingError(f"its {key} is not a JSON {'object' if kind is dict else 'list'}; was it edited?")
+        return found
+
     def number(mapping: Any, *keys: str | int) -> float:
         return _number(get(mapping, *keys), ".".join(map(str, keys)))
 
-    rf = get(values, "mmWaveDevices", 0, "rfConfig")
+    device = get(values, "mmWaveDevices", 0)
+    rf = section(device, "rfConfig", dict)
     if (waveform := rf.get("waveformType", "legacyFrameChirp")) != "legacyFrameChirp":
         raise RecordingError(f"waveformType {waveform} is not supported; use legacyFrameChirp")
-    lanes = get(values, "mmWaveDevices", 0).get("rawDataCaptureConfig", {}).get("rlDevLaneEnable_t", {}).get("laneEn", 3)
+    capture = section(device, "rawDataCaptureConfig", dict, {})
+    lanes = section(capture, "rlDevLaneEnable_t", dict, {}).get("laneEn", 3)
     if int(_number(lanes, "laneEn")) != 3:
         raise RecordingError(f"laneEn {lanes} is not the two LVDS lanes (0x3) of xWR16xx, xWR18xx and xWR68xx captures")
     profiles = []
-    for entry in get(rf, "rlProfiles"):
+    for entry in section(rf, "rlProfiles", list):
         p = get(entry, "rlProfileCfg_t")
         profiles.append(
             _Profile(
@@ -150,7 +160,7 @@ def _parse_studio(values: Mapping[str, Any]) -> _Setup:
             )
         )
     chirps = []
-    for entry in get(rf, "rlChirps"):
+    for entry in section(rf, "rlChirps", list):
         c = get(entry, "rlChirpCfg_t")
         varied = ("startFreqVar_MHz", "freqSlopeVar_KHz_usec", "idleTimeVar_usec", "adcStartTimeVar_usec")
         chirps.append(
@@ -232,9 +242,12 @@ def _likely_board(profile: _Profile, tx_mask: int) -> Board:
 
 def _number(text: Any, where: str) -> float:
     try:
-        return float(int(text, 0)) if isinstance(text, str) and text.lower().startswith("0x") else float(text)
-    except (TypeError, ValueError):
-        raise RecordingError(f"{where}: {text!r} is not a number") from None
+        value = float(int(text, 0)) if isinstance(text, str) and text.lower().startswith("0x") else float(text)
+    except (TypeError, ValueError, OverflowError):
+        raise RecordingError(f"{where}: {reprlib.repr(text)} is not a number") from None
+    if not math.isfinite(value):
+        raise RecordingError(f"{where}: {text} is not a finite number")
+    return value
 
 
 def _whole(line: int, value: float) -> int:
