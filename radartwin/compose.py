@@ -59,7 +59,7 @@ def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> 
 
     register()
     overrides = quoted(overrides)
-    searched = [f"hydra.searchpath=[{','.join(f'file://{check_folder(d)}' for d in config_dirs)}]"] if config_dirs else []
+    searched = search_override(config_dirs)
     GlobalHydra.instance().clear()
     try:
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
@@ -91,8 +91,21 @@ def quoted(overrides: Sequence[str]) -> list[str]:
 
 
 def path_override(key: str, path: str | Path) -> str:
-    """key=path with the path in quotes, so that Hydra takes spaces and signs in it as they are."""
-    return f"{key}='" + str(path).replace("\\", "\\\\").replace("'", "\\'") + "'"
+    """key=path, so that Hydra and OmegaConf take every sign in the path as it is."""
+    return f"{key}={_quoted_path(path)}"
+
+
+def search_override(config_dirs: Sequence[Path]) -> list[str]:
+    """The override that makes Hydra look for options in these folders too; none if there are none."""
+    folders = [_quoted_path(f"file://{check_folder(folder)}") for folder in config_dirs]
+    return [f"hydra.searchpath=[{','.join(folders)}]"] if folders else []
+
+
+def _quoted_path(path: str | Path) -> str:
+    """OmegaConf halves backslashes before ${, and Hydra those before a quote or at the end; all others stay."""
+    text = re.sub(r"(\\*)\$\{", lambda match: match.group(1) * 2 + "\\${", str(path))
+    text = re.sub(r"(\\+)(?='|$)", lambda match: match.group(1) * 2, text).replace("'", "\\'")
+    return f"'{text}'"
 
 
 def check_folder(folder: Path) -> Path:

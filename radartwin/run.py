@@ -16,10 +16,10 @@ import traceback
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from radartwin import files
-from radartwin.compose import CONFIG_NAME, compose, conf_dir, quoted, register, typed
+from radartwin.compose import CONFIG_NAME, compose, conf_dir, path_override, quoted, register, search_override, typed
 from radartwin.config import Config
 from radartwin.digest import semantic
 from radartwin.errors import ConfigError, UserError
@@ -104,7 +104,7 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     folder = files.make_folder(Path(first.output).absolute() / "sweeps" / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{os.getpid()}")
     tracker = Tracker(first.tracking, Path(first.output))
     parent = tracker.sweep(table, " ".join(o for o in overrides if telling([o])) or table)
-    own = [f"hydra.sweep.dir={folder}", *([f"tracking.parent_run_id={parent}"] if parent else [])]
+    own = [path_override("hydra.sweep.dir", folder), *([f"tracking.parent_run_id={parent}"] if parent else [])]
     try:
         _launch([*quoted(overrides), *own], config_dirs)
     finally:
@@ -148,8 +148,7 @@ def _launch(overrides: list[str], config_dirs: Sequence[Path]) -> None:
     import hydra
 
     register()
-    searched = [f"hydra.searchpath=[{','.join(f'file://{d.resolve()}' for d in config_dirs)}]"] if config_dirs else []
-    arguments, sys.argv = sys.argv, ["radartwin", "--multirun", *overrides, *searched]
+    arguments, sys.argv = sys.argv, ["radartwin", "--multirun", *overrides, *search_override(config_dirs)]
     try:
         hydra.main(config_path=str(conf_dir()), config_name=CONFIG_NAME, version_base="1.3")(_job)()
     finally:
@@ -158,10 +157,12 @@ def _launch(overrides: list[str], config_dirs: Sequence[Path]) -> None:
 
 def _job(composed: DictConfig) -> None:
     from hydra.core.hydra_config import HydraConfig
+    from omegaconf import OmegaConf
 
     runtime = HydraConfig.get()
     overrides = list(runtime.overrides.task)
-    name, folder = _job_name(overrides), Path(runtime.runtime.output_dir)
+    unresolved = OmegaConf.to_container(runtime.runtime, resolve=False)  # Hydra wrote a plain path, which may hold ${
+    name, folder = _job_name(overrides), Path(cast(dict, unresolved)["output_dir"])
     progress = Progress()
     progress.say(f"--- {name}")
     try:

@@ -128,3 +128,13 @@ def test_wrong_input_is_one_line_and_status_two(radartwin: Command, arguments: l
     assert done.stderr.startswith("radartwin: ")
     assert word in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["file"], "something was half-written"
+
+
+def test_a_sweep_takes_folders_of_any_name(radartwin: Command, own: list[str], tmp_path: Path) -> None:
+    (tmp_path / "mine").rename(tmp_path / "my [conf],x=1")
+    output = tmp_path / "out[B]=x,y\\ ${z}'"
+    arguments = ["run", "experiment=mine", "--config-dir", "my [conf],x=1", "--output", str(output), "tracking=off"]
+    swept = radartwin(*arguments, "-m", "materials=uniform,void")
+    assert "sweep: 2 done" in swept.stdout, swept.stderr
+    assert len(list((output / "cache" / "run").iterdir())) == 2
+    assert [p.name for p in tmp_path.iterdir() if p.name not in ("my [conf],x=1", output.name)] == []

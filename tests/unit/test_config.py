@@ -10,6 +10,7 @@ from radartwin import compose as composer
 from radartwin.compose import compose
 from radartwin.config import Config, GapConfig
 from radartwin.errors import ConfigError, MissingError
+from radartwin.run import plan
 
 MISTAKES = {
     "a key that does not exist": (["scene.nme=x"], ("scene.nme", "did you mean name", "target_size_m")),
@@ -92,6 +93,15 @@ def test_a_users_folder_adds_options(tmp_path: Path) -> None:
         compose([], [tmp_path / "no_such_folder"])
 
 
-def test_a_path_with_spaces_and_signs_survives(tmp_path: Path) -> None:
-    strange = tmp_path / "a b, 'c' = {d}"
-    assert compose([composer.path_override("output", strange)]).output == str(strange)
+@pytest.mark.parametrize("name", ["a b, 'c' = {d}", "[x],y=z", "\\a\\\\b", "end\\", "${a}", "\\${a:b}\\'", "\\\\${a", "#?%20$"])
+def test_a_path_survives_whatever_signs_it_has(name: str, tmp_path: Path) -> None:
+    overrides = [composer.path_override("output", tmp_path / name)]
+    assert compose(overrides).output == str(tmp_path / name)
+    assert compose(plan(overrides)[0]).output == str(tmp_path / name), "as a job of a sweep"
+
+
+@pytest.mark.parametrize("name", ["a b, 'c' = {d}", "[x],y=z"])
+def test_a_users_folder_may_have_any_name(name: str, tmp_path: Path) -> None:
+    (tmp_path / name / "scene").mkdir(parents=True)
+    (tmp_path / name / "scene" / "mine.yaml").write_text("name: lab\ntarget: sphere\n")
+    assert compose(["scene=mine"], [tmp_path / name]).scene.target == "sphere"
