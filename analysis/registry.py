@@ -21,7 +21,9 @@ TABLES = (
         name="environment",
         title="The room in the signal",
         caption="Corner reflector on a turntable in a laboratory room: Pearson correlation of mean range profiles with "
-        "the measured domain, simulated in void and in the reconstructed room, and the share of energy beyond it.",
+        "the measured domain, simulated in void and in the reconstructed room, and the share of energy beyond it. Profiles "
+        "from 0.3 to 5.5 m; intervals are 95 % percentile bootstraps over the n measured recordings; a row without a claim "
+        "of the paper is untestable.",
     ),
 )
 

@@ -70,8 +70,8 @@ def _section(section: Section, output: Path, start: Path) -> str:
     )
     origin = f"Profile {section.profile}, run {section.run_key[:8]}. Files: {links}."
     return (
-        f'<section id="{name}">\n<h2>{html.escape(section.table.title)}</h2>\n{section.html}'
-        f'<p class="files">{origin}</p>\n{figures}\n</section>'
+        f'<section id="{name}">\n<h2>{html.escape(section.table.title)}</h2>\n{figures}\n{section.html}'
+        f'<p class="files">{origin}</p>\n</section>'
     )
 
 
