@@ -6,6 +6,7 @@ electric field's component along the reflected parallel unit vector e_r = k_r x 
 has te = -1, tm = +1, and at normal incidence tm = -te.
 """
 
+import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,11 +33,11 @@ class Layered:
 
         checked = []
         for entry in layers:
-            if len(entry) != 2:
+            if not isinstance(entry, Sequence) or isinstance(entry, str) or len(entry) != 2:
                 raise MaterialError(f"Layered: a layer is (material, thickness_m), not {entry!r}")
             name, thickness = entry
             check_name(name)
-            if not (np.isfinite(thickness) and thickness > 0):
+            if isinstance(thickness, bool) or not isinstance(thickness, numbers.Real) or not 0 < thickness < np.inf:
                 raise MaterialError(f"Layered: thickness of {name!r} must be positive metres, not {thickness!r}")
             checked.append((str(name), float(thickness)))
         check_name(backing)

@@ -6,6 +6,7 @@ World frame: z up, metres. How a scene lies on the disk is in `radartwin.scene.s
 from __future__ import annotations
 
 import dataclasses
+import numbers
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import trimesh
 
-from radartwin.errors import SceneError
+from radartwin.errors import MaterialError, SceneError
 from radartwin.scene.checks import check_mesh, inside_solid
 
 if TYPE_CHECKING:
@@ -53,14 +54,22 @@ class Surface:
     def __post_init__(self) -> None:
         where = f"surface '{self.name}'" if self.name else "surface"
         check_mesh(self.mesh, where)
-        if isinstance(self.material, str):  # a Layered has checked its own layers
-            from radartwin import materials
-
-            materials.check_name(self.material)
-        if not (np.isfinite(self.roughness_m) and self.roughness_m >= 0):
-            raise SceneError(f"{where}: roughness_m is {self.roughness_m}; give a finite height deviation >= 0 in metres")
+        self._check_material(where)
+        roughness = self.roughness_m
+        if isinstance(roughness, bool) or not isinstance(roughness, numbers.Real) or not 0 <= roughness < np.inf:
+            raise SceneError(f"{where}: roughness_m is {roughness!r}; give a finite height deviation >= 0 in metres")
         if self.role not in ("auto", "object", "room"):
             raise SceneError(f"{where}: role is {self.role!r}; choose auto, object or room")
+
+    def _check_material(self, where: str) -> None:
+        from radartwin import materials
+
+        if isinstance(self.material, str):
+            materials.check_name(self.material)
+        elif not isinstance(self.material, materials.Layered):  # which has checked its own layers
+            raise MaterialError(f"{where}: material is {self.material!r}; give a name of radartwin.materials or a Layered stack")
+        elif not self.material.layers and self.material.backing in ("air", "vacuum"):
+            raise MaterialError(f"{where}: material is a Layered without layers before {self.material.backing}, which reflects nothing")
 
     @property
     def kind(self) -> Literal["object", "room"]:

@@ -43,14 +43,6 @@ class Launch:
     def per_pose(self) -> int:
         return self.count_u * self.count_v
 
-    def chunk(self, start: int, stop: int) -> "Launch":
-        """The poses from `start` to before `stop`."""
-        part = slice(start, stop)
-        return Launch(
-            self.source[part], self.forward[part], self.u_axis[part], self.v_axis[part], self.low_u[part],
-            self.low_v[part], self.step_u[part], self.step_v[part], self.count_u, self.count_v, self.plane,
-        )  # fmt: skip
-
 
 def frame_towards(forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Orthonormal (forward, u, v), each (F, 3), with u horizontal where it can be."""

@@ -16,7 +16,10 @@ def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
     Raises:
         PoseError: wrong shape, zero frames, not finite, not rigid; the message names `what` and the frame.
     """
-    poses = np.asarray(poses, float)
+    try:
+        poses = np.asarray(poses, float)
+    except (TypeError, ValueError) as error:
+        raise PoseError(f"{what} must be numbers of shape (F, 4, 4) ({error})") from None
     if poses.shape == (4, 4):
         poses = poses[None]
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
@@ -39,10 +42,12 @@ def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frame
     Args:
         frames: sensor poses given; one pose, of the sensor or of an object, holds for all frames.
     """
+    if motion is not None and not isinstance(motion, Mapping):
+        raise PoseError(f"motion must map surface names to poses (F, 4, 4), not be a {type(motion).__name__}")
     checked = {name: check_poses(poses, f"motion of {name!r}") for name, poses in (motion or {}).items()}
     for name in checked:
         if name not in names:
-            raise PoseError(f"motion names surface {name!r}, which the scene does not have; it has: {', '.join(sorted(names))}")
+            raise PoseError(f"motion names surface {name!r}, which the scene does not have; it has: {', '.join(sorted(map(str, names)))}")
     lengths = {frames, *(len(p) for p in checked.values())} - {1}
     if len(lengths) > 1:
         raise PoseError(f"sensor poses and motion differ in length: {sorted(lengths)} frames")

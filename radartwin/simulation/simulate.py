@@ -1,5 +1,6 @@
 """Scene, radar and poses to a recording: the library's main road."""
 
+import numbers
 from collections.abc import Mapping
 
 import numpy as np
@@ -55,8 +56,7 @@ def simulate(
     >>> simulate(Scene([Surface(plate, "metal", "plate")]), Radar.iwr1843(), pose[None]).iq.shape
     (1, 16, 2, 4, 256)
     """
-    if seed < 0:
-        raise InputError(f"seed must be zero or above, not {seed}")
+    _check_whole("seed", seed, 0)
     settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
     parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings)
     frames = len(sensor)
@@ -83,12 +83,15 @@ def trace_paths(
     scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None, settings: TraceSettings
 ) -> tuple[list[Paths], np.ndarray]:
     """Check the input and trace it: (parts, each of all or of one pose; (F, 4, 4) sensor poses)."""
-    if settings.max_bounces < 1:
-        raise InputError(f"max_bounces must be at least 1, not {settings.max_bounces}")
-    if settings.rays is not None and not settings.rays > 0:
-        raise InputError(f"rays must be positive, not {settings.rays}")
-    if not settings.rays_per_wavelength2 > 0:
-        raise InputError(f"rays_per_wavelength2 must be positive, not {settings.rays_per_wavelength2}")
+    for name, value, kind in (("scene", scene, Scene), ("radar", radar, Radar)):
+        if not isinstance(value, kind):
+            raise InputError(f"{name} must be a radartwin.{kind.__name__}, not {type(value).__name__}")
+    _check_whole("max_bounces", settings.max_bounces, 1)
+    if settings.rays is not None:
+        _check_whole("rays", settings.rays, 1)
+    density = settings.rays_per_wavelength2
+    if isinstance(density, bool) or not isinstance(density, numbers.Real) or not 0 < density < np.inf:
+        raise InputError(f"rays_per_wavelength2 must be a finite number above zero, not {density!r}")
     sensor = poses_module.check_poses(sensor_poses, "sensor_poses")
     moving, frames = poses_module.check_motion(motion, set(scene.names), len(sensor))
     sensor = poses_module.repeated(sensor, frames)
@@ -97,3 +100,8 @@ def trace_paths(
         inside = (poses_module.inverse(poses) @ sensor)[:, :3, 3]
         Scene(s for s in scene.surfaces if s.name == name).check_sensor(inside)
     return MitsubaBackend(settings).paths(scene, radar, sensor, moving), sensor
+
+
+def _check_whole(name: str, value: object, least: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < least:
+        raise InputError(f"{name} must be a whole number of at least {least}, not {value!r}")
