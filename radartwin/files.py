@@ -92,6 +92,8 @@ def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None
 
     Args:
         waiting: called once if somebody else holds the lock.
+    Raises:
+        OutputError: the file cannot be made or opened.
     """
     while True:
         make_folder(path.parent)
@@ -99,6 +101,8 @@ def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         except FileNotFoundError:  # the folder went away between the two lines above
             continue
+        except OSError as error:
+            raise _cannot_lock(path, error) from error
         try:
             if waiting and not _try_lock(descriptor):
                 waiting()
@@ -116,14 +120,26 @@ def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None
 
 
 def drop_stale(path: Path) -> None:
-    """Remove a lock file that a killed process left; one that is held, or waited for, stays."""
-    with contextlib.suppress(FileNotFoundError):
+    """Remove a lock file that a killed process left; one that is held, or waited for, stays.
+
+    Raises:
+        OutputError: what has its name cannot be opened or removed.
+    """
+    try:
         descriptor = os.open(path, os.O_RDWR)
         try:
             if _try_lock(descriptor) and _leads_to(path, descriptor):
                 path.unlink(missing_ok=True)
         finally:
             os.close(descriptor)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise _cannot_lock(path, error) from error
+
+
+def _cannot_lock(path: Path, error: OSError) -> OutputError:
+    return OutputError(f"{path}: cannot serve as a lock ({error.strerror}); remove it or choose another place for the output")
 
 
 def sweep(folder: Path) -> None:

@@ -58,9 +58,10 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
     spec, roots = {"config": semantic(config)}, [module_name(config.experiment)]
     key = store.key(RUN, spec, roots)
     name, told = config.experiment.name or roots[0], telling(overrides)
+    title = ",".join(f"{k}={v}" for k, v in told.items()) or name
 
     def build(folder: Path) -> None:
-        with tracker.run(name, key, ",".join(f"{k}={v}" for k, v in told.items()) or name, told) as record:
+        with tracker.run(name, key, title, told) as record:
             result = experiment.run(config, store, progress)
             save(result, folder)
             (folder / "config.json").write_text(json.dumps(asdict(config), indent=1) + "\n", encoding="utf-8")
@@ -68,7 +69,12 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
             record.artifacts = sorted(folder.iterdir())
 
     product = store.fetch(RUN, spec, roots, build)
-    return read(product), store.counts
+    result = read(product)
+    if product.reused and not tracker.known(name, key):  # computed with tracking=off, or tracked elsewhere
+        with tracker.run(name, key, title, told) as record:
+            record.metrics = result.metrics
+            record.artifacts = sorted(product.path.iterdir())
+    return result, store.counts
 
 
 def telling(overrides: Sequence[str]) -> dict[str, str]:
@@ -107,9 +113,14 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     own = [path_override("hydra.sweep.dir", folder), *([f"tracking.parent_run_id={parent}"] if parent else [])]
     try:
         _launch([*quoted(overrides), *own], config_dirs)
-    finally:
-        outcomes = [_outcome(folder / str(number), job) for number, job in enumerate(jobs)]
-        tracker.end_sweep(parent, finished=all(o.status == DONE for o in outcomes))
+    except KeyboardInterrupt:
+        tracker.end_sweep(parent, "KILLED")
+        raise
+    except BaseException:
+        tracker.end_sweep(parent, "FAILED")
+        raise
+    outcomes = [_outcome(folder / str(number), job) for number, job in enumerate(jobs)]
+    tracker.end_sweep(parent, "FINISHED" if all(o.status == DONE for o in outcomes) else "FAILED")
     for outcome in outcomes:
         print(f"{outcome.status:8s} {outcome.job}: {outcome.line}")
     count = {status: sum(o.status == status for o in outcomes) for status in (DONE, FAILED, REFUSED)}

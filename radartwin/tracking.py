@@ -10,13 +10,14 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from radartwin import __version__, files
 from radartwin.config import TrackingConfig
@@ -45,6 +46,8 @@ class Tracker:
     Args:
         config: backend off makes every method a no-op.
         output: root of everything written.
+    Raises:
+        BackendError, OutputError: a SQLite database that cannot be opened or made.
     """
 
     def __init__(self, config: TrackingConfig, output: Path) -> None:
@@ -54,6 +57,7 @@ class Tracker:
         self._database = Path(self.uri.removeprefix("sqlite:///")) if self.uri.startswith("sqlite:///") else None
         self._client: MlflowClient | None = None
         if self._database and not self.off:
+            _check_database(self._database)
             files.drop_stale(self._lock)
 
     @property
@@ -105,10 +109,10 @@ class Tracker:
             client = self._connect()
             return self._create(client, self._experiment(client, table), name, tags(table, "sweep"), None)
 
-    def end_sweep(self, run_id: str | None, finished: bool) -> None:
+    def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"]) -> None:
         if run_id is not None:
             with self._exclusive():
-                self._connect().set_terminated(run_id, "FINISHED" if finished else "FAILED")
+                self._connect().set_terminated(run_id, status)
 
     def known(self, table: str, key: str) -> bool:
         """Whether a finished run of this key is recorded."""
@@ -127,12 +131,12 @@ class Tracker:
             from sqlalchemy.exc import SQLAlchemyError
 
             try:
-                self._client = MlflowClient(tracking_uri=self.uri)
-                self._client.search_experiments(max_results=1)  # SQLite: creates the tables
-            except (MlflowException, SQLAlchemyError) as error:
-                raise BackendError(
-                    f"tracking store {self.uri}: {_one_line(error)}; move the store away, correct tracking.uri, or use tracking=off"
-                ) from error
+                with _impatient():
+                    client = MlflowClient(tracking_uri=self.uri)
+                    client.search_experiments(max_results=1)  # SQLite: creates the tables
+            except (MlflowException, SQLAlchemyError, ImportError) as error:
+                raise _unusable(self.uri, _one_line(error)) from error
+            self._client = client
         return self._client
 
     def _experiment(self, client: MlflowClient, table: str) -> str:
@@ -212,6 +216,39 @@ def dashboard(config: TrackingConfig, output: Path, port: int) -> int:
     with contextlib.suppress(KeyboardInterrupt):
         return subprocess.run(command, check=False).returncode
     return 0
+
+
+def _check_database(path: Path) -> None:
+    """Refuse at once what mlflow would retry for minutes, saying so each time."""
+    if signs := [sign for sign in "?#%" if sign in str(path)]:
+        raise _unusable(path, f"mlflow misreads '{signs[0]}' in the path of a database")
+    if not path.exists():
+        files.check_folder(path.parent)
+        return
+    if not os.access(path, os.R_OK | os.W_OK) or not os.access(path.parent, os.W_OK | os.X_OK):
+        raise _unusable(path, "it or its folder cannot be written")
+    try:
+        with contextlib.closing(sqlite3.connect(path, timeout=30)) as connection:
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
+    except sqlite3.Error as error:
+        raise _unusable(path, "it is not a file" if path.is_dir() else _one_line(error)) from error
+
+
+@contextlib.contextmanager
+def _impatient() -> Iterator[None]:
+    """Ask a server for its first answer twice, 10 s each, where mlflow would ask for minutes; the user's settings win."""
+    ours = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1", "MLFLOW_HTTP_REQUEST_TIMEOUT": "10"}
+    added = {name: value for name, value in ours.items() if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]
+
+
+def _unusable(store: object, reason: str) -> BackendError:
+    return BackendError(f"tracking store {store}: {reason}; move the store away, correct tracking.uri, or use tracking=off")
 
 
 def _one_line(error: Exception) -> str:

@@ -66,6 +66,25 @@ def test_a_run_is_computed_once_and_read_back(radartwin: Command, own: list[str]
     assert list((tmp_path / "outputs").rglob("*.tmp")) == []
 
 
+def test_a_result_found_without_tracking_is_tracked_once_when_it_is_on(radartwin: Command, own: list[str], tmp_path: Path) -> None:
+    assert radartwin(*own, "tracking=off").returncode == 0
+    for _ in range(2):
+        assert "scored 0" in radartwin(*own).stdout
+    with closing(sqlite3.connect(tmp_path / "outputs" / "mlflow.db")) as connection:
+        tracked = connection.execute("SELECT status, key, value FROM runs JOIN metrics USING (run_uuid)").fetchall()
+    assert tracked == [("FINISHED", "correlation_1m", 0.4)]
+
+
+def test_an_interrupted_sweep_is_recorded_as_killed(radartwin: Command, own: list[str], tmp_path: Path) -> None:
+    module = tmp_path / "mine" / "my_experiment.py"
+    module.write_text("def run(config, store, progress):\n    raise KeyboardInterrupt\n")
+    done = radartwin(*own, "-m", "seed=0,1")
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith("radartwin: interrupted")
+    with closing(sqlite3.connect(tmp_path / "outputs" / "mlflow.db")) as connection:
+        assert connection.execute("SELECT DISTINCT status FROM runs").fetchall() == [("KILLED",)]
+
+
 def test_a_sweep_survives_a_refused_and_a_failed_job_and_resumes(radartwin: Command, own: list[str], tmp_path: Path) -> None:
     swept = radartwin(*own, "-m", "materials=vlm,uniform,void")
     assert swept.returncode == 2

@@ -5,13 +5,14 @@ from __future__ import annotations
 import sqlite3
 import subprocess
 import sys
+import time
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from radartwin.config import TrackingConfig
-from radartwin.errors import ConfigError
+from radartwin.errors import BackendError, ConfigError, OutputError
 from radartwin.tracking import ARTIFACTS, DATABASE, Tracker, dashboard
 
 # SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
@@ -39,7 +40,7 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
     parent = tracker.sweep("environment", "materials=void,uniform")
     with Tracker(TrackingConfig(parent_run_id=parent), folder).run("environment", "c" * 32, "y", {}):
         pass
-    tracker.end_sweep(parent, finished=True)
+    tracker.end_sweep(parent, "FINISHED")
     return folder
 
 
@@ -105,10 +106,26 @@ def test_tracking_off_touches_nothing(tmp_path: Path) -> None:
     tracker.prepare()
     with tracker.run("environment", "a" * 32, "x", {}):
         pass
-    tracker.end_sweep(tracker.sweep("environment", "x"), finished=True)
+    tracker.end_sweep(tracker.sweep("environment", "x"), "FINISHED")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_server_of_its_own_is_not_served_again(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"http://127\.0\.0\.1:9"):
         dashboard(TrackingConfig(uri="http://127.0.0.1:9"), tmp_path, 5000)
+
+
+def test_a_store_that_cannot_be_used_is_refused_at_once_and_by_name(tmp_path: Path) -> None:
+    started = time.monotonic()
+    (tmp_path / "folder" / DATABASE).mkdir(parents=True)
+    (tmp_path / "text").mkdir()
+    (tmp_path / "text" / DATABASE).write_text("not a database, but long enough to look like one" * 20)
+    (tmp_path / "locked" / f".{DATABASE}.lock").mkdir(parents=True)
+    (tmp_path / "file").write_text("")
+    cases = {"folder": "not a file", "text": "not a database", "locked": "as a lock", "file": "not a folder", "a?b": "'\\?'", "a#b": "'#'"}
+    for name, reason in cases.items():
+        with pytest.raises((BackendError, OutputError), match=reason):
+            Tracker(TrackingConfig(), tmp_path / name)
+    with pytest.raises(BackendError, match=r"127\.0\.0\.1:9"):
+        Tracker(TrackingConfig(uri="http://127.0.0.1:9"), tmp_path).prepare()
+    assert time.monotonic() - started < 20
