@@ -9,19 +9,21 @@ from analysis import registry, report
 from analysis import tables as writers
 from radartwin import files, plotting
 from radartwin.compose import compose, path_override
-from radartwin.errors import MissingError
+from radartwin.errors import InputError, MissingError
 from radartwin.experiment import Result
 from radartwin.progress import Progress
 from radartwin.run import run_experiment, summary
 from radartwin.store import Counts
 
 INDEX = "index.json"  # in the tables folder: which run each written table came from
+_ENTRY = {"run_key": str, "profile": str, "figures": list}  # what it holds of each
 
 
 def tables(profile: str, only: list[str] | None, output: Path) -> int:
     """Compute or read back each table, write it in every format with its figures, then the report."""
     progress, counts = Progress(), Counts()
     chosen = registry.select(only)
+    _index(output)  # an unreadable one stops before the work, not after it
     for part in ("tables", "figures", "report"):
         files.sweep(files.make_folder(output / part))
     for table in chosen:
@@ -62,7 +64,7 @@ def write_report(output: Path) -> Path:
     sections = [
         report.Section(
             table=table,
-            html=(output / "tables" / f"{table.name}.html").read_text(encoding="utf-8"),
+            html=_html(output, table.name),
             figures=[output / "figures" / name for name in index[table.name]["figures"]],
             run_key=index[table.name]["run_key"],
             profile=index[table.name]["profile"],
@@ -74,4 +76,20 @@ def write_report(output: Path) -> Path:
 
 def _index(output: Path) -> dict[str, dict]:
     path = output / "tables" / INDEX
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    if not path.is_file():
+        return {}
+    try:
+        index = json.loads(path.read_text(encoding="utf-8"))
+        if not all({key: type(value) for key, value in entry.items()} == _ENTRY for entry in index.values()):
+            raise ValueError("an entry is not of the expected form")
+    except (ValueError, AttributeError, RecursionError) as error:
+        raise InputError(f"{path} is damaged ({str(error).splitlines()[0]}); delete it and run radartwin tables again") from error
+    return index
+
+
+def _html(output: Path, name: str) -> str:
+    path = output / "tables" / f"{name}.html"
+    try:
+        return path.read_text(encoding="utf-8")
+    except (FileNotFoundError, UnicodeDecodeError) as error:
+        raise MissingError(f"{path} is missing or damaged; run radartwin tables --only {name} again") from error

@@ -6,7 +6,7 @@ the target stands on the radar's boresight.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,9 +42,10 @@ def build_radar(config: RadarConfig) -> Radar:
         InputError: values that are no radar; MissingError, RecordingError: the file is absent or malformed.
     """
     if config.file:
-        return Radar.from_file(Path(config.file))
-    board = Radar.iwr1843(element=config.element).to_dict() if config.name == "iwr1843" else {}
-    return Radar.from_dict({**board, **config.given()})
+        radar = Radar.from_file(Path(config.file))
+        return replace(radar, element=config.element) if config.element else radar
+    board = Radar.iwr1843().to_dict() if config.name == "iwr1843" else {}
+    return Radar.from_dict({"element": "iwr1843", **board, **config.given()})
 
 
 def named_radar(name: str) -> Radar:
@@ -125,7 +126,7 @@ def build_course(config: TrajectoryConfig, radar: Radar, start: np.ndarray) -> C
 
 def check_frames(frames: float) -> None:
     if frames > MAX_FRAMES:
-        raise ConfigError(f"the trajectory has {frames:.0f} frames, more than {MAX_FRAMES}; set trajectory.frames")
+        raise ConfigError(f"the trajectory has more than {MAX_FRAMES} frames; set trajectory.frames")
 
 
 def simulate_scene(config: Config, noise: bool = False) -> Recording:

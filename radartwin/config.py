@@ -8,6 +8,7 @@ module sees a DictConfig. Fields marked by `_path` name files: they enter a run 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -31,8 +32,14 @@ def _one_of(key: str, value: str, options: Sequence[str]) -> None:
 
 def _positive(key: str, *values: float | None) -> None:
     for value in values:
-        if value is not None and not value > 0:
-            raise ConfigError(f"{key}={value:g} must be above zero")
+        if value is not None and not 0 < value < math.inf:
+            raise ConfigError(f"{key}={value} must be above zero and finite")
+
+
+def _finite(key: str, *values: float) -> None:
+    for value in values:
+        if not math.isfinite(value):
+            raise ConfigError(f"{key}={value} must be finite")
 
 
 @dataclass
@@ -90,7 +97,7 @@ class RadarConfig:
     """
 
     name: str = "iwr1843"
-    file: str | None = _path()  # mmWave SDK .cfg or mmWave Studio .mmwave.json; then nothing else but element is read
+    file: str | None = _path()  # mmWave SDK .cfg, mmWave Studio .mmwave.json, .yaml; only element may be set beside it
     start_frequency_hz: float | None = None
     slope_hz_per_s: float | None = None
     sample_rate_hz: float | None = None
@@ -100,17 +107,20 @@ class RadarConfig:
     rx_positions_m: list[list[float]] | None = None
     chirp_interval: float | None = None  # seconds between successive chirp starts, transmitters interleaved
     frame_rate_hz: float | None = None
-    element: str = "iwr1843"  # iwr1843 | isotropic
+    element: str | None = None  # iwr1843 | isotropic; null: the file's, else iwr1843
     noise_figure_db: float | None = None
     transmit_power_dbm: float | None = None
-    real_sampling: bool = False
+    real_sampling: bool | None = None  # null: the file's, else false
 
     def __post_init__(self) -> None:
-        _one_of("radar.element", self.element, ("iwr1843", "isotropic"))
+        if self.element is not None:
+            _one_of("radar.element", self.element, ("iwr1843", "isotropic"))
         if self.name == "file" and not self.file:
             raise ConfigError("radar=file needs the file: add radar.file=FILE.cfg or FILE.mmwave.json")
         if self.name != "file" and self.file:
             raise ConfigError(f"radar.file is only read by radar=file, and radar.name is {self.name}; add radar=file")
+        if self.file and (refused := sorted(set(self.given()) - {"name", "element"})):
+            raise ConfigError(f"radar.{refused[0]} is set, but radar=file takes it from {self.file}; change it there, or leave it out here")
 
     def given(self) -> dict[str, Any]:
         """The fields that the option or the user set, by the names `Radar` has for them."""
@@ -135,6 +145,8 @@ class TrajectoryConfig:
         _one_of("trajectory.kind", self.kind, ("static", "turntable", "depth", "lateral"))
         for name in ("distance_m", "height_m", "frames", "period_s", "length_m", "speed_mps"):
             _positive(f"trajectory.{name}", getattr(self, name))
+        _finite("trajectory.heading_deg", self.heading_deg)
+        _finite("trajectory.position_m", *(self.position_m or ()))
         if self.position_m is not None and len(self.position_m) != 3:
             raise ConfigError(f"trajectory.position_m={self.position_m} must be [x,y,z] in metres")
         if self.kind == "depth" and self.length_m >= self.distance_m:
@@ -156,8 +168,8 @@ class GapConfig:
 
     def __post_init__(self) -> None:
         for gap in fields(self):
-            if not getattr(self, gap.name) >= 0:
-                raise ConfigError(f"measured.gap.{gap.name}={getattr(self, gap.name):g} must be zero (off) or above")
+            if not 0 <= getattr(self, gap.name) < math.inf:
+                raise ConfigError(f"measured.gap.{gap.name}={getattr(self, gap.name)} must be zero (off) or above, and finite")
 
 
 @dataclass

@@ -64,12 +64,14 @@ class Experiment(Protocol):
 
 
 def module_name(experiment: ExperimentConfig) -> str:
-    """Module of the configured experiment. Raises ConfigError where none is named."""
-    if experiment.module:
-        return experiment.module
-    if not experiment.name:
+    """Module of the configured experiment. Raises ConfigError where none is named, or by what is no name."""
+    if not experiment.module and not experiment.name:
         raise ConfigError("no experiment was named; add experiment=NAME (radartwin run --help lists them)")
-    return f"experiments.{experiment.name}"
+    name = experiment.module or f"experiments.{experiment.name}"
+    if not all(part.isidentifier() for part in name.split(".")):
+        key, value = ("module", experiment.module) if experiment.module else ("name", experiment.name)
+        raise ConfigError(f"experiment.{key}={value} is not the name of a module; write letters, digits and underscores")
+    return name
 
 
 def load(experiment: ExperimentConfig) -> Experiment:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from radartwin import compose as composer
+from radartwin.assemble import build_radar
 from radartwin.compose import compose
 from radartwin.config import Config, GapConfig
 from radartwin.errors import ConfigError, MissingError
+from radartwin.experiment import load
+from radartwin.radar.chirp import Radar
 from radartwin.run import plan
 
 MISTAKES = {
@@ -31,6 +36,16 @@ MISTAKES = {
     "scan without path": (["scene=scan"], ("scene=scan", "scene.path")),
     "path without scan": (["scene.path=room.glb"], ("scene.path", "scene=scan")),
     "radar file without file": (["radar=file"], ("radar=file", "radar.file")),
+    "a radar file and a field of it": (
+        ["radar=file", "radar.file=r.cfg", "radar.num_samples=64"],
+        ("radar.num_samples", "r.cfg"),
+    ),
+    "a radar file and false": (["radar=file", "radar.file=r.cfg", "radar.real_sampling=false"], ("radar.real_sampling", "r.cfg")),
+    "rays without end": (["simulator.rays_per_wavelength2=inf"], ("simulator.rays_per_wavelength2=inf", "finite")),
+    "a heading that is no number": (["trajectory.heading_deg=nan"], ("trajectory.heading_deg=nan", "finite")),
+    "a position that is no number": (["trajectory.position_m=[0,nan,1]"], ("trajectory.position_m=nan", "finite")),
+    "a distance that is no number": (["trajectory.distance_m=nan"], ("trajectory.distance_m=nan", "finite")),
+    "an endless gap": (["measured.gap.clutter=inf"], ("measured.gap.clutter=inf", "finite")),
     "recordings without folder": (["measured=recordings"], ("measured=recordings", "measured.folder")),
     "true materials of a scan": (["scene=scan", "scene.path=x.glb", "materials=true"], ("materials=true", "scan")),
     "nothing to simulate": (["materials=void", "scene.target=none"], ("materials=void", "scene.target")),
@@ -49,6 +64,26 @@ def test_a_mistake_is_one_line_that_names_it(overrides: list[str], words: tuple[
     assert "\n" not in message
     for word in words:
         assert word in message
+
+
+def test_a_radar_file_says_everything_but_the_element_may_be_chosen(tmp_path: Path) -> None:
+    written = replace(Radar.iwr1843(), num_samples=64)
+    (tmp_path / "r.json").write_text(json.dumps(written.to_dict()))
+    given = ["radar=file", f"radar.file={tmp_path / 'r.json'}"]
+    assert build_radar(compose(given).radar) == written
+    assert build_radar(compose([*given, "radar.element=isotropic"]).radar) == replace(written, element="isotropic")
+
+
+def test_a_board_has_its_pattern_unless_told_otherwise() -> None:
+    assert build_radar(compose().radar) == Radar.iwr1843()
+    assert build_radar(compose(["radar.element=isotropic"]).radar).element == "isotropic"
+    assert build_radar(compose(["radar=openradar_77ghz"]).radar).element == "iwr1843"
+
+
+@pytest.mark.parametrize("key", ["name=../x", "name=a b", "name=.x", "module=.x", "module=a..b", "module=../x"])
+def test_an_experiment_by_what_is_no_name_is_refused(key: str) -> None:
+    with pytest.raises(ConfigError, match="is not the name of a module"):
+        load(compose([f"experiment.{key}"]).experiment)
 
 
 def test_every_shipped_option_composes_or_says_what_it_needs() -> None:

@@ -124,6 +124,24 @@ def page_text(output: Path) -> str:
     return (output / "report" / "index.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize(
+    "text", ["{", "[]", "5", '{"environment": 5}', '{"environment": {}}', '{"environment": {"run_key": 1, "profile": "x", "figures": []}}']
+)
+def test_a_damaged_index_is_named_before_any_work(text: str, tmp_path: Path) -> None:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "index.json").write_text(text)
+    for verb in (lambda: main.report_verb(tmp_path), lambda: main.tables("quick", None, tmp_path)):
+        with pytest.raises(InputError, match=r"index\.json is damaged"):
+            verb()
+
+
+def test_a_table_that_went_missing_is_named(tmp_path: Path) -> None:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "index.json").write_text('{"environment": {"run_key": "0", "profile": "quick", "figures": []}}')
+    with pytest.raises(MissingError, match=r"environment\.html .*--only environment"):
+        main.report_verb(tmp_path)
+
+
 def test_every_table_has_its_experiment_and_its_configuration() -> None:
     root = Path(__file__).resolve().parents[2]
     for table in registry.TABLES:
