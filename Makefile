@@ -51,6 +51,7 @@ $(PY):
 	  if "$$python" -c '$(SUPPORTED)' >/dev/null 2>&1; then \
 	    echo "setting up: $(VENV) with $$("$$python" --version)"; \
 	    "$$python" -m venv $(VENV) && exit 0; \
+	    rm -rf $(VENV); \
 	    echo "this Python cannot make virtual environments; on Debian or Ubuntu: apt-get install python3-venv"; exit 2; \
 	  fi; \
 	done; \

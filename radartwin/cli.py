@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from radartwin.errors import OutputError, UserError
+from radartwin.errors import MissingError, OutputError, UserError
 
 Verb = Callable[[argparse.Namespace], int]
 
@@ -72,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
 
     run = _verb(verbs, "run", _run, "one experiment, or a sweep over comma-separated values with -m")
     _overrides(run, "experiment=NAME [group=option ...] [key=value ...]")
+    run.epilog = f"Experiments: {', '.join(_experiments())}."
     run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
 
     tables = _verb(verbs, "tables", _tables, "run what is missing, write tables, figures and the report")
@@ -143,6 +144,16 @@ def _overrides(verb: argparse.ArgumentParser, text: str) -> None:
     verb.add_argument("overrides", nargs="*", metavar="OVERRIDE", help=text)
     verb.add_argument("--config-dir", metavar="DIR", type=Path, action="append", default=[], help="more configuration options")
     verb.add_argument("--output", metavar="DIR", help="root of everything written (the same as output=DIR)")
+
+
+def _experiments() -> list[str]:
+    """Names for experiment=NAME, by their files."""
+    from radartwin.compose import groups
+
+    try:
+        return groups().get("experiment", [])
+    except MissingError:  # a broken installation still explains itself
+        return ["none found"]
 
 
 def _given(options: argparse.Namespace) -> list[str]:

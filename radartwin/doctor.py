@@ -48,8 +48,10 @@ def examine(output: Path) -> Iterator[Finding]:
     yield from _libraries()
     yield from _devices()
     yield _cpus()
-    yield _disk(output)
-    yield _tracking(output)
+    disk = _disk(output)
+    yield disk
+    if disk.status != "missing":
+        yield _tracking(output)
 
 
 def _python() -> Finding:

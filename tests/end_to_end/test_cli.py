@@ -13,6 +13,7 @@ import pytest
 Command = Callable[..., subprocess.CompletedProcess[str]]
 HEAVY = ("hydra", "omegaconf", "mlflow", "mitsuba", "drjit", "numpy", "scipy", "trimesh", "matplotlib", "pandas", "plotly")
 VERBS = ("run", "tables", "simulate", "process", "reconstruct", "view", "dashboard", "report", "doctor")
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_help_answers_in_half_a_second(radartwin: Command) -> None:
@@ -46,6 +47,20 @@ def test_overrides_may_stand_on_both_sides_of_an_option(radartwin: Command) -> N
     unknown = radartwin("run", "experiment=environment", "--unknown")
     assert unknown.returncode == 2
     assert "--unknown" in unknown.stderr
+
+
+def test_help_of_run_lists_the_experiments_there_are(radartwin: Command) -> None:
+    listed = radartwin("run", "--help").stdout.split("Experiments:")[1]
+    for file in (ROOT / "conf" / "experiment").glob("*.yaml"):
+        assert file.stem in listed
+
+
+def test_doctor_on_a_file_says_so_and_nothing_of_a_store_below_it(radartwin: Command, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = radartwin("doctor", "--output", "file")
+    assert done.returncode == 2
+    assert "is not a folder" in done.stdout
+    assert "mlflow.db" not in done.stdout
 
 
 def test_doctor_finds_this_machine_usable_and_names_what_it_runs_on(radartwin: Command) -> None:
