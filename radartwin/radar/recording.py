@@ -254,7 +254,7 @@ def _rigid(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     finite = np.isfinite(poses).all(axis=(1, 2))
     rotation = np.where(finite[:, None, None], poses, 0.0)[:, :3, :3].clip(-2, 2)  # beyond 1 it is no rotation anyway
     straight = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) < 1e-4
-    return finite & straight & (np.linalg.det(rotation) > 0) & np.isclose(poses[:, 3], (0, 0, 0, 1), atol=1e-9).all(axis=1)
+    return finite & straight & (np.linalg.det(rotation) > 0) & (np.abs(poses[:, 3] - (0, 0, 0, 1)) < 1e-9).all(axis=1)
 
 
 def _flush(stream: Any) -> None:

@@ -14,6 +14,8 @@ from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.synthesis import synthesize, thermal_noise
 
+MAX_RAYS = 200_000_000  # per pose: some minutes of tracing
+MAX_DENSITY = 10_000  # seven million tubes on a 10 cm plate
 FRAMES_PER_BLOCK = 256  # bounds the double-precision working copy of the IQ data
 
 
@@ -89,9 +91,11 @@ def trace_paths(
     _check_whole("max_bounces", settings.max_bounces, 1)
     if settings.rays is not None:
         _check_whole("rays", settings.rays, 1)
+        if settings.rays > MAX_RAYS:
+            raise InputError(f"rays must be at most {MAX_RAYS:_}, not {settings.rays!r}")
     density = settings.rays_per_wavelength2
-    if isinstance(density, bool) or not isinstance(density, numbers.Real) or not 0 < density < np.inf:
-        raise InputError(f"rays_per_wavelength2 must be a finite number above zero, not {density!r}")
+    if isinstance(density, bool) or not isinstance(density, numbers.Real) or not 0 < density <= MAX_DENSITY:
+        raise InputError(f"rays_per_wavelength2 must be a number above zero and at most {MAX_DENSITY:_}, not {density!r}")
     sensor = poses_module.check_poses(sensor_poses, "sensor_poses")
     moving, frames = poses_module.check_motion(motion, set(scene.names), len(sensor))
     sensor = poses_module.repeated(sensor, frames)
