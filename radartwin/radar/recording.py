@@ -252,7 +252,7 @@ def _check_scale(scale: Any, where: str) -> float:
 def _rigid(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which poses (F, 4, 4) are finite, with a right-handed rotation to within 1e-4 (text and float32 round) and last row 0 0 0 1."""
     finite = np.isfinite(poses).all(axis=(1, 2))
-    rotation = np.where(finite[:, None, None], poses, 0.0)[:, :3, :3].clip(-2, 2)  # beyond 1 it is no rotation anyway
+    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # beyond 1 it is no rotation anyway
     straight = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) < 1e-4
     return finite & straight & (np.linalg.det(rotation) > 0) & (np.abs(poses[:, 3] - (0, 0, 0, 1)) < 1e-9).all(axis=1)
 
