@@ -20,6 +20,7 @@ COS_GRAZING = 1e-3  # below this a smooth surface returns nothing a tube could r
 STEEP = 14.0  # phase across half a tube, radians, from which its integral is taken from its kinks
 FLAT = 1e-10  # squared turn of the vertex normals over a facet below which it is flat
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+LABEL_BITS = 12  # per bounce in a tube's sequence of faces: five bounces in 64 bits
 SHADOW_SHORT = 1e-4  # share of a way to the receiver, and metres at an occluder, by which visibility tests stop short
 
 
@@ -38,13 +39,14 @@ def scalars(values: np.ndarray) -> Callable[[Any], Any]:
 class Device:
     """A geometry and its reflection on the device, with the gathers the kernels make."""
 
-    def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None, hats: bool):
+    def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None, labels: np.ndarray | None, hats: bool):
         self.scene = geometry.scene()
         self.hats = dr.opaque(mi.Bool, hats)
         self.corner = mi.Float(geometry.corners.astype(np.float32).ravel())
         self.normal = mi.Float(geometry.normals.astype(np.float32).ravel())
         self.surface = mi.UInt32(geometry.surface.astype(np.uint32))
         self.cluster = None if cluster is None else mi.UInt32(cluster.astype(np.uint32))
+        self.labels = None if labels is None else mi.UInt64(labels.astype(np.uint64) + 1)
         self.nodes = len(table.frequencies_hz)
         self.coefficients = [mi.Float(part.astype(np.float32).ravel()) for c in (table.te, table.tm) for part in (np.real(c), np.imag(c))]
         # rays leave a surface this far above it: well over the float32 resolution of its coordinates
@@ -75,6 +77,7 @@ class Tubes:
         index, pose: launch index and pose. origin, direction: of the ray.
         foot_u, foot_v, weight: footprint vectors and solid angle or area.
         departure: direction at the source. field_re, field_im: polarisation per frequency node. length: unfolded, float64.
+        first: length to the first hit. sequence: 1 + label of each face met, the last in the lowest LABEL_BITS bits.
     """
 
     index: Any
@@ -88,6 +91,8 @@ class Tubes:
     field_re: list[Any]
     field_im: list[Any]
     length: Any
+    first: Any
+    sequence: Any
 
     def evaluate(self) -> None:
         dr.eval(*self._values())
@@ -187,12 +192,13 @@ def start(launch: Launch, axis: np.ndarray, cross: bool, block: np.ndarray, node
     return Tubes(
         index, pose, origin, direction, foot_u, foot_v, weight, mi.Vector3f(direction),
         [mi.Vector3f(field) for _ in range(nodes)], [mi.Vector3f(nothing) for _ in range(nodes)], dr.zeros(mi.Float64, dr.width(index)),
+        dr.zeros(mi.Float64, dr.width(index)), dr.zeros(mi.UInt64, dr.width(index)),
     )  # fmt: skip
 
 
-def meet(device: Device, tubes: Tubes, coherent: bool) -> tuple[Contact, Any]:
+def meet(device: Device, tubes: Tubes, first: bool) -> tuple[Contact, Any]:
     """Next surface of every tube, and which tubes have one. Adds the way there to their length."""
-    hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=coherent)
+    hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=first)
     active = hit.is_valid()
     face = hit.prim_index
     corners = device.corners(device.corner, face, active)
@@ -213,6 +219,10 @@ def meet(device: Device, tubes: Tubes, coherent: bool) -> tuple[Contact, Any]:
     turns = [(normals[1] - normals[0]) * side, (normals[2] - normals[0]) * side]
     contact = Contact(face, flat * side, normal * side, facet_point, point, -dr.dot(tubes.direction, normal) * side, edges, turns)
     tubes.length = tubes.length + dr.dot(mi.Vector3d(point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
+    if first:
+        tubes.first = tubes.length
+    if device.labels is not None:
+        tubes.sequence = (tubes.sequence << LABEL_BITS) + dr.gather(mi.UInt64, device.labels, face, active)
     return contact, active & (contact.cosine > COS_GRAZING)
 
 

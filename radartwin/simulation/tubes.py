@@ -24,7 +24,7 @@ IEEE Trans. Antennas Propag. 37 (1989) 194, with an integral per tube in place o
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -74,6 +74,7 @@ class Hits:
         pose: (N,) index; tube: (N,) index in the launch; bounce: (N,) reflections, from 1.
         amplitude: (N, Q) complex, conjugated, without propagation phase.
         length_in_m, length_out_m: (N,) float64; departure, arrival: (N, 3) unit, from source and receiver towards the path.
+        first_m: (N,) float64, source to first hit. sequence: (N,) uint64, 1 + label of each face met, kernel.LABEL_BITS each, last lowest.
     """
 
     pose: np.ndarray
@@ -84,11 +85,12 @@ class Hits:
     length_out_m: np.ndarray
     departure: np.ndarray
     arrival: np.ndarray
+    first_m: np.ndarray
+    sequence: np.ndarray
 
     @staticmethod
     def concatenate(parts: Sequence["Hits"]) -> "Hits":
-        names = ("pose", "tube", "bounce", "amplitude", "length_in_m", "length_out_m", "departure", "arrival")
-        return Hits(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        return Hits(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(Hits)))
 
 
 def trace(
@@ -101,6 +103,7 @@ def trace(
     max_bounces: int,
     cluster: np.ndarray | None = None,
     first_hit: int = 0,
+    labels: np.ndarray | None = None,
     occluder: Occluder | None = None,
     prune: float = 0.0,
     hats: bool = False,
@@ -115,6 +118,7 @@ def trace(
         launch: tubes of F poses; transmit, receive: antennas of the same poses (of one phase centre when equal positions).
         cluster, first_hit: with `cluster` (faces,) given, keep only tubes whose first hit lies on a face of cluster `first_hit`, so that
             launches of different density share the scene between them.
+        labels: (faces,) below 4095, to be told which faces a path met.
         occluder: static geometry tested between sensor and first and last hit.
         prune: leave out hits below this share of the strongest of their pose in this launch.
         hats: hat tubes everywhere (rooms); otherwise on curved facets only.
@@ -124,7 +128,7 @@ def trace(
     if prune and len(table.frequencies_hz) > 1:
         scout = trace(
             geometry, table.envelope(), launch, transmit, receive,
-            max_bounces=max_bounces, cluster=cluster, first_hit=first_hit, occluder=occluder, prune=prune, hats=hats,
+            max_bounces=max_bounces, cluster=cluster, first_hit=first_hit, labels=labels, occluder=occluder, prune=prune, hats=hats,
         )  # fmt: skip
         chosen = np.unique(scout.tube)
         blocks = np.split(chosen, range(TUBES_PER_LAUNCH, len(chosen), TUBES_PER_LAUNCH))
@@ -133,9 +137,10 @@ def trace(
         end = launch.poses * launch.per_pose
         blocks = (np.arange(low, min(low + stride, end)) for low in range(0, end, stride))
     none, q = np.zeros(0, int), len(table.frequencies_hz)
-    parts = [Hits(none, none, none, np.zeros((0, q), complex), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))]
+    empty = (np.zeros((0, q), complex), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.uint64))
+    parts = [Hits(none, none, none, *empty)]
     if len(geometry.corners):
-        device = kernel.Device(geometry, table, cluster, hats)
+        device = kernel.Device(geometry, table, cluster, labels, hats)
         run = _Run(device, launch, transmit, receive, float(table.frequencies_hz.mean()), max_bounces, first_hit, occluder, prune)
         parts += [hits for block in blocks if len(block) for hits in run.block(block)]
     return Hits.concatenate(parts)
@@ -170,7 +175,7 @@ class _Run:
         tubes = kernel.start(launch, self.transmit.axis, self.transmit.cross, indices.astype(np.uint32), device.nodes)
         for number in range(1, self.max_bounces + 1):
             tubes.evaluate()
-            contact, active = kernel.meet(device, tubes, coherent=number == 1)
+            contact, active = kernel.meet(device, tubes, first=number == 1)
             if number == 1 and device.cluster is not None:
                 active &= dr.gather(mi.UInt32, device.cluster, contact.face, active) == dr.opaque(mi.UInt32, self.first_hit)
             receiver = receiver_at(tubes.pose, active)
@@ -221,4 +226,5 @@ class _Run:
         return Hits(
             host(tubes.pose).astype(int), host(tubes.index).astype(int), np.full(dr.width(keep), number), amplitude,
             host(tubes.length), host(mi.Float64(length_out)), host(tubes.departure).T.astype(float), -host(outgoing).T.astype(float),
+            host(tubes.first), host(tubes.sequence),
         )  # fmt: skip
