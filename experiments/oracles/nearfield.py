@@ -216,7 +216,7 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
     return tuple(rules)
 
 
-@numba.njit(cache=True)
+@numba.njit
 def _integrate(triangle, u, weight_u, v, weight_v, source, target, lit, axis, mirror, turn, wavenumber):
     """The integral over one triangle; NaN where a ray runs along the axis. `mirror` takes an arriving direction back to departure."""
     a, ab, bc = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[1]
