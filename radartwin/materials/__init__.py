@@ -7,10 +7,11 @@ import difflib
 
 import numpy as np
 
+from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import MaterialError
 from radartwin.materials import itu, liquids, plastics
-from radartwin.materials.layers import Layered, stack_reflection
-from radartwin.materials.roughness import ament
+from radartwin.materials.layers import Layered, stack_reflection, stack_transmission
+from radartwin.materials.roughness import ament, ament_transmitted
 
 __all__ = [
     "MATERIAL_NAMES",
@@ -19,6 +20,7 @@ __all__ = [
     "check_name",
     "permittivity",
     "reflection",
+    "transmission",
 ]
 
 MATERIAL_NAMES = tuple(sorted({*itu.P2040, *plastics.PERMITTIVITY, "water"}))
@@ -68,6 +70,44 @@ def reflection(
         frequency_hz,
     )
     if roughness_m:
-        loss = ament(roughness_m, cos_incidence, 2 * np.pi * frequency_hz / 299_792_458.0)
+        loss = ament(roughness_m, cos_incidence, 2 * np.pi * frequency_hz / SPEED_OF_LIGHT)
         te, tm = te * loss, tm * loss
+    return te, tm
+
+
+def transmission(
+    material: "str | Layered", cos_incidence: np.ndarray, frequency_hz: np.ndarray, roughness_m: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Complex (te, tm) that a shell between air and air lets through once, under exp(+j omega t): field behind over field before it.
+
+    The fields are taken where the ray enters and straight behind that point along the normal, so a wall of thickness d adds the phase of
+    the coefficient and takes k d cos_incidence off the path that is counted as air.
+
+    Args:
+        material: a stack, of which only the layers count (what backs it is air here), or a plain name: a half-space, through which nothing
+            comes, except "air".
+        cos_incidence, frequency_hz: as for `reflection`.
+        roughness_m: rms height of each of its two faces, taken as independent; see `roughness.ament_transmitted`.
+    Returns:
+        (te, tm), complex, of the broadcast shape; at normal incidence they are equal.
+    Raises:
+        MaterialError: unknown material, or one without values at these frequencies.
+
+    >>> te, tm = transmission(Layered([("pet", 0.5e-3)]), np.array(1.0), np.array(77e9))
+    >>> bool(np.isclose(te, tm)), float(np.round(20 * np.log10(abs(te)), 1))
+    (True, -1.2)
+    """
+    frequency_hz, cos_incidence = np.asarray(frequency_hz, float), np.asarray(cos_incidence, float)
+    shape = np.broadcast_shapes(cos_incidence.shape, frequency_hz.shape)
+    stack = material if isinstance(material, Layered) else Layered([], backing=material)
+    if not isinstance(material, Layered) and material != "air":
+        permittivity(material, frequency_hz)  # refuses what `reflection` refuses
+        return np.zeros(shape, complex), np.zeros(shape, complex)
+    eta = [permittivity(name, frequency_hz) for name, _ in stack.layers]
+    te, tm = stack_transmission(eta, [thickness for _, thickness in stack.layers], cos_incidence, frequency_hz)
+    if roughness_m and stack.layers:
+        wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
+        for face in (eta[0], eta[-1]):
+            loss = ament_transmitted(roughness_m, cos_incidence, wavenumber, face)
+            te, tm = te * loss, tm * loss
     return te, tm

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from radartwin.errors import MaterialError
-from radartwin.materials import Layered, permittivity, reflection
+from radartwin.materials import Layered, permittivity, reflection, transmission
+from radartwin.materials.layers import stack_reflection, stack_transmission
 from radartwin.materials.roughness import ament
 from radartwin.simulation.reflection_table import COSINES, build, lagrange_basis
 
@@ -26,13 +27,14 @@ def transfer_matrix(layers, backing, angle, frequency, parallel):
         return np.sqrt(eps + 0j) / cosine if parallel else np.sqrt(eps + 0j) * cosine
 
     total = np.eye(2, dtype=complex)
+    behind = admittance(backing)
     for eps, thickness in layers:
         delta = k0 * np.sqrt(eps - sine**2 + 0j) * thickness
         y = admittance(eps)
         total = total @ np.array([[np.cos(delta), 1j * np.sin(delta) / y], [1j * y * np.sin(delta), np.cos(delta)]])
-    b, c = total @ np.array([1, admittance(backing)])
+    b, c = total @ np.array([1, behind])
     y0 = admittance(1.0)
-    return (y0 * b - c) / (y0 * b + c)
+    return (y0 * b - c) / (y0 * b + c), 2 * y0 / (y0 * b + c)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0, 80.0])
@@ -44,8 +46,64 @@ def test_layers_match_characteristic_matrices(stack, backing, angle_deg):
     te, tm = reflection(Layered(stack, backing), np.cos(np.radians(angle_deg)), np.array(f))
     back = complex(permittivity(backing, f))
     # the matrices give the tangential field; the parallel component along k_r x s has the opposite sign
-    assert te == pytest.approx(transfer_matrix(layers, back, np.radians(angle_deg), f, False), abs=1e-9)
-    assert -tm == pytest.approx(transfer_matrix(layers, back, np.radians(angle_deg), f, True), abs=1e-9)
+    assert te == pytest.approx(transfer_matrix(layers, back, np.radians(angle_deg), f, False)[0], abs=1e-9)
+    assert -tm == pytest.approx(transfer_matrix(layers, back, np.radians(angle_deg), f, True)[0], abs=1e-9)
+
+
+SHELLS = [
+    [("pet", 0.0005)],
+    [("glass", 0.004), ("air", 0.016), ("glass", 0.004)],
+    [("pet", 0.001), ("water", 0.0003), ("hdpe", 0.002)],
+    [("concrete", 0.05)],
+]
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0, 89.0])
+@pytest.mark.parametrize("stack", SHELLS)
+def test_transmission_matches_characteristic_matrices(stack, angle_deg):
+    """Tangential fields on both sides are in the ratio of the parallel components, for both sides are air."""
+    f = 78e9
+    layers = [(complex(permittivity(name, f)), d) for name, d in stack]
+    te, tm = transmission(Layered(stack), np.cos(np.radians(angle_deg)), np.array(f))
+    assert te == pytest.approx(transfer_matrix(layers, 1.0, np.radians(angle_deg), f, False)[1], rel=1e-8)
+    assert tm == pytest.approx(transfer_matrix(layers, 1.0, np.radians(angle_deg), f, True)[1], rel=1e-8)
+
+
+def test_lossless_stacks_pass_on_what_they_do_not_reflect():
+    """|R|^2 + |T|^2 = 1 at every angle, in both polarisations; lossy ones keep some."""
+    cosine, f = np.cos(np.radians(np.linspace(0, 89.9, 181)))[:, None], np.linspace(77e9, 80.44e9, 7)
+    for layers in ([(3.0, 1.1e-3)], [(6.31, 0.004), (1.0, 0.016), (6.31, 0.004)], [(2.9, 5e-4), (9.0, 2e-3), (2.31, 1e-3)]):
+        eta, depth = [np.array(e + 0j) for e, _ in layers], [d for _, d in layers]
+        reflected = stack_reflection(eta, depth, np.array(1.0 + 0j), cosine, f)
+        passed = stack_transmission(eta, depth, cosine, f)
+        for r, t in zip(reflected, passed, strict=True):
+            assert np.abs(r) ** 2 + np.abs(t) ** 2 == pytest.approx(1.0, abs=1e-12)
+    for name in ("pet", "water", "concrete", "metal"):
+        wall = Layered([(name, 1e-3)])
+        for r, t in zip(reflection(wall, cosine, f), transmission(wall, cosine, f), strict=True):
+            assert (np.abs(r) ** 2 + np.abs(t) ** 2 < 1).all()
+
+
+def test_slab_closed_form():
+    """Airy's sum over the passes through one slab: r (1 - q^2)/(1 - r^2 q^2) and (1 - r^2) q/(1 - r^2 q^2)."""
+    f, depth, eta, cosine = 77e9, 0.9e-3, complex(permittivity("pet", 77e9)), np.cos(np.radians(40.0))
+    inside = np.sqrt(eta - 1 + cosine**2)
+    q = np.exp(-2j * np.pi * f / C * depth * inside)
+    for which, r in enumerate(((cosine - inside) / (cosine + inside), (eta * cosine - inside) / (eta * cosine + inside))):
+        wall = Layered([("pet", depth)])
+        assert reflection(wall, cosine, np.array(f))[which] == pytest.approx(r * (1 - q**2) / (1 - r**2 * q**2), rel=1e-9)
+        assert transmission(wall, cosine, np.array(f))[which] == pytest.approx((1 - r**2) * q / (1 - r**2 * q**2), rel=1e-9)
+
+
+def test_what_passes_half_spaces_and_nothing():
+    """A half-space is never left; a layer of air adds its own phase; roughness takes less from what passes than from what returns."""
+    assert transmission("concrete", np.array([0.5, 1.0]), np.array(77e9)) == pytest.approx(np.zeros((2, 2)))
+    te, tm = transmission(Layered([("air", 1e-3)]), np.array(0.5), np.array(77e9))
+    assert te == pytest.approx(np.exp(-2j * np.pi * 77e9 / C * 1e-3 * 0.5))
+    assert tm == pytest.approx(te)
+    wall, f = Layered([("pet", 1e-3)]), np.array(77e9)
+    rough, smooth = (abs(transmission(wall, np.array(1.0), f, s)[0]) for s in (2e-4, 0.0))
+    assert ament(2e-4, np.array(1.0), 2 * np.pi * 77e9 / C) < rough / smooth < 1
 
 
 def test_thick_lossy_wall_neither_overflows_nor_differs_from_its_half_space():
