@@ -1,0 +1,88 @@
+"""Exact scattering of endless round cylinders at normal incidence, electric field along the axis. Ref: Balanis (2012), section 11.5.
+
+Symbols: a_n -> coefficients of the outgoing wave over J_n of the incident one, k_i -> wavenumber in layer i. Time convention
+exp(+j omega t): waves go out as the Hankel function of the second kind, loss is eta' - j eta''. The field in each layer is
+J_n(k r) + b_n H_n(k r); E and its radial derivative are continuous. Scaled Bessel functions keep lossy liquids from overflowing.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import hankel2e, jve
+
+
+def _orders(size: float) -> np.ndarray:
+    """Enough orders of both signs for a cylinder of this circumference in wavelengths. Ref: Wiscombe, Appl. Opt. 19 (1980) 1505."""
+    return np.arange(int(np.ceil(size + 4.05 * size ** (1 / 3) + 10)) + 1)
+
+
+def conductor_width(radius_m: float, wavelength_m: float) -> float:
+    """Backscatter echo width of a perfect conductor, metres.
+
+    >>> bool(abs(conductor_width(0.5, 0.004) / (np.pi * 0.5) - 1) < 1e-3)
+    True
+    """
+    return layered_width([radius_m], [], wavelength_m)
+
+
+def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float) -> float:
+    """Backscatter echo width of concentric layers in air, metres.
+
+    Args:
+        radii_m: outer radius of each layer, outermost first.
+        permittivities: of the layers, outermost first; one fewer than radii leaves a perfectly conducting core.
+        wavelength_m: in air.
+    """
+    k0 = 2 * np.pi / wavelength_m
+    order = _orders(k0 * radii_m[0])
+    sign = np.where(order == 0, 1, 2) * (-1.0) ** order
+    return float(4 / k0 * abs((sign * coefficients(radii_m, permittivities, wavelength_m, order)).sum()) ** 2)
+
+
+def coefficients(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float, order: np.ndarray) -> np.ndarray:
+    """(N,) coefficients of the scattered wave sum (-j)^n a_n H_n(k r) exp(j n phi) for an incident wave of unit field."""
+    k0 = 2 * np.pi / wavelength_m
+    # admittance of the inside, E'/E at each radius, carried outwards from the core
+    slope = None
+    for number in range(len(radii_m) - 1, -1, -1):
+        radius = radii_m[number]
+        if number < len(permittivities):
+            k = k0 * np.sqrt(complex(permittivities[number]))
+            inside = radii_m[number + 1] if number + 1 < len(radii_m) else None
+            slope = _carried(order, k, inside, radius, slope)
+        else:
+            slope = np.full(len(order), np.inf)
+    assert slope is not None
+    x = k0 * radii_m[0]
+    j, dj = _bessel(order, x)
+    h, dh = _hankel(order, x)
+    if np.isinf(slope).all():
+        return -j / h
+    return -(k0 * dj - slope * j) / (k0 * dh - slope * h)
+
+
+def _carried(order: np.ndarray, k: complex, inner: float | None, outer: float, slope: np.ndarray | None) -> np.ndarray:
+    """E'/E at the outside of a layer from that at its inside; the core has no inside."""
+    j, dj = _bessel(order, k * outer)
+    if inner is None or slope is None:
+        return k * dj / j
+    h, dh = _hankel(order, k * outer)
+    ji, dji = _bessel(order, k * inner)
+    hi, dhi = _hankel(order, k * inner)
+    # jve and hankel2e are scaled by exp(-|Im z|) and exp(+j z): bring the ratio between the two radii back
+    ratio = -ji / hi if np.isinf(slope).all() else -(k * dji - slope * ji) / (k * dhi - slope * hi)
+    decay = np.exp(abs((k * inner).imag) - abs((k * outer).imag)) * np.exp(1j * (k * inner - k * outer))
+    b = ratio * decay
+    return k * (dj + b * dh) / (j + b * h)
+
+
+def _bessel(order: np.ndarray, z: complex) -> tuple[np.ndarray, np.ndarray]:
+    """J_n and its derivative, both times exp(-|Im z|)."""
+    value = jve(order, z)
+    return value, jve(order - 1, z) - order / z * value
+
+
+def _hankel(order: np.ndarray, z: complex) -> tuple[np.ndarray, np.ndarray]:
+    """H_n of the second kind and its derivative, both times exp(+j z)."""
+    value = hankel2e(order, z)
+    return value, hankel2e(order - 1, z) - order / z * value
