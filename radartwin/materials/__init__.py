@@ -11,7 +11,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import MaterialError
 from radartwin.materials import itu, liquids, plastics
 from radartwin.materials.layers import Layered, stack_reflection, stack_transmission
-from radartwin.materials.roughness import ament, ament_transmitted
+from radartwin.materials.roughness import ament, ament_transmitted, roughness_m
 
 __all__ = [
     "MATERIAL_NAMES",
@@ -20,10 +20,11 @@ __all__ = [
     "check_name",
     "permittivity",
     "reflection",
+    "roughness_m",
     "transmission",
 ]
 
-MATERIAL_NAMES = tuple(sorted({*itu.P2040, *plastics.PERMITTIVITY, "water"}))
+MATERIAL_NAMES = tuple(sorted({*itu.P2040, *plastics.PERMITTIVITY, *liquids.NAMES}))
 
 # Plain names that stand for a slab of a given thickness (metres) rather than a half-space: none.
 MATERIAL_THICKNESS: dict[str, float] = {}
@@ -40,8 +41,8 @@ def check_name(name: str) -> None:
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     """Complex relative permittivity eta' - j eta'' of a named material, shape of `frequency_hz`."""
     check_name(name)
-    if name == "water":
-        return liquids.water(frequency_hz)
+    if name in liquids.NAMES:
+        return liquids.permittivity(name, frequency_hz)
     if name in plastics.PERMITTIVITY:
         return plastics.permittivity(name, frequency_hz)
     return itu.permittivity(name, frequency_hz)
@@ -85,7 +86,7 @@ def transmission(
 
     Args:
         material: a stack, of which only the layers count (what backs it is air here), or a plain name: a half-space, through which nothing
-            comes, except "air".
+            comes, except air and vacuum.
         cos_incidence, frequency_hz: as for `reflection`.
         roughness_m: rms height of each of its two faces, taken as independent; see `roughness.ament_transmitted`.
     Returns:
@@ -100,7 +101,7 @@ def transmission(
     frequency_hz, cos_incidence = np.asarray(frequency_hz, float), np.asarray(cos_incidence, float)
     shape = np.broadcast_shapes(cos_incidence.shape, frequency_hz.shape)
     stack = material if isinstance(material, Layered) else Layered([], backing=material)
-    if not isinstance(material, Layered) and material != "air":
+    if not isinstance(material, Layered) and material not in plastics.EMPTY:
         permittivity(material, frequency_hz)  # refuses what `reflection` refuses
         return np.zeros(shape, complex), np.zeros(shape, complex)
     eta = [permittivity(name, frequency_hz) for name, _ in stack.layers]

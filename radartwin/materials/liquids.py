@@ -1,27 +1,79 @@
-"""Liquids: complex permittivity of what bottles hold.
+"""Liquids: complex permittivity of what bottles hold, time convention exp(+j omega t).
 
-Water is the double-Debye model of Liebe, Hufford and Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659:
-with gamma the relaxation frequencies in GHz and time convention exp(+j omega t):
-eps = eps_0 - f [ (eps_0 - eps_1)/(f - j gamma_1) + (eps_1 - eps_2)/(f - j gamma_2) ].
+Water is the double-Debye model of H. Liebe, G. Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659, with gamma the
+relaxation frequencies in GHz: eps = eps_0 - f [(eps_0 - eps_1)/(f - j gamma_1) + (eps_1 - eps_2)/(f - j gamma_2)].
+Ethanol is the triple-Debye fit of J. Kindt, C. Schmuttenmaer, J. Phys. Chem. 100 (1996) 10373, at 25 C.
+
+Everything else is a mixture by H. Looyenga, Physica 31 (1965) 401: the cube roots of the permittivities average over the volume
+fractions. It is symmetric in its phases, exact to second order in their contrast, and its surface reflects within 0.2 dB of Hanai's law
+for oil drops in water up to a quarter of oil. The fractions are the rounded make-up of an ordinary product; dissolved and suspended solids
+count as a dry dielectric of 2.7. Salt is left out: at 77 GHz its conduction (1.0 in eps'' for 3 %) moves the reflection by 0.1 to 0.3 dB,
+as the recipe's own uncertainty of some 10 % of eps does.
 """
 
 import numpy as np
 
 from radartwin.errors import MaterialError
+from radartwin.materials import plastics
+
+TEMPERATURE_C = 20.0
+SOLIDS = 2.7 * (1 - 0.02j)  # dry sugar, starch and protein: 2.5 to 3 (S. Nelson, IEEE Trans. Electr. Insul. 26 (1991) 845)
+
+# Volume fractions; water takes what is left.
+RECIPES = {
+    "mouthwash": {"ethanol": 0.22},  # 21.6 % by volume on the label of the classic antiseptic kind
+    "detergent": {"oil": 0.25, "ethanol": 0.03},  # hand dishwashing: 15 to 30 % surfactants (label classes of EC 648/2004), a solvent
+    "mustard": {"oil": 0.04, "solids": 0.09},  # yellow, prepared: 84 % water, 3 % fat, 10 % carbohydrate and protein by mass (USDA)
+    "dressing": {"oil": 0.25, "solids": 0.09},  # Italian: about two thirds water, a fifth fat, 12 % carbohydrate by mass (USDA)
+}
+NAMES = ("water", "ethanol", *RECIPES)
 
 
-def water(frequency_hz: np.ndarray | float, temperature_c: float = 20.0) -> np.ndarray:
+def permittivity(name: str, frequency_hz: np.ndarray | float, temperature_c: float = TEMPERATURE_C) -> np.ndarray:
+    """Complex relative permittivity eta' - j eta'' of a liquid of NAMES, shape of `frequency_hz`.
+
+    Args:
+        temperature_c: of its water; ethanol and oil are taken as they are at room temperature.
+    Raises:
+        MaterialError: a frequency or temperature outside the models.
+
+    >>> complex(np.round(permittivity("mustard", 77e9), 1))
+    (8.1-12.4j)
+    """
+    if name == "water":
+        return water(frequency_hz, temperature_c)
+    if name == "ethanol":
+        return ethanol(frequency_hz)
+    recipe = RECIPES[name]
+    phases = [(1 - sum(recipe.values()), water(frequency_hz, temperature_c))]
+    for part, fraction in recipe.items():
+        phases.append((fraction, _part(part, frequency_hz)))
+    return looyenga(phases)
+
+
+def _part(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
+    if name == "solids":
+        return np.full(np.shape(frequency_hz), SOLIDS)
+    return ethanol(frequency_hz) if name == "ethanol" else plastics.permittivity(name, frequency_hz)
+
+
+def looyenga(phases: list[tuple[float, np.ndarray]]) -> np.ndarray:
+    """Permittivity of a mixture of (volume fraction, permittivity)."""
+    return sum((fraction * np.asarray(eps) ** (1 / 3) for fraction, eps in phases), np.zeros((), complex)) ** 3
+
+
+def water(frequency_hz: np.ndarray | float, temperature_c: float = TEMPERATURE_C) -> np.ndarray:
     """Complex relative permittivity of pure water, eta' - j eta''; the model holds to 1 THz.
 
     Raises:
-        MaterialError: a frequency above it.
+        MaterialError: a frequency above it, or a temperature at which it is not liquid.
 
     >>> complex(np.round(water(77e9), 1))
     (8.8-15.9j)
     """
-    f = np.asarray(frequency_hz, float) / 1e9
-    if f.max() > 1000:
-        raise MaterialError(f"material 'water' has a model up to 1000 GHz, not at {float(f.max()):g} GHz")
+    f = _gigahertz("water", frequency_hz, 0.0, 1000.0)
+    if not 0 <= temperature_c <= 100:
+        raise MaterialError(f"material 'water' is liquid from 0 to 100 C, not at {temperature_c!r} C")
     theta = 300.0 / (273.15 + temperature_c)
     static = 77.66 + 103.3 * (theta - 1)
     first = 0.0671 * static
@@ -29,3 +81,21 @@ def water(frequency_hz: np.ndarray | float, temperature_c: float = 20.0) -> np.n
     gamma_1 = 20.20 - 146.4 * (theta - 1) + 316.0 * (theta - 1) ** 2
     gamma_2 = 39.8 * gamma_1
     return static - f * ((static - first) / (f - 1j * gamma_1) + (first - second) / (f - 1j * gamma_2))
+
+
+def ethanol(frequency_hz: np.ndarray | float) -> np.ndarray:
+    """Complex relative permittivity of ethanol at 25 C, to 1 THz.
+
+    >>> complex(np.round(ethanol(77e9), 1))
+    (3.1-1j)
+    """
+    turns = 2 * np.pi * _gigahertz("ethanol", frequency_hz, 0.0, 1000.0) * 1e-3  # omega times a picosecond
+    steps = ((24.35, 4.15, 161.0), (4.15, 2.72, 3.3), (2.72, 1.93, 0.22))
+    return 1.93 + sum(((high - low) / (1 + 1j * turns * delay) for high, low, delay in steps), np.zeros((), complex))
+
+
+def _gigahertz(name: str, frequency_hz: np.ndarray | float, low: float, high: float) -> np.ndarray:
+    f = np.asarray(frequency_hz, float) / 1e9
+    if not (low <= f.min() and f.max() <= high):
+        raise MaterialError(f"material {name!r} has a model up to {high:g} GHz, not at {float(f.max()):g} GHz")
+    return f

@@ -15,16 +15,18 @@ PERMITTIVITY = {
     "hdpe": 2.31 * (1 - 0.0003j),
     "oil": 2.45 * (1 - 0.04j),
     "air": 1.0 + 0.0j,
+    "vacuum": 1.0 + 0.0j,
 }
+EMPTY = ("air", "vacuum")
 
 
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     """Complex relative permittivity eta' - j eta'', constant over frequency, shape of `frequency_hz`.
 
     Raises:
-        MaterialError: a frequency outside RANGE_HZ, but for air.
+        MaterialError: a frequency outside RANGE_HZ, but for air and vacuum.
     """
     low, high = float(np.min(frequency_hz)), float(np.max(frequency_hz))
-    if name != "air" and not (RANGE_HZ[0] <= low and high <= RANGE_HZ[1]):
+    if name not in EMPTY and not (RANGE_HZ[0] <= low and high <= RANGE_HZ[1]):
         raise MaterialError(f"material {name!r} has values from 10 to 100 GHz, not at {low / 1e9:g} to {high / 1e9:g} GHz")
     return np.full(np.shape(frequency_hz), PERMITTIVITY[name])

@@ -1,9 +1,99 @@
-"""Coherent loss of a rough surface. Ref: W. S. Ament, Proc. IRE 41 (1953) 142.
+"""Rough surfaces: what they take from the coherent field, and how rough things are.
 
 Symbols: sigma_h -> rms height, theta -> angle of incidence; rho_s = exp(-2 (k sigma_h cos theta)^2) on the field.
+Ref: W. S. Ament, Proc. IRE 41 (1953) 142: the mean of exp(2 j k h cos theta) over Gaussian heights h.
+
+Where it holds: slopes gentle on the scale of a wavelength (correlation length above it), no shadowing (away from grazing), Gaussian
+heights. Up to a height of lambda/(16 cos theta), 0.24 mm at 77 GHz and normal incidence, other height distributions of the same rms
+give the same to 0.25 dB. At the Rayleigh criterion, lambda/(8 cos theta) or 0.49 mm, the loss is 10.7 dB and they already differ by
+several dB; beyond it the factor only says that the coherent part no longer counts (measured surfaces keep more: A. Miller, R. Brown,
+E. Vegh, IEE Proc. H 131 (1984) 114), and the power is diffuse whatever its exact value.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+
+from radartwin.errors import MaterialError
+
+
+class Roughness(NamedTuple):
+    """Rms height and correlation length of a surface, metres, and where they come from."""
+
+    height_m: float
+    correlation_m: float
+    source: str
+
+
+_PAPER = "RadarTwin paper, section on the simulator: metal 0.1 mm, rougher dielectrics 0.3 to 3 mm"
+_PLASTER = "plaster and wallpaper in R. Piesiewicz et al., IEEE Trans. AP 55 (2007) 3002: 0.05 to 0.15 mm high, about 2 mm long"
+_FLOAT = "float glass and polished or glazed faces: micrometres at most (EN 572-2, EN 14411)"
+_PLANED = "planed, sanded or coated board: 5 to 30 um (profiles by ISO 21920), rounded up for raised grain"
+_MOULDED = "moulded or coated: texture of the mould, 5 to 25 um (VDI 3400)"
+_WOVEN = "half of an upholstery yarn of 0.5 to 1 mm"
+_PILE = "upper end of the paper's range: pile, leaves and strands of millimetres"
+
+# What stands for a class of surface. Literature spreads by a factor of two or three about most of these heights, and the coherent loss
+# in dB with its square: a study that rests on one of them has to vary it.
+CLASSES = {
+    "metal": Roughness(0.1e-3, 20e-3, _PAPER),
+    "concrete": Roughness(0.3e-3, 5e-3, _PAPER),
+    "brick": Roughness(0.5e-3, 5e-3, _PAPER),
+    "plasterboard": Roughness(0.05e-3, 2e-3, _PLASTER),
+    "plaster": Roughness(0.1e-3, 2e-3, _PLASTER),
+    "painted": Roughness(0.05e-3, 2e-3, _PLASTER),
+    "wallpaper": Roughness(0.12e-3, 2e-3, _PLASTER),
+    "ceiling_board": Roughness(0.3e-3, 3e-3, _PAPER),
+    "wood": Roughness(0.03e-3, 2e-3, _PLANED),
+    "plywood": Roughness(0.03e-3, 2e-3, _PLANED),
+    "chipboard": Roughness(0.03e-3, 2e-3, _PLANED),
+    "floorboard": Roughness(0.03e-3, 2e-3, _PLANED),
+    "paper": Roughness(0.03e-3, 2e-3, _PLANED),
+    "glass": Roughness(0.0, 1.0, _FLOAT),
+    "mirror": Roughness(0.0, 1.0, _FLOAT),
+    "ceramic": Roughness(0.0, 1.0, _FLOAT),
+    "tile": Roughness(0.01e-3, 5e-3, _FLOAT),
+    "marble": Roughness(0.0, 1.0, _FLOAT),
+    "polishedstone": Roughness(0.0, 1.0, _FLOAT),
+    "water": Roughness(0.0, 1.0, "a liquid at rest"),
+    "stone": Roughness(1e-3, 10e-3, _PAPER),
+    "plastic": Roughness(0.02e-3, 2e-3, _MOULDED),
+    "pet": Roughness(0.0, 1.0, _MOULDED),
+    "hdpe": Roughness(0.02e-3, 2e-3, _MOULDED),
+    "clear_acrylic": Roughness(0.0, 1.0, _MOULDED),
+    "vinyl_tile": Roughness(0.05e-3, 2e-3, _MOULDED),
+    "leather": Roughness(0.1e-3, 1e-3, _MOULDED + "; grain of hide"),
+    "skin": Roughness(0.03e-3, 0.5e-3, "furrows of 20 to 100 um depth"),
+    "fabric": Roughness(0.3e-3, 1e-3, _WOVEN),
+    "carpet": Roughness(2e-3, 3e-3, _PILE),
+    "carpet_tile": Roughness(1e-3, 3e-3, _PILE),
+    "hair": Roughness(1e-3, 3e-3, _PILE),
+    "foliage": Roughness(3e-3, 20e-3, _PILE),
+    "food": Roughness(1e-3, 5e-3, _PAPER),
+    "asphalt_concrete": Roughness(0.6e-3, 5e-3, "mean profile depth of 0.5 to 1.2 mm of dense roads (ISO 13473-1)"),
+    "very_dry_ground": Roughness(5e-3, 50e-3, "raked to rolled soil: 2.5 to 40 mm, F. Ulaby et al., Microwave Remote Sensing II (1982)"),
+    "medium_dry_ground": Roughness(5e-3, 50e-3, "as very dry ground"),
+    "wet_ground": Roughness(5e-3, 50e-3, "as very dry ground"),
+}
+
+
+def roughness_m(name: str) -> float:
+    """Rms height, metres, of a class of surfaces or a material. Only catalogues and label maps ask; plain materials are smooth.
+
+    Raises:
+        MaterialError: no such class.
+
+    >>> roughness_m("metal")
+    0.0001
+    """
+    if name not in CLASSES:
+        raise MaterialError(f"no roughness is known for {name!r}; known: {', '.join(sorted(CLASSES))}")
+    return CLASSES[name].height_m
+
+
+def rayleigh_limit_m(cos_incidence: np.ndarray | float, wavelength_m: float) -> np.ndarray:
+    """Rms height from which a surface counts as rough: lambda/(8 cos theta), a quarter of a cycle between heights one sigma apart."""
+    return wavelength_m / (8 * np.asarray(cos_incidence, float))
 
 
 def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray) -> np.ndarray:
