@@ -24,12 +24,18 @@ class Geometry:
         corners: (F, 3, 3) float64, positions of each face's corners in metres.
         normals: (F, 3, 3) float64, unit vertex normals of each face's corners.
         surface: (F,) int, index of the surface each face came from.
+        patch: (F,) int, faces that are joined across smooth edges share one; by default every face is its own.
     """
 
     corners: np.ndarray
     normals: np.ndarray
     surface: np.ndarray
+    patch: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     _scene: Any = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if len(self.patch) != len(self.corners):
+            self.patch = np.arange(len(self.corners))
 
     @property
     def extent_m(self) -> float:
@@ -77,7 +83,7 @@ class Geometry:
             parameters["vertex_positions"] = self.corners.astype(np.float32).ravel()
             parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
             parameters.update()
-            self._scene = mi.load_dict({"type": "scene", "geometry": mesh})
+            self._scene = mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, "geometry": mesh})
         return self._scene
 
 
@@ -107,13 +113,23 @@ def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
     return np.where(length > 1e-9, total / np.maximum(length, 1e-30), fallback).reshape(count, 3, 3)
 
 
+def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
+    """(F,) number of the smooth patch each face is part of."""
+    pairs, count = np.asarray(mesh.face_adjacency), len(mesh.faces)
+    if not len(pairs):
+        return np.arange(count)
+    pairs = pairs[np.asarray(mesh.face_adjacency_angles) < SMOOTH_EDGE_RAD]
+    graph = coo_matrix((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
 def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
     """Merge surfaces into one geometry; faces without area and doubled faces are dropped, meshes themselves are not changed.
 
     Args:
         meshes: one per surface, in one common frame, metres.
     """
-    corners, normals, surface = [], [], []
+    corners, normals, surface, patch = [], [], [], []
     for index, mesh in enumerate(meshes):
         clean = trimesh.Trimesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces), process=False)
         clean.merge_vertices(digits_vertex=7)  # closer than 0.1 um is the same point: rounding, not shape
@@ -124,7 +140,8 @@ def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
             continue
         corners.append(np.asarray(clean.triangles, float))
         normals.append(_smooth_normals(clean))
+        patch.append(_patches(clean) + sum(len(one) for one in patch))
         surface.append(np.full(len(clean.faces), index))
     if not corners:
         return Geometry(np.zeros((0, 3, 3)), np.zeros((0, 3, 3)), np.zeros(0, int))
-    return Geometry(np.concatenate(corners), np.concatenate(normals), np.concatenate(surface))
+    return Geometry(np.concatenate(corners), np.concatenate(normals), np.concatenate(surface), np.concatenate(patch))

@@ -4,7 +4,7 @@ Formulas and symbols are those of `radartwin.simulation.tubes`; arrays here are 
 variant is active. Numbers that change from call to call are made opaque, for a literal in a kernel means compiling it again.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,6 +19,8 @@ from radartwin.simulation.reflection_table import COSINES, ReflectionTable
 COS_GRAZING = 1e-3  # below this a smooth surface returns nothing a tube could resolve
 STEEP = 14.0  # phase across half a tube, radians, from which its integral is taken from its kinks
 FLAT = 1e-10  # squared turn of the vertex normals over a facet below which it is flat
+SPREADING = 1 << 31  # of what a scouting ray met: it went from a curved surface on to another
+MOST_TWIST = 2.0  # mixed second-order phase, radians, up to which a footprint follows it
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 LABEL_BITS = 12  # per bounce in a tube's sequence of faces: five bounces in 64 bits
 SHADOW_SHORT = 1e-4  # share of a way to the receiver, and metres at an occluder, by which visibility tests stop short
@@ -51,6 +53,8 @@ class Device:
         self.coefficients = [mi.Float(part.astype(np.float32).ravel()) for c in (table.te, table.tm) for part in (np.real(c), np.imag(c))]
         # rays leave a surface this far above it: well over the float32 resolution of its coordinates
         self.lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
+        self.curved = geometry.curved
+        self.patch = mi.UInt32(geometry.patch.astype(np.uint32) + 1)
 
     @staticmethod
     def corners(source: Any, face: Any, active: Any) -> list[Any]:
@@ -69,13 +73,32 @@ class Device:
         ]
 
 
+@dataclass(frozen=True)
+class Chosen:
+    """Tubes of a launch to be traced.
+
+    Attributes:
+        index: (N,) uint32 cell in the launch, or beyond its cells a piece of the grid that is `pieces` times finer each way and reaches
+            (pieces - 1)/2 pieces beyond it on every side.
+        share, whole: (N,) how much of a hat a tube stands for, and whether it counts where boxes do; None: all of both, cells only.
+        pieces: odd.
+    """
+
+    index: np.ndarray
+    share: np.ndarray | None = None
+    whole: np.ndarray | None = None
+    pieces: int = 1
+
+
 @dataclass
 class Tubes:
     """Tubes on their way, before the next hit.
 
     Attributes:
         index, pose: launch index and pose. origin, direction: of the ray.
-        foot_u, foot_v, weight: footprint vectors and solid angle or area.
+        place_u, place_v: derivatives of the ray's position along the grid, metres; foot_u, foot_v: of its direction.
+        weight: solid angle (plane wave: area) at the source. share, whole: how much of a hat and of a box a part of a divided tube stands
+        for; None: all of both.
         departure: direction at the source. field_re, field_im: polarisation per frequency node. length: unfolded, float64.
         first: length to the first hit. sequence: 1 + label of each face met, the last in the lowest LABEL_BITS bits.
     """
@@ -84,9 +107,13 @@ class Tubes:
     pose: Any
     origin: Any
     direction: Any
+    place_u: Any
+    place_v: Any
     foot_u: Any
     foot_v: Any
     weight: Any
+    share: Any
+    whole: Any
     departure: Any
     field_re: list[Any]
     field_im: list[Any]
@@ -95,15 +122,21 @@ class Tubes:
     sequence: Any
 
     def evaluate(self) -> None:
-        dr.eval(*self._values())
+        dr.eval(*(value for value in self._values() if value is not None))
 
     def compacted(self, alive: Any) -> "Tubes":
         """The tubes at these lane indices."""
 
         def pick(value: Any) -> Any:
+            if value is None:
+                return None
             return [pick(v) for v in value] if isinstance(value, list) else dr.gather(type(value), value, alive)
 
         return Tubes(*(pick(value) for value in self._values()))
+
+    def surface_step(self, contact: "Contact", place: Any) -> Any:
+        """Step on the surface from tube to tube, for one of the two places."""
+        return place + self.direction * (dr.dot(place, contact.normal) * dr.rcp(contact.cosine))
 
     def _values(self) -> Iterator[Any]:
         return (getattr(self, field.name) for field in fields(self))
@@ -127,6 +160,14 @@ class Contact:
     edges: list[Any]
     turns: list[Any]
 
+    def mirrored(self, direction: Any) -> Any:
+        """The incident direction after reflection."""
+        return direction + self.normal * (2 * self.cosine)
+
+    def bends(self) -> Any:
+        """Whether the facet is part of a curve."""
+        return dr.squared_norm(self.turns[0]) + dr.squared_norm(self.turns[1]) > FLAT
+
     def turn(self, step: Any) -> Any:
         """Change of the normal along a tangent vector: the surface's curvature times the step."""
         first, second = self.edges
@@ -142,88 +183,153 @@ def project(axis: Any, direction: Any) -> Any:
     return across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-12))
 
 
-def footprint_integral(alpha: Any, beta: Any, hat: Any) -> tuple[Any, Any]:
-    """Integral of w(x) exp(-j (alpha x + beta x^2)), real and imaginary part, with w a hat on [-1, 1] or a box on [-1/2, 1/2].
+def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
+    """Integrals of w(x) exp(-j beta x^2) times cos(alpha x), x sin(alpha x) and x^2 cos(alpha x), each real and imaginary part, with w
+    a hat on [-1, 1] or a box on [-1/2, 1/2].
 
     Gauss-Legendre while the phase turns by less than about two cycles a side (error 1e-7), beyond it the leading asymptotic terms of the
-    hat's three kinks (error below 2e-3), or the box without its curvature.
+    hat's three kinks (error below 2e-3), or the box without its curvature, and no higher moments.
     """
     half, slope = dr.select(hat, mi.Float(1.0), 0.5), dr.select(hat, mi.Float(1.0), 0.0)
-    re, im = mi.Float(0.0), mi.Float(0.0)
+    moments = [[mi.Float(0.0), mi.Float(0.0)] for _ in range(3)]
     for node, weight in zip((_NODES + 1) / 2, _WEIGHTS / 2, strict=True):
         x = half * float(node)
-        part = half * float(2 * weight) * (1 - slope * float(node)) * dr.cos(alpha * x)
+        share = half * float(2 * weight) * (1 - slope * float(node))
         sine, cosine = dr.sincos(beta * x * x)
-        re += part * cosine
-        im -= part * sine
+        odd, even = dr.sincos(alpha * x)
+        for moment, part in zip(moments, (share * even, share * x * odd, share * x * x * even), strict=True):
+            moment[0] += part * cosine
+            moment[1] -= part * sine
     up, down = dr.rcp(dr.square(alpha + 2 * beta)), dr.rcp(dr.square(alpha - 2 * beta))
     (sine_up, cosine_up), (sine_down, cosine_down) = dr.sincos(beta + alpha), dr.sincos(beta - alpha)
     steep = (dr.abs(alpha) * half > STEEP) & (dr.abs(alpha) > 4 * dr.abs(beta))
     box = 2 * dr.sin(0.5 * alpha) * dr.rcp(alpha)
     far_re = dr.select(hat, 2 * dr.rcp(dr.square(alpha)) - cosine_up * up - cosine_down * down, box)
     far_im = dr.select(hat, sine_up * up + sine_down * down, 0.0)
-    return dr.select(steep, far_re, re), dr.select(steep, far_im, im)
+    far = [(far_re, far_im), (mi.Float(0.0), mi.Float(0.0)), (mi.Float(0.0), mi.Float(0.0))]
+    return [tuple(dr.select(steep, f, n) for f, n in zip(*pair, strict=True)) for pair in zip(far, moments, strict=True)]
 
 
-def start(launch: Launch, axis: np.ndarray, cross: bool, block: np.ndarray, nodes: int) -> Tubes:
-    """Tubes of a launch by index; fields along the projected antenna axis, turned for H."""
-    index = mi.UInt32(block)
-    pose = index // dr.opaque(mi.UInt32, launch.per_pose)
-    cell = index - pose * dr.opaque(mi.UInt32, launch.per_pose)
-    cell_v = cell // dr.opaque(mi.UInt32, launch.count_u)
-    cell_u = cell - cell_v * dr.opaque(mi.UInt32, launch.count_u)
+def footprint_integral(alpha: Sequence[Any], beta: Sequence[Any], twist: Any, hat: Any) -> tuple[Any, Any]:
+    """Integral of w(x) w(y) exp(-j (alpha . (x, y) + beta . (x^2, y^2) + twist x y)) over a footprint, real and imaginary part; the twist
+    to its second power."""
+    first, second = (footprint_moments(a, b, hat) for a, b in zip(alpha, beta, strict=True))
+    products = [(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]) for a, b in zip(first, second, strict=True)]
+    twist = dr.clip(twist, -MOST_TWIST, MOST_TWIST)
+    square = 0.5 * twist * twist
+    return products[0][0] - twist * products[1][1] - square * products[2][0], products[0][1] + twist * products[1][0] - square * products[
+        2
+    ][1]
+
+
+def _rays(launch: Launch, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """Origin, direction, the direction's derivatives along the grid and its solid angle, at grid coordinates; for a plane wave the
+    position's derivatives and the area."""
     step_u, step_v = scalars(launch.step_u)(pose), scalars(launch.step_v)(pose)
-    u = scalars(launch.low_u)(pose) + mi.Float(cell_u) * step_u
-    v = scalars(launch.low_v)(pose) + mi.Float(cell_v) * step_v
+    u = scalars(launch.low_u)(pose) + cell_u * step_u
+    v = scalars(launch.low_v)(pose) + cell_v * step_v
     origin, forward, u_axis, v_axis = (rows(x)(pose) for x in (launch.source, launch.forward, launch.u_axis, launch.v_axis))
     if launch.plane:
-        origin += u_axis * u + v_axis * v
-        direction, foot_u, foot_v, weight = forward, u_axis * step_u, v_axis * step_v, step_u * step_v
-    else:
-        scale = dr.rsqrt(1 + u * u + v * v)
-        direction = (forward + u_axis * u + v_axis * v) * scale
-        foot_u = (u_axis - direction * dr.dot(direction, u_axis)) * scale * step_u
-        foot_v = (v_axis - direction * dr.dot(direction, v_axis)) * scale * step_v
-        weight = step_u * step_v * scale * scale * scale
+        return origin + u_axis * u + v_axis * v, forward, u_axis * step_u, v_axis * step_v, step_u * step_v
+    scale = dr.rsqrt(1 + u * u + v * v)
+    direction = (forward + u_axis * u + v_axis * v) * scale
+    foot_u = (u_axis - direction * dr.dot(direction, u_axis)) * scale * step_u
+    foot_v = (v_axis - direction * dr.dot(direction, v_axis)) * scale * step_v
+    return origin, direction, foot_u, foot_v, step_u * step_v * scale * scale * scale
+
+
+def start(launch: Launch, axis: np.ndarray, cross: bool, chosen: Chosen, nodes: int) -> Tubes:
+    """Tubes of a launch by index; fields along the projected antenna axis, turned for H."""
+    index = mi.UInt32(chosen.index)
+    per_pose, count_u = dr.opaque(mi.UInt32, launch.per_pose), dr.opaque(mi.UInt32, launch.count_u)
+    cell, size, offset = index, mi.Float(1.0), mi.Float(0.0)
+    if chosen.share is not None:
+        total, margin = launch.poses * launch.per_pose, chosen.pieces - 1
+        piece = index >= dr.opaque(mi.UInt32, total)
+        cell = dr.select(piece, index - dr.opaque(mi.UInt32, total), index)
+        fine_u, fine_v = (chosen.pieces * count + margin for count in (launch.count_u, launch.count_v))
+        per_pose = dr.select(piece, dr.opaque(mi.UInt32, fine_u * fine_v), per_pose)
+        count_u = dr.select(piece, dr.opaque(mi.UInt32, fine_u), count_u)
+        size = dr.select(piece, dr.opaque(mi.Float, 1 / chosen.pieces), size)
+        offset = dr.select(piece, dr.opaque(mi.Float, margin / chosen.pieces), offset)
+    pose = cell // per_pose
+    cell -= pose * per_pose
+    cell_v = cell // count_u
+    cell_u = cell - cell_v * count_u
+    origin, direction, foot_u, foot_v, weight = _rays(launch, pose, mi.Float(cell_u) * size - offset, mi.Float(cell_v) * size - offset)
+    foot_u, foot_v, weight = foot_u * size, foot_v * size, weight * size * size
     field = project(rows(axis)(pose), direction)
     if cross:  # H = (direction to the radar) x V, and the radar lies against the ray
         field = dr.cross(-direction, field)
     nothing = dr.zeros(mi.Vector3f, dr.width(index))
+    place_u, place_v = (foot_u, foot_v) if launch.plane else (mi.Vector3f(nothing), mi.Vector3f(nothing))
+    if launch.plane:
+        foot_u, foot_v = mi.Vector3f(nothing), mi.Vector3f(nothing)
+    share, whole = (None, None) if chosen.share is None else (mi.Float(chosen.share), mi.Bool(chosen.whole))
     return Tubes(
-        index, pose, origin, direction, foot_u, foot_v, weight, mi.Vector3f(direction),
+        index, pose, origin, direction, place_u, place_v, foot_u, foot_v, weight, share, whole, mi.Vector3f(direction),
         [mi.Vector3f(field) for _ in range(nodes)], [mi.Vector3f(nothing) for _ in range(nodes)], dr.zeros(mi.Float64, dr.width(index)),
         dr.zeros(mi.Float64, dr.width(index)), dr.zeros(mi.UInt64, dr.width(index)),
     )  # fmt: skip
 
 
-def meet(device: Device, tubes: Tubes, first: bool) -> tuple[Contact, Any]:
-    """Next surface of every tube, and which tubes have one. Adds the way there to their length."""
-    hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=first)
-    active = hit.is_valid()
+def meet(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> tuple[Contact, Any]:
+    """Next surface of every tube, and which tubes have one. Adds the way there to their length and their place, and turns the field of
+    those that pass a caustic by a quarter of a cycle each."""
+    hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=first, active=alive)
+    active = hit.is_valid() & alive
     face = hit.prim_index
     corners = device.corners(device.corner, face, active)
-    normals = device.corners(device.normal, face, active)
     barycentric = [1 - hit.prim_uv.x - hit.prim_uv.y, hit.prim_uv.x, hit.prim_uv.y]
     flat = dr.normalize(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
-    smooth = normals[0] * barycentric[0] + normals[1] * barycentric[1] + normals[2] * barycentric[2]
-    normal = smooth * dr.rsqrt(dr.maximum(dr.squared_norm(smooth), 1e-12))
-    sag = mi.Float(0.0)
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        sag += barycentric[i] * barycentric[j] * dr.dot(normals[i] - normals[j], corners[j] - corners[i])
     # From the corners, not along the ray: t carries the rounding of a far source, which would put the point below its own facet.
     facet_point = corners[0] * barycentric[0] + corners[1] * barycentric[1] + corners[2] * barycentric[2]
     facet_point = dr.select(active, facet_point, tubes.origin)  # a miss has no face, and what it gathered must not spread
-    point = facet_point - normal * (0.5 * sag)
     side = dr.select(dr.dot(tubes.direction, flat) > 0, -1.0, 1.0)
     edges = [corners[1] - corners[0], corners[2] - corners[0]]
-    turns = [(normals[1] - normals[0]) * side, (normals[2] - normals[0]) * side]
+    point, normal, turns = facet_point, flat, [dr.zeros(mi.Vector3f), dr.zeros(mi.Vector3f)]
+    if device.curved:
+        normals = device.corners(device.normal, face, active)
+        smooth = normals[0] * barycentric[0] + normals[1] * barycentric[1] + normals[2] * barycentric[2]
+        normal = smooth * dr.rsqrt(dr.maximum(dr.squared_norm(smooth), 1e-12))
+        sag = mi.Float(0.0)
+        for i, j in ((0, 1), (0, 2), (1, 2)):
+            sag += barycentric[i] * barycentric[j] * dr.dot(normals[i] - normals[j], corners[j] - corners[i])
+        point = facet_point - normal * dr.select(active, 0.5 * sag, 0.0)
+        turns = [(normals[1] - normals[0]) * side, (normals[2] - normals[0]) * side]
     contact = Contact(face, flat * side, normal * side, facet_point, point, -dr.dot(tubes.direction, normal) * side, edges, turns)
-    tubes.length = tubes.length + dr.dot(mi.Vector3d(point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
+    way = dr.dot(mi.Vector3d(point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
+    if device.curved and not first:
+        _pass_caustics(tubes, mi.Float(way))
+    tubes.place_u, tubes.place_v = tubes.place_u + tubes.foot_u * mi.Float(way), tubes.place_v + tubes.foot_v * mi.Float(way)
+    tubes.length = tubes.length + way
     if first:
         tubes.first = tubes.length
     if device.labels is not None:
         tubes.sequence = (tubes.sequence << LABEL_BITS) + dr.gather(mi.UInt64, device.labels, face, active)
     return contact, active & (contact.cosine > COS_GRAZING)
+
+
+def _pass_caustics(tubes: Tubes, way: Any) -> None:
+    """Turn fields by +90 degrees (exp(+j w t)) for every zero of the tubes' cross-section on their way. It is a quadratic in the distance
+    with real zeros, for the curvature of a wavefront is symmetric."""
+    here, there, between = (
+        dr.dot(dr.cross(u, v), tubes.direction)
+        for u, v in (
+            (tubes.place_u, tubes.place_v),
+            (tubes.place_u + tubes.foot_u * way, tubes.place_v + tubes.foot_v * way),
+            (tubes.foot_u, tubes.foot_v),
+        )
+    )
+    between *= way * way
+    slope = there - here - between
+    turning = -0.5 * slope  # times 1/between, the share of the way where it is least
+    both = (here * there > 0) & (here * between > 0) & (turning * between > 0) & (dr.abs(turning) < dr.abs(between))
+    one = here * there < 0
+    for node in range(len(tubes.field_re)):
+        re, im = tubes.field_re[node], tubes.field_im[node]
+        sign = dr.select(both, -1.0, 1.0)
+        tubes.field_re[node], tubes.field_im[node] = dr.select(one, -im, re * sign), dr.select(one, re, im * sign)
 
 
 def _ray(origin: Any, direction: Any, reach: Any) -> Any:
@@ -264,21 +370,30 @@ def scatter(
     size = dr.squared_norm(across)
     # s across the plane of incidence (any direction at normal incidence), p along the field in it, before and after
     s = dr.select(size > 1e-10, across * dr.rsqrt(dr.maximum(size, 1e-12)), mi.coordinate_system(contact.normal)[0])
-    mirrored = tubes.direction + contact.normal * (2 * contact.cosine)
+    mirrored = contact.mirrored(tubes.direction)
     p_in, p_out = dr.cross(tubes.direction, s), dr.cross(mirrored, s)
-    footprint = mi.Float(1.0) if plane else mi.Float(tubes.length)
-    inverse_in, inverse_out = (mi.Float(0.0), mi.Float(0.0)) if plane else (dr.rcp(footprint), dr.rcp(length_out))
-    total_re, total_im = tubes.weight * footprint * dr.rcp(8 * np.pi * contact.cosine) * (1.0 if plane else inverse_out), mi.Float(0.0)
+    inverse_out = mi.Float(0.0) if plane else dr.rcp(length_out)
     change = tubes.direction - outgoing  # gradient of the path length at the hit
-    hat = device.hats | (dr.squared_norm(contact.turns[0]) + dr.squared_norm(contact.turns[1]) > FLAT)
-    for foot in (tubes.foot_u, tubes.foot_v):
-        step = (foot + tubes.direction * (dr.dot(foot, contact.normal) * dr.rcp(contact.cosine))) * footprint
-        slope = dr.dot(change, step)
-        square = dr.squared_norm(step)
-        bend = (square - dr.square(dr.dot(step, tubes.direction))) * inverse_in + (square - dr.square(dr.dot(step, outgoing))) * inverse_out
-        bend -= dr.dot(change, contact.normal) * dr.dot(contact.turn(step), step)
-        re, im = footprint_integral(wavenumber * slope, 0.5 * wavenumber * bend, hat)
-        total_re, total_im = total_re * re - total_im * im, total_re * im + total_im * re
+    foots, lift = (tubes.foot_u, tubes.foot_v), dr.dot(change, contact.normal)
+    steps = [tubes.surface_step(contact, place) for place in (tubes.place_u, tubes.place_v)]
+    turns = [contact.turn(step) for step in steps] if device.curved else []
+    alongs = [dr.dot(step, outgoing) for step in steps]
+
+    def bend(i: int, j: int) -> Any:
+        value = dr.dot(foots[i], steps[j]) + (dr.dot(steps[i], steps[j]) - alongs[i] * alongs[j]) * inverse_out
+        return value - lift * dr.dot(turns[i], steps[j]) if device.curved else value
+
+    hat = device.hats
+    if device.curved:
+        hat = hat | contact.bends()
+    slopes = [wavenumber * dr.dot(change, step) for step in steps]
+    re, im = footprint_integral(slopes, [0.5 * wavenumber * bend(i, i) for i in range(2)], wavenumber * bend(0, 1), hat)
+    # field times area: the field falls with the square root of the cross-section, and stays finite where that vanishes
+    cross_section = dr.abs(dr.dot(dr.cross(tubes.place_u, tubes.place_v), tubes.direction))
+    level = dr.sqrt(tubes.weight * cross_section) * dr.rcp(8 * np.pi * contact.cosine) * (1.0 if plane else inverse_out)
+    if tubes.share is not None:
+        level *= dr.select(hat, tubes.share, dr.select(tubes.whole, mi.Float(1.0), 0.0))
+    total_re, total_im = re * level, im * level
     total_re, total_im = dr.select(active, total_re, 0.0), dr.select(active, total_im, 0.0)
     out = []
     for node in range(device.nodes):
@@ -297,14 +412,63 @@ def scatter(
     return out
 
 
+def leave(device: Device, tubes: Tubes, contact: Contact) -> Any:
+    """Send tubes off along their mirrored directions; which of them do leave their facet."""
+    tubes.direction = contact.mirrored(tubes.direction)
+    tubes.origin = contact.facet_point + contact.flat_normal * device.lift
+    return dr.dot(tubes.direction, contact.flat_normal) > 0
+
+
 def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Tubes:
     """The tubes after a mirror reflection, without those that end here. Their fields are mirrored already."""
-    mirrored = tubes.direction + contact.normal * (2 * contact.cosine)
+    mirrored = contact.mirrored(tubes.direction)
     # the path leaves from the lifted point, but is counted from the facet
     tubes.length = tubes.length - mi.Float64(dr.dot(contact.point - contact.facet_point, mirrored))
-    tubes.foot_u, tubes.foot_v = (f - contact.normal * (2 * dr.dot(f, contact.normal)) for f in (tubes.foot_u, tubes.foot_v))
-    tubes.origin = contact.facet_point + contact.flat_normal * device.lift
-    tubes.direction = mirrored
-    active &= dr.dot(mirrored, contact.flat_normal) > 0
+    steps = [tubes.surface_step(contact, place) for place in (tubes.place_u, tubes.place_v)]
+    feet = [f - contact.normal * (2 * dr.dot(f, contact.normal)) for f in (tubes.foot_u, tubes.foot_v)]
+    if device.curved:
+        for i, step in enumerate(steps):
+            turn = contact.turn(step)
+            feet[i] = feet[i] + turn * (2 * contact.cosine) - contact.normal * (2 * dr.dot(tubes.direction, turn))
+    tubes.place_u, tubes.place_v, tubes.foot_u, tubes.foot_v = *steps, *feet
+    active &= leave(device, tubes, contact)
     tubes.evaluate()
     return tubes.compacted(dr.compress(active))
+
+
+def faces_met(device: Device, launch: Launch, poses: tuple[int, int], max_bounces: int, first_hit: int) -> np.ndarray:
+    """What rays at the middles and at the corners of a grid's cells meet: a number per sequence of smooth patches, 0 for nothing.
+
+    Returns:
+        (poses, count_u count_v + (count_u + 1)(count_v + 1)) uint32: middles, then corners, rows along u. SPREADING is set where a
+        curved surface sends the ray on to another.
+    """
+    middles, corners = launch.per_pose, (launch.count_u + 1) * (launch.count_v + 1)
+    index = dr.arange(mi.UInt32, (poses[1] - poses[0]) * (middles + corners))
+    pose = index // dr.opaque(mi.UInt32, middles + corners)
+    cell = index - pose * dr.opaque(mi.UInt32, middles + corners)
+    pose += dr.opaque(mi.UInt32, poses[0])
+    corner = cell >= dr.opaque(mi.UInt32, middles)
+    cell = dr.select(corner, cell - dr.opaque(mi.UInt32, middles), cell)
+    count = dr.select(corner, dr.opaque(mi.UInt32, launch.count_u + 1), dr.opaque(mi.UInt32, launch.count_u))
+    cell_v = cell // count
+    offset = dr.select(corner, mi.Float(0.5), 0.0)
+    origin, direction, *_ = _rays(launch, pose, mi.Float(cell - cell_v * count) - offset, mi.Float(cell_v) - offset)
+    nothing, none = mi.Vector3f(0.0), mi.Float64(0.0)
+    tubes = Tubes(
+        index, pose, origin, direction, nothing, nothing, nothing, nothing, none, None, None, nothing, [], [], none, none, mi.UInt64(0)
+    )
+    alive, met, curved, spreading = mi.Bool(True), mi.UInt32(0), mi.Bool(False), mi.Bool(False)
+    for number in range(max_bounces):
+        contact, alive = meet(device, tubes, number == 0, alive)
+        if number == 0 and device.cluster is not None:
+            alive &= dr.gather(mi.UInt32, device.cluster, contact.face, alive) == dr.opaque(mi.UInt32, first_hit)
+        # multiplied by an odd constant, so that the order of the faces counts
+        met = dr.select(alive, (met * 0x9E3779B1) ^ dr.gather(mi.UInt32, device.patch, contact.face, alive), met)
+        if device.curved:
+            spreading = spreading | (alive & curved)
+            curved = curved | (alive & contact.bends())
+        alive &= leave(device, tubes, contact)
+    # the lowest bit is set so that no sequence looks like nothing
+    met = dr.select(met > 0, ((met << 1) & (SPREADING - 1)) | 1, 0) | dr.select(spreading, mi.UInt32(SPREADING), 0)
+    return met.numpy().reshape(poses[1] - poses[0], -1)

@@ -11,6 +11,7 @@ from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import launch as launch_module
 from radartwin.simulation import reflection_table, tubes, variant
 
+PIECES = 3  # each way, of a tube that straddles an edge
 MAX_TUBES = 200_000_000  # some minutes of tracing
 
 
@@ -89,7 +90,7 @@ def rcs(
     transmit, receive = (tubes.Antennas(position, up[None], letter == "H") for letter in polarization)
     total = 0.0 + 0.0j
     for one in grids:
-        hits = tubes.trace(target, table, one, transmit, receive, max_bounces=max_bounces)
+        hits = tubes.trace(target, table, one, transmit, receive, max_bounces=max_bounces, pieces=PIECES)
         phase = np.exp(1j * wavenumber * (hits.length_in_m + hits.length_out_m))
         total += complex((hits.amplitude[:, 0] * phase).sum())
     if far:

@@ -3,21 +3,25 @@
 Every tube adds, at each of its hits that the receiver sees, the integral of the surface currents over its footprint, with the phase
 expanded to second order:
 
-    a = -j/(8 pi) [P . V] dOmega L_i / (L_o cos t) h(k s_u, k b_u/2) h(k s_v, k b_v/2) exp(-j k (L_i + L_o))
+    a = -j/(8 pi) [P . V] sqrt(dOmega A)/(L_o cos t) I exp(-j k (L_i + L_o))
     V = n x (k_i x E_i + k_r x E_r) + ((E_i + E_r) x n) x s
-    h(alpha, beta) = integral of w(x) exp(-j (alpha x + beta x^2))
-    p_u = L_i (e_u + k_i (e_u . n)/cos t)        s_u = (k_i - s) . p_u
-    b_u = (|p_u|^2 - (p_u . k_i)^2)/L_i + (|p_u|^2 - (p_u . s)^2)/L_o - (k_i - s) . n (dn(p_u) . p_u)
+    I = integral of w(u) w(v) exp(-j k (s_u u + s_v v + (b_uu u^2 + b_vv v^2)/2 + b_uv u v))
+    p_u = x_u + k_i (x_u . n)/cos t        s_u = (k_i - s) . p_u
+    b_uv = d_u . p_v + (p_u . p_v - (p_u . s)(p_v . s))/L_o - (k_i - s) . n (dn(p_u) . p_v)
 
 Symbols: L_i -> length_in (unfolded, source to hit), L_o -> length_out (hit to receiver), k_i, k_r, s -> unit directions in,
 mirrored and to the receiver, n -> normal on the lit side, dn(p) -> its change along p, E_i, E_r -> incident and reflected field by the
-TE/TM coefficients of the surface, P -> receive polarisation, e_u, e_v -> footprint vectors, p_u -> step on the surface from tube to tube.
-|a|^2 is received over transmitted power between isotropic antennas; on a perfect conductor V is the textbook 2 n x (k x E). For a plane
-wave dOmega L_i^2 is the tube's cross-section.
+TE/TM coefficients of the surface, P -> receive polarisation, d_u, x_u -> foot and place, the derivatives of a ray's direction and position
+along the grid, p_u -> step on the surface from tube to tube, dOmega -> weight, the solid angle of a tube (for a plane wave its area),
+A = |x_u x x_v . k_i| its cross-section. |a|^2 is received over transmitted power between isotropic antennas; on a perfect conductor V is
+the textbook 2 n x (k x E).
+Tubes are ray differentials: x_u grows by t d_u over a way t; a reflection makes x_u = p_u and d_u = d_u - 2 (d_u . n) n + 2 cos t dn(p_u)
+- 2 (k_i . dn(p_u)) n. So a tube spreads behind a curved surface, its field falls with the square root of its cross-section, and turns by
+90 degrees at each caustic; there the product of field and area, which is all that counts, goes to zero.
 The weight w is a hat on [-1, 1] (tubes overlap by half and sum to one) on curved facets and in rooms, a box on [-1/2, 1/2] on flat
 facets of objects. Hats cover the phase steps that remain between neighbours, but taper the edges of a plate, which are all that returns
 away from its specular direction (10 cm plate tilted by 10 degrees, one tube per square wavelength: -1.8 dB with hats, 0.0 with boxes).
-Measured figures: docs/decisions/001.
+Tubes that straddle an edge are divided: radartwin.simulation.division. Measured figures: docs/decisions/001.
 Curved facets: a hit is lifted by h = -1/2 sum_{i<j} b_i b_j (n_i - n_j).(p_j - p_i) along the interpolated normal, b its barycentrics.
 Amplitudes leave this module conjugated, for signals exp(+j k L), and without the propagation phase. Ref: H. Ling, R. Chou, S. Lee,
 IEEE Trans. Antennas Propag. 37 (1989) 194, with an integral per tube in place of point sums.
@@ -33,8 +37,6 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.launch import Launch
 from radartwin.simulation.reflection_table import ReflectionTable
-
-TUBES_PER_LAUNCH = 1 << 21  # bounds a kernel's memory to a few hundred megabytes
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ def trace(
     occluder: Occluder | None = None,
     prune: float = 0.0,
     hats: bool = False,
+    pieces: int = 1,
 ) -> Hits:
     """All hits of a launch, up to `max_bounces` reflections.
 
@@ -122,27 +125,27 @@ def trace(
         occluder: static geometry tested between sensor and first and last hit.
         prune: leave out hits below this share of the strongest of their pose in this launch.
         hats: hat tubes everywhere (rooms); otherwise on curved facets only.
+        pieces: odd; tubes across which the sequence of smooth patches changes are traced in so many parts each way, and those that a
+            curved surface spreads onto another.
     """
-    from radartwin.simulation import kernel
+    from radartwin.simulation import division, kernel
 
+    scout = None
     if prune and len(table.frequencies_hz) > 1:
         scout = trace(
             geometry, table.envelope(), launch, transmit, receive,
             max_bounces=max_bounces, cluster=cluster, first_hit=first_hit, labels=labels, occluder=occluder, prune=prune, hats=hats,
+            pieces=pieces,
         )  # fmt: skip
-        chosen = np.unique(scout.tube)
-        blocks = np.split(chosen, range(TUBES_PER_LAUNCH, len(chosen), TUBES_PER_LAUNCH))
-    else:
-        stride = max(1, TUBES_PER_LAUNCH // launch.per_pose) * launch.per_pose
-        end = launch.poses * launch.per_pose
-        blocks = (np.arange(low, min(low + stride, end)) for low in range(0, end, stride))
     none, q = np.zeros(0, int), len(table.frequencies_hz)
     empty = (np.zeros((0, q), complex), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.uint64))
     parts = [Hits(none, none, none, *empty)]
     if len(geometry.corners):
         device = kernel.Device(geometry, table, cluster, labels, hats)
         run = _Run(device, launch, transmit, receive, float(table.frequencies_hz.mean()), max_bounces, first_hit, occluder, prune)
-        parts += [hits for block in blocks if len(block) for hits in run.block(block)]
+        found = None if scout is None else np.unique(scout.tube)
+        for chosen in division.blocks(device, launch, max_bounces, first_hit, pieces, found):
+            parts += run.block(chosen)
     return Hits.concatenate(parts)
 
 
@@ -160,7 +163,7 @@ class _Run:
     occluder: Occluder | None
     prune: float
 
-    def block(self, indices: np.ndarray) -> Iterator[Hits]:
+    def block(self, chosen: Any) -> Iterator[Hits]:
         """Trace tubes by launch index; the hits of one bounce after the other."""
         import drjit as dr
         import mitsuba as mi
@@ -172,7 +175,7 @@ class _Run:
         receiver_at, axis_at, forward_at = kernel.rows(self.receive.position), kernel.rows(self.receive.axis), kernel.rows(launch.forward)
         monostatic = bool(np.array_equal(self.transmit.position, self.receive.position))
         strongest = dr.zeros(mi.Float, launch.poses)
-        tubes = kernel.start(launch, self.transmit.axis, self.transmit.cross, indices.astype(np.uint32), device.nodes)
+        tubes = kernel.start(launch, self.transmit.axis, self.transmit.cross, chosen, device.nodes)
         for number in range(1, self.max_bounces + 1):
             tubes.evaluate()
             contact, active = kernel.meet(device, tubes, first=number == 1)
