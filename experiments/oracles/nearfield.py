@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 ORDER = 12  # Gauss-Legendre points per cell
 CYCLES_PER_CELL = 2.0  # of phase, at most: 6 points a cycle, error below 1e-8 of the cell
 TOUCHING_M = 1e-12  # a sensor nearer a panel's plane lies in it
+SAME_M = 1e-9  # corners nearer each other are one
 EMPTY_M2 = 1e-14  # a smaller piece is nothing
 Z_AXIS = (0.0, 0.0, 1.0)
 
@@ -155,6 +156,7 @@ def _clip(polygon: np.ndarray, planes: Sequence[tuple[np.ndarray, float]]) -> np
         if len(polygon) == 0:
             break
         height = polygon @ normal - offset
+        height[np.abs(height) < SAME_M] = 0.0
         kept = []
         for i, (here, after) in enumerate(zip(height, np.roll(height, -1), strict=True)):
             start, end = polygon[i], polygon[(i + 1) % len(polygon)]
@@ -163,6 +165,8 @@ def _clip(polygon: np.ndarray, planes: Sequence[tuple[np.ndarray, float]]) -> np
             if here * after < 0:
                 kept.append(start + (end - start) * (here / (here - after)))
         polygon = np.array(kept).reshape(-1, 3)
+        if len(polygon):  # corners that fell together would leave edges without a direction
+            polygon = polygon[np.linalg.norm(polygon - np.roll(polygon, 1, axis=0), axis=1) > SAME_M]
     return polygon
 
 

@@ -26,11 +26,11 @@ def plate_rcs(side_m: float, angle_rad: float = 0.0) -> float:
     return 4 * np.pi * side_m**4 / WAVELENGTH_M**2 * (np.sinc(x / np.pi) * np.cos(angle_rad)) ** 2
 
 
-def mie_rcs(radius_m: float) -> float:
+def mie_rcs(radius_m: float, wavelength_m: float = WAVELENGTH_M) -> float:
     """Perfectly conducting sphere, as the limit of a huge refractive index, by miepython (efficiency over the geometric cross-section)."""
     import miepython
 
-    _, _, q_back, _ = miepython.efficiencies_mx(1e4 - 1e4j, WAVENUMBER * radius_m)
+    _, _, q_back, _ = miepython.efficiencies_mx(1e4 - 1e4j, 2 * np.pi * radius_m / wavelength_m)
     return float(q_back) * np.pi * radius_m**2
 
 
