@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from radartwin.assemble import build_radar
+from radartwin.assemble import build_radar, simulator_options
 from radartwin.config import Config
 from radartwin.errors import ConfigError
 from radartwin.label.sources import material_source
@@ -125,11 +125,7 @@ def _simulate(config: Config, domain: str, distance_m: float) -> Recording:
     scene = _halfspaces(target)
     if domain == "room":
         scene = twin_room(config) + scene
-    settings = config.simulator
-    return simulate(
-        scene, _radar(config), pose, motion=motion, noise=True, seed=config.seed, max_bounces=settings.max_bounces,
-        rays=settings.rays, rays_per_wavelength2=settings.rays_per_wavelength2, variant=settings.variant,
-    )  # fmt: skip
+    return simulate(scene, _radar(config), pose, motion=motion, noise=True, seed=config.seed, **simulator_options(config.simulator))
 
 
 def _halfspaces(scene: Scene) -> Scene:

@@ -6,14 +6,23 @@ the target stands on the radar's boresight.
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from radartwin.compose import compose
-from radartwin.config import Config, MaterialsConfig, RadarConfig, SceneConfig, TrajectoryConfig
+from radartwin.config import (
+    SIMULATOR_FIELDS,
+    Config,
+    MaterialsConfig,
+    RadarConfig,
+    SceneConfig,
+    SimulatorConfig,
+    TrajectoryConfig,
+)
 from radartwin.errors import ConfigError
 from radartwin.radar.chirp import Radar
 
@@ -129,6 +138,29 @@ def check_frames(frames: float) -> None:
         raise ConfigError(f"the trajectory has more than {MAX_FRAMES} frames; set trajectory.frames")
 
 
+def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
+    """The configured simulator, and how its paths become signal, as options of `radartwin.simulate`.
+
+    Raises:
+        ConfigError: a choice this version cannot make.
+    """
+    from radartwin.simulation.backend import backend, settings_of
+    from radartwin.simulation.simulate import simulate
+
+    chosen = {name: getattr(config, name) for name in SIMULATOR_FIELDS[config.backend]}
+    chosen["variant"] = config.variant
+    known, default = settings_of(config.backend), SimulatorConfig()
+    for name in sorted(set(chosen) - known):
+        if name != "variant" and config.backend == default.backend and chosen[name] != getattr(default, name):
+            raise ConfigError(f"simulator.{name}={chosen[name]} cannot be computed by this version; leave it at {getattr(default, name)}")
+    options: dict[str, Any] = {"simulator": backend(config.backend, **{k: v for k, v in chosen.items() if k in known})}
+    if "elements" in inspect.signature(simulate).parameters:
+        options["elements"] = config.elements
+    elif config.elements != default.elements:
+        raise ConfigError(f"simulator.elements={config.elements} cannot be computed by this version; leave it at {default.elements}")
+    return options
+
+
 def simulate_scene(config: Config, noise: bool = False) -> Recording:
     """The recording of a composed configuration: its scene seen by its radar along its trajectory."""
     from radartwin.scene.scene import Scene, Surface
@@ -145,10 +177,7 @@ def simulate_scene(config: Config, noise: bool = False) -> Recording:
         radar,
         course.sensor_poses,
         motion={TARGET: course.target_poses} if mesh is not None else None,
-        max_bounces=config.simulator.max_bounces,
-        rays=config.simulator.rays,
-        rays_per_wavelength2=config.simulator.rays_per_wavelength2,
-        variant=config.simulator.variant,
         noise=noise,
         seed=config.seed,
+        **simulator_options(config.simulator),
     )

@@ -15,6 +15,16 @@ from typing import Any
 
 from radartwin.errors import ConfigError
 
+# What each simulator reads besides backend, variant and elements; and the choices of what is chosen by name.
+SIMULATOR_FIELDS: dict[str, dict[str, tuple[str, ...]]] = {
+    "mitsuba": {"max_bounces": (), "rays": (), "rays_per_wavelength2": (), "room": ("tubes", "panels"), "coupling": (), "diffuse": ()},
+    "rfgenesis": {"version": ("shipped", "columns", "corrected"), "grid": (), "fov_deg": ()},
+    "points": {
+        "cross_section": ("table", "sphere"), "points": ("centre", "box"), "room": ("images", "void"), "step_deg": (),
+        "rays_per_wavelength2": (),
+    },
+}  # fmt: skip
+
 
 def _path() -> Any:
     return field(default=None, metadata={"path": True})
@@ -74,20 +84,53 @@ class MaterialsConfig:
 
 @dataclass
 class SimulatorConfig:
-    """How paths are found. The variant is where the same rays are traced, so it is not part of a run's key."""
+    """How paths are found. The variant is where the same rays are traced, so it is not part of a run's key.
 
-    backend: str = "mitsuba"
+    A field that the chosen simulator does not read is null; `elements` belongs to the signal and is read with all of them.
+    """
+
+    backend: str = "mitsuba"  # mitsuba | rfgenesis | points
     variant: str = _unkeyed("auto")  # auto | llvm | cuda
-    max_bounces: int = 4
-    rays: int | None = None  # per frame; null: from rays_per_wavelength2
-    rays_per_wavelength2: float = 1.0
+    elements: str = "exact"  # exact | planar: distances over each antenna element, or a plane wave across the array
+    room: str | None = "tubes"  # how planar static surfaces are computed; mitsuba: tubes | panels; points: images | void
+    # mitsuba
+    max_bounces: int | None = 4
+    rays: int | None = None  # per frame; null: by the width rule
+    rays_per_wavelength2: float | None = 1.0  # on objects; points: of its table
+    coupling: bool | None = True  # paths between objects and room, by mirrored sensors
+    diffuse: bool | None = True  # scatter of rough surfaces, by a cloud fixed in the world
+    # rfgenesis
+    version: str | None = None  # shipped | columns | corrected (radartwin/simulation/rfgenesis.py)
+    grid: int | None = None  # pixels along each side
+    fov_deg: float | None = None
+    # points
+    cross_section: str | None = None  # table: far field by aspect | sphere: one of the object's size
+    points: str | None = None  # centre | box: of the bounding box, or of its faces
+    step_deg: float | None = None  # of the table
 
     def __post_init__(self) -> None:
-        _one_of("simulator.backend", self.backend, ("mitsuba",))
+        _one_of("simulator.backend", self.backend, tuple(SIMULATOR_FIELDS))
         _one_of("simulator.variant", self.variant, ("auto", "llvm", "cuda"))
-        _positive("simulator.max_bounces", self.max_bounces)
-        _positive("simulator.rays", self.rays)
-        _positive("simulator.rays_per_wavelength2", self.rays_per_wavelength2)
+        _one_of("simulator.elements", self.elements, ("exact", "planar"))
+        for name in ("max_bounces", "rays", "rays_per_wavelength2", "grid", "fov_deg", "step_deg"):
+            _positive(f"simulator.{name}", getattr(self, name))
+        read = SIMULATOR_FIELDS[self.backend]
+        for other in SIMULATOR_FIELDS:
+            for name in SIMULATOR_FIELDS[other]:
+                value = getattr(self, name)
+                if name not in read and value is not None:
+                    raise ConfigError(
+                        f"simulator.{name} is not read by simulator={self.backend}; choose simulator={other}, or leave it out"
+                    )
+                if name in read and value is None and name != "rays":
+                    raise ConfigError(f"simulator.{name}=null: simulator={self.backend} needs a value; leave it out for the default")
+        for name, options in read.items():
+            if options:
+                _one_of(f"simulator.{name}", str(getattr(self, name)), options)
+        if self.fov_deg is not None and not self.fov_deg < 180:
+            raise ConfigError(f"simulator.fov_deg={self.fov_deg:g} must be below 180")
+        if self.step_deg is not None and self.step_deg > 90:
+            raise ConfigError(f"simulator.step_deg={self.step_deg:g} must be at most 90")
 
 
 @dataclass

@@ -9,6 +9,7 @@ Not modelled here: paths between a moving group and the room, and the shadow a m
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -57,6 +58,7 @@ class MitsubaBackend:
     """Tubes with physical optics on Mitsuba 3."""
 
     settings: TraceSettings = TraceSettings()
+    name: ClassVar[str] = "mitsuba"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
         """Paths of every static part and moving group.

@@ -1,20 +1,23 @@
 """The naive tracer: one ray per pixel of a camera at the radar, each hit a diffuse scatterer with one coherent phase.
 
-Re-implemented from X. Chen, X. Zhang, RF Genesis: Zero-Shot Generalization of mmWave Sensing through Simulation-Based Data Synthesis and
-Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798) and from what its published program computes. A baseline: it is
-right in range and direction only.
+Re-implemented from X. Chen, X. Zhang, RF Genesis: Zero-Shot Generalization of mmWave Sensing through Simulation-Based Data
+Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798) and from what its published program computes. A
+baseline: it is right in range and direction only.
 
-`shipped`: rays through the corners of 128 x 128 pixels over 60 degrees; surfaces of albedo 0.8 lit by a spot of intensity 1000 (full to 30
-degrees off axis, none at 40) beside the camera; hits nearer than 0.1 m or darker than 0.1 are dropped. The signal's amplitude is the free-space
-POWER loss (lambda/(4 pi L))^2 over the whole path L, times what its signal generator takes for the rendered intensity and is the distance,
-for the two columns are exchanged. Between two frames each pixel's hit moves on a straight line, and a pixel that misses keeps the hit of
-the frame before, or takes that of the next. The chirps of a frame are spread over the whole time to the next one, all transmitters at once.
+`shipped`: rays through the corners of 128 x 128 pixels over 60 degrees; surfaces of albedo 0.8 lit by a spot of intensity 1000 (full to
+30 degrees off axis, none at 40) beside the camera; hits nearer than 0.1 m or darker than 0.1 are dropped. The signal's amplitude is the
+free-space POWER loss (lambda/(4 pi L))^2 over the whole path L, times what its signal generator takes for the rendered intensity and is
+the distance, for the two columns are exchanged. Between two frames each pixel's hit moves on a straight line, and a pixel that misses
+keeps the hit of the frame before, or takes that of the next. The chirps of a frame are spread over the whole time to the next one, all
+transmitters at once.
 `columns`: the same with distance and intensity in their places.
 `corrected`: what can be put right within the method. Each ray returns the power of the Lambert patch it stands for,
-rho cos(t) dOmega lambda^2/(16 pi^3 r^2) with rho the material's mean power reflection, and its square root is the amplitude; rays through pixel
-centres; exact radial speed of the rigid surface; chirp times as the radar has them; isotropic source, so that the radar's own pattern counts.
-What stays wrong in all: no mirror direction, hence no flash of plates and no bounce in corners; one phase for a patch of many wavelengths, so
-that levels grow with the number of rays wherever patches add in phase; nothing outside the field of view; no polarisation.
+rho cos(t) dOmega lambda^2/(16 pi^3 r^2) with rho the material's mean power reflection, and its square root is the amplitude; rays
+through pixel centres; exact radial speed of the rigid surface; chirp times as the radar has them; an isotropic source, so that the
+radar's own pattern counts.
+What stays wrong in all: no mirror direction, hence no flash of plates and no bounce in corners; one phase for a patch of many
+wavelengths, so that levels grow with the number of rays wherever patches add in phase; nothing outside the field of view; no
+polarisation.
 
 Departures from the published program: meshes are two-sided here; the rendered intensity is that of the ray's own hit, not a mean of 32
 jittered samples; the camera stands at the radar, which the default scene of the program leaves to the user; a pixel whose hit moves over
@@ -181,9 +184,7 @@ def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[
     return Hits(directions, np.where(np.isfinite(distance), distance, 0.0), cosine, surface, speed)
 
 
-def first_hits(
-    built: geometry_module.Geometry, origins: np.ndarray, directions: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def first_hits(built: geometry_module.Geometry, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distance (inf for a miss), cosine of incidence and face of the first triangle along rays (N, 3); distances in float64."""
     import mitsuba as mi
 

@@ -63,14 +63,14 @@ def whole_frame_seconds(
     radar: Radar,
     sensor_pose: np.ndarray,
     motion: Mapping[str, np.ndarray] | None = None,
-    settings: rfgenesis.RFGenesisSettings = rfgenesis.RFGenesisSettings(),
+    settings: rfgenesis.RFGenesisSettings | None = None,
 ) -> FrameSeconds:
     """Trace and synthesise one frame of the shipped version, the tracer's kernels compiled beforehand.
 
     Args:
         sensor_pose: (4, 4). motion: (1, 4, 4) poses by surface name.
     """
-    poses, motion = sensor_pose[None], dict(motion or {})
+    poses, motion, settings = sensor_pose[None], dict(motion or {}), settings or rfgenesis.RFGenesisSettings()
     rfgenesis.trace(scene, radar, poses, motion, settings)
     began = time.perf_counter()
     hits = rfgenesis.trace(scene, radar, poses, motion, settings)

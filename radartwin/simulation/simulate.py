@@ -2,6 +2,7 @@
 
 import numbers
 from collections.abc import Mapping
+from dataclasses import asdict
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.scene.scene import Scene
 from radartwin.simulation import poses as poses_module
+from radartwin.simulation.backend import Backend, resolve
 from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.synthesis import synthesize, thermal_noise
@@ -31,6 +33,7 @@ def simulate(
     seed: int = 0,
     rays_per_wavelength2: float = 1.0,
     variant: str = "auto",
+    simulator: str | Backend = "mitsuba",
 ) -> Recording:
     """Raw FMCW samples of a scene as the radar would record them.
 
@@ -45,6 +48,7 @@ def simulate(
         seed: root of the noise; the same seed gives the same bytes.
         rays_per_wavelength2: tubes per square wavelength on objects.
         variant: "auto", "llvm" or "cuda".
+        simulator: a name, or a configured `backend(name, ...)`; bounces, rays and variant are read by "mitsuba" alone.
     Returns:
         A Recording, iq (F, chirps, tx, rx, samples) in amplitude units.
     Raises:
@@ -60,7 +64,8 @@ def simulate(
     """
     _check_whole("seed", seed, 0)
     settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
-    parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings)
+    tracer = resolve(simulator, settings)
+    parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings, tracer)
     frames = len(sensor)
     iq = np.empty((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
     still = sum((synthesize(part, radar)[0] for part in parts if part.poses < frames), np.zeros(iq.shape[1:], complex))
@@ -75,19 +80,25 @@ def simulate(
             block += thermal_noise(block.shape, radar, rng)
         iq[start:stop] = np.real(block) if radar.real_sampling else block
     provenance = {
-        "kind": "simulation", "simulator": "mitsuba", "max_bounces": max_bounces, "rays": rays,
-        "rays_per_wavelength2": rays_per_wavelength2, "noise": noise, "seed": seed, "surfaces": list(scene.names),
+        "kind": "simulation", "simulator": tracer.name, **{k: v for k, v in asdict(tracer.settings).items() if k != "variant"},
+        "noise": noise, "seed": seed, "surfaces": list(scene.names),
     }  # fmt: skip
     return Recording(iq, radar, sensor, provenance=provenance)
 
 
 def trace_paths(
-    scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None, settings: TraceSettings
+    scene: Scene,
+    radar: Radar,
+    sensor_poses: np.ndarray,
+    motion: Mapping[str, np.ndarray] | None,
+    settings: TraceSettings,
+    tracer: Backend | None = None,
 ) -> tuple[list[Paths], np.ndarray]:
-    """Check the input and trace it: (parts, each of all or of one pose; (F, 4, 4) sensor poses)."""
+    """Check the input and trace it: (parts, each of all or of one pose; (F, 4, 4) sensor poses). Without a `tracer`, by tubes."""
     for name, value, kind in (("scene", scene, Scene), ("radar", radar, Radar)):
         if not isinstance(value, kind):
             raise InputError(f"{name} must be a radartwin.{kind.__name__}, not {type(value).__name__}")
+    settings = tracer.settings if isinstance(tracer, MitsubaBackend) else settings
     _check_whole("max_bounces", settings.max_bounces, 1)
     if settings.rays is not None:
         _check_whole("rays", settings.rays, 1)
@@ -103,7 +114,7 @@ def trace_paths(
     for name, poses in moving.items():
         inside = (poses_module.inverse(poses) @ sensor)[:, :3, 3]
         Scene(s for s in scene.surfaces if s.name == name).check_sensor(inside)
-    return MitsubaBackend(settings).paths(scene, radar, sensor, moving), sensor
+    return (tracer or MitsubaBackend(settings)).paths(scene, radar, sensor, moving), sensor
 
 
 def _check_whole(name: str, value: object, least: int) -> None:
