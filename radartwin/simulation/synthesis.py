@@ -4,133 +4,146 @@ For transmitter t, receiver r, loop c and sample n the signal is
 
     s[c, t, r, n] = sum_p a_p(f_n) exp(+j 2 pi f_n (L_p,t,r + v_p tau)/c),   f_n = f0 + S n/fs,   tau = t_c,t + n/fs - t_mid
 
-with L_p,t,r the exact distance over the elements and v_p the rate of the path. Motion is separated by the Jacobi-Anger expansion
+with L_p,t,r the distance over the elements and v_p the rate of the path. Motion is separated by the Jacobi-Anger expansion
 exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), w = 2 pi v X/c, x = f_n tau/X: a frame needs as many transforms as |w| is radians
 large, plus a few, however many chirps it has. The sum over delays is a type-1 non-uniform FFT with the exponential-of-semicircle
-kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41 (2019) C479, on a grid of twice the samples.
-Spreading is a sparse matrix product: ordered, so equal inputs give equal bytes.
+kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41 (2019) C479, on a grid of twice the samples or more.
+Equal inputs give equal bytes, on any number of cores. The loops are in radartwin.simulation.gridding.
 """
 
-from dataclasses import replace
+import functools
 
 import numpy as np
-from scipy.sparse import csc_matrix
 from scipy.special import jv
 
 from radartwin.constants import BOLTZMANN, SPEED_OF_LIGHT
+from radartwin.errors import InputError
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
+from radartwin.simulation import gridding
+from radartwin.simulation.compiled import shared_out
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.reflection_table import lagrange_basis
 
-KERNEL_WIDTH = 6  # taps; relative error 1e-5 with the shape below on a doubled grid
-_SHAPE = 2.30 * KERNEL_WIDTH
+ELEMENTS = ("exact", "planar")
+_SHAPE = 2.30 * gridding.TAPS
+_DEGREE = gridding.TAPS + 4  # of the polynomials that stand for the kernel: 1e-7 of its peak
 _BESSEL_TAIL = 1e-5
-PATHS_PER_BLOCK = 400_000
+_PATHS_PER_TASK = 8192
+_TASKS_PER_FRAME = 16
+_GRID_BYTES = 64_000_000  # of the frames in work
 
 
 def _kernel(x: np.ndarray) -> np.ndarray:
     """exp(beta (sqrt(1 - z^2) - 1)) for taps at distance x from the point, in grid cells."""
-    z2 = np.clip((2 * x / KERNEL_WIDTH) ** 2, 0, 1)
+    z2 = np.clip((2 * x / gridding.TAPS) ** 2, 0, 1)
     return np.exp(_SHAPE * (np.sqrt(1 - z2) - 1))
 
 
 def _kernel_transform(samples: int, grid: int) -> np.ndarray:
     """(samples,) Fourier transform of the kernel at the centred sample indices."""
     nodes, weights = np.polynomial.legendre.leggauss(64)
-    x = nodes * KERNEL_WIDTH / 2
+    x = nodes * gridding.TAPS / 2
     index = np.arange(samples) - samples // 2
-    return (KERNEL_WIDTH / 2) * (weights * _kernel(x)) @ np.cos(2 * np.pi * np.outer(x, index) / grid)
+    return (gridding.TAPS / 2) * (weights * _kernel(x)) @ np.cos(2 * np.pi * np.outer(x, index) / grid)
 
 
-def _doppler_terms(paths: Paths, reach: float) -> np.ndarray:
-    """(N, K) complex weights of the Chebyshev terms for phase reach X (cycles of f tau at most)."""
-    w = 2 * np.pi * paths.rate_mps * reach / SPEED_OF_LIGHT
-    largest = float(np.abs(w).max(initial=0.0))
+@functools.cache
+def _kernel_polynomials() -> np.ndarray:
+    """(degree + 1, TAPS) of each tap in the place of the point between two cells, highest power first."""
+    place = (1 + np.polynomial.chebyshev.chebpts1(4 * _DEGREE)) / 2
+    taps = _kernel(place[:, None] - np.arange(gridding.TAPS) + gridding.TAPS // 2 - 1)
+    return np.ascontiguousarray(np.polyfit(place, taps, _DEGREE))
+
+
+def _terms(largest: float) -> int:
+    """Chebyshev terms of exp(j w x) for |w| up to `largest`."""
     if largest < _BESSEL_TAIL:
-        return np.ones((len(w), 1), complex)
+        return 1
     count = int(largest) + 1
     while abs(jv(count, largest)) > _BESSEL_TAIL:
         count += 1
-    order = np.arange(count)
-    return np.where(order == 0, 1, 2) * 1j**order * jv(order[None, :], w[:, None])
+    return count
 
 
-def synthesize(paths: Paths, radar: Radar) -> np.ndarray:
+def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
+    """(T, C, terms, N) T_k(x) of x (C, T, N), single precision."""
+    out = np.ones((x.shape[1], x.shape[0], terms, x.shape[2]), np.float32)
+    x = x.swapaxes(0, 1)
+    before, here = np.ones_like(x), x
+    for k in range(1, terms):
+        out[:, :, k] = here
+        before, here = here, 2 * x * here - before
+    return out
+
+
+def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.ndarray | None = None) -> np.ndarray:
     """IQ of all poses, one frame each.
 
     Args:
         paths: of F poses, ascending in pose.
         radar: T transmitters, R receivers, C loops, N samples.
+        elements: "exact" distances to every antenna element, or "planar": each path arrives along one direction.
+        out: (F, C, T, R, N) complex to add to, in place of zeros.
     Returns:
-        complex128 (F, C, T, R, N), amplitude units: |.|^2 is received over transmitted power.
+        complex64 (or `out`) (F, C, T, R, N), amplitude units: |.|^2 is received over transmitted power.
     """
+    if elements not in ELEMENTS:
+        raise InputError(f"elements must be one of {', '.join(ELEMENTS)}, not {elements!r}")
+    shape = (paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
+    iq = np.zeros(shape, np.complex64) if out is None else out
+    if iq.shape != shape:
+        raise InputError(f"out must have shape {shape}, not {iq.shape}")
     gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
-    weighted = paths.amplitude * gain[:, None]
-    paths = replace(paths, amplitude=weighted).where(gain > 0)
-    iq = np.zeros((paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), complex)
-    edges = np.searchsorted(paths.pose, np.arange(paths.poses + 1))
-    start = 0
-    while start < paths.poses:
-        stop = start + 1
-        while stop < paths.poses and edges[stop + 1] - edges[start] <= PATHS_PER_BLOCK:
-            stop += 1
-        block = paths.where(slice(edges[start], edges[stop]))
-        if len(block):
-            _add_block(iq[start:stop], block, start, radar)
-        start = stop
-    return iq
-
-
-def _add_block(iq: np.ndarray, paths: Paths, first_pose: int, radar: Radar) -> None:
-    """Synthesise consecutive poses into their frames."""
-    frames, samples = len(iq), radar.num_samples
-    grid = 2 * samples
+    amplitude = np.ascontiguousarray(paths.amplitude * gain[:, None])
+    samples = radar.num_samples
+    cells = max(16, 1 << (2 * samples - 1).bit_length())
     fast_time = np.arange(samples) / radar.sample_rate_hz
     frequency = radar.start_frequency_hz + radar.slope_hz_per_s * fast_time
     chirp_start = radar.chirp_times()
     middle = (chirp_start.max() + fast_time[-1]) / 2
     # frequency times time from the middle of the frame, (C, T, N) cycles per (m/s) of path rate and light second
-    slow = frequency * (chirp_start[:, :, None] + fast_time - middle)
-    reach = float(np.abs(slow).max())
-    doppler = _doppler_terms(paths, reach)
-    band = lagrange_basis(paths.frequencies_hz, frequency)
-    terms, nodes = doppler.shape[1], len(band)
-    weights = (doppler[:, :, None] * paths.amplitude[:, None, :]).reshape(len(paths), terms * nodes)
-    slow_terms = np.cos(np.arange(terms)[:, None, None, None] * np.arccos(np.clip(slow / reach, -1, 1)))
-    centred = samples // 2
-    correction = 1 / _kernel_transform(samples, grid)
-    at_middle = paths.rate_mps * middle
-    to_tx = [_element_distance(paths.length_in_m, paths.departure, p) for p in radar.tx_positions]
-    to_rx = [_element_distance(paths.length_out_m, paths.arrival, p) for p in radar.rx_positions]
-    row_of_pose = (paths.pose - first_pose) * grid
-    offsets = np.arange(KERNEL_WIDTH) - (KERNEL_WIDTH // 2 - 1)
-    columns = np.arange(len(paths) + 1) * KERNEL_WIDTH
-    for t in range(radar.num_tx):
-        for r in range(radar.num_rx):
-            delay = (to_tx[t] + to_rx[r] + at_middle) / SPEED_OF_LIGHT
-            beat = radar.slope_hz_per_s / radar.sample_rate_hz * delay  # cycles per sample
-            # cycles are taken modulo one before the exponential: 1e4 of them would cost four digits
-            start_phase = np.exp(2j * np.pi * np.mod(radar.start_frequency_hz * delay + beat * centred, 1.0))
-            position = np.mod(beat, 1.0) * grid
-            left = np.floor(position)
-            taps = _kernel(position[:, None] - left[:, None] - offsets)
-            rows = np.mod(left[:, None] + offsets, grid).astype(np.int64) + row_of_pose[:, None]
-            spread = csc_matrix((taps.ravel(), rows.ravel(), columns), shape=(frames * grid, len(paths)))
-            gridded = (spread @ (weights * start_phase[:, None])).reshape(frames, grid, terms, nodes)
-            # sum over cells of exp(+j 2 pi m n/M) for the centred n: an inverse FFT, rolled
-            signal = np.fft.ifft(gridded, axis=1, norm="forward")
-            signal = np.roll(signal, centred, axis=1)[:, :samples]
-            in_band = np.einsum("fnkq,qn,n->fkn", signal, band, correction)
-            iq[:, :, t, r] += np.einsum("fkn,kcn->fcn", in_band, slow_terms[:, :, t])
+    moving = frequency * (chirp_start[:, :, None] + fast_time - middle)
+    reach = float(np.abs(moving).max()) or 1.0
+    motion = 2 * np.pi * reach / SPEED_OF_LIGHT * paths.rate_mps
+    terms = _terms(float(np.abs(motion).max(initial=0.0)))
+    slow = _chebyshev(moving / reach, terms)
+    band = (lagrange_basis(paths.frequencies_hz, frequency) / _kernel_transform(samples, cells)).astype(np.float32)
+    turn = 2 * np.pi * np.arange(cells) / cells
+    cosine, sine = np.cos(turn).astype(np.float32), np.sin(turn).astype(np.float32)
+    tables = (
+        np.ascontiguousarray(paths.length_in_m, float), np.ascontiguousarray(paths.length_out_m, float),
+        np.ascontiguousarray(paths.departure, float), np.ascontiguousarray(paths.arrival, float),
+        paths.rate_mps * middle, motion, amplitude, radar.tx_positions, radar.rx_positions, elements == "planar",
+        (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT,
+        radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells, terms, _kernel_polynomials(),
+    )  # fmt: skip
+    rows = radar.num_tx * radar.num_rx * terms * len(paths.frequencies_hz)
+    starts, tasks = _tasks(np.searchsorted(paths.pose, np.arange(paths.poses + 1)))
+    at_once = max(_TASKS_PER_FRAME, _GRID_BYTES // (16 * rows * (cells + gridding.PAD)))
+    first = 0
+    while first < paths.poses:
+        last = int(np.searchsorted(tasks, tasks[first] + at_once, side="right")) - 1
+        low, high = tasks[first], tasks[last]
+        grid = np.zeros((2, high - low, rows, cells + gridding.PAD))
+        shared_out(gridding.spread, int(high - low), starts[low : high + 1], *tables, *grid)
+        shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, *grid, cosine, sine, band, slow, iq[first:last])
+        first = last
+    return iq
 
 
-def _element_distance(length: np.ndarray, direction: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Distance from an antenna element to the point `length` along `direction` of the phase centre, to full precision."""
-    along = direction @ position
-    squared = position @ position
-    change = (squared - 2 * length * along) / (length + np.sqrt(np.maximum(length**2 - 2 * length * along + squared, 0)))
-    return length + change
+def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ranges of paths that are spread together: (tasks + 1,) first paths, and (F + 1,) first tasks of the frames with paths edges[f] to
+    edges[f + 1]. They depend on the paths alone."""
+    counts = np.diff(edges)
+    pieces = np.clip(-(-counts // _PATHS_PER_TASK), np.minimum(counts, 1), _TASKS_PER_FRAME)
+    tasks = np.concatenate([[0], np.cumsum(pieces)])
+    starts = np.empty(tasks[-1] + 1, np.int64)
+    starts[-1] = edges[-1]
+    for frame in np.flatnonzero(pieces):
+        share = edges[frame] + counts[frame] * np.arange(pieces[frame]) // pieces[frame]
+        starts[tasks[frame] : tasks[frame + 1]] = share
+    return starts, tasks
 
 
 def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator) -> np.ndarray:
