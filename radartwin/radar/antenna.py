@@ -45,20 +45,22 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
         return np.ones(directions.shape[:-1])
     if element != "iwr1843":
         raise InputError(f"element_gain: element {element!r} is unknown; use one of {', '.join(ELEMENTS)}")
-    length = np.linalg.norm(directions, axis=-1)
-    x, y, z = np.moveaxis(directions, -1, 0) / np.where(length > 0, length, 1.0)
-    azimuth = np.arctan2(y, x)
-    elevation = np.arcsin(np.clip(z, -1.0, 1.0))
+    x, y, z = np.moveaxis(directions, -1, 0)
+    across = x * x + y * y
+    length = np.sqrt(across + z * z)
+    # cosines of azimuth and elevation; a vector straight up has no azimuth and lies in the board's plane
+    azimuth = np.divide(x, np.sqrt(across), out=np.zeros_like(x), where=across > 0)
+    elevation = np.divide(np.sqrt(across), length, out=np.zeros_like(x), where=length > 0)
     loss_db = _loss_db(azimuth, *_AZIMUTH_DEG) + _loss_db(elevation, *_ELEVATION_DEG)
-    ground = 1.0 - (1.0 - np.clip(np.cos(azimuth), 0.0, 1.0)) ** 16
-    return np.where(x > 0, 10 ** ((PEAK_GAIN_DBI - loss_db) / 20) * ground, 0.0)
+    behind = (1.0 - np.maximum(azimuth, 0.0)) ** 2
+    ground = 1.0 - behind**8
+    return np.where(x > 0, np.exp(np.log(10) / 20 * (PEAK_GAIN_DBI - loss_db)) * ground, 0.0)
 
 
-def _loss_db(angle_rad: NDArray[np.float64], half_power_deg: float, quarter_power_deg: float) -> NDArray[np.float64]:
-    """Power loss that is 3 dB at the first angle and 6 dB at the second, which is less than twice as far."""
-    near, far = (2 * np.sin(np.radians(degrees) / 2) for degrees in (half_power_deg, quarter_power_deg))
-    # The hyperbola doubles from near to far where sqrt(1 + (near/b)^2) = k / (4 - k), with k = (far/near)^2.
-    ratio = (far / near) ** 2
+def _loss_db(cosine: NDArray[np.float64], half_power_deg: float, quarter_power_deg: float) -> NDArray[np.float64]:
+    """Power loss that is 3 dB at the first angle and 6 dB at the second, which is less than twice as far, by the angle's cosine."""
+    near, far = (2 * (1 - np.cos(np.radians(degrees))) for degrees in (half_power_deg, quarter_power_deg))  # (2 sin(psi/2))^2
+    # The hyperbola doubles from near to far where sqrt(1 + near/b^2) = k / (4 - k), with k = far/near.
+    ratio = far / near
     at_near = ratio / (4 - ratio)
-    bend = (at_near**2 - 1) * (2 * np.sin(angle_rad / 2) / near) ** 2
-    return 3.0 * (np.sqrt(1 + bend) - 1) / (at_near - 1)
+    return 3.0 * (np.sqrt(1 + (at_near**2 - 1) * 2 / near * (1 - cosine)) - 1) / (at_near - 1)

@@ -11,11 +11,11 @@ from numba import njit
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """The function as machine code that releases the interpreter's lock."""
+    """The function as machine code that releases the interpreter's lock; products and sums may fuse."""
     try:
-        return njit(cache=True, nogil=True)(function)
+        return njit(cache=True, nogil=True, fastmath={"contract"})(function)
     except RuntimeError:  # no folder for the cache can be written
-        return njit(nogil=True)(function)
+        return njit(nogil=True, fastmath={"contract"})(function)
 
 
 def cores() -> int:

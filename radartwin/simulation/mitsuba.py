@@ -195,7 +195,7 @@ class MitsubaBackend:
             joined = Paths.concatenate(group)
             gain = element_gain(radar.element, joined.departure) * element_gain(radar.element, joined.arrival)
             kept.append(joined.where(joined.stands_out(PRUNE, gain)))
-        return Paths.concatenate(kept)
+        return kept[0] if len(kept) == 1 else Paths.concatenate(kept)
 
 
 def _table(surfaces: Sequence[Surface], radar: Radar) -> reflection_table.ReflectionTable:

@@ -26,13 +26,14 @@ def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
         raise PoseError(f"{what} must have shape (F, 4, 4), not {poses.shape}")
     if len(poses) == 0:
         raise PoseError(f"{what} holds zero frames; give at least one pose")
-    for frame, pose in enumerate(poses):
-        if not np.isfinite(pose).all():
+    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # beyond 1 it is no rotation anyway
+    off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    wrong = (off > _RIGID) | (np.linalg.det(rotation) < 0) | (np.abs(poses[:, 3] - (0, 0, 0, 1)) > 1e-9).any(axis=1)
+    if (bad := np.flatnonzero(wrong | ~np.isfinite(poses).all(axis=(1, 2)))).size:
+        frame = bad[0]
+        if not np.isfinite(poses[frame]).all():
             raise PoseError(f"{what}, frame {frame}: not finite")
-        rotation = pose[:3, :3]
-        off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-        if off > _RIGID or np.linalg.det(rotation) < 0 or not np.allclose(pose[3], (0, 0, 0, 1), atol=1e-9):
-            raise PoseError(f"{what}, frame {frame}: not a rigid pose (rotation off by {off:.2g}, last row {pose[3].tolist()})")
+        raise PoseError(f"{what}, frame {frame}: not a rigid pose (rotation off by {off[frame]:.2g}, last row {poses[frame, 3].tolist()})")
     return poses
 
 

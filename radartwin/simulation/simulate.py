@@ -18,7 +18,7 @@ from radartwin.simulation.synthesis import synthesize, thermal_noise
 
 MAX_RAYS = 200_000_000  # per pose: some minutes of tracing
 MAX_DENSITY = 10_000  # seven million tubes on a 10 cm plate
-FRAMES_PER_BLOCK = 256  # bounds the double-precision working copy of the IQ data
+FRAMES_PER_BLOCK = 256  # bounds the double-precision noise
 
 
 def simulate(
@@ -67,18 +67,19 @@ def simulate(
     tracer = resolve(simulator, settings)
     parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings, tracer)
     frames = len(sensor)
-    iq = np.empty((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
-    still = sum((synthesize(part, radar)[0] for part in parts if part.poses < frames), np.zeros(iq.shape[1:], complex))
-    rng = np.random.default_rng(np.random.SeedSequence([seed, *b"receiver noise"]))
-    for start in range(0, frames, FRAMES_PER_BLOCK):
-        stop = min(start + FRAMES_PER_BLOCK, frames)
-        block = np.broadcast_to(still, (stop - start, *still.shape)).copy()
-        for part in parts:
-            if part.poses == frames:
-                block += synthesize(part.frames(start, stop), radar)
-        if noise:
+    iq = np.zeros((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
+    for part in parts:
+        if part.poses == frames:
+            synthesize(part, radar, out=iq)
+        else:
+            iq += synthesize(part, radar)
+    if noise:
+        rng = np.random.default_rng(np.random.SeedSequence([seed, *b"receiver noise"]))
+        for start in range(0, frames, FRAMES_PER_BLOCK):
+            block = iq[start : start + FRAMES_PER_BLOCK]
             block += thermal_noise(block.shape, radar, rng)
-        iq[start:stop] = np.real(block) if radar.real_sampling else block
+    if radar.real_sampling:
+        iq.imag = 0
     provenance = {
         "kind": "simulation", "simulator": tracer.name, **{k: v for k, v in asdict(tracer.settings).items() if k != "variant"},
         "noise": noise, "seed": seed, "surfaces": list(scene.names),
