@@ -119,9 +119,8 @@ class SimulatorConfig:
             for name in SIMULATOR_FIELDS[other]:
                 value = getattr(self, name)
                 if name not in read and value is not None:
-                    raise ConfigError(
-                        f"simulator.{name} is not read by simulator={self.backend}; choose simulator={other}, or leave it out"
-                    )
+                    unread = f"simulator.{name}={value} is not read by simulator={self.backend}"
+                    raise ConfigError(f"{unread}; choose simulator={other}, or leave it out")
                 if name in read and value is None and name != "rays":
                     raise ConfigError(f"simulator.{name}=null: simulator={self.backend} needs a value; leave it out for the default")
         for name, options in read.items():

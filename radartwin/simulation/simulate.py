@@ -18,6 +18,7 @@ from radartwin.simulation.synthesis import synthesize, thermal_noise
 
 MAX_RAYS = 200_000_000  # per pose: some minutes of tracing
 MAX_DENSITY = 10_000  # seven million tubes on a 10 cm plate
+LEAST_AREA_M2 = 1e-14  # of a face that counts
 FRAMES_PER_BLOCK = 256  # bounds the double-precision noise
 
 
@@ -115,6 +116,8 @@ def trace_paths(
     for name, poses in moving.items():
         inside = (poses_module.inverse(poses) @ sensor)[:, :3, 3]
         Scene(s for s in scene.surfaces if s.name == name).check_sensor(inside)
+    scene = Scene(s for s in scene.surfaces if (s.mesh.area_faces > LEAST_AREA_M2).any())  # no area, no echo
+    moving = {name: poses for name, poses in moving.items() if name in scene.names}
     return (tracer or MitsubaBackend(settings)).paths(scene, radar, sensor, moving), sensor
 
 
