@@ -18,7 +18,7 @@ import numpy as np
 from radartwin.simulation import kernel
 from radartwin.simulation.launch import Launch
 
-TUBES_PER_LAUNCH = 1 << 21  # bounds a kernel's memory to a few hundred megabytes
+TUBES_PER_LAUNCH = 1 << 20  # bounds a kernel's memory to a few hundred megabytes
 
 
 def blocks(

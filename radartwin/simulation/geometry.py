@@ -123,6 +123,11 @@ def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
     return connected_components(graph, directed=False)[1]
 
 
+def subset(geometry: Geometry, keep: np.ndarray) -> Geometry:
+    """The faces (F,) of a mask."""
+    return Geometry(geometry.corners[keep], geometry.normals[keep], geometry.surface[keep])
+
+
 def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
     """Merge surfaces into one geometry; faces without area and doubled faces are dropped, meshes themselves are not changed.
 

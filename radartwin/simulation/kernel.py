@@ -12,6 +12,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from radartwin.simulation.face_labels import LABEL_BITS
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.launch import Launch
 from radartwin.simulation.reflection_table import COSINES, ReflectionTable
@@ -20,21 +21,38 @@ COS_GRAZING = 1e-3  # below this a smooth surface returns nothing a tube could r
 STEEP = 14.0  # phase across half a tube, radians, from which its integral is taken from its kinks
 FLAT = 1e-10  # squared turn of the vertex normals over a facet below which it is flat
 SPREADING = 1 << 31  # of what a scouting ray met: it went from a curved surface on to another
+MOST_BEND = 3.0  # second-order phase, radians, that a footprint on a curved surface follows unless it is steep
+TERMINATOR = 0.4  # cosine below which a curved surface's currents fade away from its mirrored direction
 MOST_TWIST = 2.0  # mixed second-order phase, radians, up to which a footprint follows it
+_ALIGNED = 64  # bytes; the widest vector of any CPU
+_KINDS = {"Float": np.float32, "UInt": np.uint32, "UInt64": np.uint64, "Bool": np.bool_}
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
-LABEL_BITS = 12  # per bounce in a tube's sequence of faces: five bounces in 64 bits
 SHADOW_SHORT = 1e-4  # share of a way to the receiver, and metres at an occluder, by which visibility tests stop short
+
+
+def upload(kind: Any, values: np.ndarray) -> Any:
+    """An array on the device whose kernels do not depend on where its values came from. On the CPU, Dr.Jit uses NumPy's memory as it is and
+    compiles for its alignment, which changes from call to call; and a single value would be compiled into the kernel."""
+    if np.size(values) == 1:
+        return dr.opaque(kind, np.asarray(values).reshape(-1)[0].item())
+    itemsize = dr.itemsize_v(kind)
+    flat = np.asarray(values).ravel()
+    room = np.empty(flat.size * itemsize + _ALIGNED, np.uint8)
+    start = -room.ctypes.data % _ALIGNED
+    aligned = room[start : start + flat.size * itemsize].view(_KINDS[kind.__name__])
+    aligned[:] = flat
+    return kind(aligned)
 
 
 def rows(values: np.ndarray) -> Callable[..., Any]:
     """(F, 3) on the device, as a function that gathers vectors by index."""
-    columns = [mi.Float(np.ascontiguousarray(values[:, i], np.float32)) for i in range(3)]
+    columns = [upload(mi.Float, values[:, i]) for i in range(3)]
     return lambda index, active=True: mi.Vector3f(*(dr.gather(mi.Float, column, index, active) for column in columns))
 
 
 def scalars(values: np.ndarray) -> Callable[[Any], Any]:
     """(F,) on the device, as a function that gathers by index."""
-    column = mi.Float(values.astype(np.float32))
+    column = upload(mi.Float, values)
     return lambda index: dr.gather(mi.Float, column, index)
 
 
@@ -44,17 +62,17 @@ class Device:
     def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None, labels: np.ndarray | None, hats: bool):
         self.scene = geometry.scene()
         self.hats = dr.opaque(mi.Bool, hats)
-        self.corner = mi.Float(geometry.corners.astype(np.float32).ravel())
-        self.normal = mi.Float(geometry.normals.astype(np.float32).ravel())
-        self.surface = mi.UInt32(geometry.surface.astype(np.uint32))
-        self.cluster = None if cluster is None else mi.UInt32(cluster.astype(np.uint32))
-        self.labels = None if labels is None else mi.UInt64(labels.astype(np.uint64) + 1)
+        self.corner = upload(mi.Float, geometry.corners)
+        self.normal = upload(mi.Float, geometry.normals)
+        self.surface = upload(mi.UInt32, geometry.surface)
+        self.cluster = None if cluster is None else upload(mi.UInt32, cluster)
+        self.labels = None if labels is None else upload(mi.UInt64, labels + 1)
         self.nodes = len(table.frequencies_hz)
-        self.coefficients = [mi.Float(part.astype(np.float32).ravel()) for c in (table.te, table.tm) for part in (np.real(c), np.imag(c))]
+        self.coefficients = [upload(mi.Float, part) for c in (table.te, table.tm) for part in (np.real(c), np.imag(c))]
         # rays leave a surface this far above it: well over the float32 resolution of its coordinates
         self.lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
         self.curved = geometry.curved
-        self.patch = mi.UInt32(geometry.patch.astype(np.uint32) + 1)
+        self.patch = upload(mi.UInt32, geometry.patch + 1)
 
     @staticmethod
     def corners(source: Any, face: Any, active: Any) -> list[Any]:
@@ -100,6 +118,7 @@ class Tubes:
         weight: solid angle (plane wave: area) at the source. share, whole: how much of a hat and of a box a part of a divided tube stands
         for; None: all of both.
         departure: direction at the source. field_re, field_im: polarisation per frequency node. length: unfolded, float64.
+        face, inner_u, inner_v: of the next hit, once cast: its triangle and two barycentric coordinates.
         first: length to the first hit. sequence: 1 + label of each face met, the last in the lowest LABEL_BITS bits.
     """
 
@@ -120,9 +139,13 @@ class Tubes:
     length: Any
     first: Any
     sequence: Any
+    face: Any = None
+    inner_u: Any = None
+    inner_v: Any = None
 
-    def evaluate(self) -> None:
-        dr.eval(*(value for value in self._values() if value is not None))
+    def evaluate(self, *others: Any) -> None:
+        """In one kernel, with whatever else is wanted."""
+        dr.eval(*(value for value in self._values() if value is not None), *others)
 
     def compacted(self, alive: Any) -> "Tubes":
         """The tubes at these lane indices."""
@@ -202,7 +225,7 @@ def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
             moment[1] -= part * sine
     up, down = dr.rcp(dr.square(alpha + 2 * beta)), dr.rcp(dr.square(alpha - 2 * beta))
     (sine_up, cosine_up), (sine_down, cosine_down) = dr.sincos(beta + alpha), dr.sincos(beta - alpha)
-    steep = (dr.abs(alpha) * half > STEEP) & (dr.abs(alpha) > 4 * dr.abs(beta))
+    steep = (dr.abs(alpha) * half > STEEP) & (dr.abs(alpha) > 3.9 * dr.abs(beta))
     box = 2 * dr.sin(0.5 * alpha) * dr.rcp(alpha)
     far_re = dr.select(hat, 2 * dr.rcp(dr.square(alpha)) - cosine_up * up - cosine_down * down, box)
     far_im = dr.select(hat, sine_up * up + sine_down * down, 0.0)
@@ -240,7 +263,7 @@ def _rays(launch: Launch, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any
 
 def start(launch: Launch, axis: np.ndarray, cross: bool, chosen: Chosen, nodes: int) -> Tubes:
     """Tubes of a launch by index; fields along the projected antenna axis, turned for H."""
-    index = mi.UInt32(chosen.index)
+    index = upload(mi.UInt32, chosen.index)
     per_pose, count_u = dr.opaque(mi.UInt32, launch.per_pose), dr.opaque(mi.UInt32, launch.count_u)
     cell, size, offset = index, mi.Float(1.0), mi.Float(0.0)
     if chosen.share is not None:
@@ -265,7 +288,9 @@ def start(launch: Launch, axis: np.ndarray, cross: bool, chosen: Chosen, nodes: 
     place_u, place_v = (foot_u, foot_v) if launch.plane else (mi.Vector3f(nothing), mi.Vector3f(nothing))
     if launch.plane:
         foot_u, foot_v = mi.Vector3f(nothing), mi.Vector3f(nothing)
-    share, whole = (None, None) if chosen.share is None else (mi.Float(chosen.share), mi.Bool(chosen.whole))
+    share, whole = (
+        (None, None) if chosen.share is None or chosen.whole is None else (upload(mi.Float, chosen.share), upload(mi.Bool, chosen.whole))
+    )
     return Tubes(
         index, pose, origin, direction, place_u, place_v, foot_u, foot_v, weight, share, whole, mi.Vector3f(direction),
         [mi.Vector3f(field) for _ in range(nodes)], [mi.Vector3f(nothing) for _ in range(nodes)], dr.zeros(mi.Float64, dr.width(index)),
@@ -273,14 +298,19 @@ def start(launch: Launch, axis: np.ndarray, cross: bool, chosen: Chosen, nodes: 
     )  # fmt: skip
 
 
-def meet(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> tuple[Contact, Any]:
-    """Next surface of every tube, and which tubes have one. Adds the way there to their length and their place, and turns the field of
-    those that pass a caustic by a quarter of a cycle each."""
+def cast(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> Any:
+    """Find what tubes meet next; which of them meet anything."""
     hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=first, active=alive)
-    active = hit.is_valid() & alive
-    face = hit.prim_index
+    tubes.face, tubes.inner_u, tubes.inner_v = hit.prim_index, hit.prim_uv.x, hit.prim_uv.y
+    return hit.is_valid() & alive
+
+
+def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contact, Any]:
+    """The surface tubes were cast onto, and which of the lanes `active` do not just graze it. Adds the way there to their length and their
+    place, and turns the field of those that pass a caustic by a quarter of a cycle each."""
+    face = tubes.face
     corners = device.corners(device.corner, face, active)
-    barycentric = [1 - hit.prim_uv.x - hit.prim_uv.y, hit.prim_uv.x, hit.prim_uv.y]
+    barycentric = [1 - tubes.inner_u - tubes.inner_v, tubes.inner_u, tubes.inner_v]
     flat = dr.normalize(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
     # From the corners, not along the ray: t carries the rounding of a far source, which would put the point below its own facet.
     facet_point = corners[0] * barycentric[0] + corners[1] * barycentric[1] + corners[2] * barycentric[2]
@@ -374,23 +404,35 @@ def scatter(
     p_in, p_out = dr.cross(tubes.direction, s), dr.cross(mirrored, s)
     inverse_out = mi.Float(0.0) if plane else dr.rcp(length_out)
     change = tubes.direction - outgoing  # gradient of the path length at the hit
-    foots, lift = (tubes.foot_u, tubes.foot_v), dr.dot(change, contact.normal)
+    foots = tubes.foot_u, tubes.foot_v
+    onward = (1 - dr.dot(tubes.direction, outgoing)) * dr.rcp(contact.cosine)  # of the path for a hit that lies deeper along the ray
     steps = [tubes.surface_step(contact, place) for place in (tubes.place_u, tubes.place_v)]
     turns = [contact.turn(step) for step in steps] if device.curved else []
     alongs = [dr.dot(step, outgoing) for step in steps]
 
     def bend(i: int, j: int) -> Any:
         value = dr.dot(foots[i], steps[j]) + (dr.dot(steps[i], steps[j]) - alongs[i] * alongs[j]) * inverse_out
-        return value - lift * dr.dot(turns[i], steps[j]) if device.curved else value
+        return value + onward * dr.dot(turns[i], steps[j]) if device.curved else value
 
     hat = device.hats
     if device.curved:
         hat = hat | contact.bends()
     slopes = [wavenumber * dr.dot(change, step) for step in steps]
-    re, im = footprint_integral(slopes, [0.5 * wavenumber * bend(i, i) for i in range(2)], wavenumber * bend(0, 1), hat)
+    bends = [0.5 * wavenumber * bend(i, i) for i in range(2)]
+    if device.curved:  # near a shadow line the expansion means nothing beyond this
+        for i, slope in enumerate(slopes):
+            most = dr.select(contact.bends(), dr.maximum(0.25 * dr.abs(slope), MOST_BEND), dr.inf)
+            bends[i] = dr.clip(bends[i], -most, most)
+    re, im = footprint_integral(slopes, bends, wavenumber * bend(0, 1), hat)
     # field times area: the field falls with the square root of the cross-section, and stays finite where that vanishes
     cross_section = dr.abs(dr.dot(dr.cross(tubes.place_u, tubes.place_v), tubes.direction))
     level = dr.sqrt(tubes.weight * cross_section) * dr.rcp(8 * np.pi * contact.cosine) * (1.0 if plane else inverse_out)
+    if device.curved:
+        # currents end at the shadow line of a curved surface only in physical optics; faded out there, save towards the mirrored ray
+        fade = TERMINATOR * 0.5 * (1 - dr.dot(mirrored, outgoing))
+        least = dr.minimum(contact.cosine, dr.dot(contact.normal, outgoing))
+        x = dr.clip(least * dr.rcp(dr.maximum(fade, 1e-6)), 0, 1)
+        level *= dr.select(contact.bends(), x * x * (3 - 2 * x), 1.0)
     if tubes.share is not None:
         level *= dr.select(hat, tubes.share, dr.select(tubes.whole, mi.Float(1.0), 0.0))
     total_re, total_im = re * level, im * level
@@ -419,8 +461,9 @@ def leave(device: Device, tubes: Tubes, contact: Contact) -> Any:
     return dr.dot(tubes.direction, contact.flat_normal) > 0
 
 
-def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Tubes:
-    """The tubes after a mirror reflection, without those that end here. Their fields are mirrored already."""
+def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Any:
+    """Send tubes off after a mirror reflection and find what they meet next; which of them meet anything. Their fields are mirrored
+    already. Nothing is evaluated yet."""
     mirrored = contact.mirrored(tubes.direction)
     # the path leaves from the lifted point, but is counted from the facet
     tubes.length = tubes.length - mi.Float64(dr.dot(contact.point - contact.facet_point, mirrored))
@@ -431,9 +474,8 @@ def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Tubes
             turn = contact.turn(step)
             feet[i] = feet[i] + turn * (2 * contact.cosine) - contact.normal * (2 * dr.dot(tubes.direction, turn))
     tubes.place_u, tubes.place_v, tubes.foot_u, tubes.foot_v = *steps, *feet
-    active &= leave(device, tubes, contact)
-    tubes.evaluate()
-    return tubes.compacted(dr.compress(active))
+    active = active & leave(device, tubes, contact)
+    return cast(device, tubes, False, active)
 
 
 def faces_met(device: Device, launch: Launch, poses: tuple[int, int], max_bounces: int, first_hit: int) -> np.ndarray:
@@ -460,6 +502,7 @@ def faces_met(device: Device, launch: Launch, poses: tuple[int, int], max_bounce
     )
     alive, met, curved, spreading = mi.Bool(True), mi.UInt32(0), mi.Bool(False), mi.Bool(False)
     for number in range(max_bounces):
+        alive = cast(device, tubes, number == 0, alive)
         contact, alive = meet(device, tubes, number == 0, alive)
         if number == 0 and device.cluster is not None:
             alive &= dr.gather(mi.UInt32, device.cluster, contact.face, alive) == dr.opaque(mi.UInt32, first_hit)

@@ -76,7 +76,8 @@ def rcs(
     cell = wavelength / np.sqrt(rays_per_wavelength2)
     far = distance is None
     stand_off = 2 * target.extent_m + 1.0 if far else distance
-    position = (towards * stand_off)[None]
+    # a plane wave travels from its launch plane to the middle of the target, which need not be the mesh origin
+    position = (towards * stand_off + (target.centre if far else 0.0))[None]
     grid = launch_module.towards(target.hull_points(), position, target.centre, cell, shift, plane=far)
     if grid is None:  # so close that a planar grid cannot hold the target
         reach = float(np.linalg.norm(target.hull_points() - position, axis=1).max())

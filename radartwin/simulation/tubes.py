@@ -76,7 +76,7 @@ class Hits:
         pose: (N,) index; tube: (N,) index in the launch; bounce: (N,) reflections, from 1.
         amplitude: (N, Q) complex, conjugated, without propagation phase.
         length_in_m, length_out_m: (N,) float64; departure, arrival: (N, 3) unit, from source and receiver towards the path.
-        first_m: (N,) float64, source to first hit. sequence: (N,) uint64, 1 + label of each face met, kernel.LABEL_BITS each, last lowest.
+        first_m: (N,) float64, source to first hit. sequence: (N,) uint64, 1 + label of each face met, LABEL_BITS each, last lowest.
     """
 
     pose: np.ndarray
@@ -176,9 +176,9 @@ class _Run:
         monostatic = bool(np.array_equal(self.transmit.position, self.receive.position))
         strongest = dr.zeros(mi.Float, launch.poses)
         tubes = kernel.start(launch, self.transmit.axis, self.transmit.cross, chosen, device.nodes)
+        active = kernel.cast(device, tubes, True)
         for number in range(1, self.max_bounces + 1):
-            tubes.evaluate()
-            contact, active = kernel.meet(device, tubes, first=number == 1)
+            contact, active = kernel.meet(device, tubes, number == 1, active)
             if number == 1 and device.cluster is not None:
                 active &= dr.gather(mi.UInt32, device.cluster, contact.face, active) == dr.opaque(mi.UInt32, self.first_hit)
             receiver = receiver_at(tubes.pose, active)
@@ -196,18 +196,28 @@ class _Run:
             if self.receive.cross:
                 axis = dr.cross(outgoing, axis)
             values = kernel.scatter(device, tubes, contact, outgoing, length_out, axis, wavenumber, active, launch.plane)
+            here = (
+                tubes.pose, tubes.index, tubes.length, mi.Float64(length_out), tubes.departure, outgoing, tubes.first, tubes.sequence,
+                values,
+            )  # fmt: skip
+            level = sum((re * re + im * im for re, im in values), mi.Float(0.0)) / dr.opaque(mi.Float, device.nodes)
             if self.prune:
-                level = sum((re * re + im * im for re, im in values), mi.Float(0.0)) / dr.opaque(mi.Float, device.nodes)
                 dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, tubes.pose, seen)
-                dr.eval(values, seen, level, strongest)
-                seen &= level >= dr.opaque(mi.Float, self.prune**2) * dr.gather(mi.Float, strongest, tubes.pose, seen)
+            onward = number < self.max_bounces
+            if onward:
+                active = kernel.bounce(device, tubes, contact, active)
+            # all that casts rays in one kernel: what is left unevaluated would cast them again for every array that is read
+            tubes.evaluate(here, level, strongest, seen, active)
+            if self.prune:
+                seen = seen & (level >= dr.opaque(mi.Float, self.prune**2) * dr.gather(mi.Float, strongest, here[0], seen))
             keep = dr.compress(seen)
             if dr.width(keep):
-                yield self._hits(tubes, values, length_out, outgoing, keep, number)
-            if number < self.max_bounces:
-                tubes = kernel.bounce(device, tubes, contact, active)
-                if dr.width(tubes.index) == 0:
+                yield self._hits(here, keep, number)
+            if onward:
+                alive = dr.compress(active)
+                if dr.width(alive) == 0:
                     return
+                tubes, active = tubes.compacted(alive), mi.Bool(True)
 
     def _occluded(self, pose: Any, first: Any, last: Any, active: Any) -> Any:
         from radartwin.simulation import kernel
@@ -217,17 +227,18 @@ class _Run:
         return kernel.blocked(scene, self.occluder.rotation, self.occluder.translation, pose, first, last, active)
 
     @staticmethod
-    def _hits(tubes: Any, values: list, length_out: Any, outgoing: Any, keep: Any, number: int) -> Hits:
+    def _hits(lanes: tuple, keep: Any, number: int) -> Hits:
         """Contributing lanes as host arrays; a = -j (re + j im), conjugated."""
         import drjit as dr
-        import mitsuba as mi
 
-        def host(lanes: Any) -> np.ndarray:
-            return dr.gather(type(lanes), lanes, keep).numpy()
+        def pick(value: Any) -> Any:
+            return [pick(v) for v in value] if isinstance(value, list | tuple) else dr.gather(type(value), value, keep)
 
-        amplitude = np.stack([1j * (host(re).astype(float) - 1j * host(im).astype(float)) for re, im in values], axis=1)
+        picked = pick(lanes)
+        dr.eval(picked)
+        pose, index, length, length_out, departure, outgoing, first, sequence, values = picked
+        amplitude = np.stack([im.numpy() + 1j * re.numpy() for re, im in values], axis=1).astype(complex)
         return Hits(
-            host(tubes.pose).astype(int), host(tubes.index).astype(int), np.full(dr.width(keep), number), amplitude,
-            host(tubes.length), host(mi.Float64(length_out)), host(tubes.departure).T.astype(float), -host(outgoing).T.astype(float),
-            host(tubes.first), host(tubes.sequence),
+            pose.numpy().astype(int), index.numpy().astype(int), np.full(len(keep), number), amplitude, length.numpy(), length_out.numpy(),
+            departure.numpy().T.astype(float), -outgoing.numpy().T.astype(float), first.numpy(), sequence.numpy(),
         )  # fmt: skip
