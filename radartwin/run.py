@@ -95,6 +95,9 @@ def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     _extend_path(config_dirs)
     config = compose(overrides, config_dirs)
     result, counts = run_experiment(config, overrides)
+    page = getattr(load(config.experiment), "page", None)
+    if callable(page):  # an experiment that is read row by row says how
+        print(page(result.rows))
     print(summary(result))
     print(f"run: simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}")
     return 0

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
@@ -63,23 +63,24 @@ class Case:
     limit: float
     unit: str
     compare: Callable[[bool], Finding]
-    cost: Literal["quick", "full"] = "quick"
+    cost: str = "quick"
 
     def verdict(self, finding: Finding) -> str:
         return "holds" if finding.error <= self.limit else "fails"
 
 
-def db(power: float | np.ndarray) -> float | np.ndarray:
+def db(power: Any) -> Any:
+    """Decibels of a power."""
     return 10 * np.log10(power)
 
 
-def worst(pairs: list[tuple[float, float]]) -> Finding:
+def worst(pairs: Sequence[tuple[float, float]]) -> Finding:
     """Of (reference, ours) pairs, the one that differs most."""
     reference, ours = max(pairs, key=lambda pair: abs(pair[1] - pair[0]))
     return Finding(reference, ours, abs(ours - reference), len(pairs))
 
 
-def rms(differences: list[float] | np.ndarray) -> Finding:
+def rms(differences: Sequence[float] | np.ndarray) -> Finding:
     """Root mean square of differences that should vanish."""
     value = float(np.sqrt(np.mean(np.square(differences))))
     return Finding(0.0, value, value, len(differences))

@@ -141,12 +141,12 @@ def _cone(apex: np.ndarray, convex: np.ndarray) -> list[tuple[np.ndarray, float]
     centre = convex.mean(axis=0)
     planes = []
     for start, end in zip(convex, np.roll(convex, -1, axis=0), strict=True):
-        normal = np.cross(start - apex, end - apex)
+        normal = np.cross(start - apex, end - start)
         length = np.linalg.norm(normal)
         if length == 0:
             continue
         normal = normal / length * np.sign(normal @ (centre - apex))
-        planes.append((normal, float(normal @ apex)))
+        planes.append((normal, float(normal @ start)))  # at the panel: the apex may be far
     return planes
 
 
