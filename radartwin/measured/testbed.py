@@ -71,12 +71,13 @@ def record(
     rng = np.random.default_rng(np.random.SeedSequence([seed, *b"testbed recording"]))
     moved = _misplaced(motion, gaps.trajectory, rng)
     fine = gaps.solver > 0
+    hardware = Hardware().scaled(gaps.hardware)
+    actual = hardware.radar(radar) if gaps.hardware > 0 else radar
     recording = simulate(
-        scene, radar, sensor_pose, motion=moved, noise=gaps.hardware > 0, seed=seed, variant=variant,
+        scene, actual, sensor_pose, motion=moved, noise=gaps.hardware > 0, seed=seed, variant=variant,
         max_bounces=TRUTH_BOUNCES if fine else 4, rays=TRUTH_ROOM_RAYS if fine else None,
         rays_per_wavelength2=TRUTH_RAYS_PER_WAVELENGTH2 if fine else 1.0,
     )  # fmt: skip
-    hardware = Hardware().scaled(gaps.hardware)
     iq = hardware.apply(recording.iq, radar) if gaps.hardware > 0 else recording.iq
     scale = hardware.scale if gaps.hardware > 0 else None
     return Recording(iq, radar, recording.sensor_poses, scale=scale, provenance={"kind": "testbed", "seed": seed})

@@ -24,9 +24,12 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.radar.antenna import ELEMENTS
 from radartwin.radar.boards import IWR1843BOOST, Position
+from radartwin.radar.if_filter import IfFilter
+from radartwin.radar.phase_noise import PhaseNoise
 
 _POSITIVE = ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "chirp_interval", "frame_rate_hz")
 _COUNTS = ("num_samples", "num_chirps")
+_PARTS: dict[str, Any] = {"if_filter": IfFilter, "phase_noise": PhaseNoise}
 _MAX_COUNT = 1_000_000  # far above any chirp or frame; a typing error must not fill the memory
 
 
@@ -41,6 +44,8 @@ class Radar:
             starts (c * num_tx + t) * chirp_interval after the frame.
         element: antenna pattern, "iwr1843" or "isotropic" (radartwin.radar.antenna).
         real_sampling: the ADC keeps one real channel, which halves the unambiguous range.
+        if_filter: what the receiver does to echoes by their beat frequency; None passes all, and far ones fold.
+        phase_noise: of the oscillator; None is a pure one.
 
     >>> round(Radar.iwr1843().range_resolution_m, 4)
     0.0436
@@ -60,6 +65,8 @@ class Radar:
     noise_figure_db: float = 15.0
     transmit_power_dbm: float = 12.0
     real_sampling: bool = False
+    if_filter: IfFilter | None = None
+    phase_noise: PhaseNoise | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -77,6 +84,12 @@ class Radar:
                 raise InputError(f"radar {self.name}: {name} must be a finite number, not {_short(getattr(self, name))}")
         if not isinstance(self.real_sampling, bool):
             raise InputError(f"radar {self.name}: real_sampling must be true or false, not {_short(self.real_sampling)}")
+        for name, kind in _PARTS.items():
+            value = getattr(self, name)
+            if isinstance(value, Mapping):
+                object.__setattr__(self, name, kind.from_dict(value))
+            elif value is not None and not isinstance(value, kind):
+                raise InputError(f"radar {self.name}: {name} must be a {kind.__name__} or None, not {_short(value)}")
         if not isinstance(self.element, str) or self.element not in ELEMENTS:
             raise InputError(f"radar {self.name}: element {self.element!r} is unknown; use one of {', '.join(ELEMENTS)}")
         for name in ("tx_positions_m", "rx_positions_m"):
@@ -139,10 +152,14 @@ class Radar:
         return SPEED_OF_LIGHT / (2 * self.sampled_bandwidth_hz)
 
     @property
+    def band_hz(self) -> float:
+        """Beat frequencies that the samples tell apart: the sample rate, half of it for real sampling."""
+        return self.sample_rate_hz / 2 if self.real_sampling else self.sample_rate_hz
+
+    @property
     def unambiguous_range_m(self) -> float:
         """Range at which the beat frequency folds: fs for complex sampling, fs/2 for real sampling."""
-        full = self.sample_rate_hz * SPEED_OF_LIGHT / (2 * self.slope_hz_per_s)
-        return full / 2 if self.real_sampling else full
+        return self.band_hz * SPEED_OF_LIGHT / (2 * self.slope_hz_per_s)
 
     @property
     def loop_interval_s(self) -> float:
@@ -208,10 +225,14 @@ class Radar:
         return read_radar(path)
 
     def to_dict(self) -> dict[str, Any]:
-        """Fields as plain numbers, strings and lists, ready for JSON or YAML."""
+        """Fields as plain numbers, strings, lists and mappings, ready for JSON or YAML; parts that are None are left out."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("tx_positions_m", "rx_positions_m"):
             values[name] = [list(position) for position in values[name]]
+        for name in _PARTS:
+            part = values.pop(name)
+            if part is not None:
+                values[name] = part.to_dict()
         return values
 
     @classmethod

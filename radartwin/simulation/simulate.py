@@ -14,7 +14,7 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backend import Backend, resolve
 from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.synthesis import synthesize, thermal_noise
+from radartwin.simulation.synthesis import oscillator_noise, synthesize, thermal_noise
 
 MAX_RAYS = 200_000_000  # per pose: some minutes of tracing
 MAX_DENSITY = 10_000  # seven million tubes on a 10 cm plate
@@ -45,7 +45,7 @@ def simulate(
         motion: object-to-world poses (F, 4, 4) by surface name.
         max_bounces: reflections per path, at least 1.
         rays: tubes per pose over the sphere (over the object where there is no room); None takes the width rule.
-        noise: add thermal noise by the radar's noise figure and transmit power.
+        noise: add thermal noise by the radar's noise figure and transmit power, and its oscillator's where it has phase noise.
         seed: root of the noise; the same seed gives the same bytes.
         rays_per_wavelength2: tubes per square wavelength on objects.
         variant: "auto", "llvm" or "cuda".
@@ -79,6 +79,8 @@ def simulate(
         for start in range(0, frames, FRAMES_PER_BLOCK):
             block = iq[start : start + FRAMES_PER_BLOCK]
             block += thermal_noise(block.shape, radar, rng)
+            shown = [part.frames(start, start + len(block)) if part.poses == frames else part for part in parts]
+            block += oscillator_noise(shown, radar, len(block), rng)
     if radar.real_sampling:
         iq.imag = 0
     provenance = {

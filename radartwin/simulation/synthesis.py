@@ -12,6 +12,8 @@ Equal inputs give equal bytes, on any number of cores. The loops are in radartwi
 """
 
 import functools
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import jv
@@ -25,7 +27,8 @@ from radartwin.simulation.compiled import shared_out
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.reflection_table import lagrange_basis
 
-ELEMENTS = ("exact", "planar")
+ELEMENTS = ("exact", "planar", "auto")
+PLANAR_PHASE = 0.01  # radians, largest error of the planar array that "auto" takes; 0.57 degrees, the iwr1843's beyond 1.93 m
 _SHAPE = 2.30 * gridding.TAPS
 _DEGREE = gridding.TAPS + 1  # of the polynomials that stand for the kernel: 1e-6 of its peak, a further degree changes nothing
 _BESSEL_TAIL = 1e-5
@@ -84,7 +87,8 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     Args:
         paths: of F poses, ascending in pose.
         radar: T transmitters, R receivers, C loops, N samples.
-        elements: "exact" distances to every antenna element, or "planar": each path arrives along one direction.
+        elements: "exact" distances to every antenna element; "planar": each path leaves and arrives along one direction; "auto": planar
+            where no path's phase is off by more than PLANAR_PHASE.
         out: (F, C, T, R, N) complex to add to, in place of zeros.
     Returns:
         complex64 (or `out`) (F, C, T, R, N), amplitude units: |.|^2 is received over transmitted power.
@@ -96,7 +100,10 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     if iq.shape != shape:
         raise InputError(f"out must have shape {shape}, not {iq.shape}")
     gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
-    amplitude = np.ascontiguousarray(paths.amplitude * gain[:, None])
+    if radar.if_filter is not None:
+        gain = gain * radar.if_filter.gain(radar.slope_hz_per_s / SPEED_OF_LIGHT * paths.length_m, radar.band_hz)
+    amplitude = np.ascontiguousarray(paths.amplitude * gain[:, None], complex)
+    planar = elements == "planar" or (elements == "auto" and planar_phase(paths, radar) <= PLANAR_PHASE)
     samples = radar.num_samples
     cells = max(16, 1 << (2 * samples - 1).bit_length())
     fast_time = np.arange(samples) / radar.sample_rate_hz
@@ -115,7 +122,7 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     tables = (
         np.ascontiguousarray(paths.length_in_m, float), np.ascontiguousarray(paths.length_out_m, float),
         np.ascontiguousarray(paths.departure, float), np.ascontiguousarray(paths.arrival, float),
-        paths.rate_mps * middle, motion, amplitude, radar.tx_positions, radar.rx_positions, elements == "planar",
+        paths.rate_mps * middle, motion, amplitude, radar.tx_positions, radar.rx_positions, planar,
         (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT,
         radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells, terms, _kernel_polynomials(),
     )  # fmt: skip
@@ -131,6 +138,16 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
         shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, *grid, cosine, sine, band, slow, iq[first:last])
         first = last
     return iq
+
+
+def planar_phase(paths: Paths, radar: Radar) -> float:
+    """Bound on the phase error of planar elements over all paths, radians: k p^2/(2 L) of the outermost element at either end."""
+    if not len(paths):
+        return 0.0
+    wavenumber = 2 * np.pi * (radar.start_frequency_hz + radar.sampled_bandwidth_hz) / SPEED_OF_LIGHT
+    outermost = [(positions**2).sum(axis=1).max() for positions in (radar.tx_positions, radar.rx_positions)]
+    with np.errstate(divide="ignore"):
+        return float((wavenumber / 2 * (outermost[0] / paths.length_in_m + outermost[1] / paths.length_out_m)).max())
 
 
 def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -157,3 +174,27 @@ def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator
     transmitted = 1e-3 * 10 ** (radar.transmit_power_dbm / 10)
     scale = np.sqrt(received / transmitted / 2)
     return scale * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
+
+
+def oscillator_noise(parts: Sequence[Paths], radar: Radar, frames: int, rng: np.random.Generator) -> np.ndarray:
+    """What the oscillator's phase noise adds to the IQ of some parts, to first order in the phase (it is a few milliradians).
+
+    Args:
+        parts: each of F poses, or of one pose that holds for all frames.
+    Returns:
+        complex64 (F, C, T, R, N); zeros without radar.phase_noise.
+    """
+    out = np.zeros((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
+    parts = [part for part in parts if len(part)]
+    if radar.phase_noise is None or not parts:
+        return out
+    longest = max(float(part.length_m.max()) for part in parts) / SPEED_OF_LIGHT
+    chirps = frames * radar.num_chirps * radar.num_tx
+    processes = radar.phase_noise.processes(chirps, radar.num_samples, radar.sample_rate_hz, longest, rng)
+    for k, process in enumerate(processes):
+        phase = process.reshape(frames, radar.num_chirps, radar.num_tx, 1, radar.num_samples).astype(np.float32)
+        for part in parts:
+            delay = np.clip(2 * part.length_m / SPEED_OF_LIGHT / longest - 1, -1, 1)
+            weight = np.cos(k * np.arccos(delay))
+            out += np.complex64(1j) * phase * synthesize(replace(part, amplitude=part.amplitude * weight[:, None]), radar)
+    return out

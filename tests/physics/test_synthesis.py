@@ -1,11 +1,18 @@
 """IQ from paths against the direct sum of the signal's definition."""
 
+import dataclasses
+import subprocess
+import sys
+
 import numpy as np
 import pytest
+from scipy.special import jv
 
+from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
+from radartwin.simulation import compiled, gridding
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.synthesis import synthesize, thermal_noise
+from radartwin.simulation.synthesis import planar_phase, synthesize, thermal_noise
 
 C = 299_792_458.0
 
@@ -71,3 +78,95 @@ def test_noise_power_is_kTBF():
 def test_equal_input_gives_equal_bytes():
     paths, radar = random_paths(5000, 4, 1.0), Radar.iwr1843()
     assert synthesize(paths, radar).tobytes() == synthesize(paths, radar).tobytes()
+
+
+@pytest.mark.parametrize("samples", [1, 2, 7, 100, 257])
+def test_any_number_of_samples_chirps_and_channels(samples):
+    """Grids of even and odd powers of two, and sweeps that do not fill them."""
+    array = {"tx_positions_m": ((0, 0.01, 0.002),), "rx_positions_m": ((0, 0, 0),) * 3}
+    radar = dataclasses.replace(Radar.iwr1843(element="isotropic"), num_samples=samples, num_chirps=3, **array)
+    paths = random_paths(30, 2, 0.5, 2)
+    expected = direct_sum(paths, radar)
+    assert np.linalg.norm(synthesize(paths, radar) - expected) / np.linalg.norm(expected) < 1e-4
+
+
+def test_frames_of_many_paths_are_split_and_frames_of_none_stay_silent(monkeypatch):
+    radar = Radar.iwr1843(element="isotropic")
+    paths = random_paths(60, 2, 0.2)
+    paths = dataclasses.replace(paths, poses=4, pose=2 * paths.pose)
+    expected = direct_sum(paths, radar)
+    monkeypatch.setattr("radartwin.simulation.synthesis._PATHS_PER_TASK", 7)
+    monkeypatch.setattr("radartwin.simulation.synthesis._GRID_BYTES", 1)
+    iq = synthesize(paths, radar)
+    assert np.linalg.norm(iq - expected) / np.linalg.norm(expected) < 1e-4
+    assert not iq[[1, 3]].any()
+
+
+def test_bytes_do_not_depend_on_the_number_of_cores(monkeypatch):
+    paths, radar = random_paths(20_000, 5, 1.0), Radar.iwr1843()
+    several = synthesize(paths, radar).tobytes()
+    monkeypatch.setattr(compiled, "cores", lambda: 1)
+    assert synthesize(paths, radar).tobytes() == several
+
+
+def test_a_frame_is_added_to_what_is_there():
+    paths, radar = random_paths(50, 2, 0.1), Radar.iwr1843()
+    there = np.full((2, 16, 2, 4, 256), 3j, np.complex64)
+    alone = synthesize(paths, radar)
+    assert synthesize(paths, radar, out=there) is there
+    np.testing.assert_allclose(there - 3j, alone, atol=1e-5 * np.abs(alone).max())
+    with pytest.raises(InputError, match="shape"):
+        synthesize(paths, radar, out=there[:1])
+
+
+@pytest.mark.parametrize("argument", [0.0, 3e-5, -2e-4, 0.07, -1.3, 6.7, -40.0])
+def test_bessel_functions(argument):
+    found = np.empty(60)
+    gridding.bessel(argument, found)
+    np.testing.assert_allclose(found, jv(np.arange(60), argument), atol=1e-12)
+
+
+@pytest.mark.parametrize(("range_m", "degrees"), [(0.2, 5.4747), (0.3, 3.6499), (0.5, 2.1900), (1.0, 1.0950), (2.0, 0.5475), (5.0, 0.2190)])
+def test_planar_elements_are_off_by_the_sagitta_of_the_wave(range_m, degrees):
+    """Against the distances themselves at boresight, and the largest error over the array of reference/array_phase_error_deg.csv."""
+    radar = Radar.iwr1843(element="isotropic")
+    forward = np.array([[1.0, 0.0, 0.0]])
+    rest = (np.ones((1, 1), complex), np.array([radar.center_frequency_hz]), np.array([range_m]), np.array([range_m]), forward, forward)
+    paths = Paths(1, np.zeros(1, int), np.ones(1, int), *rest, np.zeros(1))
+    exact, planar = (synthesize(paths, radar, elements=e)[0, 0, :, :, 0] for e in ("exact", "planar"))
+    error = np.degrees(np.abs(np.angle(exact * planar.conj())).max())
+    assert error == pytest.approx(degrees, rel=0.01)
+    assert np.degrees(planar_phase(paths, radar)) == pytest.approx(error, rel=0.05)  # a bound, at the end of the sweep
+    assert planar_phase(paths, radar) >= np.radians(error)
+    auto = synthesize(paths, radar, elements="auto")[0, 0, :, :, 0]
+    assert np.array_equal(auto, planar if range_m >= 1.93 else exact)
+
+
+@pytest.mark.parametrize("shortest_m", [2.0, 5.0])
+def test_planar_elements_of_a_scene_are_as_wrong_as_promised(shortest_m):
+    """Delays of the elements are kept over the band, so only the curvature of the wave is missing."""
+    radar = Radar.iwr1843(element="isotropic")
+    paths = random_paths(400, 1, 0.3)
+    paths = dataclasses.replace(paths, length_in_m=paths.length_in_m + shortest_m, length_out_m=paths.length_out_m + shortest_m)
+    exact, planar = (synthesize(paths, radar, elements=e) for e in ("exact", "planar"))
+    error = np.linalg.norm(exact - planar) / np.linalg.norm(exact)
+    assert 1e-5 < error < planar_phase(paths, radar)
+
+
+def test_unknown_elements_are_refused():
+    with pytest.raises(InputError, match="exact, planar, auto"):
+        synthesize(random_paths(1, 1, 0.0), Radar.iwr1843(), elements="spherical")
+
+
+def test_compiled_code_needs_no_folder_to_write_to():
+    """Where neither the source's folder nor the user's can hold a cache, functions are compiled in memory."""
+    code = (
+        "import numba.core.caching as c\n"
+        "c.CacheImpl._locator_classes = []\n"
+        "for k in c.CacheImpl.__subclasses__(): k._locator_classes = []\n"
+        "from radartwin.simulation.compiled import compiled\n"
+        "@compiled\n"
+        "def twice(x): return 2 * x\n"
+        "assert twice(4) == 8\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

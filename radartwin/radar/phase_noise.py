@@ -1,0 +1,99 @@
+"""Phase noise of the local oscillator, and what mixing with its own delayed copy leaves of it.
+
+An echo of delay tau is mixed with the oscillator it came from: its phase is off by phi(t) - phi(t - tau), with the spectral density
+S(f) 4 sin^2(pi f tau) of S(f) = 2 L(f), one-sided (M. Budge, M. Burt, Range correlation effects in radars, IEEE National Radar Conference
+1993). Near echoes keep little of it, far ones more; all antennas share it.
+
+Level at 1 MHz: -95 dBc/Hz from 76 to 77 GHz and -93 dBc/Hz from 77 to 81 GHz, IWR1843 data sheet (TI SWRS228), from memory and not
+verified. The data sheet gives no other offset: a plateau up to the loop's corner and 1/f^2 beyond it are assumed.
+Over the delays of a frame the difference is separated as exp(-j 2 pi f tau) = exp(-j w) sum_k (2 - [k=0]) (-j)^k J_k(w) T_k(u), with
+w = pi f tau_max and tau = tau_max (1 + u)/2, so that a handful of random processes serve all echoes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.errors import InputError
+from radartwin.radar.if_filter import build
+
+_TAIL = 1e-6  # of the oscillator's own noise: far below what the shortest echo keeps
+_LONGER = 4  # times the sweep is the period of the noise, so that its ends do not meet
+
+
+@dataclass(frozen=True)
+class PhaseNoise:
+    """Attributes:
+    level_dbc_hz: single-sideband level at 1 MHz from the carrier.
+    corner_hz: of the loop; below it the level is constant.
+
+    >>> round(float(10 * np.log10(PhaseNoise(-93.0).density(1e6) / 2)), 6)
+    -93.0
+    """
+
+    level_dbc_hz: float = -93.0
+    corner_hz: float = 300e3
+
+    def __post_init__(self) -> None:
+        for name in ("level_dbc_hz", "corner_hz"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise InputError(f"phase_noise: {name} must be a finite number, not {value!r}")
+        if self.corner_hz <= 0:
+            raise InputError(f"phase_noise: corner_hz must be above zero, not {self.corner_hz!r}")
+
+    def density(self, offset_hz: Any) -> Any:
+        """One-sided spectral density of the phase, rad^2/Hz."""
+        shape = (1 + (1e6 / self.corner_hz) ** 2) / (1 + (np.asarray(offset_hz) / self.corner_hz) ** 2)
+        return 2 * 10 ** (self.level_dbc_hz / 10) * shape
+
+    def terms(self, longest_s: float, sample_rate_hz: float) -> int:
+        """How many processes stand for delays up to `longest_s`."""
+        from scipy.special import jv
+
+        largest = np.pi * sample_rate_hz / 2 * longest_s
+        count = int(largest) + 1
+        while abs(jv(count, largest)) > _TAIL:
+            count += 1
+        return count
+
+    def processes(
+        self, chirps: int, samples: int, sample_rate_hz: float, longest_s: float, rng: np.random.Generator
+    ) -> NDArray[np.float64]:
+        """Random processes psi_k: an echo of delay tau is off by sum_k psi_k T_k(2 tau/longest_s - 1).
+
+        Args:
+            chirps, samples: one independent realisation a chirp; offsets from a quarter of a cycle a sweep to half the sample rate.
+        Returns:
+            (terms, chirps, samples), radians.
+        """
+        from scipy.special import jv
+
+        size = _LONGER * samples
+        offset = np.arange(1, size // 2 + 1) * sample_rate_hz / size
+        spacing = sample_rate_hz / size
+        # a process of variance S df per component: x = Re sum_l c_l exp(j 2 pi l n/size), E|c_l|^2 = 2 S df
+        draw = rng.standard_normal((2, chirps, len(offset)))
+        component = np.sqrt(self.density(offset) * spacing) * (draw[0] + 1j * draw[1])
+        w = np.pi * offset * longest_s
+        out = np.empty((self.terms(longest_s, sample_rate_hz), chirps, samples))
+        for k in range(len(out)):
+            weight = -np.exp(-1j * w) * (1 if k == 0 else 2) * (-1j) ** k * jv(k, w)
+            spectrum = np.zeros((chirps, size), complex)
+            spectrum[:, 1 : len(offset) + 1] = component * (weight + 1 if k == 0 else weight)
+            out[k] = np.fft.ifft(spectrum, norm="forward").real[:, :samples]
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> PhaseNoise:
+        """The inverse of to_dict. Raises InputError for an unknown or mistyped field."""
+        return build(cls, "phase_noise", values)

@@ -1,0 +1,156 @@
+"""IF filter and phase noise of the receiver: by delay, before anything folds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import radartwin as rt
+from radartwin.errors import InputError
+from radartwin.radar.chirp import Radar
+from radartwin.radar.hardware import Hardware
+from radartwin.radar.if_filter import IfFilter
+from radartwin.radar.phase_noise import PhaseNoise
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.synthesis import oscillator_noise, synthesize
+
+C = 299_792_458.0
+RADAR = Radar.iwr1843(element="isotropic")
+
+
+def target(*ranges_m, amplitude=1.0):
+    count = len(ranges_m)
+    forward = np.tile([1.0, 0.0, 0.0], (count, 1))
+    lengths = np.array(ranges_m, float)
+    rest = (np.full((count, 1), amplitude, complex), np.array([RADAR.center_frequency_hz]), lengths, lengths, forward, forward)
+    return Paths(1, np.zeros(count, int), np.ones(count, int), *rest, np.zeros(count))
+
+
+def profile(iq):
+    """Zero-padded Hann spectrum of one chirp and channel, over range in metres."""
+    spectrum = np.fft.fft(iq[0, 0, 0, 0] * np.hanning(256), 8192) / np.hanning(256).sum()
+    return np.arange(8192) / 8192 * RADAR.sample_rate_hz * C / (2 * RADAR.slope_hz_per_s), spectrum
+
+
+def test_without_a_filter_a_target_at_12_m_folds_to_84_cm():
+    range_m, spectrum = profile(synthesize(target(12.0), RADAR))
+    assert range_m[np.argmax(np.abs(spectrum))] == pytest.approx(12 - 5.21e6 * C / (2 * 70e12), abs=0.01)
+    assert np.abs(spectrum).max() == pytest.approx(1, abs=0.02)
+
+
+@pytest.mark.parametrize(("range_m", "least_db"), [(12.0, 60.0), (11.2, 60.0), (30.0, 60.0), (11.0, 50.0), (10.6, 29.0)])
+def test_with_the_filter_it_is_gone(range_m, least_db):
+    radar = dataclasses.replace(RADAR, if_filter=IfFilter())
+    level = 20 * np.log10(np.abs(profile(synthesize(target(range_m), radar))[1]).max())
+    assert level < -least_db + 0.3
+
+
+@pytest.mark.parametrize(
+    ("corners", "loss_db", "lead_deg"),
+    [((), 0.0, 0.0), ((175e3,), 0.0673, 7.12), ((175e3, 350e3), 0.330, 21.16)],
+)
+def test_a_target_at_3_m_passes_with_the_loss_and_lead_of_the_high_pass(corners, loss_db, lead_deg):
+    """Beat at 1.401 MHz; one stage loses 10 log10(1 + (fc/f)^2) and leads by atan(fc/f): 0.067 dB and 7.1 degrees."""
+    plain = synthesize(target(3.0), RADAR)[0, 0, 0, 0]
+    magnitude, complete = (
+        synthesize(target(3.0), dataclasses.replace(RADAR, if_filter=IfFilter(corners, zero_phase=z)))[0, 0, 0, 0] / plain
+        for z in (True, False)
+    )
+    assert -20 * np.log10(np.abs(magnitude)).mean() == pytest.approx(loss_db, abs=1e-3)
+    assert np.abs(np.angle(magnitude)).max() < 1e-4
+    assert np.degrees(np.angle(complete)).mean() == pytest.approx(lead_deg, abs=0.02)
+    np.testing.assert_allclose(np.abs(complete), np.abs(magnitude), rtol=1e-4)
+
+
+def test_real_samples_fold_at_half_the_rate_and_are_filtered_there():
+    real = dataclasses.replace(RADAR, real_sampling=True, if_filter=IfFilter(()))
+    assert np.abs(synthesize(target(4.9), real)).max() == pytest.approx(1, abs=1e-3)
+    assert np.abs(synthesize(target(6.0), real)).max() == pytest.approx(1e-3, rel=1e-3)
+
+
+def test_a_filter_is_part_of_the_description_and_off_unless_given():
+    assert RADAR.if_filter is None
+    assert "if_filter" not in RADAR.to_dict()
+    radar = dataclasses.replace(RADAR, if_filter=IfFilter((235e3, 700e3), 0.8, 40.0, False), phase_noise=PhaseNoise(-90.0))
+    assert Radar.from_dict(radar.to_dict()) == radar
+    assert hash(radar) != hash(RADAR)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"if_filter": 3}, "if_filter"),
+        ({"if_filter": {"corner": 1}}, "unknown field 'corner'"),
+        ({"if_filter": {"high_pass_hz": [-1]}}, "above zero"),
+        ({"if_filter": {"pass_share": 1.0}}, "between 0 and 1"),
+        ({"if_filter": {"stop_db": float("nan")}}, "stop_db"),
+        ({"phase_noise": {"level_dbc_hz": "low"}}, "level_dbc_hz"),
+        ({"phase_noise": {"corner_hz": 0.0}}, "corner_hz"),
+    ],
+)
+def test_a_part_that_makes_no_sense_is_refused_by_name(change, words):
+    with pytest.raises(InputError, match=words):
+        Radar.from_dict({**RADAR.to_dict(), **change})
+
+
+def residual(range_m, noise, sample_rate_hz, samples):
+    """Standard deviation of phi(t) - phi(t - tau): the integral of S(f) 4 sin^2(pi f tau) over the offsets that samples can hold."""
+    f = np.linspace(0.5, 2 * samples + 0.5, 400_001)[1:] * sample_rate_hz / (4 * samples)
+    plateau = 2 * 10 ** (noise.level_dbc_hz / 10) * (1 + (1e6 / noise.corner_hz) ** 2)
+    density = plateau / (1 + (f / noise.corner_hz) ** 2) * 4 * np.sin(np.pi * f * 2 * range_m / C) ** 2
+    return np.sqrt(np.trapezoid(density, f))
+
+
+@pytest.mark.parametrize("range_m", [0.1, 1.0, 5.0, 10.0])
+def test_phase_noise_of_an_echo_is_the_integral_of_its_range_correlated_density(range_m):
+    """Each echo by its own delay, though another is there: 40 dB between 0.1 and 10 m."""
+    noise = PhaseNoise(-93.0)
+    radar = dataclasses.replace(RADAR, phase_noise=noise)
+    longest = 2 * 10.0 / C
+    processes = noise.processes(6000, 256, RADAR.sample_rate_hz, longest, np.random.default_rng(0))
+    u = 2 * (2 * range_m / C) / longest - 1
+    phase = np.einsum("kcn,k->cn", processes, np.cos(np.arange(len(processes)) * np.arccos(u)))
+    assert phase.std() == pytest.approx(residual(range_m, noise, RADAR.sample_rate_hz, 256), rel=0.02)
+    # in the samples: a lone echo's noise over its own signal is j times that phase
+    frames = 40
+    part = target(range_m)
+    part = dataclasses.replace(part.where(np.zeros(frames, int)), poses=frames, pose=np.arange(frames))
+    ratio = oscillator_noise([part], radar, frames, np.random.default_rng(1)) / synthesize(part, radar)
+    assert np.abs(ratio.real).max() < 1e-3 * np.abs(ratio.imag).max()
+    assert ratio.imag.std() == pytest.approx(residual(range_m, noise, RADAR.sample_rate_hz, 256), rel=0.05)
+
+
+def test_all_receivers_share_the_phase_noise_and_chirps_do_not():
+    radar = dataclasses.replace(RADAR, phase_noise=PhaseNoise())
+    ratio = (oscillator_noise([target(4.0)], radar, 2, np.random.default_rng(0)) / synthesize(target(4.0), radar)).imag
+    np.testing.assert_allclose(ratio[:, :, :, 0], ratio[:, :, :, 3], atol=1e-3 * ratio.std())
+    assert abs(np.corrcoef(ratio[0, 0, 0, 0], ratio[0, 1, 0, 0])[0, 1]) < 0.5
+    assert not np.allclose(ratio[0], ratio[1], atol=ratio.std())
+
+
+def test_phase_noise_comes_with_noise_only_and_repeats_itself():
+    plate = rt.Scene([rt.Surface(rt_plate(), "metal", "plate")])
+    quiet, loud = Radar.iwr1843(), dataclasses.replace(Radar.iwr1843(), phase_noise=PhaseNoise(-60.0))
+    pose = np.eye(4)[None]
+    assert np.array_equal(rt.simulate(plate, quiet, pose).iq, rt.simulate(plate, loud, pose).iq)
+    first, again = (rt.simulate(plate, loud, pose, noise=True, seed=3).iq for _ in range(2))
+    assert np.array_equal(first, again)
+    assert not np.allclose(first, rt.simulate(plate, quiet, pose, noise=True, seed=3).iq)
+
+
+def rt_plate():
+    import trimesh
+
+    return trimesh.creation.box((0.001, 0.1, 0.1), np.array([[1, 0, 0, 1.5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]))
+
+
+def test_hardware_brings_filter_and_phase_noise_by_strength():
+    radar = Hardware().radar(RADAR)
+    assert radar.if_filter == IfFilter()
+    assert radar.phase_noise == PhaseNoise()
+    assert Hardware().scaled(0).radar(RADAR) == RADAR
+    twice = Hardware().scaled(2)
+    assert twice.if_filter is not None
+    assert twice.if_filter.high_pass_hz == (350e3,)
+    assert twice.phase_noise is not None
+    assert twice.phase_noise.level_dbc_hz == pytest.approx(-93.0 + 6.02, abs=0.01)
