@@ -79,9 +79,9 @@ class Surface:
         _, width, length = sorted(float(extent) for extent in self.mesh.extents)
         if length <= OBJECT_EXTENT_M or width <= OBJECT_WIDTH_M:
             return "object"
-        return "object" if length <= CURVED_EXTENT_M and self._curved() else "room"
+        return "object" if length <= CURVED_EXTENT_M and self.is_curved() else "room"
 
-    def _curved(self) -> bool:
+    def is_curved(self) -> bool:
         """Whether a fifth of the edges bend by 0.5 to 30 degrees, as a tessellated curve's do and a box's do not."""
         angles = np.degrees(self.mesh.face_adjacency_angles)
         return bool(len(angles) and ((angles > 0.5) & (angles < 30)).mean() > 0.2)

@@ -9,25 +9,28 @@ specular point inside and 0 outside, s = +-1 the side of the edge it lies on. In
 over the point above the specular path enters: pi r^2/2 = k D, at the corners and at the least excess along the edge's line, which has a
 closed form; each edge counts with the obliquity and spreading of the currents at its nearest point, over those at the specular point
 (0.1 to 1 m metal panels at 0.5 to 4 m, sensor up to a width beyond the edge: 0.0003 rms and 0.002 at most from quadrature; without this
-weight 0.002 and 0.01). On a straight edge far from all corners F is the half-plane factor (1 - (1 - j)(C + jS))/2; for a rectangle it is the product
-of two such differences. Polygons are convex here, counter-clockwise; whatever is left of one behind another is a few convex pieces.
+weight 0.002 and 0.01). On a straight edge far from all corners F is the half-plane factor (1 - (1 - j)(C + jS))/2; for a rectangle it is
+the product of two such differences. Polygons are convex here, counter-clockwise; whatever is left of one behind another is a few convex
+pieces.
 Ref: K. Miyamoto, E. Wolf, J. Opt. Soc. Am. 52 (1962) 615, for diffraction as a boundary wave.
 """
 
 import math
 
 import numpy as np
-from numba import njit
+
+from radartwin.simulation.compiled import compiled
 
 MAX_CORNERS = 24  # of a polygon in the making; a rectangle cut by eight planes has twelve
 MAX_PIECES = 64
+SLIVER_M2 = 2e-9  # twice the area below which a piece is rounding
 _NEAR = 2.0  # Fresnel coordinate below which the integral is summed directly
 _X, _WX = np.polynomial.legendre.leggauss(16)
 _LAGUERRE, _WL = np.polynomial.laguerre.laggauss(14)
 _HERMITE, _WH = np.polynomial.hermite.hermgauss(20)
 
 
-@njit(cache=True)
+@compiled
 def _to_infinity(d: float) -> complex:
     """G(d, infinity) = pi/2 erfc(d sqrt(-j pi/2)), d >= 0."""
     if d < _NEAR:  # C + jS by its power series
@@ -47,7 +50,7 @@ def _to_infinity(d: float) -> complex:
     return d / math.pi * np.exp(0.5j * math.pi * d * d) * total * 1j / np.sqrt(2j / math.pi)
 
 
-@njit(cache=True)
+@compiled
 def _from_zero(d: float, t: float) -> complex:
     """G(d, t), 0 <= t <= _NEAR, d > 0."""
     total = 0j
@@ -55,15 +58,12 @@ def _from_zero(d: float, t: float) -> complex:
         x = 0.5 * t * (1 + _X[i])
         r2 = d * d + x * x
         phase = 0.5 * math.pi * r2
-        if phase < 1e-6:
-            value = 0.5j * math.pi
-        else:
-            value = (np.exp(1j * phase) - 1) / r2
+        value = 0.5j * math.pi if phase < 1e-6 else (np.exp(1j * phase) - 1) / r2
         total += 0.5 * t * _WX[i] * value
     return math.atan2(t, d) + d * total
 
 
-@njit(cache=True)
+@compiled
 def _tail(d: float, t: float) -> complex:
     """G(d, infinity) - G(d, t), t > _NEAR, along the path of steepest descent."""
     total = 0j
@@ -73,7 +73,7 @@ def _tail(d: float, t: float) -> complex:
     return 1j * d / math.pi * np.exp(0.5j * math.pi * (d * d + t * t)) * total
 
 
-@njit(cache=True)
+@compiled
 def edge_wave(d: float, t_a: float, t_b: float) -> complex:
     """G(d, t_b) - G(d, t_a) for d >= 0 and t_a <= t_b."""
     if d == 0.0:  # the limit from the lit side; W counts the same side
@@ -85,14 +85,14 @@ def edge_wave(d: float, t_a: float, t_b: float) -> complex:
     return _signed(d, t_b) - _signed(d, t_a)
 
 
-@njit(cache=True)
+@compiled
 def _signed(d: float, t: float) -> complex:
     """G(d, t), odd in t."""
     value = _from_zero(d, abs(t)) if abs(t) <= _NEAR else _to_infinity(d) - _tail(d, abs(t))
     return value if t > 0 else -value
 
 
-@njit(cache=True)
+@compiled
 def clip(polygon: np.ndarray, count: int, a: float, b: float, c: float, out: np.ndarray) -> int:
     """Part of a convex polygon (count, 2) with a x + b y + c >= 0, written to `out`; its number of corners."""
     kept = 0
@@ -113,7 +113,7 @@ def clip(polygon: np.ndarray, count: int, a: float, b: float, c: float, out: np.
     return kept if kept > 2 else 0
 
 
-@njit(cache=True)
+@compiled
 def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, offset: float, out: np.ndarray) -> int:
     """Part of a convex polygon (count, 3) with normal . x >= offset, written to `out`; its number of corners."""
     kept = 0
@@ -134,7 +134,7 @@ def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, offset: floa
     return kept if kept > 2 else 0
 
 
-@njit(cache=True)
+@compiled
 def orient(polygon: np.ndarray, count: int) -> float:
     """Twice the area of a polygon (count, 2), which is made counter-clockwise."""
     area = 0.0
@@ -152,7 +152,7 @@ def orient(polygon: np.ndarray, count: int) -> float:
     return abs(area)
 
 
-@njit(cache=True)
+@compiled
 def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, spare: np.ndarray) -> int:
     """Make `polygon` its intersection with the convex, counter-clockwise `other`; its number of corners."""
     previous = corners - 1
@@ -167,7 +167,7 @@ def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, 
     return count
 
 
-@njit(cache=True)
+@compiled
 def subtract(pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndarray, corners: int, spare: np.ndarray) -> int:
     """Take a convex, counter-clockwise polygon away from convex pieces (MAX_PIECES, MAX_CORNERS, 2), in place; how many are left."""
     total = number
@@ -175,7 +175,8 @@ def subtract(pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndar
     for p in range(number):
         count = counts[p]
         spare[0, :count] = pieces[p, :count]
-        if intersect(spare[0], count, other, corners, spare[1]) == 0:  # out of reach
+        common = intersect(spare[0], count, other, corners, spare[1])
+        if common == 0 or orient(spare[0], common) < SLIVER_M2:  # out of reach
             if left != p:
                 pieces[left, :count] = pieces[p, :count]
                 counts[left] = count
@@ -188,7 +189,7 @@ def subtract(pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndar
             a, b = y - other[i, 1], other[i, 0] - x
             c = -(a * x + b * y)
             outside = clip(spare[0], count, -a, -b, -c, spare[1])
-            if outside and total < MAX_PIECES:
+            if outside and total < MAX_PIECES and orient(spare[1], outside) > SLIVER_M2:
                 pieces[total, :outside] = spare[1, :outside]
                 counts[total] = outside
                 total += 1
@@ -204,7 +205,7 @@ def subtract(pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndar
     return left
 
 
-@njit(cache=True)
+@compiled
 def polygon_factor(
     polygon: np.ndarray,
     count: int,
@@ -263,7 +264,7 @@ def polygon_factor(
     return (1.0 if inside else 0.0) - total / (2 * math.pi)
 
 
-@njit(cache=True)
+@compiled
 def _spreading(point: np.ndarray, source: np.ndarray, receiver: np.ndarray, normal: np.ndarray) -> float:
     """Obliquity over path length at a point of the plane, up to a factor: what currents there weigh per unit of excess."""
     down, up = _distance(point, source), _distance(point, receiver)
@@ -274,6 +275,6 @@ def _spreading(point: np.ndarray, source: np.ndarray, receiver: np.ndarray, norm
     return abs(depth_in / down + depth_out / up) / (down + up)
 
 
-@njit(cache=True)
+@compiled
 def _distance(a: np.ndarray, b: np.ndarray) -> float:
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)

@@ -14,16 +14,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation.aperture import MAX_CORNERS, MAX_PIECES, clip_space, intersect, orient, polygon_factor, subtract
+from radartwin.simulation.compiled import compiled, shared_out
 from radartwin.simulation.panels import MAX_SIDES, Panels
 from radartwin.simulation.reflection_table import COSINES, ReflectionTable
 
 BEHIND = 1e-6  # metres within which a point lies on a plane
-# The factor is taken this far beside the receiver, in units of 1/k: seen from a sensor itself, a corner's image lies exactly behind its edge,
-# where rounding would decide between inside and outside. It moves the factor by a thousandth.
+# The factor is taken this far beside the receiver, in units of 1/k: seen from the sensor itself, a corner's image lies exactly behind its
+# edge, where rounding would decide between inside and outside. It moves the factor by a thousandth.
 NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])
 SUPPORTS = 24  # points that stand for a curved obstacle
 
@@ -33,10 +33,15 @@ class Sequences:
     """S sequences of panels, prepared for evaluation.
 
     Attributes:
+        chain: (S,) index of the panel sequence in what was asked for, which may have several choices of sides.
+        mirror: (S, 3, 3), shift: (S, 3): the image of a point x is mirror x + shift.
         order: (S,) panels in each. panel: (S, M) indices; side: (S, M) +-1, the side of each panel's normal the path is on.
         first, last: (S, M + 1) range of each leg in `blocker`; blocker: (B,) obstacle indices.
     """
 
+    chain: np.ndarray
+    mirror: np.ndarray
+    shift: np.ndarray
     order: np.ndarray
     panel: np.ndarray
     side: np.ndarray
@@ -50,11 +55,11 @@ class Sequences:
 
 @dataclass(frozen=True)
 class Obstacles:
-    """What can stand in the way: every panel, then curved things as the hull of their outermost points.
+    """What can stand in the way: every panel; then convex solids and curved things, each as the hull of its outermost points.
 
     Attributes:
-        points: (O, SUPPORTS, 3); count: (O,). normal, offset: of the plane of a panel; hull: (O,) true for curved things.
-        closed: (O,) true where only the side facing the source need be looked at.
+        points: (O, SUPPORTS, 3); count: (O,). normal, offset: of the plane of a panel; hull: (O,) true for solids and curved things.
+        body: (O,) the solid a panel bounds or a hull is; -1 for none.
     """
 
     points: np.ndarray
@@ -62,27 +67,35 @@ class Obstacles:
     normal: np.ndarray
     offset: np.ndarray
     hull: np.ndarray
-    closed: np.ndarray
+    body: np.ndarray
 
 
-def obstacles(panels: Panels, others: Sequence[np.ndarray] = ()) -> Obstacles:
-    """Panels and curved things, the latter given by their points (N, 3)."""
-    total = len(panels) + len(others)
+def obstacles(panels: Panels, others: Sequence[np.ndarray] = (), present: np.ndarray | None = None) -> Obstacles:
+    """Panels (those `present`, (P,), or all), the solids they bound, and curved things given by their points (N, 3)."""
+    present = np.ones(len(panels), bool) if present is None else present
+    solids = np.unique(panels.body[(panels.body >= 0) & present])
+    used = np.arange(MAX_SIDES) < panels.count[:, None]
+    clouds = [panels.corners[panels.body == solid][used[panels.body == solid]] for solid in solids] + list(others)
+    first, total = len(panels), len(panels) + len(clouds)
     points, count = np.zeros((total, SUPPORTS, 3)), np.zeros(total, int)
-    points[: len(panels), :MAX_SIDES] = panels.corners
-    count[: len(panels)] = panels.count
-    for i, cloud in enumerate(others, len(panels)):
+    points[:first, :MAX_SIDES] = panels.corners
+    count[:first] = np.where(present, panels.count, 0)
+    for i, cloud in enumerate(clouds, first):
         outermost = _supports(cloud)
         points[i, : len(outermost)] = outermost
         count[i] = len(outermost)
-    hull = np.arange(total) >= len(panels)
     normal, offset = np.zeros((total, 3)), np.zeros(total)
-    normal[: len(panels)], offset[: len(panels)] = panels.normal, panels.offset
-    return Obstacles(points, count, normal, offset, hull, np.concatenate([panels.closed, np.zeros(len(others), bool)]))
+    normal[:first], offset[:first] = panels.normal, panels.offset
+    return Obstacles(
+        points, count, normal, offset, np.arange(total) >= first, np.concatenate([panels.body, solids, np.full(len(others), -1)])
+    )
 
 
 def _supports(points: np.ndarray) -> np.ndarray:
-    """At most SUPPORTS points of a cloud, farthest out in directions spread evenly over the sphere."""
+    """At most SUPPORTS points of a cloud: all, or the farthest out in directions spread evenly over the sphere."""
+    points = np.unique(np.round(points, 7), axis=0)
+    if len(points) <= SUPPORTS:
+        return points
     index = np.arange(SUPPORTS) + 0.5
     polar, turn = np.arccos(1 - 2 * index / SUPPORTS), np.pi * (1 + 5**0.5) * index
     directions = np.stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)])
@@ -97,16 +110,18 @@ def prepare(panels: Panels, things: Obstacles, chains: Sequence[tuple[int, ...]]
         sources, receivers: (N, 3) points the ends of a path may be at; only their extent is used.
     """
     ends = [_box(sources), _box(receivers)]
-    rows: list[tuple[tuple[int, ...], tuple[int, ...]]] = []
-    for chain in chains:
-        rows += [(chain, sides) for sides in _sides(panels, chain, ends)]
-    longest = max((len(chain) for chain, _ in rows), default=1)
-    order = np.array([len(chain) for chain, _ in rows], int)
+    rows = [(chain, sides, index) for index, chain in enumerate(chains) for sides in _sides(panels, chain, ends)]
+    longest = max((len(chain) for chain, *_ in rows), default=1)
+    order = np.array([len(chain) for chain, *_ in rows], int)
+    mirror, shift = np.tile(np.eye(3), (len(rows), 1, 1)), np.zeros((len(rows), 3))
     panel, side = np.zeros((len(rows), longest), int), np.ones((len(rows), longest))
     first, last = np.zeros((len(rows), longest + 1), int), np.zeros((len(rows), longest + 1), int)
     blocker: list[int] = []
     known: dict[tuple[object, ...], np.ndarray] = {}
-    for i, (chain, sides) in enumerate(rows):
+    for i, (chain, sides, _) in enumerate(rows):
+        for p in chain:
+            flip = np.eye(3) - 2 * np.outer(panels.normal[p], panels.normal[p])
+            mirror[i], shift[i] = flip @ mirror[i], flip @ shift[i] + 2 * panels.offset[p] * panels.normal[p]
         panel[i, : len(chain)], side[i, : len(chain)] = chain, sides
         stops = [("source",), *zip(chain, sides, strict=True), ("receiver",)]
         for leg in range(len(chain) + 1):
@@ -116,7 +131,7 @@ def prepare(panels: Panels, things: Obstacles, chains: Sequence[tuple[int, ...]]
             first[i, leg] = len(blocker)
             blocker.extend(known[key])
             last[i, leg] = len(blocker)
-    return Sequences(order, panel, side, first, last, np.array(blocker, int))
+    return Sequences(np.array([index for *_, index in rows], int), mirror, shift, order, panel, side, first, last, np.array(blocker, int))
 
 
 def _box(points: np.ndarray) -> np.ndarray:
@@ -136,7 +151,7 @@ def _sides(panels: Panels, chain: tuple[int, ...], ends: list[np.ndarray]) -> li
     for i, p in enumerate(chain, 1):
         possible = []
         for side in (1, -1):
-            if side < 0 and panels.closed[p]:
+            if side < 0 and panels.body[p] >= 0:
                 continue
             height = [side * (stops[j] @ panels.normal[p] - panels.offset[p]) for j in (i - 1, i + 1)]
             if all(h.max() > BEHIND for h in height):
@@ -151,19 +166,26 @@ def _sides(panels: Panels, chain: tuple[int, ...], ends: list[np.ndarray]) -> li
 def _between(panels: Panels, things: Obstacles, start: tuple, stop: tuple, ends: list[np.ndarray]) -> np.ndarray:
     """Obstacles that can touch the leg from one stop, ("source",), (panel, side) or ("receiver",), to the next."""
     used = np.arange(SUPPORTS) < things.count[:, None]
-    keep = np.ones(len(things.count), bool)
-    hull = []
+    keep, whole = np.ones(len(things.count), bool), np.ones(len(things.count), bool)
+    between = []
     for stop_, end in ((start, ends[0]), (stop, ends[1])):
         if len(stop_) == 1:
-            hull.append(end)
+            between.append(end)
             continue
         index, side = stop_
-        hull.append(_polygon(panels, index))
+        between.append(_polygon(panels, index))
         keep[index] = False
+        if panels.body[index] >= 0:  # a convex solid is never between its own face and what that face sees
+            keep &= things.body != panels.body[index]
         height = side * (things.points @ panels.normal[index] - panels.offset[index])
         keep &= np.where(used, height, -np.inf).max(axis=1) > BEHIND
-    height = np.concatenate(hull) @ things.normal.T - things.offset
+        whole &= np.where(used, height, np.inf).min(axis=1) > -BEHIND
+    height = np.concatenate(between) @ things.normal.T - things.offset
     keep &= things.hull | ((height.max(axis=0) > BEHIND) & (height.min(axis=0) < -BEHIND))
+    # a solid stands for its faces where no panel's plane cuts it, and its faces for the solid where one does
+    solid = things.hull & (things.body >= 0)
+    cut = np.isin(things.body, things.body[solid & ~whole]) & (things.body >= 0)
+    keep &= np.where(solid, ~cut, (things.body < 0) | cut)
     return np.flatnonzero(keep)
 
 
@@ -193,27 +215,31 @@ def evaluate(
     source: np.ndarray,
     axis: np.ndarray,
     receiver: np.ndarray,
+    least: np.ndarray | float = 0.0,
 ) -> Images:
     """Images over chosen sequences.
 
     Args:
         which: (N,) sequence of each path wanted. source, receiver: (N, 3) its ends in the world; axis: (N, 3) the source's antenna axis.
+        least: of |field| |factor|/length, per path or for all; what is below it before any obstacle is left out.
     """
+    least = np.broadcast_to(np.asarray(least, float), (len(which),))
     wavenumber = 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT
     n, q = len(which), len(table.frequencies_hz)
     factor, length = np.zeros(n, complex), np.zeros(n)
     departure, arrival, field = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, q, 3), complex)
-    _evaluate(
+    shared_out(
+        _evaluate, n,
         panels.corners, panels.count, panels.normal, panels.offset, panels.surface,
-        things.points, things.count, things.normal, things.offset, things.hull, things.closed,
+        things.points, things.count, things.hull,
         sequences.order, sequences.panel, sequences.side, sequences.first, sequences.last, sequences.blocker,
         table.te, table.tm, wavenumber, NUDGE / wavenumber, which, source, axis, receiver,
-        factor, length, departure, arrival, field,
+        least, factor, length, departure, arrival, field, pieces=16,
     )  # fmt: skip
     return Images(factor, length, departure, arrival, field)
 
 
-@njit(cache=True)
+@compiled
 def _mirror(points: np.ndarray, count: int, normal: np.ndarray, offset: float) -> None:
     """Mirror points (count, 3) in a plane, in place."""
     for i in range(count):
@@ -222,7 +248,7 @@ def _mirror(points: np.ndarray, count: int, normal: np.ndarray, offset: float) -
             points[i, k] -= 2 * height * normal[k]
 
 
-@njit(cache=True)
+@compiled
 def _project(
     points: np.ndarray,
     count: int,
@@ -256,7 +282,7 @@ def _project(
     return kept
 
 
-@njit(cache=True)
+@compiled
 def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
     """Convex hull of points (count, 2), counter-clockwise in `out` (MAX_CORNERS, 2), and its size."""
     start = 0
@@ -280,7 +306,7 @@ def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
     return kept
 
 
-@njit(cache=True)
+@compiled
 def _reflect(
     field: np.ndarray, direction: np.ndarray, mirrored: np.ndarray, normal: np.ndarray, cosine: float, te: np.ndarray, tm: np.ndarray
 ) -> None:
@@ -306,20 +332,38 @@ def _reflect(
             field[q, k] = along_s * s[k] + along_p * p_out[k]
 
 
-@njit(cache=True)
+def across(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(N, 3) normalised parts of axes (N, 3) across directions (N, 3), as `transverse`."""
+    return np.array([transverse(a, d) for a, d in zip(axis, direction, strict=True)]).reshape(-1, 3)
+
+
+@compiled
+def transverse(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Normalised part of an axis across a direction. Along the axis itself it has no limit, but what an antenna sends and receives there
+    has: any one direction across, the same at both ends."""
+    across = axis - direction * np.dot(axis, direction)
+    size = math_norm(across)
+    if size < 1e-6:
+        across = np.cross(axis, np.array([0.6, 0.0, 0.8]) if abs(axis[2]) < 0.9 else np.array([0.8, 0.6, 0.0]))
+        size = math_norm(across)
+    return across / size
+
+
+@compiled
 def math_norm(x: np.ndarray) -> float:
     return np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
 
 
-@njit(cache=True, parallel=True)
+@compiled
 def _evaluate(
+    start, stop,
     corners, count, normal, offset, surface,
-    o_points, o_count, o_normal, o_offset, o_hull, o_closed,
+    o_points, o_count, o_hull,
     order, panel, side, first, last, blocker,
     te, tm, wavenumber, nudge, which, source, axis, receiver,
-    factor, length, departure, arrival, field,
+    least, factor, length, departure, arrival, field,
 ):  # fmt: skip
-    for n in prange(len(which)):
+    for n in range(start, stop):
         s = which[n]
         m = order[s]
         image = source[n].copy()
@@ -401,6 +445,26 @@ def _evaluate(
                     break
         if number == 0:
             continue
+        across = transverse(axis[n], directions[0])
+        for q in range(field.shape[1]):
+            for k in range(3):
+                field[n, q, k] = across[k]
+        for i in range(m):
+            p = panel[s, i]
+            cosine = -np.dot(directions[i], normal[p]) * side[s, i]
+            _reflect(field[n], directions[i], directions[i + 1], normal[p], cosine, te[surface[p]], tm[surface[p]])
+        strongest = 0.0
+        for q in range(field.shape[1]):
+            power = 0.0
+            for k in range(3):
+                power += field[n, q, k].real ** 2 + field[n, q, k].imag ** 2
+            strongest = max(strongest, power)
+        if strongest <= (least[n] * total) ** 2:
+            continue
+        f = polygon_factor(pieces[0], counts[0], origin, u_axis, v_axis, image, beside, math_norm(beside - image), wavenumber)
+        if strongest * (f.real * f.real + f.imag * f.imag) <= (least[n] * total) ** 2:
+            continue
+        whole = True
         for leg in range(m + 1):  # less what stands in the way
             for b in range(first[s, leg], last[s, leg]):
                 o = blocker[b]
@@ -431,6 +495,7 @@ def _evaluate(
                         continue
                 if orient(flat, c) < 1e-12:
                     continue
+                whole = False
                 number = subtract(pieces, counts, number, flat, c, spare2)
                 if number == 0:
                     break
@@ -438,19 +503,11 @@ def _evaluate(
                 break
         if number == 0:
             continue
-        f = 0j
-        for i in range(number):
-            f += polygon_factor(pieces[i], counts[i], origin, u_axis, v_axis, image, beside, math_norm(beside - image), wavenumber)
+        if not whole:
+            f = 0j
+            for i in range(number):
+                f += polygon_factor(pieces[i], counts[i], origin, u_axis, v_axis, image, beside, math_norm(beside - image), wavenumber)
         factor[n] = f
         length[n] = total
         departure[n] = directions[0]
         arrival[n] = -along
-        across = axis[n] - directions[0] * np.dot(axis[n], directions[0])
-        across = across / max(math_norm(across), 1e-6)
-        for q in range(field.shape[1]):
-            for k in range(3):
-                field[n, q, k] = across[k]
-        for i in range(m):
-            p = panel[s, i]
-            cosine = -np.dot(directions[i], normal[p]) * side[s, i]
-            _reflect(field[n], directions[i], directions[i + 1], normal[p], cosine, te[surface[p]], tm[surface[p]])

@@ -1,9 +1,11 @@
-"""Paths of a scene by tubes on Mitsuba 3: static surfaces in one frame, each moving group in its own.
+"""Paths of a scene on Mitsuba 3: what is flat by panel images, what is small or curved by tubes, what moves in its own frame.
 
-Small or moving surfaces ("object") get tubes of about a wavelength over their bounding box, large ones ("room") wide tubes over the
-sphere; a tube belongs to whichever kind it hits first, so nothing is counted twice. A static scene seen by a sensor at rest is traced for
-one pose. A moving group is traced by itself in its own coordinates, all poses in few launches, with the static surfaces as occluders.
-Not modelled here: paths between a moving group and the room, and the shadow a moving object casts on the room.
+Static surfaces, seen by a sensor at rest, are traced for one pose and kept. A room of flat panels needs no tubes: its paths are exact
+images with Fresnel factors (`panel_room`), at any pose. A room that is not flat, or whose `rays` are given, is traced by wide
+tubes over the sphere, small things in it by tubes of about a wavelength over their bounding box; a tube belongs to whichever it
+hits first, so nothing is counted twice. Beside panels, and wherever something moves, small things are traced in their own coordinates,
+all poses in few launches, directly and by way of the panels (`coupling`). Rough surfaces add a cloud of scatterers fixed in the
+world (`diffuse`). Not modelled: the shadow of a moving object on the room, and paths between two groups.
 """
 
 import hashlib
@@ -12,14 +14,15 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene, Surface
+from radartwin.simulation import coupling, diffuse, panel_room, reflection_table, tubes, variant
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import launch as launch_module
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation import reflection_table, tubes, variant
 from radartwin.simulation.paths import Paths
 
 WIDTH_RULE = 0.3  # room tubes are this times sqrt(wavelength x distance) wide; flat walls would stand 1, furniture would not
@@ -30,10 +33,11 @@ PRUNE = 1e-3  # of the strongest path of a pose and launch, antennas included: m
 AT_REST = 1e-12  # largest change of a pose that is no motion
 ROOM = 0  # cluster of the large surfaces
 ROOMS_KEPT = 4  # static path sets in memory, some tens of megabytes each
+NEIGHBOUR_M = 0.05  # small things closer than this are traced together
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
 
 
-_traced: dict[str, Paths] = {}  # by digest of geometry, reflection, poses and settings; oldest first
+_traced: dict[str, list[Paths]] = {}  # by digest of geometry, reflection, poses and settings; oldest first
 
 
 @dataclass(frozen=True)
@@ -45,17 +49,36 @@ class TraceSettings:
         rays: tubes per pose over the sphere for the room, or over the objects where there is no room; None: WIDTH_RULE.
         rays_per_wavelength2: tubes per square wavelength on objects.
         variant: "auto", "llvm" or "cuda".
+        room: "panels" by images, "tubes", or "auto": panels where the room is flat and no `rays` are given.
+        coupling: paths between objects and the room's panels.
+        diffuse: the scatter of rough surfaces.
     """
 
     max_bounces: int = 4
     rays: int | None = None
     rays_per_wavelength2: float = 1.0
     variant: str = "auto"
+    room: str = "auto"
+    coupling: bool = True
+    diffuse: bool = True
+
+
+@dataclass(frozen=True)
+class _Static:
+    """The static surfaces of a scene: triangles, reflection and panels."""
+
+    surfaces: list[Surface]
+    geometry: geometry_module.Geometry
+    room: panel_room.PanelRoom
+
+    def without(self, chosen: np.ndarray) -> geometry_module.Geometry:
+        """The triangles of all but some surfaces, by index."""
+        return geometry_module.subset(self.geometry, ~np.isin(self.geometry.surface, chosen))
 
 
 @dataclass(frozen=True)
 class MitsubaBackend:
-    """Tubes with physical optics on Mitsuba 3."""
+    """Tubes and panel images with physical optics on Mitsuba 3."""
 
     settings: TraceSettings = TraceSettings()
     name: ClassVar[str] = "mitsuba"
@@ -69,38 +92,64 @@ class MitsubaBackend:
             sensor_poses: (F, 4, 4) sensor to world.
             motion: (F, 4, 4) object-to-world poses by surface name.
         Returns:
-            One Paths per part, of F poses, or of one pose that holds for all frames.
+            Parts to be added up, each of F poses, or of one pose that holds for all frames.
         """
         variant.activate(self.settings.variant)
         motion = motion or {}
         static = [s for s in scene.surfaces if s.name not in motion]
         resting = bool((np.abs(sensor_poses - sensor_poses[:1]) < AT_REST).all())
-        parts = []
-        room = geometry_module.build([s.mesh for s in static])
+        parts: list[Paths] = []
+        still = None
         if static:
-            poses = sensor_poses[:1] if resting else sensor_poses
-            parts.append(self._static_paths_once(static, room, radar, poses))
+            built = geometry_module.build([s.mesh for s in static])
+            still = _Static(static, built, panel_room.build(static, built, _table(static, radar)))
+            parts += self._static_paths_once(still, radar, sensor_poses[:1] if resting else sensor_poses)
         for names in _groups(motion):
             surfaces = [s for s in scene.surfaces if s.name in names]
             poses = motion[names[0]]
-            parts.append(self._group_paths(surfaces, room if static else None, radar, sensor_poses, poses))
+            at_rest = resting and bool((np.abs(poses - poses[:1]) < AT_REST).all())
+            if at_rest:  # seen alike, and hidden alike, in every frame
+                parts += self._group_paths(surfaces, still, None if still is None else still.geometry, radar, sensor_poses[:1], poses[:1])
+            else:
+                parts += self._group_paths(surfaces, still, None if still is None else still.geometry, radar, sensor_poses, poses)
         return parts
 
-    def _static_paths_once(self, static: Sequence[Surface], built: geometry_module.Geometry, radar: Radar, poses: np.ndarray) -> Paths:
+    def _static_paths_once(self, still: _Static, radar: Radar, poses: np.ndarray) -> list[Paths]:
         """Static paths, kept in memory: frames, objects and repetitions in the same room trace it once."""
-        table = _table(static, radar)
+        built, table = still.geometry, still.room.table
         parts = (built.corners, built.normals, built.surface, table.te, table.tm, table.frequencies_hz, poses)
-        total = hashlib.sha256(repr((self.settings, radar.element, radar.frame_rate_hz, [s.kind for s in static])).encode())
+        kinds = [(s.kind, s.roughness_m, str(s.material)) for s in still.surfaces]
+        total = hashlib.sha256(repr((self.settings, radar.element, radar.frame_rate_hz, kinds)).encode())
         for part in parts:
             total.update(np.ascontiguousarray(part).tobytes())
         key = total.hexdigest()
         if key not in _traced:
             while len(_traced) >= ROOMS_KEPT:
                 _traced.pop(next(iter(_traced)))
-            _traced[key] = self._static_paths(static, built, table, radar, poses)
+            _traced[key] = self._static_parts(still, radar, poses)
         return _traced[key]
 
-    def _static_paths(
+    def _static_parts(self, still: _Static, radar: Radar, poses: np.ndarray) -> list[Paths]:
+        parts = []
+        by_panels = self.settings.room == "panels" or (
+            self.settings.room == "auto" and self.settings.rays is None and still.room.is_flat(still.surfaces)
+        )
+        velocity = poses_module.relative(poses, None, radar.frame_rate_hz)[1]
+        if by_panels:
+            parts.append(still.room.paths(poses, velocity, radar, self.settings.max_bounces, PRUNE))
+            unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
+            for cluster in _clusters(still):
+                surfaces = [still.surfaces[i] for i in cluster]
+                parts += self._group_paths(surfaces, still, still.without(cluster), radar, poses, unmoved, own=cluster)
+        else:
+            parts.append(self._tube_paths(still.surfaces, still.geometry, still.room.table, radar, poses))
+        if self.settings.diffuse:
+            cloud = diffuse.cloud(still.surfaces)
+            if len(cloud):
+                parts.append(diffuse.paths(cloud, diffuse.strengths(still.surfaces, radar), still.geometry, radar, poses, velocity))
+        return parts
+
+    def _tube_paths(
         self,
         static: Sequence[Surface],
         built: geometry_module.Geometry,
@@ -129,19 +178,38 @@ class MitsubaBackend:
     def _group_paths(
         self,
         surfaces: Sequence[Surface],
-        room: geometry_module.Geometry | None,
+        still: _Static | None,
+        occluder: geometry_module.Geometry | None,
         radar: Radar,
         sensor_poses: np.ndarray,
         poses: np.ndarray,
-    ) -> Paths:
+        own: np.ndarray | None = None,
+    ) -> list[Paths]:
+        """Paths by way of surfaces that keep their place to one another; `own`: those of the static surfaces they are."""
         built = geometry_module.build([s.mesh for s in surfaces])
+        table = _table(surfaces, radar)
+        coupled = still.room.beside(own) if still is not None and self.settings.coupling and self.settings.max_bounces > 1 else None
+        found = coupling.group_paths(
+            coupled, built, table, sensor_poses, poses, radar,
+            max_bounces=self.settings.max_bounces, cell_m=self._cell(built, sensor_poses, poses, radar, still is None),
+            occluder=occluder, prune=PRUNE,
+        )  # fmt: skip
+        if found is not None:
+            return found
         sensor, velocity = poses_module.relative(sensor_poses, poses, radar.frame_rate_hz)
-        still = room is None or float(np.abs(poses - poses[:1]).max()) < AT_REST
-        if still and float(np.abs(sensor - sensor[:1]).max()) < AT_REST:  # seen alike, and hidden alike, in every frame
-            sensor, velocity, poses = sensor[:1], velocity[:1], poses[:1]
-        occluder = None if room is None else tubes.Occluder(room, poses[:, :3, :3], poses[:, :3, 3])
-        launches = [(one, ROOM + 1) for one in self._object_launches(built, sensor, radar, room is None)]
-        return self._collect(built, _table(surfaces, radar), launches, sensor, velocity, None, occluder, radar)
+        hidden = None if occluder is None else tubes.Occluder(occluder, poses[:, :3, :3], poses[:, :3, 3])
+        launches = [(one, ROOM + 1) for one in self._object_launches(built, sensor, radar, still is None)]
+        return [self._collect(built, table, launches, sensor, velocity, None, hidden, radar)]
+
+    def _cell(self, built: geometry_module.Geometry, sensor_poses: np.ndarray, poses: np.ndarray, radar: Radar, alone: bool) -> float:
+        """Width of a tube on an object, metres; by `rays` where there is nothing else to trace."""
+        cell = radar.wavelength_m / np.sqrt(self.settings.rays_per_wavelength2)
+        if alone and self.settings.rays:
+            source = (poses_module.inverse(poses[:1]) @ sensor_poses[:1])[:, :3, 3]
+            one = launch_module.towards(built.hull_points(), source, built.centre, cell, built.grid_shift)
+            if one is not None:
+                cell *= np.sqrt(one.per_pose / self.settings.rays)
+        return float(cell)
 
     def _object_launches(
         self, built: geometry_module.Geometry, sensor: np.ndarray, radar: Radar, alone: bool
@@ -196,6 +264,17 @@ class MitsubaBackend:
             gain = element_gain(radar.element, joined.departure) * element_gain(radar.element, joined.arrival)
             kept.append(joined.where(joined.stands_out(PRUNE, gain)))
         return kept[0] if len(kept) == 1 else Paths.concatenate(kept)
+
+
+def _clusters(still: _Static) -> list[np.ndarray]:
+    """Compact static surfaces, by index, in groups of what stands closer than NEIGHBOUR_M; these see each other."""
+    chosen = np.unique(still.geometry.surface[still.room.compact])
+    if not len(chosen):
+        return []
+    box = np.array([still.surfaces[i].mesh.bounds for i in chosen])
+    apart = np.maximum(box[:, None, 0] - box[None, :, 1], box[None, :, 0] - box[:, None, 1]).max(axis=2)
+    number, of = connected_components(apart < NEIGHBOUR_M, directed=False)
+    return [chosen[of == k] for k in range(number)]
 
 
 def _table(surfaces: Sequence[Surface], radar: Radar) -> reflection_table.ReflectionTable:

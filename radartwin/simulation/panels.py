@@ -4,6 +4,7 @@ Neighbouring faces of one surface in one plane are merged into convex polygons; 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -25,7 +26,7 @@ class Panels:
         corners: (P, MAX_SIDES, 3) metres; count: (P,) corners used.
         normal: (P, 3) unit; offset: (P,) metres, normal . x on the plane.
         surface: (P,) index of the surface it belongs to.
-        closed: (P,) whether it bounds a solid, normal outwards, and so is met from its front alone.
+        body: (P,) index of the convex solid it bounds, normal outwards, and is met from the front of alone; -1 for any other.
         of_face: (F,) panel of each face of the geometry, or -1.
     """
 
@@ -34,7 +35,7 @@ class Panels:
     normal: np.ndarray
     offset: np.ndarray
     surface: np.ndarray
-    closed: np.ndarray
+    body: np.ndarray
     of_face: np.ndarray
 
     def __len__(self) -> int:
@@ -53,19 +54,19 @@ def find(geometry: Geometry, wanted: np.ndarray | None = None) -> Panels:
     Args:
         wanted: (F,) mask of the faces to look at; None for all.
     """
-    polygons: list[tuple[np.ndarray, np.ndarray, float, int, bool]] = []
+    polygons: list[tuple[np.ndarray, np.ndarray, float, int, int]] = []
+    bodies = _convex_bodies(geometry)
     of_face = np.full(len(geometry.corners), -1)
     flat = np.ptp(geometry.normals, axis=1).max(axis=1, initial=0.0) < 1e-4 if len(geometry.corners) else np.zeros(0, bool)
     if wanted is not None:
         flat &= wanted
     for surface in np.unique(geometry.surface[flat]) if flat.any() else ():
         faces = np.flatnonzero(flat & (geometry.surface == surface))
-        closed = _is_solid(geometry.corners[geometry.surface == surface])
         for members, normal, offset in _planes(geometry.corners[faces]):
             for polygon, triangles in _convex_pieces(geometry.corners[faces[members]], normal):
                 if _width(polygon, normal) >= SMALLEST_M:
                     of_face[faces[members[triangles]]] = len(polygons)
-                    polygons.append((polygon, normal, offset, int(surface), closed))
+                    polygons.append((polygon, normal, offset, int(surface), int(bodies[faces[members[0]]])))
     corners = np.zeros((len(polygons), MAX_SIDES, 3))
     for i, (polygon, *_) in enumerate(polygons):
         corners[i, : len(polygon)] = polygon
@@ -75,16 +76,25 @@ def find(geometry: Geometry, wanted: np.ndarray | None = None) -> Panels:
         np.array([p[1] for p in polygons]).reshape(-1, 3),
         np.array([p[2] for p in polygons]),
         np.array([p[3] for p in polygons], int),
-        np.array([p[4] for p in polygons], bool),
+        np.array([p[4] for p in polygons], int),
         of_face,
     )
 
 
-def _is_solid(corners: np.ndarray) -> bool:
-    """Whether faces (N, 3, 3) close and face outwards."""
-    mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)
-    mesh.merge_vertices(digits_vertex=7)
-    return bool(mesh.is_volume and mesh.volume > 0)
+def _convex_bodies(geometry: Geometry) -> np.ndarray:
+    """(F,) index of the closed, outward-facing convex part of a surface that each face bounds, or -1."""
+    bodies, number = np.full(len(geometry.corners), -1), 0
+    for surface in np.unique(geometry.surface):
+        faces = np.flatnonzero(geometry.surface == surface)
+        mesh = trimesh.Trimesh(geometry.corners[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3), process=False)
+        mesh.merge_vertices(digits_vertex=7)
+        parts = trimesh.graph.connected_components(np.asarray(mesh.face_adjacency).reshape(-1, 2), nodes=np.arange(len(faces)), min_len=4)
+        for part in parts:
+            one: Any = mesh.submesh([np.asarray(part, int)], append=True, repair=False)
+            if one.is_volume and one.volume > 0 and bool(np.asarray(one.face_adjacency_convex).all()):
+                bodies[faces[np.asarray(part, int)]] = number
+                number += 1
+    return bodies
 
 
 def _planes(corners: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, float]]:

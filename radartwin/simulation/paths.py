@@ -20,6 +20,8 @@ class Paths:
         length_in_m, length_out_m: (N,) transmitter to last hit, unfolded, and last hit to receiver, metres.
         departure, arrival: (N, 3) unit vectors in the sensor frame from the sensor towards first and last hit.
         rate_mps: (N,) growth of length_in + length_out, m/s.
+        mirror: (N, 3, 3) in the sensor frame, or None. With it a path is a straight line from the transmitter's image: its length between
+            elements at t and r is |L arrival + mirror t - r|, L the total length; without, the hits stay where they are.
     """
 
     poses: int
@@ -32,6 +34,7 @@ class Paths:
     departure: np.ndarray
     arrival: np.ndarray
     rate_mps: np.ndarray
+    mirror: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -45,7 +48,7 @@ class Paths:
         """The chosen paths, by mask, index or slice."""
         chosen = {f.name: getattr(self, f.name) for f in fields(self)}
         for name, value in chosen.items():
-            if name not in ("poses", "frequencies_hz"):
+            if name not in ("poses", "frequencies_hz") and value is not None:
                 chosen[name] = value[keep]
         return Paths(**chosen)
 
@@ -66,7 +69,7 @@ class Paths:
     def concatenate(parts: Sequence["Paths"]) -> "Paths":
         """Paths of the same poses and frequency nodes, ordered by pose."""
         first = parts[0]
-        names = [f.name for f in fields(first) if f.name not in ("poses", "frequencies_hz")]
+        names = [f.name for f in fields(first) if f.name not in ("poses", "frequencies_hz") and getattr(first, f.name) is not None]
         joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         order = np.argsort(joined["pose"], kind="stable")
         return Paths(poses=first.poses, frequencies_hz=first.frequencies_hz, **{k: v[order] for k, v in joined.items()})

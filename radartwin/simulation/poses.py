@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from radartwin.errors import PoseError
 
+MOMENT = 1e-4  # of a frame: what velocities are taken over
 _RIGID = 1e-4  # tolerated departure of R R^T from the identity: poses that came through float32 or a text file
 
 
@@ -94,7 +95,11 @@ def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float)
         poses (F, 4, 4) and velocity (F, 3) m/s, at frame starts; in the group's frame the group stands still, so that
         a path changes only through the sensor's motion, whatever turns or slides.
     """
-    share = 1e-4
-    now = sensor if group is None else inverse(group) @ sensor
-    later = _advanced(sensor, share) if group is None else inverse(_advanced(group, share)) @ _advanced(sensor, share)
-    return now, (later[:, :3, 3] - now[:, :3, 3]) / share * frame_rate_hz
+    (sensor, group_now), (sensor_later, group_later) = moments(sensor, np.eye(4)[None] if group is None else group)
+    now, later = inverse(group_now) @ sensor, inverse(group_later) @ sensor_later
+    return now, (later[:, :3, 3] - now[:, :3, 3]) / MOMENT * frame_rate_hz
+
+
+def moments(*poses: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Poses (F, 4, 4) of several things at frame starts, and MOMENT of a frame later."""
+    return poses, tuple(_advanced(one, MOMENT) for one in poses)

@@ -1,0 +1,180 @@
+"""A room of flat panels: which panel sequences matter, and the paths over them for all poses at once.
+
+Sequences are found by coarse tubes at a few key places along the motion, order one in full, and evaluated for every pose near those places
+by `images.evaluate`, which knows their exact paths. What is curved, and what is small and compact, is left to tubes and
+stands here only in the way.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.radar.antenna import element_gain
+from radartwin.radar.chirp import Radar
+from radartwin.scene.scene import OBJECT_EXTENT_M, Surface
+from radartwin.simulation import face_labels, images, launch, panels, tubes
+from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.reflection_table import ReflectionTable
+
+DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
+DISCOVERY_PRUNE = 5e-4  # of the strongest path
+KEY_SPACING_M = 0.3  # between places where sequences are looked for
+MAX_PANELS = 1500  # beyond them a room is tubes' work; sequences hold 4094 labels
+FLAT_SHARE = 0.98  # of a room's area that must be panels
+PATHS_AT_ONCE = 200_000  # bounds the fields of one evaluation to a few hundred megabytes
+
+
+@dataclass(frozen=True)
+class PanelRoom:
+    """Static surfaces with their panels.
+
+    Attributes:
+        geometry: all static faces; table: their reflection.
+        panels: of its faces. compact: (F,) faces of small or curved things, which tubes trace.
+        usable: (P,) panels that paths may lead over.
+        own: surfaces, by index, that are traced by themselves and stand in nobody's way here.
+    """
+
+    geometry: Geometry
+    table: ReflectionTable
+    panels: panels.Panels
+    compact: np.ndarray
+    usable: np.ndarray
+    own: tuple[int, ...] = ()
+
+    def beside(self, own: np.ndarray | None) -> "PanelRoom":
+        """The room as a thing in it sees it: over the panels of small things too, but not over its own surfaces, by index."""
+        mine = () if own is None else tuple(int(s) for s in own)
+        return replace(self, usable=~np.isin(self.panels.surface, mine), own=mine)
+
+    @property
+    def rest(self) -> np.ndarray:
+        """(F,) mask of the faces that are no panels."""
+        return self.panels.of_face < 0
+
+    @cached_property
+    def things(self) -> images.Obstacles:
+        """Everything that can stand in the way: panels, and the rest surface by surface."""
+        rest = self.rest & ~np.isin(self.geometry.surface, self.own)
+        clouds = [self.geometry.corners[rest & (self.geometry.surface == s)].reshape(-1, 3) for s in np.unique(self.geometry.surface[rest])]
+        return images.obstacles(self.panels, clouds, ~np.isin(self.panels.surface, self.own))
+
+    def is_flat(self, surfaces: Sequence[Surface]) -> bool:
+        """Whether panels stand for the room: nearly all of the area that is no compact object, and not too many."""
+        edge = self.geometry.corners[:, 1:] - self.geometry.corners[:, :1]
+        area = np.linalg.norm(np.cross(edge[:, 0], edge[:, 1]), axis=1)
+        room = ~self.compact
+        return 0 < self.usable.sum() <= MAX_PANELS and area[room & ~self.rest].sum() >= FLAT_SHARE * area[room].sum()
+
+    def chains(
+        self, sources: np.ndarray, receivers: np.ndarray, axes: np.ndarray, longest: int, share: float = DISCOVERY_PRUNE
+    ) -> list[set[tuple[int, ...]]]:
+        """Panel sequences that carry anything from source to receiver, for each of K places (K, 3)."""
+        found: list[set[tuple[int, ...]]] = [{(int(p),) for p in np.flatnonzero(self.usable)} for _ in sources]
+        if longest < 2:
+            return found
+        labels = np.where(self.rest | ~self.usable[self.panels.of_face], face_labels.OTHER, self.panels.of_face)
+        transmit, receive = tubes.Antennas(sources, axes), tubes.Antennas(receivers, axes)
+        rotation = np.broadcast_to(np.eye(3), (len(sources), 3, 3))
+        for grid in launch.all_around(sources, rotation, DISCOVERY_RAYS):
+            hits = tubes.trace(
+                self.geometry, self.table.envelope(), grid, transmit, receive, max_bounces=longest, labels=labels, prune=share, hats=True
+            )
+            rows = np.stack([hits.pose.astype(np.uint64), hits.bounce.astype(np.uint64), hits.sequence], axis=1)
+            for place, bounces, sequence in np.unique(rows, axis=0).tolist():
+                chain = face_labels.unpack(sequence, bounces)
+                if face_labels.OTHER not in chain:
+                    found[place].add(chain)
+        return found
+
+    def paths(self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Paths:
+        """Paths sensor - panels - sensor.
+
+        Args:
+            poses: (F, 4, 4) sensor to world; velocity: (F, 3) of the sensor, m/s.
+            prune: leave out what is below this share of a pose's strongest path, element pattern included.
+        """
+        place, axis = poses[:, :3, 3], poses[:, :3, 2]
+        keys, near = key_places(place)
+        chains = self.chains(place[keys], place[keys], axis[keys], max_bounces)
+        known = sorted(set().union(*chains))
+        prepared = images.prepare(self.panels, self.things, known, place, place)
+        of_key = [np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains]
+        active = np.array([np.logical_or.reduce([of_key[k] for k in keys_]) for keys_ in near])
+        first = np.where(prepared.order == 1)[0]
+        strongest = np.zeros(len(poses))
+        pose, which = (x.ravel() for x in np.meshgrid(np.arange(len(poses)), first, indexing="ij"))
+        parts = [self._evaluated(pose, which, prepared, poses, velocity, radar, 0.0)]
+        level = np.abs(parts[0].amplitude).max(axis=1, initial=0) * _gain(parts[0], radar)
+        np.maximum.at(strongest, parts[0].pose, level)
+        pose, which = np.nonzero(active & (prepared.order > 1))
+        for low in range(0, len(pose), PATHS_AT_ONCE):
+            some = slice(low, low + PATHS_AT_ONCE)
+            parts.append(self._evaluated(pose[some], which[some], prepared, poses, velocity, radar, prune * strongest[pose[some]]))
+        joined = Paths.concatenate(parts)
+        return joined.where(joined.stands_out(prune, _gain(joined, radar)))
+
+    def _evaluated(
+        self,
+        pose: np.ndarray,
+        which: np.ndarray,
+        prepared: images.Sequences,
+        poses: np.ndarray,
+        velocity: np.ndarray,
+        radar: Radar,
+        least: np.ndarray | float,
+    ) -> Paths:
+        rotation = poses[pose, :3, :3]
+        place, axis = poses[pose, :3, 3], poses[pose, :3, 2]
+        wavelength = SPEED_OF_LIGHT / self.table.frequencies_hz
+        scale = 4 * np.pi / wavelength.max() if len(wavelength) else 1.0
+        one = images.evaluate(self.panels, self.things, prepared, self.table, which, place, axis, place, np.asarray(least) * scale)
+        lit = one.factor != 0
+        receive = images.across(axis[lit], one.arrival[lit])
+        level = np.einsum("nk,nqk->nq", receive, one.field[lit]).conj() * one.factor[lit, None]
+        amplitude = level * wavelength / (4 * np.pi * one.length_m[lit, None])
+        departure, arrival = (np.einsum("nij,ni->nj", rotation[lit], d[lit]) for d in (one.departure, one.arrival))
+        rate = -np.einsum("ni,ni->n", one.departure[lit] + one.arrival[lit], velocity[pose[lit]])
+        mirror = np.swapaxes(rotation[lit], 1, 2) @ prepared.mirror[which[lit]] @ rotation[lit]
+        half = one.length_m[lit] / 2
+        return Paths(
+            len(poses), pose[lit], prepared.order[which[lit]], amplitude, self.table.frequencies_hz, half, half, departure, arrival, rate,
+            mirror,
+        )  # fmt: skip
+
+
+def _gain(paths: Paths, radar: Radar) -> np.ndarray:
+    return element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
+
+
+def compact_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:
+    """(F,) faces of surfaces that tubes see best: objects no longer than OBJECT_EXTENT_M, and curved ones of any size."""
+    small = np.array([s.kind == "object" and (float(s.mesh.extents.max()) <= OBJECT_EXTENT_M or s.is_curved()) for s in surfaces], bool)
+    return small[geometry.surface] if len(surfaces) else np.zeros(0, bool)
+
+
+def build(surfaces: Sequence[Surface], geometry: Geometry, table: ReflectionTable) -> PanelRoom:
+    """Panels of static surfaces."""
+    compact = compact_faces(surfaces, geometry)
+    found = panels.find(geometry)
+    small = np.zeros(len(found), bool)
+    small[found.of_face[compact & (found.of_face >= 0)]] = True
+    return PanelRoom(geometry, table, found, compact, ~small)
+
+
+def key_places(points: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Places along a motion that are KEY_SPACING_M apart: (K,) indices, and of every point those near it.
+
+    Args:
+        points: (F, D) coordinates; with D = 6 of two things that move.
+    """
+    keys = [0]
+    for i, point in enumerate(points):
+        if np.abs(points[keys] - point).max(axis=1).min() > KEY_SPACING_M:
+            keys.append(i)
+    away = np.abs(points[:, None] - points[keys][None]).max(axis=2)
+    return np.array(keys), [np.flatnonzero(row <= max(KEY_SPACING_M, row.min())) for row in away]
