@@ -44,24 +44,26 @@ def rcs(
     Raises:
         SceneError: the radar is inside the mesh.
         MeshError: NaN, empty or oversized mesh. MaterialError: unknown or without values at this frequency.
-        InputError: direction of length zero, non-positive distance, ray density or bounces, unknown polarization.
+        InputError: an argument of the wrong kind, direction of length zero, non-positive distance, frequency, ray density or bounces,
+            unknown polarization.
     """
     from radartwin.scene.checks import check_mesh, inside_solid
 
     check_mesh(mesh, "rcs mesh")
-    towards = np.asarray(direction, float).reshape(-1)
-    if towards.shape != (3,) or not np.isfinite(towards).all() or not np.linalg.norm(towards) > 0:
-        raise InputError(f"rcs: direction must be three finite numbers, not all zero; got {direction!r}")
-    if not (np.isfinite(rays_per_wavelength2) and rays_per_wavelength2 > 0):
-        raise InputError(f"rcs: rays_per_wavelength2 must be positive, not {rays_per_wavelength2!r}")
-    if max_bounces < 1:
-        raise InputError(f"rcs: max_bounces must be at least 1, not {max_bounces!r}")
-    if distance is not None and not (np.isfinite(distance) and distance > 0):
-        raise InputError(f"rcs: distance must be positive metres or None, not {distance!r}")
-    if not (np.isfinite(frequency) and frequency > 0):
-        raise InputError(f"rcs: frequency must be positive hertz, not {frequency!r}")
+    for name, value in (("rays_per_wavelength2", rays_per_wavelength2), ("frequency", frequency), ("distance", distance)):
+        if not (name == "distance" and value is None) and not _positive(value):
+            raise InputError(f"rcs: {name} must be a positive number{' of metres or None' * (name == 'distance')}, not {value!r}")
+    for name, value, least in (("max_bounces", max_bounces, 1), ("seed", seed, 0)):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+            raise InputError(f"rcs: {name} must be a whole number of at least {least}, not {value!r}")
     if polarization not in ("VV", "VH", "HV", "HH"):
         raise InputError(f"rcs: polarization must be VV, VH, HV or HH, not {polarization!r}")
+    try:
+        towards = np.asarray(direction, float).reshape(-1)
+    except (TypeError, ValueError):
+        towards = np.zeros(0)
+    if towards.shape != (3,) or not np.isfinite(towards).all() or not np.linalg.norm(towards) > 0:
+        raise InputError(f"rcs: direction must be three finite numbers, not all zero; got {direction!r}")
 
     if distance is not None and inside_solid(mesh, distance * towards[None] / np.linalg.norm(towards)).any():
         raise SceneError(f"rcs: the radar, {distance:g} m from the mesh origin, is inside the mesh; increase distance")
@@ -72,6 +74,8 @@ def rcs(
     wavenumber = 2 * np.pi / wavelength
     target = geometry_module.build([mesh])
     table = reflection_table.build([(material, 0.0)], frequency)
+    if not len(target.corners):  # faces without area return nothing
+        return 0.0
     shift = tuple(np.random.default_rng(seed).random(2)) if seed else target.grid_shift
     cell = wavelength / np.sqrt(rays_per_wavelength2)
     far = distance is None
@@ -98,3 +102,8 @@ def rcs(
         # the kernel returns E_s r / (2 k E_i), with unit incident field, for a plane wave
         return float(4 * np.pi * abs(2 * wavenumber * total) ** 2)
     return float((4 * np.pi) ** 3 * stand_off**4 * abs(total) ** 2 / wavelength**2)
+
+
+def _positive(value: object) -> bool:
+    """Whether it is a finite number above zero; True and "1" are not numbers."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool) and bool(0 < value < np.inf)

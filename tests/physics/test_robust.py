@@ -1,0 +1,152 @@
+"""Meshes and places that break tracers: every result is finite, and each case has a stated behaviour.
+
+| case | behaviour |
+|---|---|
+| random triangle soup, open meshes | each triangle reflects on both sides; nothing is refused |
+| coplanar duplicates, doubled faces | count once |
+| faces without area | left out; a mesh of nothing else returns no power |
+| slivers | integrated like any facet; a strip far thinner than a wavelength returns what its area is worth |
+| grazing incidence | finite and small; a surface seen edge-on returns nothing |
+| sensor 1 cm from a wall | the level of the image, within 0.6 dB |
+| sensor in a closed room | echoes of every order, all finite, less power than was sent |
+| mesh far from the origin (100 m) | float32 keeps positions to 8 micrometres: levels hold, phases within degrees |
+"""
+
+import numpy as np
+import pytest
+import trimesh
+
+import radartwin as rt
+from radartwin.errors import InputError
+from radartwin.scene import objects
+from radartwin.simulation import geometry, launch, reflection_table, tubes, variant
+
+WAVELENGTH = 299_792_458.0 / 77e9
+K = 2 * np.pi / WAVELENGTH
+FIELDS = ("amplitude", "length_in_m", "length_out_m", "departure", "arrival", "first_m")
+
+
+def db(x):
+    return 10 * np.log10(x)
+
+
+def traced(mesh, position, *, rays=None, bounces=4, pieces=3, hats=False):
+    """Hits of a mesh from a phase centre: over its box, or all around with so many rays."""
+    variant.activate()
+    built = geometry.build([mesh])
+    table = reflection_table.build([("metal", 0.0)], 77e9)
+    source = np.asarray(position, float)[None]
+    antenna = tubes.Antennas(source, np.array([[0.0, 0.0, 1.0]]))
+    one = None if rays else launch.towards(built.hull_points(), source, built.centre, WAVELENGTH, (0.3, 0.6))
+    grids = [one] if one is not None else launch.all_around(source, np.eye(3)[None], rays or 60_000)
+    hits = tubes.Hits.concatenate(
+        [tubes.trace(built, table, grid, antenna, antenna, max_bounces=bounces, hats=hats, pieces=pieces) for grid in grids]
+    )
+    for name in FIELDS:
+        assert np.isfinite(getattr(hits, name)).all(), name
+    return hits
+
+
+def coherent(hits):
+    return (hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m))).sum()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_triangle_soup_is_finite(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 60))
+    corners = rng.normal(0, 0.05, (count, 1, 3)) + rng.normal(0, 10 ** rng.uniform(-4, -1), (count, 3, 3))
+    corners[::5, 1] = corners[::5, 0]  # no area
+    corners[1::5] = corners[0] + [0, 0, 1e-9]  # as good as the same
+    soup = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), process=False)
+    for distance in (None, 0.7):
+        value = rt.rcs(soup, rng.normal(size=3), distance=distance, polarization="VH", max_bounces=6)
+        assert np.isfinite(value)
+        assert 0 <= value < 10
+    traced(soup, [0.7, 0.1, 0.0])
+    traced(soup, [0.0, 0.0, 0.0], rays=20_000)
+
+
+def test_doubled_faces_count_once():
+    plate = objects.plate(0.05, 0.05)
+    twice = trimesh.util.concatenate([plate, plate])
+    assert db(rt.rcs(twice, [1, 0, 0]) / rt.rcs(plate, [1, 0, 0])) == pytest.approx(0, abs=0.01)
+
+
+def test_faces_without_area_return_nothing():
+    line = trimesh.Trimesh([[0, 0, 0], [0, 0.1, 0], [0, 0.05, 0]], [[0, 1, 2]], process=False)
+    assert rt.rcs(line, [1, 0, 0]) == 0
+
+
+def test_slivers_return_what_their_area_is_worth():
+    """A plate cut into 400 strips of a sixteenth of a wavelength is still the plate."""
+    strips = [objects.plate(0.1 / 400, 0.1).apply_translation([0, (i + 0.5) * 0.1 / 400 - 0.05, 0]) for i in range(400)]
+    whole = rt.rcs(objects.plate(0.1, 0.1), [1, 0.02, 0])
+    assert db(rt.rcs(trimesh.util.concatenate(strips), [1, 0.02, 0]) / whole) == pytest.approx(0, abs=0.05)
+
+
+@pytest.mark.parametrize("angle_deg", [85.0, 89.0, 89.99, 90.0])
+def test_grazing_incidence_is_finite_and_small(angle_deg):
+    angle = np.radians(angle_deg)
+    for mesh in (objects.plate(0.1, 0.1), objects.cylinder(0.03, 0.1)):
+        value = rt.rcs(mesh, [np.cos(angle), 0, np.sin(angle)], distance=1.0)
+        assert np.isfinite(value)
+    edge_on = rt.rcs(objects.plate(0.1, 0.1), [np.cos(angle), np.sin(angle), 0])
+    assert edge_on < 1e-3 * rt.rcs(objects.plate(0.1, 0.1), [1, 0, 0])
+
+
+def test_wall_one_centimetre_away_is_an_image():
+    hits = traced(objects.plate(2.0, 2.0), [0.01, 0, 0], rays=400_000, hats=True, pieces=1)
+    image = -WAVELENGTH / (4 * np.pi * 0.02) * np.exp(1j * K * 0.02)
+    value = coherent(hits)
+    assert np.isfinite(value)
+    assert 20 * np.log10(abs(value / image)) == pytest.approx(0, abs=0.6)
+
+
+def test_sensor_in_a_closed_room():
+    room = trimesh.creation.box((3.0, 2.0, 2.5))
+    room.invert()
+    hits = traced(room, [0.3, -0.2, 0.1], rays=100_000, bounces=8, hats=True, pieces=1)
+    assert set(hits.bounce) == set(range(1, 9))
+    for bounce in range(1, 9):
+        assert abs(coherent(_of_bounce(hits, bounce))) < 1
+
+
+def _of_bounce(hits, bounce):
+    keep = hits.bounce == bounce
+    return tubes.Hits(*(getattr(hits, name)[keep] for name in tubes.Hits.__dataclass_fields__))
+
+
+def test_mesh_far_from_the_origin_keeps_its_level():
+    """100 m away on one axis; its corners are float32 there, 8 micrometres apart."""
+    near, far = objects.trihedral(0.1), objects.trihedral(0.1).apply_translation([0, 100.0, 0])
+    levels = [db(abs(coherent(traced(m, [1.5, y, 0]))) ** 2) for m, y in ((near, 0.0), (far, 100.0))]
+    assert levels[1] == pytest.approx(levels[0], abs=0.3)
+
+
+def test_open_mesh_reflects_on_both_sides():
+    plate = objects.plate(0.05, 0.05)
+    assert db(rt.rcs(plate, [-1, 0, 0]) / rt.rcs(plate, [1, 0, 0])) == pytest.approx(0, abs=1e-3)
+
+
+def test_poses_far_outside_every_rule_are_finite():
+    """Sensor on a surface, inside a corner, on an edge's line."""
+    corner = objects.trihedral(0.1)
+    for position in ([0.0, 0.0, 0.0], [1e-6, 0, 0], [0.01, 0, 0], corner.vertices[1], corner.triangles_center[0]):
+        traced(corner, position, rays=20_000)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"rays_per_wavelength2": "4"}, {"rays_per_wavelength2": True}, {"rays_per_wavelength2": None}, {"rays_per_wavelength2": np.nan},
+        {"frequency": "77e9"}, {"frequency": None}, {"distance": "1"}, {"distance": False}, {"distance": np.inf}, {"max_bounces": 2.0},
+        {"max_bounces": "3"}, {"max_bounces": None}, {"max_bounces": True}, {"seed": -1}, {"seed": 0.5}, {"seed": "0"},
+        {"polarization": None}, {"polarization": ["V", "V"]}, {"direction": "x"}, {"direction": None}, {"direction": [1, 0]}, {"direction": [1, 0, np.nan]},
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_arguments_of_the_wrong_kind_are_named(arguments):
+    given = {"direction": [1, 0, 0], **arguments}
+    with pytest.raises(InputError, match=next(iter(arguments))):
+        rt.rcs(objects.plate(0.05, 0.05), given.pop("direction"), **given)

@@ -1,0 +1,205 @@
+"""What tubes carry: curvature behind curved surfaces, energy, polarisation and reciprocity."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.optimize import minimize
+
+import radartwin as rt
+from radartwin.scene import objects
+from radartwin.simulation import geometry, launch, reflection_table, tubes, variant
+
+FREQUENCY = 77e9
+WAVELENGTH = 299_792_458.0 / FREQUENCY
+K = 2 * np.pi / WAVELENGTH
+UP = np.array([[0.0, 0.0, 1.0]])
+
+
+def db(x):
+    return 10 * np.log10(x)
+
+
+def coherent(hits, keep=slice(None)):
+    return (hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m)))[keep].sum()
+
+
+def sphere_echo(source, receiver, centre, radius, walls):
+    """Geometric optics of a perfectly conducting sphere between two isotropic antennas with vertical fields: the shortest path over its
+    surface, the density of rays that land at the receiver by finite differences, and the mirrored field; -1 for each wall passed by
+    image."""
+
+    def unit(v):
+        return v / np.linalg.norm(v)
+
+    middle = unit(unit(source - centre) + unit(receiver - centre))
+    side = unit(np.cross(middle, [0.123, 0.456, 0.789]))
+    other = np.cross(middle, side)
+
+    def point(x):
+        return centre + radius * unit(middle + side * x[0] + other * x[1])
+
+    def path(x):
+        return np.linalg.norm(point(x) - source) + np.linalg.norm(point(x) - receiver)
+
+    found = minimize(path, [0, 0], method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-16}).x
+    hit = point(found)
+    normal, incoming = unit(hit - centre), unit(hit - source)
+
+    def mirrored(q):
+        n, k = unit(q - centre), unit(q - source)
+        return k - 2 * (k @ n) * n
+
+    outgoing = mirrored(hit)
+    across = unit(np.cross(outgoing, [0.3, 0.5, 0.7]))
+    screen = np.array([across, np.cross(outgoing, across)])
+    tangent = unit(np.cross(normal, [0.3, 0.5, 0.7]))
+    tangents = [tangent, np.cross(normal, tangent)]
+
+    def landing(q):
+        way = mirrored(q)
+        return screen @ (q + way * ((receiver - q) @ outgoing) / (way @ outgoing) - receiver)
+
+    step = 1e-5
+    spread = [(landing(centre + radius * unit(normal + t * step)) - landing(centre + radius * unit(normal - t * step))) for t in tangents]
+    area = abs(np.linalg.det(np.array(spread) / (2 * step * radius)))
+    field = unit(UP[0] - incoming * incoming[2])
+    field = 2 * (normal @ field) * normal - field
+    level = np.sqrt(-(incoming @ normal) / np.linalg.norm(hit - source) ** 2 / area) * (field @ unit(UP[0] - outgoing * outgoing[2]))
+    return (-1) ** walls * WAVELENGTH / (4 * np.pi) * level * np.exp(1j * K * path(found))
+
+
+@pytest.mark.parametrize(
+    ("density", "bound_db"),
+    [(4.0, {"S": 0.1, "S W": 0.5, "W S": 0.2, "W S W": 0.5}), (16.0, {"S": 0.1, "S W": 0.25, "W S": 0.1, "W S W": 0.2})],
+)
+def test_sphere_before_a_wall_echoes_by_all_its_images(density, bound_db):
+    """Second and third order: sphere then wall, wall then sphere, wall, sphere, wall. A sphere of 5 cm 30 cm from a wall, from the side,
+    where the reflections on the sphere are well off its shadow line."""
+    variant.activate()
+    sensor, centre, radius, wall_x = np.zeros(3), np.array([0.3, 1.0, 0.0]), 0.05, 0.6
+    image = np.array([2 * wall_x, 0, 0])
+    wall, ball = objects.plate(3, 3).apply_translation([wall_x, 0, 0]), objects.sphere(radius, 5).apply_translation(centre)
+    built = geometry.build([wall, ball])
+    table = reflection_table.build([("metal", 0.0)] * 2, FREQUENCY)
+    antenna = tubes.Antennas(sensor[None], UP)
+    parts = []
+    for first, at in ((1, centre), (0, centre * [-1, 1, 1] + [2 * wall_x, 0, 0])):
+        target = geometry.build([objects.sphere(radius, 4).apply_translation(at)])
+        grid = launch.towards(target.hull_points(), sensor[None], target.centre, WAVELENGTH / np.sqrt(density), (0.14, 0.95))
+        parts.append(
+            tubes.trace(
+                built, table, grid, antenna, antenna,
+                max_bounces=3, cluster=built.surface, first_hit=first, labels=built.surface, pieces=3,
+            )
+        )  # fmt: skip
+    hits = tubes.Hits.concatenate(parts)
+    for name, bound in bound_db.items():
+        sequence = 0
+        for letter in name.split():
+            sequence = (sequence << 12) + (2 if letter == "S" else 1)
+        source, receiver = (image if name[end] == "W" else sensor for end in (0, -1))
+        expected = sphere_echo(source, receiver, centre, radius, name.count("W"))
+        value = coherent(hits, hits.sequence == sequence)
+        assert abs(20 * np.log10(abs(value / expected))) < bound, name
+        assert abs(np.degrees(np.angle(value / expected))) < 20, name
+
+
+def carried(mesh, reflectance, bounces):
+    """Power in flight after 0, 1, 2, ... bounces of tubes from the middle of a closed mesh, summed tube by tube."""
+    import drjit as dr
+
+    from radartwin.simulation import kernel
+
+    variant.activate()
+    built = geometry.build([mesh])
+    flat = np.full((1, reflection_table.COSINES, 1), np.sqrt(reflectance), complex)
+    device = kernel.Device(built, reflection_table.ReflectionTable(-flat, 1j * flat, np.array([FREQUENCY])), None, None, True)
+    power = np.zeros(bounces + 1)
+    source = np.array([[0.11, -0.07, 0.05]])
+    for grid in launch.all_around(source, np.eye(3)[None], 20_000):
+        lanes = kernel.start(grid, UP, False, kernel.Chosen(np.arange(grid.per_pose, dtype=np.uint32)), 1)
+        active = kernel.cast(device, lanes, True)
+        for bounce in range(bounces + 1):
+            field = dr.squared_norm(lanes.field_re[0]) + dr.squared_norm(lanes.field_im[0])
+            power[bounce] += float((lanes.weight * field).numpy().astype(float).sum())
+            contact, active = kernel.meet(device, lanes, bounce == 0, active)
+            outgoing = -lanes.direction
+            kernel.scatter(device, lanes, contact, outgoing, dr.full(type(lanes.weight), 1.0), outgoing, 1600.0, active, False)
+            active = kernel.bounce(device, lanes, contact, active)
+            lanes.evaluate(active)
+            lanes = lanes.compacted(dr.compress(active))
+            active = dr.full(type(active), True, dr.width(lanes.index))
+    return power
+
+
+@pytest.mark.parametrize("reflectance", [1.0, 0.3])
+def test_closed_shells_keep_the_energy_of_tubes(reflectance):
+    """A box and a ball: a lossless wall keeps all, a lossy one |Gamma|^2 at every bounce; no tube leaks through an edge."""
+    box = trimesh.creation.box((1.0, 0.8, 0.9))
+    for mesh in (box, objects.sphere(0.5, 3)):
+        power = carried(mesh, reflectance, 5)
+        assert power[0] == pytest.approx(4 * np.pi, rel=1e-3)
+        np.testing.assert_allclose(power / power[0], reflectance ** np.arange(6), rtol=2e-4)
+
+
+@pytest.mark.parametrize(("angle_deg", "co", "cross"), [(0.0, 1.0, 0.0), (22.5, 0.5, 0.5), (45.0, 0.0, 1.0)])
+def test_dihedral_turns_polarisation_by_twice_its_own_angle(angle_deg, co, cross):
+    mesh = objects.dihedral(0.1, 0.1).apply_transform(trimesh.transformations.rotation_matrix(np.radians(angle_deg), [1, 0, 0]))
+    whole = 8 * np.pi * 0.1**4 / WAVELENGTH**2
+    levels = {p: rt.rcs(mesh, [1, 0, 0], polarization=p, rays_per_wavelength2=4) / whole for p in ("VV", "VH", "HV", "HH")}
+    assert levels["VV"] == pytest.approx(co, abs=0.02)
+    assert levels["HH"] == pytest.approx(co, abs=0.02)
+    assert levels["VH"] == pytest.approx(cross, abs=0.02)
+    assert levels["HV"] == pytest.approx(levels["VH"], rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["plate", "sphere", "can"])
+def test_single_bounces_are_reciprocal(name):
+    """Transmitter and receiver 4 cm apart, swapped, at 1 m."""
+    variant.activate()
+    mesh = {"plate": objects.plate(0.1, 0.1), "sphere": objects.sphere(0.05, 5), "can": objects.cylinder(0.033, 0.12, 128)}[name]
+    built = geometry.build([mesh])
+    table = reflection_table.build([("metal", 0.0)], FREQUENCY)
+    ends = np.array([[1.0, 0.02, 0.01]]), np.array([[1.0, -0.02, 0.0]])
+    values = []
+    for a, b in (ends, ends[::-1]):
+        grid = launch.towards(built.hull_points(), a, built.centre, WAVELENGTH / 4, (0.3, 0.7))
+        hits = tubes.trace(built, table, grid, tubes.Antennas(a, UP), tubes.Antennas(b, UP), max_bounces=1, pieces=3)
+        values.append(coherent(hits))
+    assert abs(20 * np.log10(abs(values[0] / values[1]))) < 0.05
+    assert abs(np.degrees(np.angle(values[0] / values[1]))) < 1
+
+
+@pytest.mark.parametrize("pieces", [3, 5])
+def test_divided_tubes_still_sum_to_one(pieces):
+    """Hats and boxes, whole and in pieces, weighed over the grid: one everywhere inside."""
+    variant.activate()
+    from radartwin.simulation import division
+
+    rng = np.random.default_rng(1)
+    grid = launch.Launch(*(np.zeros((1, 3)) for _ in range(4)), *(np.zeros(1) for _ in range(4)), 7, 6)
+    met = rng.integers(1, 3, (1, 7 * 6 + 8 * 7)).astype(np.uint32)
+    index, share, whole = division.divided(met, grid, 0, pieces, True)
+    at = rng.uniform([1, 1], [5, 4], (200, 2))
+    hats, boxes = np.zeros(200), np.zeros(200)
+    for i, s, w in zip(index, share, whole, strict=True):
+        if i < 42:
+            centre, size = np.array([i % 7, i // 7]), 1.0
+        else:
+            cell, width = i - 42, 7 * pieces + pieces - 1
+            centre, size = (np.array([cell % width, cell // width]) - (pieces - 1)) / pieces, 1 / pieces
+        off = np.abs(at - centre) / size
+        hats += s * np.clip(1 - off, 0, None).prod(axis=1)
+        boxes += w * (off < 0.5).all(axis=1)
+    np.testing.assert_allclose(hats, 1, atol=1e-12)
+    np.testing.assert_array_equal(boxes, 1)
+
+
+def test_doubly_reflected_power_never_exceeds_what_was_sent():
+    """A corner and a concave mirror at their brightest: the echo of a unit transmitter stays far below one."""
+    bowl = objects.sphere(0.2, 4)
+    bowl = trimesh.Trimesh(bowl.vertices, bowl.faces[bowl.triangles_center[:, 0] < -0.1], process=False)
+    for mesh, distance in ((objects.trihedral(0.1), 0.5), (bowl, 0.02), (bowl, 0.1)):
+        sigma = rt.rcs(mesh, [1, 0, 0], distance=distance, rays_per_wavelength2=4)
+        received = sigma * WAVELENGTH**2 / ((4 * np.pi) ** 3 * distance**4)
+        assert 0 < received < 1
