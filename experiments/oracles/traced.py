@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.interpolate import BarycentricInterpolator
 
 import radartwin as rt
 from experiments.oracles.case import SPEED_OF_LIGHT, Untestable
@@ -23,11 +24,14 @@ METHODS = {"tubes": "tubes alone", "panels": "panel images"}
 
 
 def settings(method: str, **values: Any) -> TraceSettings:
-    """Settings of the tracer for a method of METHODS. Raises Untestable where it is not built."""
-    if "room" in {field.name for field in fields(TraceSettings)}:
+    """Settings of the tracer for a method of METHODS, mirror reflections alone. Raises Untestable where it is not built."""
+    known = {field.name for field in fields(TraceSettings)}
+    if "room" in known:
         values["room"] = method
     elif method != "tubes":
         raise Untestable(f"this tracer has no {METHODS[method]}")
+    for extra in known & {"diffuse", "coupling"}:
+        values.setdefault(extra, False)
     return TraceSettings(**values)
 
 
@@ -37,11 +41,12 @@ def trace(scene: rt.Scene, radar: rt.Radar, pose: np.ndarray, chosen: TraceSetti
 
 
 def field(parts: Sequence[Paths], frequency_hz: float) -> complex:
-    """Sum of paths between isotropic antennas; amplitudes at the middle of their frequency nodes."""
+    """Sum of paths between isotropic antennas; amplitudes by the polynomial through their frequency nodes."""
     total = 0j
     for paths in parts:
-        middle = paths.amplitude[:, paths.amplitude.shape[1] // 2]
-        total += complex((middle * np.exp(2j * np.pi * frequency_hz / SPEED_OF_LIGHT * paths.length_m)).sum())
+        nodes = paths.frequencies_hz
+        amplitude = paths.amplitude[:, 0] if len(nodes) == 1 else BarycentricInterpolator(nodes, paths.amplitude.T)(frequency_hz)
+        total += complex((amplitude * np.exp(2j * np.pi * frequency_hz / SPEED_OF_LIGHT * paths.length_m)).sum())
     return total
 
 
