@@ -70,6 +70,20 @@ def _element_distance(length, direction, position, planar):
 
 
 @compiled
+def _image_distance(length, direction, mirror, transmitter, receiver, planar):
+    """Distance to a receiver from the image of a transmitter, whose array is mirrored at `length` along `direction`."""
+    x, y, z = -receiver[0], -receiver[1], -receiver[2]
+    for i in range(3):
+        x += mirror[0, i] * transmitter[i]
+        y += mirror[1, i] * transmitter[i]
+        z += mirror[2, i] * transmitter[i]
+    along = x * direction[0] + y * direction[1] + z * direction[2]
+    if planar:
+        return length + along
+    return np.sqrt(max(length * length + 2 * length * along + x * x + y * y + z * z, 0.0))
+
+
+@compiled
 def _motion(w, amplitude, weight_re, weight_im, orders):
     """Weights of the Chebyshev terms k and frequency nodes q, (2 - [k=0]) j^k J_k(w) amplitude_q, at k Q + q."""
     bessel(w, orders)
@@ -88,31 +102,38 @@ def _motion(w, amplitude, weight_re, weight_im, orders):
 
 @compiled
 def spread(
-    first, last, starts, length_in, length_out, departure, arrival, drift, motion, amplitude, tx, rx, planar, cycles_per_m, cells_per_m,
-    terms, kernel, grid_re, grid_im,
+    first, last, starts, length_in, length_out, departure, arrival, mirror, drift, motion, amplitude, tx, rx, planar, cycles_per_m,
+    cells_per_m, terms, kernel, grid_re, grid_im,
 ):  # fmt: skip
     """Fill the grids of tasks first..last, (tasks, channels x terms x nodes, cells + PAD), which are zero.
 
     Args:
-        starts: (tasks + 1,) the first path of each task. drift: (N,) metres each path is longer in the middle of the frame.
-        motion: (N,) argument of the Bessel functions. amplitude: (N, Q). tx, rx: element positions. planar: one direction for all.
+        starts: (tasks + 1,) the first path of each task. mirror: (N, 3, 3), or (0, 3, 3) where hits stay in their places.
+        drift: (N,) metres each path is longer in the middle of the frame. motion: (N,) argument of the Bessel functions.
+        amplitude: (N, Q). tx, rx: element positions. planar: one direction for all.
         cycles_per_m: phase at the middle of the sweep. cells_per_m: grid cells per metre of path.
         kernel: (degree + 1, TAPS) polynomials of the taps in the point's place between two cells, highest power first.
     """
     cells = grid_re.shape[2] - PAD
     rows = terms * amplitude.shape[1]
+    mirrored = len(mirror) > 0
     weight_re, weight_im, orders, taps = np.empty(rows), np.empty(rows), np.empty(terms), np.empty(TAPS)
     rx_m, rx_re, rx_im = np.empty(len(rx)), np.empty(len(rx)), np.empty(len(rx))
     for task in range(first, last):
         for p in range(starts[task], starts[task + 1]):
             _motion(motion[p], amplitude[p], weight_re, weight_im, orders)
-            for r in range(len(rx)):
+            for r in range(len(rx) if not mirrored else 0):
                 rx_m[r] = _element_distance(length_out[p], arrival[p], rx[r], planar)
                 rx_re[r], rx_im[r] = _turn(cycles_per_m * rx_m[r])
             for t in range(len(tx)):
-                tx_m = _element_distance(length_in[p], departure[p], tx[t], planar) + drift[p]
-                tx_re, tx_im = _turn(cycles_per_m * tx_m)
+                tx_m, tx_re, tx_im = drift[p], 1.0, 0.0
+                if not mirrored:
+                    tx_m += _element_distance(length_in[p], departure[p], tx[t], planar)
+                    tx_re, tx_im = _turn(cycles_per_m * tx_m)
                 for r in range(len(rx)):
+                    if mirrored:
+                        rx_m[r] = _image_distance(length_in[p] + length_out[p], arrival[p], mirror[p], tx[t], rx[r], planar)
+                        rx_re[r], rx_im[r] = _turn(cycles_per_m * (tx_m + rx_m[r]))
                     place = cells_per_m * (tx_m + rx_m[r])
                     place -= cells * np.floor(place / cells)
                     left = np.uint64(place)

@@ -4,10 +4,11 @@ For transmitter t, receiver r, loop c and sample n the signal is
 
     s[c, t, r, n] = sum_p a_p(f_n) exp(+j 2 pi f_n (L_p,t,r + v_p tau)/c),   f_n = f0 + S n/fs,   tau = t_c,t + n/fs - t_mid
 
-with L_p,t,r the distance over the elements and v_p the rate of the path. Motion is separated by the Jacobi-Anger expansion
-exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), w = 2 pi v X/c, x = f_n tau/X: a frame needs as many transforms as |w| is radians
-large, plus a few, however many chirps it has. The sum over delays is a type-1 non-uniform FFT with the exponential-of-semicircle
-kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41 (2019) C479, on a grid of twice the samples or more.
+with L_p,t,r the distance over the elements, by way of the hits or from the transmitter's image (radartwin.simulation.paths), and v_p the
+rate of the path. Motion is separated by the Jacobi-Anger expansion exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), w = 2 pi v X/c,
+x = f_n tau/X: a frame needs as many transforms as |w| is radians large, plus a few, however many chirps it has. The sum over delays is a
+type-1 non-uniform FFT with the exponential-of-semicircle kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41
+(2019) C479, on a grid of twice the samples or more.
 Equal inputs give equal bytes, on any number of cores. The loops are in radartwin.simulation.gridding.
 """
 
@@ -122,6 +123,7 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     tables = (
         np.ascontiguousarray(paths.length_in_m, float), np.ascontiguousarray(paths.length_out_m, float),
         np.ascontiguousarray(paths.departure, float), np.ascontiguousarray(paths.arrival, float),
+        np.zeros((0, 3, 3)) if paths.mirror is None else np.ascontiguousarray(paths.mirror, float),
         paths.rate_mps * middle, motion, amplitude, radar.tx_positions, radar.rx_positions, planar,
         (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT,
         radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells, terms, _kernel_polynomials(),
@@ -141,12 +143,15 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
 
 
 def planar_phase(paths: Paths, radar: Radar) -> float:
-    """Bound on the phase error of planar elements over all paths, radians: k p^2/(2 L) of the outermost element at either end."""
+    """Bound on the phase error of planar elements over all paths, radians: k p^2/(2 L) of the outermost element at either end, or of
+    both for images."""
     if not len(paths):
         return 0.0
     wavenumber = 2 * np.pi * (radar.start_frequency_hz + radar.sampled_bandwidth_hz) / SPEED_OF_LIGHT
     outermost = [(positions**2).sum(axis=1).max() for positions in (radar.tx_positions, radar.rx_positions)]
     with np.errstate(divide="ignore"):
+        if paths.mirror is not None:
+            return float((wavenumber / 2 * (np.sqrt(outermost[0]) + np.sqrt(outermost[1])) ** 2 / paths.length_m).max())
         return float((wavenumber / 2 * (outermost[0] / paths.length_in_m + outermost[1] / paths.length_out_m)).max())
 
 

@@ -170,3 +170,27 @@ def test_compiled_code_needs_no_folder_to_write_to():
         "assert twice(4) == 8\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("elements", ["exact", "planar"])
+def test_paths_of_images_start_at_the_mirrored_transmitter(elements):
+    """Each element's image is the mirrored array at the end of the path: distances straight from there to each receiver."""
+    radar = Radar.iwr1843(element="isotropic")
+    paths = random_paths(25, 2, 0.3)
+    normal = paths.departure
+    mirror = np.eye(3) - 2 * np.einsum("ni,nj->nij", normal, normal)
+    paths = dataclasses.replace(paths, mirror=mirror, length_in_m=paths.length_in_m + 0.3)
+    t = np.arange(256) / radar.sample_rate_hz
+    f = radar.start_frequency_hz + radar.slope_hz_per_s * t
+    expected = np.zeros((2, 16, 2, 4, 256), complex)
+    for p in range(len(paths)):
+        image = paths.length_m[p] * paths.arrival[p] + radar.tx_positions @ mirror[p].T
+        still = np.linalg.norm(image[:, None] - radar.rx_positions, axis=-1)[None, :, :, None]
+        length = still + paths.rate_mps[p] * (radar.chirp_times()[:, :, None, None] + t)
+        expected[paths.pose[p]] += paths.amplitude[p, 0] * np.exp(2j * np.pi * f * length / C)
+    iq = synthesize(paths, radar, elements=elements)
+    error = np.linalg.norm(iq - expected) / np.linalg.norm(expected)
+    if elements == "exact":
+        assert error < 1e-4
+    else:
+        assert 1e-4 < error < planar_phase(paths, radar)
