@@ -60,9 +60,9 @@ def test_plate_pattern_follows_its_sinc(angle_deg, density):
 @pytest.mark.parametrize("polarization", ["VV", "HH"])
 def test_trihedral_peak_matches_closed_form(leg, polarization):
     expected = db(4 * np.pi * leg**4 / (3 * WAVELENGTH**2))
-    assert db(rt.rcs(objects.trihedral(leg), [1, 0, 0], polarization=polarization)) == pytest.approx(expected, abs=0.7)
+    assert db(rt.rcs(objects.trihedral(leg), [1, 0, 0], polarization=polarization)) == pytest.approx(expected, abs=0.25)
     assert db(rt.rcs(objects.trihedral(leg), [1, 0, 0], polarization=polarization, rays_per_wavelength2=16)) == pytest.approx(
-        expected, abs=0.3
+        expected, abs=0.25
     )
 
 
@@ -76,7 +76,7 @@ def test_dihedral_matches_closed_form_and_turns_polarisation():
     """Fold vertical: 8 pi a^2 b^2 / lambda^2 co-polarised; folded at 45 degrees the return is all cross-polarised."""
     expected = db(8 * np.pi * 0.05**2 * 0.1**2 / WAVELENGTH**2)
     mesh = objects.dihedral(0.05, 0.1)
-    assert db(rt.rcs(mesh, [1, 0, 0], rays_per_wavelength2=4)) == pytest.approx(expected, abs=0.5)
+    assert db(rt.rcs(mesh, [1, 0, 0], rays_per_wavelength2=4)) == pytest.approx(expected, abs=0.25)
     tilted = mesh.copy().apply_transform(trimesh.transformations.rotation_matrix(np.pi / 4, [1, 0, 0]))
     assert db(rt.rcs(tilted, [1, 0, 0], rays_per_wavelength2=4, polarization="VH")) == pytest.approx(expected, abs=1.0)
     assert rt.rcs(tilted, [1, 0, 0], rays_per_wavelength2=4) < 0.02 * 10 ** (expected / 10)
@@ -88,7 +88,7 @@ def test_sphere_matches_mie(radius):
     mesh = objects.sphere(radius, 4)
     for density in (1.0, 4.0, 16.0):
         measured = db(rt.rcs(mesh, [1, 0.2, 0.1], rays_per_wavelength2=density))
-        assert measured == pytest.approx(db(mie_backscatter(radius)), abs=0.4)
+        assert measured == pytest.approx(db(mie_backscatter(radius)), abs=0.25)
 
 
 def test_coarse_can_is_still_round():
@@ -96,18 +96,43 @@ def test_coarse_can_is_still_round():
     mesh = objects.cylinder(0.033, 0.12, 16)
     expected = db(K * 0.033 * 0.12**2)
     error = [db(rt.rcs(mesh, [np.cos(a), np.sin(a), 0], rays_per_wavelength2=4)) - expected for a in np.linspace(0, np.pi / 8, 7)]
-    assert np.sqrt(np.mean(np.square(error))) < 0.7
+    assert np.sqrt(np.mean(np.square(error))) < 0.5
+
+
+def test_coarse_sphere_is_still_round():
+    """1280 facets over twelve aspects: 0.35 dB rms of Mie."""
+    error = [
+        db(rt.rcs(objects.sphere(radius, 3), view, rays_per_wavelength2=4) / mie_backscatter(radius))
+        for radius in (0.033, 0.05)
+        for view in np.random.default_rng(0).normal(size=(6, 3))
+    ]
+    assert np.sqrt(np.mean(np.square(error))) < 0.35
+
+
+def test_trihedral_pattern_follows_its_aperture(shared_data):
+    """To +-30 degrees in azimuth against geometric optics: 0.15 dB rms."""
+    import csv
+
+    rows = csv.DictReader((shared_data.parent / "reference" / "trihedral_10cm_pattern.csv").read_text().splitlines())
+    error = []
+    for row in rows:
+        azimuth = np.radians(float(row["az_deg"]))
+        if abs(azimuth) < np.radians(30.1) and round(float(row["az_deg"]) * 2) % 4 == 0:
+            view = [np.cos(azimuth), np.sin(azimuth), 0]
+            error.append(db(rt.rcs(objects.trihedral(0.1), view)) - float(row["GO_Aeff_dBsm"]))
+    assert len(error) > 20
+    assert np.sqrt(np.mean(np.square(error))) < 0.15
 
 
 @pytest.mark.parametrize("distance", [0.5, 1.0, 2.0])
 def test_near_field_plate_matches_quadrature(distance):
     expected = quadrature_plate(0.1, distance)
     assert db(expected) == pytest.approx(db(near_field_plate(0.1, distance)), abs=0.15)  # the oracle agrees with its own closed form
-    assert db(rt.rcs(objects.plate(0.1, 0.1), [1, 0, 0], distance=distance)) == pytest.approx(db(expected), abs=0.5)
+    assert db(rt.rcs(objects.plate(0.1, 0.1), [1, 0, 0], distance=distance)) == pytest.approx(db(expected), abs=0.2)
 
 
 def test_near_field_figures_of_the_reference(shared_data):
-    """10 cm plate and trihedral at 0.5, 1 and 2 m, relative to their far field, within 0.5 dB at four rays per square wavelength."""
+    """10 cm plate and trihedral at 0.5, 1 and 2 m, relative to their far field, within 0.2 dB at four rays per square wavelength."""
     import csv
 
     rows = {
@@ -118,7 +143,7 @@ def test_near_field_figures_of_the_reference(shared_data):
         far = 4 * np.pi * 0.1**4 / WAVELENGTH**2 / (1 if column == "plate10cm" else 3)
         for distance in (0.5, 1.0, 2.0):
             relative = db(rt.rcs(mesh, [1, 0, 0], distance=distance, rays_per_wavelength2=4) / far)
-            assert relative == pytest.approx(float(rows[distance][column]), abs=0.6 if distance == 0.5 else 0.5), (column, distance)
+            assert relative == pytest.approx(float(rows[distance][column]), abs=0.2), (column, distance)
 
 
 @pytest.mark.parametrize(
@@ -128,13 +153,13 @@ def test_near_field_figures_of_the_reference(shared_data):
 )
 def test_power_does_not_depend_on_ray_count(mesh, distance):
     levels = [db(rt.rcs(mesh, [1, 0, 0], distance=distance, rays_per_wavelength2=n)) for n in (1, 2, 4, 8, 16)]
-    assert max(levels) - min(levels) < 1.0
+    assert max(levels) - min(levels) < 0.25
 
 
 def test_another_seed_moves_the_grid_but_not_the_answer():
     levels = [db(rt.rcs(objects.trihedral(0.1), [1, 0, 0], rays_per_wavelength2=16, seed=seed)) for seed in range(6)]
     assert len(set(levels)) == 6
-    assert max(levels) - min(levels) < 0.3
+    assert max(levels) - min(levels) < 0.1
 
 
 def test_far_field_is_the_limit_of_distance():

@@ -86,6 +86,7 @@ def test_sphere_before_a_wall_echoes_by_all_its_images(density, bound_db):
     for first, at in ((1, centre), (0, centre * [-1, 1, 1] + [2 * wall_x, 0, 0])):
         target = geometry.build([objects.sphere(radius, 4).apply_translation(at)])
         grid = launch.towards(target.hull_points(), sensor[None], target.centre, WAVELENGTH / np.sqrt(density), (0.14, 0.95))
+        assert grid is not None
         parts.append(
             tubes.trace(
                 built, table, grid, antenna, antenna,
@@ -164,6 +165,7 @@ def test_single_bounces_are_reciprocal(name):
     values = []
     for a, b in (ends, ends[::-1]):
         grid = launch.towards(built.hull_points(), a, built.centre, WAVELENGTH / 4, (0.3, 0.7))
+        assert grid is not None
         hits = tubes.trace(built, table, grid, tubes.Antennas(a, UP), tubes.Antennas(b, UP), max_bounces=1, pieces=3)
         values.append(coherent(hits))
     assert abs(20 * np.log10(abs(values[0] / values[1]))) < 0.05
@@ -177,7 +179,8 @@ def test_divided_tubes_still_sum_to_one(pieces):
     from radartwin.simulation import division
 
     rng = np.random.default_rng(1)
-    grid = launch.Launch(*(np.zeros((1, 3)) for _ in range(4)), *(np.zeros(1) for _ in range(4)), 7, 6)
+    line, one = np.zeros((1, 3)), np.zeros(1)
+    grid = launch.Launch(line, line, line, line, one, one, one, one, 7, 6)
     met = rng.integers(1, 3, (1, 7 * 6 + 8 * 7)).astype(np.uint32)
     index, share, whole = division.divided(met, grid, 0, pieces, True)
     at = rng.uniform([1, 1], [5, 4], (200, 2))
