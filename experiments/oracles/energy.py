@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 import radartwin as rt
 from experiments.oracles import stack, traced
@@ -62,7 +62,7 @@ def _swapped_images(full: bool) -> Finding:
             found, group = np.unique(np.round(keys, 7), axis=0, return_inverse=True)
             total = np.zeros(len(found), complex)
             np.add.at(total, group.ravel(), paths.amplitude[:, 0])
-            apart, partner = cKDTree(found).query(found[:, [3, 4, 5, 0, 1, 2, 6]])
+            apart, partner = KDTree(found).query(found[:, [3, 4, 5, 0, 1, 2, 6]])
             if apart.max(initial=0.0) > 1e-6:
                 return Finding(float("nan"), float("nan"), float("inf"), len(found))
             level = np.abs(total)
