@@ -6,6 +6,8 @@ from functools import partial
 
 import numpy as np
 import trimesh
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 import radartwin as rt
@@ -59,14 +61,17 @@ def _swapped_images(full: bool) -> Finding:
         for paths in traced.trace(room_scene(size, "concrete"), traced.MONOSTATIC, traced.pose(sensor, rotation()), chosen):
             keys = np.column_stack([paths.departure, paths.arrival, paths.length_m])
             # the orders of a corner share one line: their sum is one path
-            found, group = np.unique(np.round(keys, 7), axis=0, return_inverse=True)
+            near = KDTree(keys).query_pairs(1e-6, output_type="ndarray")
+            links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(keys), len(keys)))
+            _, group = connected_components(links, directed=False)
+            found = keys[np.unique(group, return_index=True)[1]]
             total = np.zeros(len(found), complex)
-            np.add.at(total, group.ravel(), paths.amplitude[:, 0])
+            np.add.at(total, group, paths.amplitude[:, 0])
             apart, partner = KDTree(found).query(found[:, [3, 4, 5, 0, 1, 2, 6]])
-            if apart.max(initial=0.0) > 1e-6:
-                return Finding(float("nan"), float("nan"), float("inf"), len(found))
             level = np.abs(total)
             strong = level > 0.01 * level.max()
+            if apart[strong].max(initial=0.0) > 1e-6:
+                return Finding(float("nan"), float("nan"), float("inf"), len(found))
             pairs += list(zip(20 * np.log10(level[strong]), 20 * np.log10(level[partner][strong]), strict=True))
     return worst([(float(a), float(b)) for a, b in pairs])
 
