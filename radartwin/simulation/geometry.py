@@ -83,7 +83,9 @@ class Geometry:
             parameters["vertex_positions"] = self.corners.astype(np.float32).ravel()
             parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
             parameters.update()
-            self._scene = mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, "geometry": mesh})
+            # otherwise Embree lets rays through along the edge that two triangles share; OptiX is watertight as it is
+            watertight = {} if "cuda" in (mi.variant() or "") else {"embree_use_robust_intersections": True}
+            self._scene = mi.load_dict({"type": "scene", **watertight, "geometry": mesh})
         return self._scene
 
 

@@ -99,6 +99,15 @@ def test_coarse_can_is_still_round():
     assert np.sqrt(np.mean(np.square(error))) < 0.5
 
 
+def test_no_ray_slips_between_two_facets():
+    """A can turned so that a row of rays runs exactly along an edge between facets."""
+    can = objects.cylinder(0.02, 0.08, 256)
+    turn = trimesh.transformations.rotation_matrix(np.pi / 4, [1, 0, 0])
+    tilted = trimesh.Trimesh(can.vertices @ turn[:3, :3].T, can.faces, vertex_normals=can.vertex_normals @ turn[:3, :3].T, process=False)
+    error = db(rt.rcs(tilted, [1, 0, 0], rays_per_wavelength2=4) / (K * 0.02 * 0.08**2))
+    assert error == pytest.approx(0, abs=0.15)
+
+
 def test_coarse_sphere_is_still_round():
     """1280 facets over twelve aspects: 0.35 dB rms of Mie."""
     error = [
