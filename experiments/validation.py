@@ -112,8 +112,8 @@ def _ray_count_figure(full: bool) -> Figure:
         errors = [targets.at_density(target, float(density), full).error for density in densities]
         axes.plot(densities, np.maximum(errors, 1e-3), "o-", ms=3, color=PALETTE[number], label=target.name)
     axes.plot([1, 4, 64], [0.5, 0.25, 0.25], color="0.3", lw=0.8, ls="--", drawstyle="steps-post", label="limit")
-    axes.set(xscale="log", yscale="log", xlabel="rays per square wavelength", ylabel="largest error (dB)")
-    axes.legend(ncols=2)
+    axes.set(xscale="log", yscale="log", xlabel="rays per square wavelength", ylabel="largest error (dB)", ylim=(3e-3, 8))
+    axes.legend(ncols=2, loc="upper right")
     return drawing
 
 
