@@ -1,4 +1,4 @@
-"""Fresnel factor of a flat polygon: what share of an image's field comes through it.
+"""Fresnel factor of a flat polygon: what share of an image's field comes through it; and the compiled loop over images that uses it.
 
 The field that a plane returns of a source is its image's. What a polygon of that plane returns is the image's times
 
@@ -12,6 +12,8 @@ closed form; each edge counts with the obliquity and spreading of the currents a
 weight 0.002 and 0.01). On a straight edge far from all corners F is the half-plane factor (1 - (1 - j)(C + jS))/2; for a rectangle it is
 the product of two such differences. Polygons are convex here, counter-clockwise; whatever is left of one behind another is a few convex
 pieces.
+`evaluate` is the loop of `radartwin.simulation.images`, where it is described; it stands here because machine code that is kept on disk is
+renewed when its own file changes, not when a file it calls does.
 Ref: K. Miyamoto, E. Wolf, J. Opt. Soc. Am. 52 (1962) 615, for diffraction as a boundary wave.
 """
 
@@ -20,9 +22,11 @@ import math
 import numpy as np
 
 from radartwin.simulation.compiled import compiled
+from radartwin.simulation.reflection_table import COSINES
 
 MAX_CORNERS = 24  # of a polygon in the making; a rectangle cut by eight planes has twelve
 MAX_PIECES = 64
+BEHIND = 1e-6  # metres within which a point lies on a plane
 SLIVER_M2 = 2e-9  # twice the area below which a piece is rounding
 _NEAR = 2.0  # Fresnel coordinate below which the integral is summed directly
 _X, _WX = np.polynomial.legendre.leggauss(16)
@@ -235,11 +239,10 @@ def polygon_factor(
         b = origin + polygon[i, 0] * u_axis + polygon[i, 1] * v_axis
         excess_b = _distance(b, source) + _distance(b, receiver) - length
         cross = polygon[previous, 0] * polygon[i, 1] - polygon[previous, 1] * polygon[i, 0]
-        if cross < 0:
-            inside = False
         along = b - a
         side = math.sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2])
-        if side > 1e-9:
+        if side > 1e-7:  # shorter ones are two corners in the same place, whose order is rounding
+            inside &= cross >= 0
             along = along / side
             # the least excess along the edge's line: unfold source and receiver about it
             z_s, z_r = 0.0, 0.0
@@ -278,3 +281,296 @@ def _spreading(point: np.ndarray, source: np.ndarray, receiver: np.ndarray, norm
 @compiled
 def _distance(a: np.ndarray, b: np.ndarray) -> float:
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@compiled
+def _mirror(points: np.ndarray, count: int, normal: np.ndarray, offset: float) -> None:
+    """Mirror points (count, 3) in a plane, in place."""
+    for i in range(count):
+        height = points[i, 0] * normal[0] + points[i, 1] * normal[1] + points[i, 2] * normal[2] - offset
+        for k in range(3):
+            points[i, k] -= 2 * height * normal[k]
+
+
+@compiled
+def _project(
+    points: np.ndarray,
+    count: int,
+    centre: np.ndarray,
+    depth: float,
+    normal: np.ndarray,
+    origin: np.ndarray,
+    u_axis: np.ndarray,
+    v_axis: np.ndarray,
+    spare: np.ndarray,
+    out: np.ndarray,
+) -> int:
+    """Polygon (count, 3) seen from `centre` on the plane `depth` before it along `normal`: (n, 2) in `out`, and n.
+
+    Only what lies between the two counts; it is cut a thousandth of the depth before the centre.
+    """
+    at = centre[0] * normal[0] + centre[1] * normal[1] + centre[2] * normal[2]
+    kept = clip_space(points, count, normal, at + 1e-3 * depth, spare)
+    if kept == 0:
+        return 0
+    kept = clip_space(spare, kept, -normal, -(at + depth * (1 + 1e-9) + BEHIND), points)
+    for i in range(kept):
+        height = points[i, 0] * normal[0] + points[i, 1] * normal[1] + points[i, 2] * normal[2] - at
+        share = depth / height
+        x, y = 0.0, 0.0
+        for k in range(3):
+            place = centre[k] + (points[i, k] - centre[k]) * share - origin[k]
+            x += place * u_axis[k]
+            y += place * v_axis[k]
+        out[i, 0], out[i, 1] = x, y
+    return kept
+
+
+@compiled
+def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
+    """Convex hull of points (count, 2), counter-clockwise in `out` (MAX_CORNERS, 2), and its size."""
+    start = 0
+    for i in range(1, count):
+        if points[i, 0] < points[start, 0] or (points[i, 0] == points[start, 0] and points[i, 1] < points[start, 1]):
+            start = i
+    kept, here = 0, start
+    while kept < MAX_CORNERS:
+        out[kept] = points[here]
+        kept += 1
+        ahead = (here + 1) % count
+        for i in range(count):
+            cross = (points[ahead, 0] - points[here, 0]) * (points[i, 1] - points[here, 1]) - (points[ahead, 1] - points[here, 1]) * (
+                points[i, 0] - points[here, 0]
+            )
+            if cross < 0:
+                ahead = i
+        here = ahead
+        if here == start:
+            break
+    return kept
+
+
+@compiled
+def _reflect(
+    field: np.ndarray, direction: np.ndarray, mirrored: np.ndarray, normal: np.ndarray, cosine: float, te: np.ndarray, tm: np.ndarray
+) -> None:
+    """Mirror the field (Q, 3) at a plane, coefficients (COSINES, Q) linear in the cosine, in place."""
+    s = np.cross(direction, normal)
+    size = norm(s)
+    if size < 1e-7:
+        s = np.cross(normal, np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0]))
+        size = norm(s)
+    s = s / size
+    p_in, p_out = np.cross(direction, s), np.cross(mirrored, s)
+    x = min(max(cosine, 0.0), 1.0) * (COSINES - 1)
+    low = min(int(x), COSINES - 2)
+    share = x - low
+    for q in range(field.shape[0]):
+        along_s, along_p = 0j, 0j
+        for k in range(3):
+            along_s += field[q, k] * s[k]
+            along_p += field[q, k] * p_in[k]
+        along_s *= te[low, q] * (1 - share) + te[low + 1, q] * share
+        along_p *= tm[low, q] * (1 - share) + tm[low + 1, q] * share
+        for k in range(3):
+            field[q, k] = along_s * s[k] + along_p * p_out[k]
+
+
+@compiled
+def _is_aside(
+    centre: np.ndarray, radius: float, image: np.ndarray, along: np.ndarray, total: float, wavenumber: float, reach: float
+) -> bool:
+    """Whether a ball stays farther from the straight path than `reach` in Fresnel coordinates, d sqrt(2 L/(lambda a b)), a + b = L."""
+    t, away = 0.0, 0.0
+    for k in range(3):
+        t += (centre[k] - image[k]) * along[k]
+    for k in range(3):
+        away += (centre[k] - image[k] - t * along[k]) ** 2
+    if t < -radius or t > total + radius:
+        return True
+    middle = min(max(0.5 * total, t - radius), t + radius)  # where along the ball the path's zone is widest
+    middle = min(max(middle, 0.0), total)
+    width = reach * np.sqrt(np.pi * middle * (total - middle) / (total * wavenumber))
+    return np.sqrt(away) - radius > width
+
+
+@compiled
+def transverse(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Normalised part of an axis across a direction. Along the axis itself it has no limit, but what an antenna sends and receives there
+    has: any one direction across, the same at both ends."""
+    across = axis - direction * np.dot(axis, direction)
+    size = norm(across)
+    if size < 1e-6:
+        across = np.cross(axis, np.array([0.6, 0.0, 0.8]) if abs(axis[2]) < 0.9 else np.array([0.8, 0.6, 0.0]))
+        size = norm(across)
+    return across / size
+
+
+@compiled
+def norm(x: np.ndarray) -> float:
+    return np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+
+
+@compiled
+def evaluate(
+    start, stop,
+    corners, count, normal, offset, surface,
+    o_points, o_count, o_hull, o_centre, o_radius,
+    order, panel, side, first, last, blocker,
+    te, tm, wavenumber, nudge, reach, which, source, axis, receiver,
+    least, factor, length, departure, arrival, field,
+):  # fmt: skip
+    centre = np.zeros((1, 3))
+    space, spare3 = np.zeros((MAX_CORNERS, 3)), np.zeros((MAX_CORNERS, 3))
+    flat, spare2 = np.zeros((MAX_CORNERS, 2)), np.zeros((2, MAX_CORNERS, 2))
+    pieces, counts = np.zeros((MAX_PIECES, MAX_CORNERS, 2)), np.zeros(MAX_PIECES, np.int64)
+    for n in range(start, stop):
+        s = which[n]
+        m = order[s]
+        image = source[n].copy()
+        lit = True
+        for i in range(m):  # images; each panel must be met from its side
+            p = panel[s, i]
+            height = image[0] * normal[p, 0] + image[1] * normal[p, 1] + image[2] * normal[p, 2] - offset[p]
+            if side[s, i] * height <= BEHIND:
+                lit = False
+                break
+            for k in range(3):
+                image[k] -= 2 * height * normal[p, k]
+        if not lit:
+            continue
+        p = panel[s, m - 1]
+        facing = side[s, m - 1] * normal[p]  # towards the receiver
+        depth_r = side[s, m - 1] * (np.dot(receiver[n], normal[p]) - offset[p])
+        if depth_r <= BEHIND:
+            continue
+        depth_s = -side[s, m - 1] * (np.dot(image, normal[p]) - offset[p])
+        way = receiver[n] - image
+        total = norm(way)
+        along = way / total
+        beside = receiver[n] + nudge
+        depth_b = side[s, m - 1] * (np.dot(beside, normal[p]) - offset[p])
+        # directions, last to first, and the incidence at each panel
+        back = along.copy()
+        directions = np.zeros((m + 1, 3))
+        directions[m] = back
+        for i in range(m - 1, -1, -1):
+            p = panel[s, i]
+            cosine = np.dot(back, normal[p]) * side[s, i]
+            if cosine <= 1e-6:
+                lit = False
+                break
+            for k in range(3):
+                back[k] -= 2 * np.dot(directions[i + 1], normal[p]) * normal[p, k]
+            directions[i] = back
+        if not lit:
+            continue
+        origin = image + (beside - image) * (depth_s / (depth_s + depth_b))
+        u_axis = np.cross(facing, np.array([0.0, 0.0, 1.0]) if abs(facing[2]) < 0.9 else np.array([1.0, 0.0, 0.0]))
+        u_axis = u_axis / norm(u_axis)
+        v_axis = np.cross(facing, u_axis)
+
+        number = 0
+        for i in range(m - 1, -1, -1):  # the aperture: common part of all panels
+            p = panel[s, i]
+            c = count[p]
+            space[:c] = corners[p, :c]
+            for j in (i - 1, i + 1):  # before the panels it sends to and receives from
+                if 0 <= j < m:
+                    o = panel[s, j]
+                    c = clip_space(space, c, side[s, j] * normal[o], side[s, j] * offset[o], spare3)
+                    space[:c] = spare3[:c]
+                    if c == 0:
+                        break
+            if c:
+                for j in range(i + 1, m):
+                    _mirror(space, c, normal[panel[s, j]], offset[panel[s, j]])
+                c = _project(space, c, image, depth_s, facing, origin, u_axis, v_axis, spare3, flat)
+            if c == 0:
+                number = 0
+                break
+            if orient(flat, c) < 1e-12:
+                number = 0
+                break
+            if i == m - 1:
+                pieces[0, :c] = flat[:c]
+                counts[0] = c
+                number = 1
+            else:
+                counts[0] = intersect(pieces[0], counts[0], flat, c, spare2[0])
+                if counts[0] == 0:
+                    number = 0
+                    break
+        if number == 0:
+            continue
+        across = transverse(axis[n], directions[0])
+        for q in range(field.shape[1]):
+            for k in range(3):
+                field[n, q, k] = across[k]
+        for i in range(m):
+            p = panel[s, i]
+            cosine = -np.dot(directions[i], normal[p]) * side[s, i]
+            _reflect(field[n], directions[i], directions[i + 1], normal[p], cosine, te[surface[p]], tm[surface[p]])
+        strongest = 0.0
+        for q in range(field.shape[1]):
+            power = 0.0
+            for k in range(3):
+                power += field[n, q, k].real ** 2 + field[n, q, k].imag ** 2
+            strongest = max(strongest, power)
+        if strongest <= (least[n] * total) ** 2:
+            continue
+        f = polygon_factor(pieces[0], counts[0], origin, u_axis, v_axis, image, beside, norm(beside - image), wavenumber)
+        if strongest * (f.real * f.real + f.imag * f.imag) <= (least[n] * total) ** 2:
+            continue
+        whole = True
+        for leg in range(m + 1):  # less what stands in the way
+            for b in range(first[s, leg], last[s, leg]):
+                o = blocker[b]
+                centre[0] = o_centre[o]
+                for j in range(leg, m):
+                    _mirror(centre, 1, normal[panel[s, j]], offset[panel[s, j]])
+                if _is_aside(centre[0], o_radius[o], image, along, total, wavenumber, reach):
+                    continue
+                c = o_count[o]
+                space[:c] = o_points[o, :c]
+                if not o_hull[o]:
+                    for j in (leg - 1, leg):
+                        if 0 <= j < m:
+                            q = panel[s, j]
+                            c = clip_space(space, c, side[s, j] * normal[q], side[s, j] * offset[q] + BEHIND, spare3)
+                            space[:c] = spare3[:c]
+                            if c == 0:
+                                break
+                    if c == 0:
+                        continue
+                if leg < m:
+                    for j in range(leg, m):
+                        _mirror(space, c, normal[panel[s, j]], offset[panel[s, j]])
+                    c = _project(space, c, image, depth_s, facing, origin, u_axis, v_axis, spare3, flat)
+                else:
+                    c = _project(space, c, beside, depth_b, -facing, origin, u_axis, v_axis, spare3, flat)
+                if c < 3:
+                    continue
+                if o_hull[o]:
+                    c = _hull(flat, c, spare2[0])
+                    flat[:c] = spare2[0, :c]
+                    if c < 3:
+                        continue
+                if orient(flat, c) < 1e-12:
+                    continue
+                whole = False
+                number = subtract(pieces, counts, number, flat, c, spare2)
+                if number == 0:
+                    break
+            if number == 0:
+                break
+        if number == 0:
+            continue
+        if not whole:
+            f = 0j
+            for i in range(number):
+                f += polygon_factor(pieces[i], counts[i], origin, u_axis, v_axis, image, beside, norm(beside - image), wavenumber)
+        factor[n] = f
+        length[n] = total
+        departure[n] = directions[0]
+        arrival[n] = -along

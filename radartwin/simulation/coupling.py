@@ -24,7 +24,12 @@ from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basi
 SHARE = 0.01  # pairs of legs that carry less than this of the direct pair are left out
 LONGEST_LEG = 2  # panels
 LEG_PRUNE = 5e-3  # of the strongest way to the object, while legs are looked for
-GRID_M = 0.04  # between the places around the object where a leg is evaluated
+MARGIN = 0.3
+REACH = 8.0  # Fresnel coordinate beyond which obstacles are not looked at: 0.03 of a leg at most
+LINEAR = 0.03  # by which a leg may differ at the object's centre from linear between the corners of its cube, of itself
+COARSE = 0.01  # ... or of the direct leg, whichever is more
+GRID_M = 0.04  # between the places around the object where a leg is evaluated that differs by more
+POINTS_AT_ONCE = 100_000
 DIRECT = -1
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
 SHORT_M = 1e-4  # by which a test of the direct way stops before the object
@@ -35,39 +40,43 @@ class _Legs:
     """What legs carry at U distinct places of sensor and object.
 
     Attributes:
-        sequences: over panels. low: (U, 3) and step: scalar, of each place's grid of `side` points along each axis.
-        frequencies_hz: (Q,). carried: {(place, sequence): (side^3, Q) complex}, the field along the projected axis of the image, with the
-            Fresnel factor, for exp(+j k L).
+        sequences: over panels. low: (U, 3), size: metres: the cube around the object at each place.
+        frequencies_hz: (Q,). carried: {(place, sequence): (n, n, n, Q) complex} on a grid over the cube, the field along the projected axis
+            of the image with the Fresnel factor, for exp(+j k L).
         share: (U, S) of a leg's largest field over length to the direct one's.
     """
 
     sequences: images.Sequences
     low: np.ndarray
-    step: float
-    side: int
+    size: float
     frequencies_hz: np.ndarray
     carried: dict[tuple[int, int], np.ndarray]
     share: np.ndarray
 
     def at(self, place: np.ndarray, sequence: np.ndarray, point: np.ndarray) -> np.ndarray:
         """(N, Q) carried by legs (N,) to points (N, 3) of the world; 1 for the direct leg."""
-        nodes = len(self.frequencies_hz)
-        out = np.ones((len(point), nodes), complex)
-        pairs, index = np.unique(np.stack([place, sequence], axis=1), axis=0, return_inverse=True)
-        for i, (u, s) in enumerate(pairs.tolist()):
-            if s == DIRECT:
-                continue
-            mine = np.flatnonzero(index.ravel() == i)
-            x = np.clip((point[mine] - self.low[u]) / self.step, 0, self.side - 1 - 1e-9)
-            cell = x.astype(int)
-            share = x - cell
-            total = np.zeros((len(mine), nodes), complex)
-            for corner in np.ndindex(2, 2, 2):
-                weight = np.prod(np.where(corner, share, 1 - share), axis=1)
-                row = ((cell + corner) @ [self.side * self.side, self.side, 1]).astype(int)
-                total += weight[:, None] * self.carried[u, s][row]
-            out[mine] = total
+        out = np.ones((len(point), len(self.frequencies_hz)), complex)
+        code = np.where(sequence == DIRECT, -1, place * len(self.sequences) + sequence)
+        order = np.argsort(code, kind="stable")
+        starts = np.flatnonzero(np.diff(code[order], prepend=-2))
+        for mine in np.split(order, starts)[1:] if len(order) else ():
+            if code[mine[0]] >= 0:
+                u, s = int(place[mine[0]]), int(sequence[mine[0]])
+                out[mine] = _interpolated(self.carried[u, s], (point[mine] - self.low[u]) / self.size)
         return out
+
+
+def _interpolated(values: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """(N, Q): values (n, n, n, Q) on a regular grid over the unit cube at points x (N, 3), linear along each axis."""
+    side = len(values)
+    x = np.clip(x * (side - 1), 0, side - 1 - 1e-9)
+    cell = x.astype(int)
+    share = x - cell
+    total = np.zeros((len(x), values.shape[-1]), complex)
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.prod(np.where(corner, share, 1 - share), axis=1)
+        total += weight[:, None] * values[tuple((cell + corner).T)]
+    return total
 
 
 def group_paths(
@@ -242,35 +251,77 @@ def _legs(room: PanelRoom, places: np.ndarray, axes: np.ndarray, built: Geometry
     of_key = np.array([np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains])
     active = np.array([of_key[keys_].any(axis=0) for keys_ in near])
     place, which = np.nonzero(active)
-    one = images.evaluate(room.panels, room.things, prepared, room.table, which, sensor[place], axes[place], centre[place])
+    one = images.evaluate(room.panels, room.things, prepared, room.table, which, sensor[place], axes[place], centre[place], reach=REACH)
     direct = np.linalg.norm(centre - sensor, axis=1)
     level = np.abs(one.factor) * np.linalg.norm(one.field, axis=2).max(axis=1, initial=0) * direct[place] / np.maximum(one.length_m, 1e-9)
-    share = np.zeros((len(places), len(prepared)))
-    side = int(np.clip(np.ceil(2 * radius / GRID_M), 2, 6)) + 1
-    step = 2 * radius / (side - 1)
-    steps = np.stack(np.meshgrid(*[np.arange(side) * step] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    low = centre - radius
-    carried = {}
-    # an edge of its shadow may cross the object: what is a tenth of what counts at the centre is looked at everywhere
-    chosen = np.flatnonzero(level >= 0.1 * SHARE)
-    grid_of = np.repeat(chosen, len(steps))
-    points = low[place[grid_of]] + np.tile(steps, (len(chosen), 1))
     nodes = max(room.table.frequencies_hz, table.frequencies_hz, key=len)
-    basis = lagrange_basis(room.table.frequencies_hz, nodes)
-    chunk = max(1, 100_000 // len(steps)) * len(steps)
-    for start in range(0, len(grid_of), chunk):
-        part = slice(start, start + chunk)
-        index = grid_of[part]
-        legs = which[index]
-        at = images.evaluate(room.panels, room.things, prepared, room.table, legs, sensor[place[index]], axes[place[index]], points[part])
-        image = np.einsum("nij,nj->ni", prepared.mirror[legs], sensor[place[index]]) + prepared.shift[legs]
-        way = points[part] - image
-        length = np.linalg.norm(way, axis=1)
-        unit = images.across(np.einsum("nij,nj->ni", prepared.mirror[legs], axes[place[index]]), way / length[:, None])
-        field = np.einsum("nk,nqk->nq", unit, at.field).conj() * at.factor[:, None]
-        value = (field @ basis).reshape(-1, len(steps), basis.shape[1])
-        amount = (np.abs(field).max(axis=1, initial=0) / length).reshape(-1, len(steps)).max(axis=1)
-        for row, c in enumerate(index[:: len(steps)]):
-            carried[int(place[c]), int(which[c])] = value[row]
-            share[place[c], which[c]] = amount[row] * direct[place[c]]
-    return _Legs(prepared, low, step, side, nodes, carried, share)
+    legs = _Legs(prepared, centre - radius, 2 * radius, nodes, {}, np.zeros((len(places), len(prepared))))
+    # an edge of its shadow may cross the object: less than what counts, at the centre, is still looked at around it
+    chosen = np.flatnonzero(level >= MARGIN * SHARE)
+    chosen = chosen[_fill(legs, room, place[chosen], which[chosen], sensor, axes, 2, direct, one, chosen)]
+    _fill(legs, room, place[chosen], which[chosen], sensor, axes, int(np.clip(np.ceil(2 * radius / GRID_M), 2, 6)) + 1, direct)
+    for (u, s), values in legs.carried.items():
+        image = prepared.mirror[s] @ sensor[u] + prepared.shift[s]
+        legs.share[u, s] = np.abs(values).max() * direct[u] / max(float(np.linalg.norm(centre[u] - image)) - radius, radius)
+    return legs
+
+
+def _fill(
+    legs: _Legs,
+    room: PanelRoom,
+    place: np.ndarray,
+    which: np.ndarray,
+    sensor: np.ndarray,
+    axes: np.ndarray,
+    side: int,
+    direct: np.ndarray,
+    centre: images.Images | None = None,
+    index: np.ndarray | None = None,
+) -> np.ndarray:
+    """Evaluate legs on a grid of `side` points along each axis; with their values at the `centre`, the mask of those not linear over it."""
+    prepared = legs.sequences
+    basis = lagrange_basis(room.table.frequencies_hz, legs.frequencies_hz)
+    steps = np.stack(np.meshgrid(*[np.linspace(0, legs.size, side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    bent = np.zeros(len(place), bool)
+    chunk = max(1, POINTS_AT_ONCE // len(steps))
+    for start in range(0, len(place), chunk):
+        some = slice(start, start + chunk)
+        u, s = (np.repeat(x[some], len(steps)) for x in (place, which))
+        points = legs.low[u] + np.tile(steps, (len(place[some]), 1))
+        value = _along_axis(room, prepared, u, s, sensor, axes, points).reshape(len(place[some]), -1, basis.shape[0])
+        if centre is not None and index is not None:
+            u, s = place[some], which[some]
+            middle = _projected(
+                prepared, u, s, sensor, axes, legs.low[u] + legs.size / 2, centre.field[index[some]], centre.factor[index[some]]
+            )
+            bound = np.maximum(LINEAR * np.abs(middle).max(axis=1), COARSE * centre.length_m[index[some]] / direct[u])
+            bent[some] = np.abs(value.mean(axis=1) - middle).max(axis=1) > bound
+            bent[some] |= np.abs(value - middle[:, None]).max(axis=(1, 2)) > np.maximum(np.abs(middle).max(axis=1), bound)
+        for row, key in enumerate(zip(place[some].tolist(), which[some].tolist(), strict=True)):
+            legs.carried[key] = (value[row] @ basis).reshape(side, side, side, -1)
+    return bent
+
+
+def _along_axis(
+    room: PanelRoom, prepared: images.Sequences, u: np.ndarray, s: np.ndarray, sensor: np.ndarray, axes: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """(N, Q) carried by legs from places (N,) over sequences (N,) to points (N, 3)."""
+    at = images.evaluate(room.panels, room.things, prepared, room.table, s, sensor[u], axes[u], points, reach=REACH)
+    return _projected(prepared, u, s, sensor, axes, points, at.field, at.factor)
+
+
+def _projected(
+    prepared: images.Sequences,
+    u: np.ndarray,
+    s: np.ndarray,
+    sensor: np.ndarray,
+    axes: np.ndarray,
+    points: np.ndarray,
+    field: np.ndarray,
+    factor: np.ndarray,
+) -> np.ndarray:
+    """Fields (N, Q, 3) at points along what the image's own antenna would send there, times the factor."""
+    way = points - np.einsum("nij,nj->ni", prepared.mirror[s], sensor[u]) - prepared.shift[s]
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    unit = images.across(np.einsum("nij,nj->ni", prepared.mirror[s], axes[u]), way)
+    return np.einsum("nk,nqk->nq", unit, field).conj() * factor[:, None]
