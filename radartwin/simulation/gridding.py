@@ -85,7 +85,7 @@ def _image_distance(length, direction, mirror, transmitter, receiver, planar):
 
 @compiled
 def _motion(w, amplitude, weight_re, weight_im, orders):
-    """Weights of the Chebyshev terms k and frequency nodes q, (2 - [k=0]) j^k J_k(w) amplitude_q, at k Q + q."""
+    """Weights of the Chebyshev terms k of the frame and q of the band, (2 - [k=0]) j^k J_k(w) amplitude_q, at k Q + q."""
     bessel(w, orders)
     nodes = len(amplitude)
     for k in range(len(orders)):
@@ -103,25 +103,32 @@ def _motion(w, amplitude, weight_re, weight_im, orders):
 @compiled
 def spread(
     first, last, starts, length_in, length_out, departure, arrival, mirror, drift, motion, amplitude, tx, rx, planar, cycles_per_m,
-    cells_per_m, terms, kernel, grid_re, grid_im,
+    cells_per_m, terms, kernel, least, grid_re, grid_im,
 ):  # fmt: skip
-    """Fill the grids of tasks first..last, (tasks, channels x terms x nodes, cells + PAD), which are zero.
+    """Fill the grids of tasks first..last, (tasks, channels x terms x Q, cells + PAD), which are zero.
 
     Args:
         starts: (tasks + 1,) the first path of each task. mirror: (N, 3, 3), or (0, 3, 3) where hits stay in their places.
         drift: (N,) metres each path is longer in the middle of the frame. motion: (N,) argument of the Bessel functions.
-        amplitude: (N, Q). tx, rx: element positions. planar: one direction for all.
+        amplitude: (N, Q) coefficients over the band. tx, rx: element positions. planar: one direction for all.
         cycles_per_m: phase at the middle of the sweep. cells_per_m: grid cells per metre of path.
         kernel: (degree + 1, TAPS) polynomials of the taps in the point's place between two cells, highest power first.
+        least: weights below it are left out.
     """
     cells = grid_re.shape[2] - PAD
     rows = terms * amplitude.shape[1]
     mirrored = len(mirror) > 0
     weight_re, weight_im, orders, taps = np.empty(rows), np.empty(rows), np.empty(terms), np.empty(TAPS)
+    kept = np.empty(rows, np.int64)
     rx_m, rx_re, rx_im = np.empty(len(rx)), np.empty(len(rx)), np.empty(len(rx))
     for task in range(first, last):
         for p in range(starts[task], starts[task + 1]):
             _motion(motion[p], amplitude[p], weight_re, weight_im, orders)
+            count = 0
+            for b in range(rows):
+                if weight_re[b] * weight_re[b] + weight_im[b] * weight_im[b] > least * least:
+                    kept[count] = b
+                    count += 1
             for r in range(len(rx) if not mirrored else 0):
                 rx_m[r] = _element_distance(length_out[p], arrival[p], rx[r], planar)
                 rx_re[r], rx_im[r] = _turn(cycles_per_m * rx_m[r])
@@ -145,7 +152,8 @@ def spread(
                             taps[i] = taps[i] * offset + kernel[d, i]
                     turn_re, turn_im = tx_re * rx_re[r] - tx_im * rx_im[r], tx_re * rx_im[r] + tx_im * rx_re[r]
                     row = (t * len(rx) + r) * rows
-                    for b in range(rows):
+                    for j in range(count):
+                        b = kept[j]
                         re = weight_re[b] * turn_re - weight_im[b] * turn_im
                         im = weight_re[b] * turn_im + weight_im[b] * turn_re
                         for i in range(TAPS):
@@ -221,7 +229,7 @@ def finish(first, last, tasks, grid_re, grid_im, cosine, sine, band, slow, iq):
     Args:
         tasks: (F + 1,) the first task of each frame.
         cosine, sine: (cells,) single precision, of one turn over the grid.
-        band: (Q, N) single precision, amplitude polynomials over the samples times the correction of the kernel.
+        band: (Q, N) single precision, polynomials over the samples times the correction of the kernel.
         slow: (T, C, terms, N) single precision, the Chebyshev polynomials of f tau.
     """
     rows, cells = grid_re.shape[1], grid_re.shape[2] - PAD

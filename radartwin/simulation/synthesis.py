@@ -26,13 +26,13 @@ from radartwin.radar.chirp import Radar
 from radartwin.simulation import gridding
 from radartwin.simulation.compiled import shared_out
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.reflection_table import lagrange_basis
 
 ELEMENTS = ("exact", "planar", "auto")
 PLANAR_PHASE = 0.01  # radians, largest error of the planar array that "auto" takes; 0.57 degrees, the iwr1843's beyond 1.93 m
 _SHAPE = 2.30 * gridding.TAPS
 _DEGREE = gridding.TAPS + 1  # of the polynomials that stand for the kernel: 1e-6 of its peak, a further degree changes nothing
 _BESSEL_TAIL = 1e-5
+_LEAST = 3e-6  # of the amplitudes' root mean square: terms of a path below it add less than the kernel's error
 _PATHS_PER_TASK = 8192
 _TASKS_PER_FRAME = 16
 _GRID_BYTES = 64_000_000  # of the frames in work
@@ -82,6 +82,18 @@ def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
     return out
 
 
+def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """The amplitudes' polynomial over the band in Chebyshev polynomials, which most need few of: (N, Q') coefficients, of at least `least`
+    for some path, and (Q', samples) polynomials."""
+    middle = (nodes_hz.min() + nodes_hz.max()) / 2
+    half = (nodes_hz.max() - nodes_hz.min()) / 2 or 1.0
+    at_nodes, over_band = (np.polynomial.chebyshev.chebvander((f - middle) / half, len(nodes_hz) - 1) for f in (nodes_hz, frequency_hz))
+    coefficients = amplitude @ np.linalg.inv(at_nodes).T
+    used = np.flatnonzero(np.abs(coefficients).max(axis=0, initial=0.0) >= least)
+    count = int(used[-1]) + 1 if used.size else 1
+    return np.ascontiguousarray(coefficients[:, :count]), over_band.T[:count]
+
+
 def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.ndarray | None = None) -> np.ndarray:
     """IQ of all poses, one frame each.
 
@@ -93,6 +105,8 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
         out: (F, C, T, R, N) complex to add to, in place of zeros.
     Returns:
         complex64 (or `out`) (F, C, T, R, N), amplitude units: |.|^2 is received over transmitted power.
+    Raises:
+        InputError: an unknown choice of elements, an `out` of another shape, or paths that are not finite.
     """
     if elements not in ELEMENTS:
         raise InputError(f"elements must be one of {', '.join(ELEMENTS)}, not {elements!r}")
@@ -100,10 +114,13 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     iq = np.zeros(shape, np.complex64) if out is None else out
     if iq.shape != shape:
         raise InputError(f"out must have shape {shape}, not {iq.shape}")
+    if not (np.isfinite(paths.amplitude).all() and np.isfinite(paths.length_m).all() and np.isfinite(paths.rate_mps).all()):
+        raise InputError("paths hold amplitudes, lengths or rates that are not finite")
     gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
     if radar.if_filter is not None:
         gain = gain * radar.if_filter.gain(radar.slope_hz_per_s / SPEED_OF_LIGHT * paths.length_m, radar.band_hz)
-    amplitude = np.ascontiguousarray(paths.amplitude * gain[:, None], complex)
+    amplitude = paths.amplitude * gain[:, None]
+    least = _LEAST * float(np.sqrt((np.abs(amplitude) ** 2).mean())) if len(paths) else 0.0
     planar = elements == "planar" or (elements == "auto" and planar_phase(paths, radar) <= PLANAR_PHASE)
     samples = radar.num_samples
     cells = max(16, 1 << (2 * samples - 1).bit_length())
@@ -117,7 +134,8 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     motion = 2 * np.pi * reach / SPEED_OF_LIGHT * paths.rate_mps
     terms = _terms(float(np.abs(motion).max(initial=0.0)))
     slow = _chebyshev(moving / reach, terms)
-    band = (lagrange_basis(paths.frequencies_hz, frequency) / _kernel_transform(samples, cells)).astype(np.float32)
+    amplitude, polynomials = _band(amplitude.astype(complex), paths.frequencies_hz, frequency, least)
+    band = (polynomials / _kernel_transform(samples, cells)).astype(np.float32)
     turn = 2 * np.pi * np.arange(cells) / cells
     cosine, sine = np.cos(turn).astype(np.float32), np.sin(turn).astype(np.float32)
     tables = (
@@ -126,9 +144,9 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
         np.zeros((0, 3, 3)) if paths.mirror is None else np.ascontiguousarray(paths.mirror, float),
         paths.rate_mps * middle, motion, amplitude, radar.tx_positions, radar.rx_positions, planar,
         (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT,
-        radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells, terms, _kernel_polynomials(),
+        radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells, terms, _kernel_polynomials(), least,
     )  # fmt: skip
-    rows = radar.num_tx * radar.num_rx * terms * len(paths.frequencies_hz)
+    rows = radar.num_tx * radar.num_rx * terms * len(band)
     starts, tasks = _tasks(np.searchsorted(paths.pose, np.arange(paths.poses + 1)))
     at_once = max(_TASKS_PER_FRAME, _GRID_BYTES // (16 * rows * (cells + gridding.PAD)))
     first = 0

@@ -194,3 +194,23 @@ def test_paths_of_images_start_at_the_mirrored_transmitter(elements):
         assert error < 1e-4
     else:
         assert 1e-4 < error < planar_phase(paths, radar)
+
+
+@pytest.mark.parametrize("name", ["amplitude", "length_in_m", "rate_mps"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_paths_that_are_not_finite_are_refused(name, value):
+    paths = random_paths(5, 1, 0.1)
+    broken = getattr(paths, name).copy()
+    broken[2] = value
+    with pytest.raises(InputError, match="not finite"):
+        synthesize(dataclasses.replace(paths, **{name: broken}), Radar.iwr1843())
+
+
+def test_weak_echoes_beside_a_strong_one_keep_their_band_and_motion():
+    """Terms are left out by what they add to the frame: the floor below a strong echo stays that of the kernel, -97 dB."""
+    radar = Radar.iwr1843(element="isotropic")
+    weak, strong = random_paths(1, 1, 0.4, 5, seed=2), random_paths(1, 1, 0.4, 5, seed=3)
+    weak = dataclasses.replace(weak, amplitude=1e-3 * weak.amplitude)
+    both = Paths.concatenate([weak, strong])
+    error = synthesize(both, radar) - direct_sum(both, radar)
+    assert np.linalg.norm(error) < 1.5e-5 * np.linalg.norm(direct_sum(strong, radar))
