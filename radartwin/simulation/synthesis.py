@@ -100,7 +100,8 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     Args:
         paths: of F poses, ascending in pose.
         radar: T transmitters, R receivers, C loops, N samples.
-        elements: "exact" distances to every antenna element; "planar": each path leaves and arrives along one direction; "auto": planar
+        elements: "exact" distances to every antenna element; "planar": each path leaves and arrives along one direction, for
+            comparison (it is at most a seventh cheaper: places on the grid and phases are each element's own in both); "auto": planar
             where no path's phase is off by more than PLANAR_PHASE.
         out: (F, C, T, R, N) complex to add to, in place of zeros.
     Returns:
