@@ -90,6 +90,10 @@ class Hits:
     first_m: np.ndarray
     sequence: np.ndarray
 
+    def where(self, keep: np.ndarray) -> "Hits":
+        """The chosen hits, by mask or index."""
+        return Hits(*(getattr(self, one.name)[keep] for one in fields(Hits)))
+
     @staticmethod
     def concatenate(parts: Sequence["Hits"]) -> "Hits":
         return Hits(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(Hits)))
