@@ -15,15 +15,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from radartwin.simulation import kernel
+from radartwin.simulation import scouting
+from radartwin.simulation.device import Device
+from radartwin.simulation.flight import Chosen
 from radartwin.simulation.launch import Launch
 
 TUBES_PER_LAUNCH = 1 << 20  # bounds a kernel's memory to a few hundred megabytes
 
 
-def blocks(
-    device: kernel.Device, launch: Launch, max_bounces: int, first_hit: int, pieces: int, found: np.ndarray | None
-) -> Iterator[kernel.Chosen]:
+def blocks(device: Device, launch: Launch, max_bounces: int, first_hit: int, pieces: int, found: np.ndarray | None) -> Iterator[Chosen]:
     """Tubes of a launch in blocks that fit in memory, of whole poses unless one pose is larger than a block.
 
     Args:
@@ -36,23 +36,23 @@ def blocks(
         several = (np.arange(low, min(low + stride, end)) for low in range(0, end, stride))
         if found is not None:
             several = (found[low : low + TUBES_PER_LAUNCH] for low in range(0, len(found), TUBES_PER_LAUNCH))
-        yield from (kernel.Chosen(index.astype(np.uint32)) for index in several if len(index))
+        yield from (Chosen(index.astype(np.uint32)) for index in several if len(index))
         return
     step = max(1, TUBES_PER_LAUNCH // (2 * launch.per_pose))
     for low in range(0, launch.poses, step):
         high = min(low + step, launch.poses)
-        met = kernel.faces_met(device, launch, (low, high), max_bounces, first_hit)
+        met = scouting.faces_met(device, launch, (low, high), max_bounces, first_hit)
         index, share, whole = divided(met, launch, low, pieces, device.curved)
         if found is not None:
             keep = np.isin(index, found)
             index, share, whole = index[keep], share[keep], whole[keep]
         for start in range(0, len(index), TUBES_PER_LAUNCH):
             part = slice(start, start + TUBES_PER_LAUNCH)
-            yield kernel.Chosen(index[part].astype(np.uint32), share[part], whole[part], pieces)
+            yield Chosen(index[part].astype(np.uint32), share[part], whole[part], pieces)
 
 
 def divided(met: np.ndarray, launch: Launch, first_pose: int, pieces: int, curved: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(index, share, whole) as `kernel.Chosen` holds them, from the sequences met in the middles and corners of some poses' cells."""
+    """(index, share, whole) as `flight.Chosen` holds them, from the sequences met in the middles and corners of some poses' cells."""
     poses, (rows, columns) = len(met), (launch.count_v, launch.count_u)
     middle = met[:, : rows * columns].reshape(poses, rows, columns)
     corner = met[:, rows * columns :].reshape(poses, rows + 1, columns + 1)
@@ -60,7 +60,7 @@ def divided(met: np.ndarray, launch: Launch, first_pose: int, pieces: int, curve
     for i in (0, 1):
         for j in (0, 1):
             straddles |= corner[:, i : i + rows, j : j + columns] != middle
-    straddles |= middle >= kernel.SPREADING
+    straddles |= middle >= scouting.SPREADING
     if curved:  # a hat reaches to the middles of its neighbours
         padded = np.pad(middle, ((0, 0), (1, 1), (1, 1)), mode="edge")
         for i in range(3):

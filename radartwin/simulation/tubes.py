@@ -132,7 +132,8 @@ def trace(
         pieces: odd; tubes across which the sequence of smooth patches changes are traced in so many parts each way, and those that a
             curved surface spreads onto another.
     """
-    from radartwin.simulation import division, kernel
+    from radartwin.simulation import division
+    from radartwin.simulation.device import Device
 
     scout = None
     if prune and len(table.frequencies_hz) > 1:
@@ -145,7 +146,7 @@ def trace(
     empty = (np.zeros((0, q), complex), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.uint64))
     parts = [Hits(none, none, none, *empty)]
     if len(geometry.corners):
-        device = kernel.Device(geometry, table, cluster, labels, hats)
+        device = Device(geometry, table, cluster, labels, hats)
         run = _Run(device, launch, transmit, receive, float(table.frequencies_hz.mean()), max_bounces, first_hit, occluder, prune)
         found = None if scout is None else np.unique(scout.tube)
         for chosen in division.blocks(device, launch, max_bounces, first_hit, pieces, found):
@@ -172,17 +173,23 @@ class _Run:
         import drjit as dr
         import mitsuba as mi
 
-        from radartwin.simulation import kernel
+        from radartwin.simulation import contact as contacts
+        from radartwin.simulation import device as on_device
+        from radartwin.simulation import flight, scatter
 
         device, launch = self.device, self.launch
         wavenumber = dr.opaque(mi.Float, 2 * np.pi * self.frequency_hz / SPEED_OF_LIGHT)
-        receiver_at, axis_at, forward_at = kernel.rows(self.receive.position), kernel.rows(self.receive.axis), kernel.rows(launch.forward)
+        receiver_at, axis_at, forward_at = (
+            on_device.rows(self.receive.position),
+            on_device.rows(self.receive.axis),
+            on_device.rows(launch.forward),
+        )
         monostatic = bool(np.array_equal(self.transmit.position, self.receive.position))
         strongest = dr.zeros(mi.Float, launch.poses)
-        tubes = kernel.start(launch, self.transmit.axis, self.transmit.cross, chosen, device.nodes)
-        active = kernel.cast(device, tubes, True)
+        tubes = flight.start(launch, self.transmit.axis, self.transmit.cross, chosen, device.nodes)
+        active = contacts.cast(device, tubes, True)
         for number in range(1, self.max_bounces + 1):
-            contact, active = kernel.meet(device, tubes, number == 1, active)
+            contact, active = contacts.meet(device, tubes, number == 1, active)
             if number == 1 and device.cluster is not None:
                 active &= dr.gather(mi.UInt32, device.cluster, contact.face, active) == dr.opaque(mi.UInt32, self.first_hit)
             receiver = receiver_at(tubes.pose, active)
@@ -191,15 +198,15 @@ class _Run:
             length_out = dr.dot(receiver - contact.point, outgoing)
             if number == 1 and self.occluder is not None:
                 active &= ~self._occluded(tubes.pose, tubes.origin, contact.facet_point, active)
-            seen = active & (dr.dot(outgoing, contact.normal) > kernel.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
+            seen = active & (dr.dot(outgoing, contact.normal) > contacts.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
             if number > 1 or not monostatic:  # what a tube hits first from the receiver itself, the receiver sees
-                seen = kernel.visible(device, contact, outgoing, length_out, seen, launch.plane)
+                seen = contacts.visible(device, contact, outgoing, length_out, seen, launch.plane)
                 if self.occluder is not None:
                     seen &= ~self._occluded(tubes.pose, receiver, contact.facet_point, seen)
-            axis = kernel.project(axis_at(tubes.pose, active), outgoing)
+            axis = flight.project(axis_at(tubes.pose, active), outgoing)
             if self.receive.cross:
                 axis = dr.cross(outgoing, axis)
-            values = kernel.scatter(device, tubes, contact, outgoing, length_out, axis, wavenumber, active, launch.plane)
+            values = scatter.scatter(device, tubes, contact, outgoing, length_out, axis, wavenumber, active, launch.plane)
             here = (
                 tubes.pose, tubes.index, tubes.length, mi.Float64(length_out), tubes.departure, outgoing, tubes.first, tubes.sequence,
                 values,
@@ -209,7 +216,7 @@ class _Run:
                 dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, tubes.pose, seen)
             onward = number < self.max_bounces
             if onward:
-                active = kernel.bounce(device, tubes, contact, active)
+                active = contacts.bounce(device, tubes, contact, active)
             # all that casts rays in one kernel: what is left unevaluated would cast them again for every array that is read
             tubes.evaluate(here, level, strongest, seen, active)
             if self.prune:
@@ -224,11 +231,11 @@ class _Run:
                 tubes, active = tubes.compacted(alive), mi.Bool(True)
 
     def _occluded(self, pose: Any, first: Any, last: Any, active: Any) -> Any:
-        from radartwin.simulation import kernel
+        from radartwin.simulation import contact
 
         assert self.occluder is not None
         scene = self.occluder.geometry.scene()
-        return kernel.blocked(scene, self.occluder.rotation, self.occluder.translation, pose, first, last, active)
+        return contact.blocked(scene, self.occluder.rotation, self.occluder.translation, pose, first, last, active)
 
     @staticmethod
     def _hits(lanes: tuple, keep: Any, number: int) -> Hits:

@@ -109,24 +109,26 @@ def carried(mesh, reflectance, bounces):
     """Power in flight after 0, 1, 2, ... bounces of tubes from the middle of a closed mesh, summed tube by tube."""
     import drjit as dr
 
-    from radartwin.simulation import kernel
+    from radartwin.simulation import contact as contacts
+    from radartwin.simulation import device as on_device
+    from radartwin.simulation import flight, scatter
 
     variant.activate()
     built = geometry.build([mesh])
     flat = np.full((1, reflection_table.COSINES, 1), np.sqrt(reflectance), complex)
-    device = kernel.Device(built, reflection_table.ReflectionTable(-flat, 1j * flat, np.array([FREQUENCY])), None, None, True)
+    device = on_device.Device(built, reflection_table.ReflectionTable(-flat, 1j * flat, np.array([FREQUENCY])), None, None, True)
     power = np.zeros(bounces + 1)
     source = np.array([[0.11, -0.07, 0.05]])
     for grid in launch.all_around(source, np.eye(3)[None], 20_000):
-        lanes = kernel.start(grid, UP, False, kernel.Chosen(np.arange(grid.per_pose, dtype=np.uint32)), 1)
-        active = kernel.cast(device, lanes, True)
+        lanes = flight.start(grid, UP, False, flight.Chosen(np.arange(grid.per_pose, dtype=np.uint32)), 1)
+        active = contacts.cast(device, lanes, True)
         for bounce in range(bounces + 1):
             field = dr.squared_norm(lanes.field_re[0]) + dr.squared_norm(lanes.field_im[0])
             power[bounce] += float((lanes.weight * field).numpy().astype(float).sum())
-            contact, active = kernel.meet(device, lanes, bounce == 0, active)
+            contact, active = contacts.meet(device, lanes, bounce == 0, active)
             outgoing = -lanes.direction
-            kernel.scatter(device, lanes, contact, outgoing, dr.full(type(lanes.weight), 1.0), outgoing, 1600.0, active, False)
-            active = kernel.bounce(device, lanes, contact, active)
+            scatter.scatter(device, lanes, contact, outgoing, dr.full(type(lanes.weight), 1.0), outgoing, 1600.0, active, False)
+            active = contacts.bounce(device, lanes, contact, active)
             lanes.evaluate(active)
             lanes = lanes.compacted(dr.compress(active))
             active = dr.full(type(active), True, dr.width(lanes.index))

@@ -1,0 +1,51 @@
+"""Integral of a second-order phase over a tube's footprint. Import only once a Mitsuba variant is active."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+STEEP = 14.0  # phase across half a tube, radians, from which its integral is taken from its kinks
+MOST_TWIST = 2.0  # mixed second-order phase, radians, up to which a footprint follows it
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
+    """Integrals of w(x) exp(-j beta x^2) times cos(alpha x), x sin(alpha x) and x^2 cos(alpha x), each real and imaginary part, with w
+    a hat on [-1, 1] or a box on [-1/2, 1/2].
+
+    Gauss-Legendre while the phase turns by less than about two cycles a side (error 1e-7), beyond it the leading asymptotic terms of the
+    hat's three kinks (error below 2e-3), or the box without its curvature, and no higher moments.
+    """
+    half, slope = dr.select(hat, mi.Float(1.0), 0.5), dr.select(hat, mi.Float(1.0), 0.0)
+    moments = [[mi.Float(0.0), mi.Float(0.0)] for _ in range(3)]
+    for node, weight in zip((_NODES + 1) / 2, _WEIGHTS / 2, strict=True):
+        x = half * float(node)
+        share = half * float(2 * weight) * (1 - slope * float(node))
+        sine, cosine = dr.sincos(beta * x * x)
+        odd, even = dr.sincos(alpha * x)
+        for moment, part in zip(moments, (share * even, share * x * odd, share * x * x * even), strict=True):
+            moment[0] += part * cosine
+            moment[1] -= part * sine
+    up, down = dr.rcp(dr.square(alpha + 2 * beta)), dr.rcp(dr.square(alpha - 2 * beta))
+    (sine_up, cosine_up), (sine_down, cosine_down) = dr.sincos(beta + alpha), dr.sincos(beta - alpha)
+    steep = (dr.abs(alpha) * half > STEEP) & (dr.abs(alpha) > 3.9 * dr.abs(beta))
+    box = 2 * dr.sin(0.5 * alpha) * dr.rcp(alpha)
+    far_re = dr.select(hat, 2 * dr.rcp(dr.square(alpha)) - cosine_up * up - cosine_down * down, box)
+    far_im = dr.select(hat, sine_up * up + sine_down * down, 0.0)
+    far = [(far_re, far_im), (mi.Float(0.0), mi.Float(0.0)), (mi.Float(0.0), mi.Float(0.0))]
+    return [tuple(dr.select(steep, f, n) for f, n in zip(*pair, strict=True)) for pair in zip(far, moments, strict=True)]
+
+
+def footprint_integral(alpha: Sequence[Any], beta: Sequence[Any], twist: Any, hat: Any) -> tuple[Any, Any]:
+    """Integral of w(x) w(y) exp(-j (alpha . (x, y) + beta . (x^2, y^2) + twist x y)) over a footprint, real and imaginary part; the twist
+    to its second power."""
+    first, second = (footprint_moments(a, b, hat) for a, b in zip(alpha, beta, strict=True))
+    products = [(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]) for a, b in zip(first, second, strict=True)]
+    twist = dr.clip(twist, -MOST_TWIST, MOST_TWIST)
+    square = 0.5 * twist * twist
+    return products[0][0] - twist * products[1][1] - square * products[2][0], products[0][1] + twist * products[1][0] - square * products[
+        2
+    ][1]
