@@ -415,12 +415,11 @@ def norm(x: np.ndarray) -> float:
 def evaluate(
     start, stop,
     corners, count, normal, offset, surface,
-    o_points, o_count, o_hull, o_centre, o_radius,
-    order, panel, side, first, last, blocker,
+    o_points, o_count, o_hull, o_radius,
+    order, panel, side, first, last, blocker, seen,
     te, tm, wavenumber, nudge, reach, which, source, axis, receiver,
     least, factor, length, departure, arrival, field,
 ):  # fmt: skip
-    centre = np.zeros((1, 3))
     space, spare3 = np.zeros((MAX_CORNERS, 3)), np.zeros((MAX_CORNERS, 3))
     flat, spare2 = np.zeros((MAX_CORNERS, 2)), np.zeros((2, MAX_CORNERS, 2))
     pieces, counts = np.zeros((MAX_PIECES, MAX_CORNERS, 2)), np.zeros(MAX_PIECES, np.int64)
@@ -526,10 +525,7 @@ def evaluate(
         for leg in range(m + 1):  # less what stands in the way
             for b in range(first[s, leg], last[s, leg]):
                 o = blocker[b]
-                centre[0] = o_centre[o]
-                for j in range(leg, m):
-                    _mirror(centre, 1, normal[panel[s, j]], offset[panel[s, j]])
-                if _is_aside(centre[0], o_radius[o], image, along, total, wavenumber, reach):
+                if _is_aside(seen[b], o_radius[o], image, along, total, wavenumber, reach):
                     continue
                 c = o_count[o]
                 space[:c] = o_points[o, :c]

@@ -1,12 +1,12 @@
 """An object in a room of panels: traced from the sensor and from its images, received at the sensor and at its images.
 
 A leg is a way between sensor and object: direct, or over a sequence of panels. For every pair of legs that could matter the object is
-traced from the first one's image and received at the second one's, all pairs and poses in one launch; each hit is then weighted by
-what its two legs carry there, the panels' Fresnel factors, reflections and obstacles included (`images.evaluate` on a grid
-around the object, linear in between). Paths object - panel - object are left out: they need a hollow object or a third mirror.
+traced from the first one's image and received at the second one's, all pairs and poses in one launch; of two different legs one way
+round, for the other is the same paths backwards. Each hit is then weighted by what its two legs carry there, the panels' Fresnel factors,
+reflections and obstacles included. Paths object - panel - object are left out: they need a hollow object or a third mirror.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -91,13 +91,18 @@ def group_paths(
             nodes = over.frequencies_hz
             amplitude = amplitude @ lagrange_basis(table.frequencies_hz, nodes)
             for leg, point in zip((out_leg, back_leg), points, strict=True):
-                amplitude *= over.at(place_of[frame[chosen]], leg[row[chosen]], point[chosen])
-        parts.append(
-            Paths(
-                frames, frame[chosen], order[chosen], amplitude, nodes, hits.length_in_m[chosen], hits.length_out_m[chosen],
-                departure[chosen], arrival[chosen], rate[chosen],
-            )
+                over.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen])
+        part = Paths(
+            frames, frame[chosen], order[chosen], amplitude, nodes, hits.length_in_m[chosen], hits.length_out_m[chosen],
+            departure[chosen], arrival[chosen], rate[chosen],
         )  # fmt: skip
+        if over is not None:  # the same ways backwards
+            cross = (out_leg != back_leg)[row[chosen]]
+            there = part.where(cross)
+            first = hits.first_m[chosen][cross]
+            lengths = {"length_in_m": there.length_m - first, "length_out_m": first}
+            part = Paths.concatenate([part, replace(there, departure=there.arrival, arrival=there.departure, **lengths)])
+        parts.append(part)
     return _pruned(parts, radar, prune)
 
 
@@ -168,7 +173,7 @@ def _free(geometry: Geometry, start: np.ndarray, stop: np.ndarray) -> np.ndarray
 
 
 def _pairs(legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(frame, leg out, leg back) of everything to be traced; the direct pair of every frame always is."""
+    """(frame, leg out, leg back) of everything to be traced, one of each pair and its reverse; the direct pair of every frame always is."""
     rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
     if legs is not None and max_bounces > 1:
         order = np.append(legs.order, 0)
@@ -180,7 +185,7 @@ def _pairs(legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: in
             allowed = (product >= SHARE) & (order[worth][:, None] + order[worth][None] < max_bounces)
             i, j = np.nonzero(allowed)
             names = np.where(worth == len(share), DIRECT, worth)
-            of_place.append([(a, b) for a, b in zip(names[i].tolist(), names[j].tolist(), strict=True) if (a, b) != (DIRECT, DIRECT)])
+            of_place.append([(a, b) for a, b in zip(names[i].tolist(), names[j].tolist(), strict=True) if a <= b and b != DIRECT])
         rows += [(frame, a, b) for frame in range(frames) for a, b in of_place[place_of[frame]]]
     out = np.array(rows, int).reshape(-1, 3)
     out = out[np.argsort(out[:, 0], kind="stable")]

@@ -37,7 +37,7 @@ class Sequences:
         chain: (S,) index of the panel sequence in what was asked for, which may have several choices of sides.
         mirror: (S, 3, 3), shift: (S, 3): the image of a point x is mirror x + shift.
         order: (S,) panels in each. panel: (S, M) indices; side: (S, M) +-1, the side of each panel's normal the path is on.
-        first, last: (S, M + 1) range of each leg in `blocker`; blocker: (B,) obstacle indices.
+        first, last: (S, M + 1) range of each leg in `blocker`; blocker: (B,) obstacle indices; seen: (B, 3) their centres, unfolded.
     """
 
     chain: np.ndarray
@@ -49,6 +49,7 @@ class Sequences:
     first: np.ndarray
     last: np.ndarray
     blocker: np.ndarray
+    seen: np.ndarray
 
     def __len__(self) -> int:
         return len(self.order)
@@ -131,6 +132,7 @@ def prepare(panels: Panels, things: Obstacles, chains: Sequence[tuple[int, ...]]
     panel, side = np.zeros((len(rows), longest), int), np.ones((len(rows), longest))
     first, last = np.zeros((len(rows), longest + 1), int), np.zeros((len(rows), longest + 1), int)
     blocker: list[int] = []
+    seen: list[np.ndarray] = []
     known: dict[tuple[object, ...], np.ndarray] = {}
     for i, (chain, sides, _) in enumerate(rows):
         for p in chain:
@@ -144,8 +146,23 @@ def prepare(panels: Panels, things: Obstacles, chains: Sequence[tuple[int, ...]]
                 known[key] = _between(panels, things, stops[leg], stops[leg + 1], ends)
             first[i, leg] = len(blocker)
             blocker.extend(known[key])
+            centres = things.centre[known[key]]
+            for p in chain[leg:]:
+                centres = centres - 2 * (centres @ panels.normal[p] - panels.offset[p])[:, None] * panels.normal[p]
+            seen.append(centres)
             last[i, leg] = len(blocker)
-    return Sequences(np.array([index for *_, index in rows], int), mirror, shift, order, panel, side, first, last, np.array(blocker, int))
+    return Sequences(
+        np.array([index for *_, index in rows], int),
+        mirror,
+        shift,
+        order,
+        panel,
+        side,
+        first,
+        last,
+        np.array(blocker, int),
+        np.concatenate([np.zeros((0, 3)), *seen]),
+    )
 
 
 def _box(points: np.ndarray) -> np.ndarray:
@@ -247,8 +264,8 @@ def evaluate(
     shared_out(
         aperture.evaluate, n,
         panels.corners, panels.count, panels.normal, panels.offset, panels.surface,
-        things.points, things.count, things.hull, things.centre, things.radius,
-        sequences.order, sequences.panel, sequences.side, sequences.first, sequences.last, sequences.blocker,
+        things.points, things.count, things.hull, things.radius,
+        sequences.order, sequences.panel, sequences.side, sequences.first, sequences.last, sequences.blocker, sequences.seen,
         table.te, table.tm, wavenumber, NUDGE / wavenumber, reach, which, source, axis, receiver,
         least, factor, length, departure, arrival, field, pieces=16,
     )  # fmt: skip

@@ -10,17 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from radartwin.simulation import images
+from radartwin.simulation.compiled import compiled
 from radartwin.simulation.panel_room import PanelRoom, key_places
 from radartwin.simulation.reflection_table import lagrange_basis
 
 DIRECT = -1
-SHARE = 0.01  # of the direct leg: what pairs of legs, and so single ones, may carry and be left out
+SHARE = 0.02  # of the direct leg: what pairs of legs, and so single ones, may carry and be left out
 LONGEST = 2  # panels
 PRUNE = 5e-3  # of the strongest way to the object, while legs are looked for
 MARGIN = 0.3  # of SHARE, at the object's centre: an edge of a leg's shadow may cross the object
 REACH = 8.0  # Fresnel coordinate beyond which obstacles are not looked at: 0.03 of a leg at most
 LINEAR = 0.03  # by which a leg may differ at the object's centre from linear between the corners of its cube, of itself
-COARSE = 0.01  # ... or of the direct leg, whichever is more
+COARSE = 0.02  # ... or of the direct leg, whichever is more
 GRID_M = 0.05  # between the places around the object where a leg is evaluated that differs by more
 POINTS_AT_ONCE = 100_000
 
@@ -59,30 +60,33 @@ class Legs:
         """(N,) share of legs (N,) at places (N,); 1 for the direct one."""
         return np.concatenate([self.share, np.ones((len(self.share), 1))], axis=1)[place, leg]
 
-    def at(self, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """(N, Q) carried by legs (N,) to points (N, 3) of the world; 1 for the direct leg."""
-        out = np.ones((len(point), len(self.frequencies_hz)), complex)
-        code = np.where(leg == DIRECT, -1, place * len(self.order) + leg)
+    def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
+        """Multiply amplitudes (N, Q), in place, by what legs (N,) carry to points (N, 3) of the world; the direct leg carries 1."""
+        over = np.flatnonzero(leg != DIRECT)
+        code = place[over] * len(self.order) + leg[over]
         order = np.argsort(code, kind="stable")
-        starts = np.flatnonzero(np.diff(code[order], prepend=-2))
-        for mine in np.split(order, starts)[1:] if len(order) else ():
-            if code[mine[0]] >= 0:
-                u = int(place[mine[0]])
-                out[mine] = _interpolated(self.carried[u, int(leg[mine[0]])], (point[mine] - self.low[u]) / self.size)
-        return out
+        for mine in np.split(over[order], np.flatnonzero(np.diff(code[order])) + 1) if len(over) else ():
+            u = int(place[mine[0]])
+            _weigh(self.carried[u, int(leg[mine[0]])], (point[mine] - self.low[u]) / self.size, mine, amplitude)
 
 
-def _interpolated(values: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """(N, Q): values (n, n, n, Q) on a regular grid over the unit cube at points x (N, 3), linear along each axis."""
-    side = len(values)
-    x = np.clip(x * (side - 1), 0, side - 1 - 1e-9)
-    cell = x.astype(int)
-    share = x - cell
-    total = np.zeros((len(x), values.shape[-1]), complex)
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.prod(np.where(corner, share, 1 - share), axis=1)
-        total += weight[:, None] * values[tuple((cell + corner).T)]
-    return total
+@compiled
+def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.ndarray) -> None:
+    """Multiply rows of amplitude (N, Q) by values (n, n, n, Q) on a grid over the unit cube, linear at points x (rows, 3)."""
+    side = values.shape[0]
+    low, share = np.zeros(3, np.int64), np.zeros(3)
+    for i in range(len(rows)):
+        for k in range(3):
+            place = min(max(x[i, k], 0.0), 1.0) * (side - 1)
+            low[k] = min(int(place), side - 2)
+            share[k] = place - low[k]
+        for q in range(values.shape[3]):
+            total = 0j
+            for corner in range(8):
+                a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
+                weight = (share[0] if a else 1 - share[0]) * (share[1] if b else 1 - share[1]) * (share[2] if c else 1 - share[2])
+                total += weight * values[low[0] + a, low[1] + b, low[2] + c, q]
+            amplitude[rows[i], q] *= total
 
 
 def find(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int) -> Legs:
