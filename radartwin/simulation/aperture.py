@@ -230,7 +230,7 @@ def polygon_factor(
     """
     normal = np.cross(u_axis, v_axis)
     spreading = _spreading(origin, source, receiver, normal)
-    inside = True
+    inside, sides = True, 0
     total = 0j
     previous = count - 1
     a = origin + polygon[previous, 0] * u_axis + polygon[previous, 1] * v_axis
@@ -243,6 +243,7 @@ def polygon_factor(
         side = math.sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2])
         if side > 1e-7:  # shorter ones are two corners in the same place, whose order is rounding
             inside &= cross >= 0
+            sides += 1
             along = along / side
             # the least excess along the edge's line: unfold source and receiver about it
             z_s, z_r = 0.0, 0.0
@@ -264,7 +265,7 @@ def polygon_factor(
             part = edge_wave(d, t_a, t_b) * _spreading(near, source, receiver, normal) / spreading
             total += part if cross >= 0 else -part
         previous, a, excess_a = i, b, excess_b
-    return (1.0 if inside else 0.0) - total / (2 * math.pi)
+    return (1.0 if inside and sides > 0 else 0.0) - total / (2 * math.pi)
 
 
 @compiled

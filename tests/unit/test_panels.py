@@ -132,7 +132,7 @@ def test_random_boxes_turned_anyhow(seed):
     for _ in range(8):
         box = trimesh.creation.box(rng.uniform(0.05, 2.0, 3))
         matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = Rotation.random(random_state=int(rng.integers(1 << 30))).as_matrix(), rng.uniform(-20, 20, 3)
+        matrix[:3, :3], matrix[:3, 3] = Rotation.from_rotvec(rng.normal(size=3) * 2).as_matrix(), rng.uniform(-20, 20, 3)
         meshes.append(box.apply_transform(matrix))
     built, of = found(*meshes)
     assert_sound(built, of)
@@ -172,7 +172,7 @@ def test_faces_wound_either_way_are_one_panel():
 def test_doubled_and_empty_faces_add_nothing():
     vertices = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0, 0)], float)
     faces = [(0, 1, 2), (0, 2, 3), (0, 1, 2), (2, 1, 0), (0, 4, 1), (3, 3, 3)]
-    built, of = found(trimesh.Trimesh(vertices, faces, process=False))
+    _, of = found(trimesh.Trimesh(vertices, faces, process=False))
     assert areas(of).sum() == pytest.approx(2.0)
     assert len(of) == 1
 
@@ -191,7 +191,7 @@ def test_slivers_are_left_out_and_do_not_hurt_their_neighbours():
 @pytest.mark.parametrize("lift", [1e-5, 1e-3, 0.05])
 def test_quads_that_are_not_flat_are_never_one_wrong_plane(lift):
     vertices = np.array([(0, 0, 0), (2, 0, 0), (2, 2, lift), (0, 2, 0)], float)
-    built, of = found(trimesh.Trimesh(vertices, [(0, 1, 2), (0, 2, 3)], process=False))
+    _, of = found(trimesh.Trimesh(vertices, [(0, 1, 2), (0, 2, 3)], process=False))
     for i in range(len(of)):
         assert np.abs(of.corners[i, : of.count[i]] @ of.normal[i] - of.offset[i]).max() < 1e-5
 
@@ -222,7 +222,7 @@ def test_step_block_is_no_body():
     """An L-shaped solid is closed but not convex: its faces are met from the front alone by geometry, not by decree."""
     profile = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
     bottom = np.array([(*p, 0.0) for p in profile])
-    top = bottom + [0, 0, 1.0]
+    top = bottom + np.array([0, 0, 1.0])
     vertices = np.concatenate([bottom, top])
     lids = [(0, 1, 2), (0, 2, 3), (0, 3, 5), (3, 4, 5)]
     faces = [(a, c, b) for a, b, c in lids] + [(a + 6, b + 6, c + 6) for a, b, c in lids]
