@@ -24,11 +24,14 @@ class Contact:
     """Where tubes meet a surface, on the lit side.
 
     Attributes:
-        face: index; flat_normal, normal: of the facet and of the curve through it; facet_point, point: on the facet, and lifted onto the
-        curve; cosine: of incidence. edges, turns: two edge vectors of the facet and how much the vertex normal turns along them.
+        face: index; outside: whether the lit side is the one its corners turn to.
+        flat_normal, normal: of the facet and of the curve through it; facet_point, point: on the facet, and lifted onto the curve.
+        cosine: of incidence.
+        edges, turns: two edge vectors of the facet and how much the vertex normal turns along them.
     """
 
     face: Any
+    outside: Any
     flat_normal: Any
     normal: Any
     facet_point: Any
@@ -58,6 +61,13 @@ class Contact:
         return (self.turns[0] * (c1 * g22 - c2 * g12) + self.turns[1] * (c2 * g11 - c1 * g12)) * size
 
 
+def across_incidence(direction: Any, normal: Any) -> Any:
+    """Unit vector across the plane of incidence; any across the normal at normal incidence."""
+    across = dr.cross(direction, normal)
+    size = dr.squared_norm(across)
+    return dr.select(size > 1e-10, across * dr.rsqrt(dr.maximum(size, 1e-12)), mi.coordinate_system(normal)[0])
+
+
 def cast(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> Any:
     """Find what tubes meet next; which of them meet anything."""
     hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=first, active=alive)
@@ -65,17 +75,16 @@ def cast(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> Any:
     return hit.is_valid() & alive
 
 
-def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contact, Any]:
-    """The surface tubes were cast onto, and which of the lanes `active` do not just graze it. Adds the way there to their length and their
-    place, and turns the field of those that pass a caustic by a quarter of a cycle each."""
-    face = tubes.face
+def surface(device: Device, face: Any, inner_u: Any, inner_v: Any, origin: Any, direction: Any, active: Any) -> Contact:
+    """The surface at barycentric coordinates of a face that rays from `origin` met."""
     corners = device.corners(device.corner, face, active)
-    barycentric = [1 - tubes.inner_u - tubes.inner_v, tubes.inner_u, tubes.inner_v]
+    barycentric = [1 - inner_u - inner_v, inner_u, inner_v]
     flat = dr.normalize(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
     # From the corners, not along the ray: t carries the rounding of a far source, which would put the point below its own facet.
     facet_point = corners[0] * barycentric[0] + corners[1] * barycentric[1] + corners[2] * barycentric[2]
-    facet_point = dr.select(active, facet_point, tubes.origin)  # a miss has no face, and what it gathered must not spread
-    side = dr.select(dr.dot(tubes.direction, flat) > 0, -1.0, 1.0)
+    facet_point = dr.select(active, facet_point, origin)  # a miss has no face, and what it gathered must not spread
+    outside = dr.dot(direction, flat) <= 0
+    side = dr.select(outside, 1.0, -1.0)
     edges = [corners[1] - corners[0], corners[2] - corners[0]]
     point, normal, turns = facet_point, flat, [dr.zeros(mi.Vector3f), dr.zeros(mi.Vector3f)]
     if device.curved:
@@ -87,8 +96,14 @@ def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contac
             sag += barycentric[i] * barycentric[j] * dr.dot(normals[i] - normals[j], corners[j] - corners[i])
         point = facet_point - normal * dr.select(active, 0.5 * sag, 0.0)
         turns = [(normals[1] - normals[0]) * side, (normals[2] - normals[0]) * side]
-    contact = Contact(face, flat * side, normal * side, facet_point, point, -dr.dot(tubes.direction, normal) * side, edges, turns)
-    way = dr.dot(mi.Vector3d(point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
+    return Contact(face, outside, flat * side, normal * side, facet_point, point, -dr.dot(direction, normal) * side, edges, turns)
+
+
+def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contact, Any]:
+    """The surface tubes were cast onto, and which of the lanes `active` do not just graze it. Adds the way there to their length and their
+    place, and turns the field of those that pass a caustic by a quarter of a cycle each."""
+    contact = surface(device, tubes.face, tubes.inner_u, tubes.inner_v, tubes.origin, tubes.direction, active)
+    way = dr.dot(mi.Vector3d(contact.point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
     if device.curved and not first:
         _pass_caustics(tubes, mi.Float(way))
     tubes.place_u, tubes.place_v = tubes.place_u + tubes.foot_u * mi.Float(way), tubes.place_v + tubes.foot_v * mi.Float(way)
@@ -96,7 +111,7 @@ def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contac
     if first:
         tubes.first = tubes.length
     if device.labels is not None:
-        tubes.sequence = (tubes.sequence << LABEL_BITS) + dr.gather(mi.UInt64, device.labels, face, active)
+        tubes.sequence = (tubes.sequence << LABEL_BITS) + dr.gather(mi.UInt64, device.labels, contact.face, active)
     return contact, active & (contact.cosine > COS_GRAZING)
 
 
@@ -122,7 +137,7 @@ def _pass_caustics(tubes: Tubes, way: Any) -> None:
         tubes.field_re[node], tubes.field_im[node] = dr.select(one, -im, re * sign), dr.select(one, re, im * sign)
 
 
-def _ray(origin: Any, direction: Any, reach: Any) -> Any:
+def limited(origin: Any, direction: Any, reach: Any) -> Any:
     """A ray that ends at `reach`."""
     ray = mi.Ray3f(origin, direction)
     ray.maxt = reach
@@ -132,7 +147,7 @@ def _ray(origin: Any, direction: Any, reach: Any) -> Any:
 def visible(device: Device, contact: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> Any:
     """Of the lanes `seen`, those with a free way to the receiver."""
     reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHADOW_SHORT) * length_out
-    return seen & ~device.scene.ray_test(_ray(contact.facet_point + contact.flat_normal * device.lift, outgoing, reach), seen)
+    return seen & ~device.scene.ray_test(limited(contact.facet_point + contact.flat_normal * device.lift, outgoing, reach), seen)
 
 
 def blocked(scene: Any, rotation: np.ndarray, translation: np.ndarray, pose: Any, first: Any, last: Any, active: Any) -> Any:
@@ -141,7 +156,7 @@ def blocked(scene: Any, rotation: np.ndarray, translation: np.ndarray, pose: Any
     offset = rows(translation)(pose, active)
     a, b = (mi.Vector3f(*(dr.dot(t, p) for t in turn)) + offset for p in (first, last))
     distance = dr.norm(b - a)
-    return scene.ray_test(_ray(a, (b - a) / dr.maximum(distance, 1e-9), distance - SHADOW_SHORT), active)
+    return scene.ray_test(limited(a, (b - a) / dr.maximum(distance, 1e-9), distance - SHADOW_SHORT), active)
 
 
 def leave(device: Device, tubes: Tubes, contact: Contact) -> Any:

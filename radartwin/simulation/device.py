@@ -55,7 +55,7 @@ class Device:
         self.cluster = None if cluster is None else upload(mi.UInt32, cluster)
         self.labels = None if labels is None else upload(mi.UInt64, labels + 1)
         self.nodes = len(table.frequencies_hz)
-        self.coefficients = [upload(mi.Float, part) for c in (table.te, table.tm) for part in (np.real(c), np.imag(c))]
+        self.coefficients = self.tabulated(table.te, table.tm)
         # rays leave a surface this far above it: well over the float32 resolution of its coordinates
         self.lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
         self.curved = geometry.curved
@@ -66,13 +66,21 @@ class Device:
         """The three corner vectors of a face from one of the per-corner arrays."""
         return [mi.Vector3f(*(dr.gather(mi.Float, source, face * 9 + 3 * c + i, active) for i in range(3))) for c in range(3)]
 
+    @staticmethod
+    def tabulated(te: np.ndarray, tm: np.ndarray) -> list[Any]:
+        """Coefficients (S, COSINES, Q) as `lookup` takes them."""
+        return [upload(mi.Float, part) for c in (te, tm) for part in (np.real(c), np.imag(c))]
+
     def reflection(self, face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
-        """[te.re, te.im, tm.re, tm.im] at one frequency node, linear in the cosine."""
+        """[te.re, te.im, tm.re, tm.im] at one frequency node."""
+        return self.lookup(self.coefficients, face, cosine, node, active)
+
+    def lookup(self, coefficients: list[Any], face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
+        """[te.re, te.im, tm.re, tm.im] of tabulated coefficients, linear in the cosine."""
         x = dr.clip(cosine, 0, 1) * (COSINES - 1)
         low = dr.minimum(mi.UInt32(x), COSINES - 2)
         weight = x - mi.Float(low)
         index = (dr.gather(mi.UInt32, self.surface, face, active) * COSINES + low) * self.nodes + node
         return [
-            dr.lerp(dr.gather(mi.Float, c, index, active), dr.gather(mi.Float, c, index + self.nodes, active), weight)
-            for c in self.coefficients
+            dr.lerp(dr.gather(mi.Float, c, index, active), dr.gather(mi.Float, c, index + self.nodes, active), weight) for c in coefficients
         ]

@@ -12,6 +12,7 @@ whether the box it lies in is divided. Cells that nothing meets are left out. Im
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -23,12 +24,15 @@ from radartwin.simulation.launch import Launch
 TUBES_PER_LAUNCH = 1 << 20  # bounds a kernel's memory to a few hundred megabytes
 
 
-def blocks(device: Device, launch: Launch, max_bounces: int, first_hit: int, pieces: int, found: np.ndarray | None) -> Iterator[Chosen]:
+def blocks(
+    device: Device, launch: Launch, max_bounces: int, first_hit: int, pieces: int, found: np.ndarray | None, walls: Any = None
+) -> Iterator[Chosen]:
     """Tubes of a launch in blocks that fit in memory, of whole poses unless one pose is larger than a block.
 
     Args:
         pieces: odd, parts of a straddling tube each way; 1, or a pose too large for one block, for whole tubes only.
         found: (N,) sorted indices to trace and no others; None: all.
+        walls: `transit.Walls` that tubes go through; None: they are mirrored.
     """
     end = launch.poses * launch.per_pose
     if pieces == 1 or launch.per_pose > TUBES_PER_LAUNCH // 2:
@@ -41,7 +45,7 @@ def blocks(device: Device, launch: Launch, max_bounces: int, first_hit: int, pie
     step = max(1, TUBES_PER_LAUNCH // (2 * launch.per_pose))
     for low in range(0, launch.poses, step):
         high = min(low + step, launch.poses)
-        met = scouting.faces_met(device, launch, (low, high), max_bounces, first_hit)
+        met = scouting.faces_met(device, launch, (low, high), max_bounces, first_hit, walls)
         index, share, whole = divided(met, launch, low, pieces, device.curved)
         if found is not None:
             keep = np.isin(index, found)

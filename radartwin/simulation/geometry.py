@@ -25,17 +25,21 @@ class Geometry:
         normals: (F, 3, 3) float64, unit vertex normals of each face's corners.
         surface: (F,) int, index of the surface each face came from.
         patch: (F,) int, faces that are joined across smooth edges share one; by default every face is its own.
+        hollow_m: (F,) mean width, 2 V/A, of the closed and outward mesh a face is part of; zero on open ones and rooms, and by default.
     """
 
     corners: np.ndarray
     normals: np.ndarray
     surface: np.ndarray
     patch: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    hollow_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _scene: Any = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.patch) != len(self.corners):
             self.patch = np.arange(len(self.corners))
+        if len(self.hollow_m) != len(self.corners):
+            self.hollow_m = np.zeros(len(self.corners))
 
     @property
     def extent_m(self) -> float:
@@ -127,7 +131,16 @@ def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
 
 def subset(geometry: Geometry, keep: np.ndarray) -> Geometry:
     """The faces (F,) of a mask."""
-    return Geometry(geometry.corners[keep], geometry.normals[keep], geometry.surface[keep])
+    return Geometry(geometry.corners[keep], geometry.normals[keep], geometry.surface[keep], hollow_m=geometry.hollow_m[keep])
+
+
+def _hollow_m(mesh: trimesh.Trimesh) -> float:
+    """Mean width of a closed mesh, metres; zero of one that is open or faces inwards."""
+    if not mesh.is_watertight:
+        return 0.0
+    corners = np.asarray(mesh.triangles, float)
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    return max(0.0, 2 * float(volume) / float(mesh.area))
 
 
 def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
@@ -139,7 +152,7 @@ def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
     Args:
         meshes: one per surface, in one common frame, metres.
     """
-    corners, normals, surface, patch = [], [], [], []
+    corners, normals, surface, patch, hollow = [], [], [], [], []
     for index, mesh in enumerate(meshes):
         clean = trimesh.Trimesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces), process=False)
         clean.merge_vertices(digits_vertex=7)  # closer than 0.1 um is the same point: rounding, not shape
@@ -152,6 +165,9 @@ def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
         normals.append(_smooth_normals(clean))
         patch.append(_patches(clean) + sum(len(one) for one in patch))
         surface.append(np.full(len(clean.faces), index))
+        hollow.append(np.full(len(clean.faces), _hollow_m(clean)))
     if not corners:
         return Geometry(np.zeros((0, 3, 3)), np.zeros((0, 3, 3)), np.zeros(0, int))
-    return Geometry(np.concatenate(corners), np.concatenate(normals), np.concatenate(surface), np.concatenate(patch))
+    return Geometry(
+        np.concatenate(corners), np.concatenate(normals), np.concatenate(surface), np.concatenate(patch), np.concatenate(hollow)
+    )

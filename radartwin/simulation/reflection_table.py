@@ -22,11 +22,13 @@ class ReflectionTable:
     """Attributes:
     te, tm: (S, COSINES, Q) complex, per surface, cosine of incidence from 0 to 1, and frequency node.
     frequencies_hz: (Q,) nodes.
+    surfaces: (material, roughness_m) of each; without them nothing is taken for a shell.
     """
 
     te: np.ndarray
     tm: np.ndarray
     frequencies_hz: np.ndarray
+    surfaces: tuple[tuple[str | Layered, float], ...] = ()
 
     def envelope(self) -> "ReflectionTable":
         """The largest magnitudes over the sweep, at one node in its middle: for finding what could matter."""
@@ -56,6 +58,13 @@ def lagrange_basis(nodes_hz: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray
     return basis
 
 
+def grid_of_cosines() -> np.ndarray:
+    """(COSINES,) cosines of incidence at which tables stand."""
+    cosines = np.linspace(0, 1, COSINES)
+    cosines[0] = 1e-6  # grazing limit, where TM turns over
+    return cosines
+
+
 def build(surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float | None = None) -> ReflectionTable:
     """Tabulate surfaces given as (material, roughness_m).
 
@@ -65,14 +74,13 @@ def build(surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_h
     Raises:
         MaterialError: a material unknown or without values at these frequencies.
     """
-    cosines = np.linspace(0, 1, COSINES)
-    cosines[0] = 1e-6  # grazing limit, where TM turns over
+    cosines = grid_of_cosines()
     distinct = list(dict.fromkeys(surfaces))
     nodes = np.array([low_hz]) if high_hz is None else _nodes(distinct, low_hz, high_hz)
     values = {entry: _evaluate(entry, cosines, nodes) for entry in distinct}
     te = np.array([values[entry][0] for entry in surfaces]).reshape(len(surfaces), COSINES, len(nodes))
     tm = np.array([values[entry][1] for entry in surfaces]).reshape(len(surfaces), COSINES, len(nodes))
-    return ReflectionTable(te, tm, nodes)
+    return ReflectionTable(te, tm, nodes, tuple(surfaces))
 
 
 def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from radartwin.simulation.contact import Contact
+from radartwin.simulation.contact import Contact, across_incidence
 from radartwin.simulation.device import Device
 from radartwin.simulation.flight import Tubes
 from radartwin.simulation.footprint import footprint_integral
@@ -29,11 +29,12 @@ def scatter(
     active: Any,
     plane: bool,
 ) -> list[tuple[Any, Any]]:
-    """Contribution of every tube to the receiver per node, (real, imaginary) of P.V times its integral; mirrors the tubes' fields."""
-    across = dr.cross(tubes.direction, contact.normal)
-    size = dr.squared_norm(across)
-    # s across the plane of incidence (any direction at normal incidence), p along the field in it, before and after
-    s = dr.select(size > 1e-10, across * dr.rsqrt(dr.maximum(size, 1e-12)), mi.coordinate_system(contact.normal)[0])
+    """Contribution of every tube to the receiver per node, (real, imaginary) of P.V times its integral; mirrors the tubes' fields.
+
+    `receive_axis` is P, or per node its real and imaginary part.
+    """
+    # s across the plane of incidence, p along the field in it, before and after
+    s = across_incidence(tubes.direction, contact.normal)
     mirrored = contact.mirrored(tubes.direction)
     p_in, p_out = dr.cross(tubes.direction, s), dr.cross(mirrored, s)
     inverse_out = mi.Float(0.0) if plane else dr.rcp(length_out)
@@ -78,11 +79,18 @@ def scatter(
         s_re, s_im, p_re, p_im = dr.dot(e_re, s), dr.dot(e_im, s), dr.dot(e_re, p_in), dr.dot(e_im, p_in)
         r_re = s * (te_re * s_re - te_im * s_im) + p_out * (tm_re * p_re - tm_im * p_im)
         r_im = s * (te_re * s_im + te_im * s_re) + p_out * (tm_re * p_im + tm_im * p_re)
-        parts = []
+        radiated = []
         for incident, reflected in ((e_re, r_re), (e_im, r_im)):
             electric = dr.cross(contact.normal, dr.cross(tubes.direction, incident) + dr.cross(mirrored, reflected))
             magnetic = dr.cross(dr.cross(incident + reflected, contact.normal), outgoing)
-            parts.append(dr.dot(receive_axis, electric + magnetic))
+            radiated.append(electric + magnetic)
+        if isinstance(receive_axis, list):
+            axis_re, axis_im = receive_axis[node]
+            parts = [
+                dr.dot(axis_re, radiated[0]) - dr.dot(axis_im, radiated[1]), dr.dot(axis_re, radiated[1]) + dr.dot(axis_im, radiated[0])
+            ]  # fmt: skip
+        else:
+            parts = [dr.dot(receive_axis, vector) for vector in radiated]
         out.append((parts[0] * total_re - parts[1] * total_im, parts[0] * total_im + parts[1] * total_re))
         tubes.field_re[node], tubes.field_im[node] = r_re, r_im
     return out

@@ -34,6 +34,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.simulation import shell
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.launch import Launch
 from radartwin.simulation.reflection_table import ReflectionTable
@@ -117,7 +118,8 @@ def trace(
 ) -> Hits:
     """All hits of a launch, up to `max_bounces` reflections.
 
-    With several frequency nodes and pruning, tubes are first found with the largest reflection over the sweep at one node, and only those
+    What is a shell (`shell.of`) is also seen through, straight in and out, as one reflection. With several frequency nodes and pruning,
+    tubes are first found with the largest reflection over the sweep at one node, and only those
     that matter (a few in a hundred in a room) are traced again at all nodes.
 
     Args:
@@ -132,24 +134,49 @@ def trace(
         pieces: odd; tubes across which the sequence of smooth patches changes are traced in so many parts each way, and those that a
             curved surface spreads onto another.
     """
-    from radartwin.simulation import division
+    settings = (max_bounces, cluster, first_hit, labels, occluder, prune, hats, pieces)
+    hits = _reflected(geometry, table, None, launch, transmit, receive, *settings)
+    shells = shell.of(geometry, table, None if cluster is None else cluster == first_hit)
+    if shells is None:
+        return hits
+    return Hits.concatenate([hits, _reflected(geometry, shells.inside, shells, launch, transmit, receive, *settings)])
+
+
+def _reflected(
+    geometry: Geometry,
+    table: ReflectionTable,
+    shells: shell.Shells | None,
+    launch: Launch,
+    transmit: Antennas,
+    receive: Antennas,
+    max_bounces: int,
+    cluster: np.ndarray | None,
+    first_hit: int,
+    labels: np.ndarray | None,
+    occluder: Occluder | None,
+    prune: float,
+    hats: bool,
+    pieces: int,
+) -> Hits:
+    """Hits of tubes on the outside of things, or, with shells given, straight through them."""
+    from radartwin.simulation import division, transit
     from radartwin.simulation.device import Device
 
     scout = None
     if prune and len(table.frequencies_hz) > 1:
-        scout = trace(
-            geometry, table.envelope(), launch, transmit, receive,
-            max_bounces=max_bounces, cluster=cluster, first_hit=first_hit, labels=labels, occluder=occluder, prune=prune, hats=hats,
-            pieces=pieces,
+        scout = _reflected(
+            geometry, table.envelope(), None if shells is None else shells.envelope(), launch, transmit, receive,
+            max_bounces, cluster, first_hit, labels, occluder, prune, hats, pieces,
         )  # fmt: skip
     none, q = np.zeros(0, int), len(table.frequencies_hz)
     empty = (np.zeros((0, q), complex), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.uint64))
     parts = [Hits(none, none, none, *empty)]
     if len(geometry.corners):
         device = Device(geometry, table, cluster, labels, hats)
-        run = _Run(device, launch, transmit, receive, float(table.frequencies_hz.mean()), max_bounces, first_hit, occluder, prune)
+        walls = None if shells is None else transit.Walls(device, shells)
+        run = _Run(device, walls, launch, transmit, receive, float(table.frequencies_hz.mean()), max_bounces, first_hit, occluder, prune)
         found = None if scout is None else np.unique(scout.tube)
-        for chosen in division.blocks(device, launch, max_bounces, first_hit, pieces, found):
+        for chosen in division.blocks(device, launch, max_bounces, first_hit, pieces, found, walls):
             parts += run.block(chosen)
     return Hits.concatenate(parts)
 
@@ -159,6 +186,7 @@ class _Run:
     """What all blocks of tubes of one launch share."""
 
     device: Any
+    walls: Any
     launch: Launch
     transmit: Antennas
     receive: Antennas
@@ -187,25 +215,34 @@ class _Run:
         monostatic = bool(np.array_equal(self.transmit.position, self.receive.position))
         strongest = dr.zeros(mi.Float, launch.poses)
         tubes = flight.start(launch, self.transmit.axis, self.transmit.cross, chosen, device.nodes)
-        active = contacts.cast(device, tubes, True)
-        for number in range(1, self.max_bounces + 1):
+        origin, active = tubes.origin, contacts.cast(device, tubes, True)
+        for number in range(1, (1 if self.walls else self.max_bounces) + 1):
             contact, active = contacts.meet(device, tubes, number == 1, active)
             if number == 1 and device.cluster is not None:
                 active &= dr.gather(mi.UInt32, device.cluster, contact.face, active) == dr.opaque(mi.UInt32, self.first_hit)
+            near = contact
+            if self.walls:
+                active = self.walls.enter(tubes, near, active)
+                active = contacts.cast(device, tubes, False, active)
+                contact, active = contacts.meet(device, tubes, False, active)
             receiver = receiver_at(tubes.pose, active)
             way = -forward_at(tubes.pose, active) if launch.plane else receiver - contact.point
             outgoing = dr.normalize(way)
             length_out = dr.dot(receiver - contact.point, outgoing)
             if number == 1 and self.occluder is not None:
-                active &= ~self._occluded(tubes.pose, tubes.origin, contact.facet_point, active)
+                active &= ~self._occluded(tubes.pose, origin, near.facet_point, active)
             seen = active & (dr.dot(outgoing, contact.normal) > contacts.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
-            if number > 1 or not monostatic:  # what a tube hits first from the receiver itself, the receiver sees
+            if self.walls:
+                wall, seen = (near, seen) if monostatic else self.walls.exit(contact, outgoing, length_out, seen, launch.plane)
+            elif number > 1 or not monostatic:  # what a tube hits first from the receiver itself, the receiver sees
                 seen = contacts.visible(device, contact, outgoing, length_out, seen, launch.plane)
-                if self.occluder is not None:
-                    seen &= ~self._occluded(tubes.pose, receiver, contact.facet_point, seen)
+            if self.occluder is not None and (number > 1 or not monostatic):
+                seen &= ~self._occluded(tubes.pose, receiver, contact.facet_point, seen)
             axis = flight.project(axis_at(tubes.pose, active), outgoing)
             if self.receive.cross:
                 axis = dr.cross(outgoing, axis)
+            if self.walls:
+                axis = self.walls.received(wall, outgoing, axis, seen)
             values = scatter.scatter(device, tubes, contact, outgoing, length_out, axis, wavenumber, active, launch.plane)
             here = (
                 tubes.pose, tubes.index, tubes.length, mi.Float64(length_out), tubes.departure, outgoing, tubes.first, tubes.sequence,
@@ -214,11 +251,14 @@ class _Run:
             level = sum((re * re + im * im for re, im in values), mi.Float(0.0)) / dr.opaque(mi.Float, device.nodes)
             if self.prune:
                 dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, tubes.pose, seen)
-            onward = number < self.max_bounces
+            onward = number < self.max_bounces and not self.walls
             if onward:
                 active = contacts.bounce(device, tubes, contact, active)
             # all that casts rays in one kernel: what is left unevaluated would cast them again for every array that is read
-            tubes.evaluate(here, level, strongest, seen, active)
+            if onward:
+                tubes.evaluate(here, level, strongest, seen, active)
+            else:
+                dr.eval(here, level, strongest, seen)
             if self.prune:
                 seen = seen & (level >= dr.opaque(mi.Float, self.prune**2) * dr.gather(mi.Float, strongest, here[0], seen))
             keep = dr.compress(seen)
