@@ -1,9 +1,19 @@
 """Hollow things: what their walls let through, and what they return to waves inside.
 
 A surface is a shell where its mesh is closed and faces outwards, its material is a `Layered` before air, and its walls are thin beside the
-hollow they enclose. Its outer face reflects as any wall does; one straight echo goes through it: in through the near wall, back from the
-far wall or from whatever stands inside, and out through the near wall again. Where radius, wall and wavelength are large, that is what
-the exact series of a cylinder holds beside its front, but for waves that bounce about inside.
+hollow they enclose. Its outer face reflects as any wall does; other tubes go straight in through the near wall, are mirrored inside by the
+far wall or whatever stands there, and at each of these reflections are received straight out through the wall on the way. What leaves a
+shell and then meets something else is left out.
+
+Mean power over 77 to 80.44 GHz of empty bottles of 33 mm radius against the exact series of the cylinder, 4 tubes per square wavelength:
+
+| reflections inside | 0.3 mm PET | 1 mm PET | 1 mm HDPE | 3 mm glass |
+|---|---|---|---|---|
+| none, the front alone | -3.3 dB | -4.5 dB | -3.9 dB | -2.0 dB |
+| 1 | -0.4 dB | -1.9 dB | -1.9 dB | -1.3 dB |
+| 4 | 0.3 dB | 0.7 dB | 0.5 dB | 0.8 dB |
+
+Sixteen tubes give up to 0.5 dB more at 4 reflections.
 
 All is referred to the mesh, which is a wall's outer face, with the ray counted as air: of a wall of thickness d, transmission gains
 exp(+j k d cos t), and reflection from inside, at a face that stands d before the mesh, exp(+2 j k d cos t).

@@ -118,7 +118,7 @@ def trace(
 ) -> Hits:
     """All hits of a launch, up to `max_bounces` reflections.
 
-    What is a shell (`shell.of`) is also seen through, straight in and out, as one reflection. With several frequency nodes and pruning,
+    What is a shell (`shell.of`) is also seen through: straight in by its near wall, reflections inside, straight out. With several frequency nodes and pruning,
     tubes are first found with the largest reflection over the sweep at one node, and only those
     that matter (a few in a hundred in a room) are traced again at all nodes.
 
@@ -216,12 +216,12 @@ class _Run:
         strongest = dr.zeros(mi.Float, launch.poses)
         tubes = flight.start(launch, self.transmit.axis, self.transmit.cross, chosen, device.nodes)
         origin, active = tubes.origin, contacts.cast(device, tubes, True)
-        for number in range(1, (1 if self.walls else self.max_bounces) + 1):
+        for number in range(1, self.max_bounces + 1):
             contact, active = contacts.meet(device, tubes, number == 1, active)
             if number == 1 and device.cluster is not None:
                 active &= dr.gather(mi.UInt32, device.cluster, contact.face, active) == dr.opaque(mi.UInt32, self.first_hit)
             near = contact
-            if self.walls:
+            if self.walls and number == 1:
                 active = self.walls.enter(tubes, near, active)
                 active = contacts.cast(device, tubes, False, active)
                 contact, active = contacts.meet(device, tubes, False, active)
@@ -233,7 +233,9 @@ class _Run:
                 active &= ~self._occluded(tubes.pose, origin, near.facet_point, active)
             seen = active & (dr.dot(outgoing, contact.normal) > contacts.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
             if self.walls:
-                wall, seen = (near, seen) if monostatic else self.walls.exit(contact, outgoing, length_out, seen, launch.plane)
+                wall, seen = (
+                    (near, seen) if monostatic and number == 1 else self.walls.exit(contact, outgoing, length_out, seen, launch.plane)
+                )
             elif number > 1 or not monostatic:  # what a tube hits first from the receiver itself, the receiver sees
                 seen = contacts.visible(device, contact, outgoing, length_out, seen, launch.plane)
             if self.occluder is not None and (number > 1 or not monostatic):
@@ -251,14 +253,11 @@ class _Run:
             level = sum((re * re + im * im for re, im in values), mi.Float(0.0)) / dr.opaque(mi.Float, device.nodes)
             if self.prune:
                 dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, tubes.pose, seen)
-            onward = number < self.max_bounces and not self.walls
+            onward = number < self.max_bounces
             if onward:
                 active = contacts.bounce(device, tubes, contact, active)
             # all that casts rays in one kernel: what is left unevaluated would cast them again for every array that is read
-            if onward:
-                tubes.evaluate(here, level, strongest, seen, active)
-            else:
-                dr.eval(here, level, strongest, seen)
+            tubes.evaluate(here, level, strongest, seen, active)
             if self.prune:
                 seen = seen & (level >= dr.opaque(mi.Float, self.prune**2) * dr.gather(mi.Float, strongest, here[0], seen))
             keep = dr.compress(seen)

@@ -19,7 +19,6 @@ QUICK_MISSES = {
     "near-dihedral": "0.25 dB at 0.5 m",
     "range-law": "0.10 dB of the 3 cm dihedral",
     "two-panels-tubes": "0.037 of the double image",
-    "bottles-air": "4.5 dB for an empty PET bottle of 1 mm: the far wall is missing",
     "reciprocity-images": "0.30 dB between orders of three walls",
     "samples-level": "0.31 dB at 1 m",
 }
@@ -30,7 +29,6 @@ FULL_MISSES = {
     "panel-tubes": "0.043 of the image at 4 rays",
     "two-panels-tubes": "0.041 of the double image",
     "bottles-water": "0.158 dB behind 0.3 mm of PET",
-    "bottles-air": "4.5 dB for an empty PET bottle of 1 mm: the far wall is missing",
     "bottle-series-table": "0.158 dB behind 0.3 mm of PET",
     "reciprocity-single": "0.12 dB of curved targets at 0.5 m",
     "reciprocity-images": "orders of walls are missing where a path meets a corner",

@@ -1,0 +1,126 @@
+"""Echoes through the walls of hollow things: levels and phases against transfer matrices, reciprocity, and what is no shell."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import radartwin as rt
+from experiments.oracles import stack
+from radartwin.scene import objects
+from radartwin.simulation import geometry, launch, reflection_table, shell, tubes, variant
+
+FREQUENCY = 77e9
+WAVELENGTH = 299_792_458.0 / FREQUENCY
+K = 2 * np.pi / WAVELENGTH
+UP = np.array([[0.0, 0.0, 1.0]])
+SENSOR = np.array([[2.0, 0.0, 0.0]])
+PET = rt.Layered([("pet", 0.001)])
+LAMINATE = rt.Layered([("glass", 0.0007), ("pet", 0.0012)])
+
+
+def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=np.inf, high_hz=None, prune=0.0, through=True):
+    """Field at `end` of single reflections of meshes, of those between two distances from the start."""
+    variant.activate()
+    built = geometry.build(meshes)
+    table = reflection_table.build([(m, 0.0) for m in materials], FREQUENCY, high_hz)
+    if not through:
+        table = reflection_table.ReflectionTable(table.te, table.tm, table.frequencies_hz)
+    grid = launch.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
+    assert grid is not None
+    hits = tubes.trace(built, table, grid, tubes.Antennas(start, UP), tubes.Antennas(end, UP), max_bounces=1, pieces=3, prune=prune)
+    far = (hits.length_in_m > beyond_m) & (hits.length_in_m < within_m)
+    return (hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m)))[far].sum()
+
+
+def passed(layers, frequency=FREQUENCY):
+    """(transmission once, reflection from inside) of a wall at normal incidence, exp(-j w t), by the transfer matrix of the oracles, with
+    references at its outer face and air in the place of the wall."""
+    thickness = sum(d for _, d in layers)
+    k = 2 * np.pi * frequency / 299_792_458.0
+    through = 1.0 + 0.0j
+    matrix = np.eye(2, dtype=complex)
+    for name, d in layers:  # characteristic matrices of the layers, Born and Wolf, section 1.6
+        n = np.sqrt(stack.permittivity(name, frequency))
+        phase = k * n * d
+        matrix = matrix @ np.array([[np.cos(phase), 1j * np.sin(phase) / n], [1j * n * np.sin(phase), np.cos(phase)]])
+    through = 2 / (matrix[0, 0] + matrix[0, 1] + matrix[1, 0] + matrix[1, 1])
+    inside = stack.stack(list(layers)[::-1], "air", 0.0, frequency)[0]
+    return np.conj(through * np.exp(1j * k * thickness)), np.conj(inside * np.exp(2j * k * thickness))
+
+
+@pytest.mark.parametrize("material", [PET, LAMINATE], ids=["PET", "glass and PET"])
+def test_far_wall_of_a_box_is_what_the_transfer_matrix_lets_through(material):
+    """Over a metal plate in the far wall's place, complex."""
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    plate = objects.plate(0.1, 0.1).apply_translation([-0.05, 0, 0])
+    through, inside = passed(material.layers)
+    ratio = echo([box], [material], beyond_m=2.0) / echo([plate], ["metal"])
+    assert ratio == pytest.approx(-inside * through**2, rel=0.01)
+
+
+def test_metal_in_a_box_is_seen_through_its_wall():
+    box, plate = trimesh.creation.box((0.1, 0.1, 0.1)), objects.plate(0.04, 0.04)
+    through, _ = passed(PET.layers)
+    seen = echo([box, plate], [PET, "metal"], beyond_m=1.99, within_m=2.01)
+    assert seen == pytest.approx(echo([plate], ["metal"]) * through**2, rel=0.03)
+
+
+def test_empty_bottles_are_near_the_exact_series():
+    """The mean over the sweep, with four reflections inside."""
+    from experiments.oracles.dielectrics import exact_bottle, our_bottle
+
+    error = [our_bottle(wall, "air") - exact_bottle(wall, "air", 65) for wall in ("pet 0.3", "hdpe 1", "glass 3")]
+    assert np.abs(error).max() < 1.0
+
+
+def test_exit_is_looked_up_where_it_is():
+    """A receiver a hair away takes the way that finds the wall it leaves by, and reads the same."""
+    can = objects.cylinder(0.033, 0.12, 64)
+    assert echo([can], [PET], end=np.array([[2.0, 1e-7, 0.0]])) == pytest.approx(echo([can], [PET]), rel=1e-4)
+
+
+def test_echo_through_a_can_is_reciprocal():
+    can, ends = objects.cylinder(0.033, 0.12, 128), (SENSOR, np.array([[2.02, 0.1, 0.04]]))
+    there, back = (
+        echo([can], [LAMINATE], start=a, end=b) - echo([can], [LAMINATE], start=a, end=b, through=False) for a, b in (ends, ends[::-1])
+    )
+    assert abs(20 * np.log10(abs(there / back))) < 0.05
+    assert abs(np.degrees(np.angle(there / back))) < 1
+
+
+def test_pruning_and_nodes_change_nothing():
+    can = objects.cylinder(0.033, 0.12, 64)
+    whole = echo([can], [PET], high_hz=80.4e9)
+    assert echo([can], [PET], high_hz=80.4e9, prune=2e-4) == pytest.approx(whole, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "material"),
+    [
+        (objects.plate(0.1, 0.1), PET),
+        (trimesh.creation.box((0.002, 0.3, 0.3)), PET),
+        (objects.cylinder(0.033, 0.12), rt.Layered([("pet", 0.001)], "water")),
+        (objects.cylinder(0.033, 0.12), "pet"),
+        (trimesh.Trimesh(objects.cylinder(1, 2).vertices, objects.cylinder(1, 2).faces[:, ::-1], process=False), PET),
+    ],
+    ids=["open", "board", "filled", "solid", "room"],
+)
+def test_nothing_passes_what_is_no_shell(mesh, material):
+    assert shell.of(geometry.build([mesh]), reflection_table.build([(material, 0.0)], FREQUENCY)) is None
+
+
+def test_bottle_in_a_scene_shows_its_far_wall():
+    """In front of a wall, through rooms by images, as a moving object: its echo stands where its far wall does."""
+    from radartwin.simulation.mitsuba import TraceSettings
+    from radartwin.simulation.simulate import trace_paths
+
+    wall = objects.plate(3, 3).apply_translation([-1.5, 0, 0])
+    bottle = rt.Surface(objects.cylinder(0.033, 0.12), PET, "bottle", role="object")
+    pose = np.eye(4)[None].copy()
+    pose[0, :3, 3] = [1.5, 0, 0]
+    turned = pose @ np.diag([-1.0, -1, 1, 1])
+    scene = rt.Scene([rt.Surface(wall, "plasterboard", "wall"), bottle])
+    for settings in (TraceSettings(room="tubes", rays=100_000, diffuse=False), TraceSettings(diffuse=False)):
+        parts = trace_paths(scene, rt.Radar.iwr1843(element="isotropic"), turned, {"bottle": np.eye(4)[None]}, settings)[0]
+        lengths = np.concatenate([part.length_m[part.bounces == 1] for part in parts])
+        assert ((lengths > 2 * 1.51) & (lengths < 2 * 1.54)).any()
