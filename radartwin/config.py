@@ -17,7 +17,9 @@ from radartwin.errors import ConfigError
 
 # What each simulator reads besides backend, variant and elements; and the choices of what is chosen by name.
 SIMULATOR_FIELDS: dict[str, dict[str, tuple[str, ...]]] = {
-    "mitsuba": {"max_bounces": (), "rays": (), "rays_per_wavelength2": (), "room": ("tubes", "panels"), "coupling": (), "diffuse": ()},
+    "mitsuba": {
+        "max_bounces": (), "rays": (), "rays_per_wavelength2": (), "room": ("auto", "panels", "tubes"), "coupling": (), "diffuse": (),
+    },
     "rfgenesis": {"version": ("shipped", "columns", "corrected"), "grid": (), "fov_deg": ()},
     "points": {
         "cross_section": ("table", "sphere"), "points": ("centre", "box"), "room": ("images", "void"), "step_deg": (),
@@ -91,8 +93,8 @@ class SimulatorConfig:
 
     backend: str = "mitsuba"  # mitsuba | rfgenesis | points
     variant: str = _unkeyed("auto")  # auto | llvm | cuda
-    elements: str = "exact"  # exact | planar: distances over each antenna element, or a plane wave across the array
-    room: str | None = "tubes"  # how planar static surfaces are computed; mitsuba: tubes | panels; points: images | void
+    elements: str = "exact"  # exact | planar | auto: distances over each antenna element, or a plane wave across the array
+    room: str | None = "auto"  # mitsuba: panels by images, tubes, or auto (panels where the room is flat); points: images | void
     # mitsuba
     max_bounces: int | None = 4
     rays: int | None = None  # per frame; null: by the width rule
@@ -111,7 +113,7 @@ class SimulatorConfig:
     def __post_init__(self) -> None:
         _one_of("simulator.backend", self.backend, tuple(SIMULATOR_FIELDS))
         _one_of("simulator.variant", self.variant, ("auto", "llvm", "cuda"))
-        _one_of("simulator.elements", self.elements, ("exact", "planar"))
+        _one_of("simulator.elements", self.elements, ("exact", "planar", "auto"))
         for name in ("max_bounces", "rays", "rays_per_wavelength2", "grid", "fov_deg", "step_deg"):
             _positive(f"simulator.{name}", getattr(self, name))
         read = SIMULATOR_FIELDS[self.backend]

@@ -51,6 +51,8 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
     Raises:
         UserError: what the configuration asks for cannot be done.
     """
+    from radartwin.simulation import path_cache  # brings the numerical packages along
+
     progress = progress or Progress()
     experiment = load(config.experiment)
     store = Store(Path(config.output) / "cache", progress.say)
@@ -62,7 +64,8 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
 
     def build(folder: Path) -> None:
         with tracker.run(name, key, title, told) as record:
-            result = experiment.run(config, store, progress)
+            with path_cache.kept_in(store.root / "paths"):
+                result = experiment.run(config, store, progress)
             save(result, folder)
             (folder / "config.json").write_text(json.dumps(asdict(config), indent=1) + "\n", encoding="utf-8")
             record.metrics = result.metrics

@@ -25,7 +25,6 @@ THICKNESS_SIGMA = 0.05  # relative spread of layer thickness; 12.5 mm board is s
 PLACEMENT_SIGMA_M = 0.005  # of the target on its turntable, each horizontal axis; a mark on tape is read to half a centimetre
 RATE_SIGMA = 0.01  # relative error of the turntable's speed
 TRUTH_RAYS_PER_WAVELENGTH2 = 4.0
-TRUTH_ROOM_RAYS = 1_500_000
 TRUTH_BOUNCES = 5
 
 
@@ -75,7 +74,7 @@ def record(
     actual = hardware.radar(radar) if gaps.hardware > 0 else radar
     recording = simulate(
         scene, actual, sensor_pose, motion=moved, noise=gaps.hardware > 0, seed=seed, variant=variant,
-        max_bounces=TRUTH_BOUNCES if fine else 4, rays=TRUTH_ROOM_RAYS if fine else None,
+        max_bounces=TRUTH_BOUNCES if fine else 4,
         rays_per_wavelength2=TRUTH_RAYS_PER_WAVELENGTH2 if fine else 1.0,
     )  # fmt: skip
     iq = hardware.apply(recording.iq, radar) if gaps.hardware > 0 else recording.iq

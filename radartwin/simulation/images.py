@@ -74,9 +74,9 @@ class Obstacles:
     @cached_property
     def centre(self) -> np.ndarray:
         """(O, 3) middle of each one's bounding box."""
-        used = (np.arange(SUPPORTS) < self.count[:, None])[..., None]
+        used = (np.arange(SUPPORTS) < np.maximum(self.count, 1)[:, None])[..., None]
         low, high = np.where(used, self.points, np.inf).min(axis=1), np.where(used, self.points, -np.inf).max(axis=1)
-        return np.where(self.count[:, None] > 0, (low + high) / 2, 0.0)
+        return (low + high) / 2
 
     @cached_property
     def radius(self) -> np.ndarray:

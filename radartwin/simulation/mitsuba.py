@@ -8,18 +8,18 @@ all poses in few launches, directly and by way of the panels (`coupling`). Rough
 world (`diffuse`). Not modelled: the shadow of a moving object on the room, and paths between two groups.
 """
 
-import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from radartwin.errors import InputError
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation import coupling, diffuse, panel_room, reflection_table, tubes, variant
+from radartwin.simulation import coupling, diffuse, panel_room, path_cache, reflection_table, tubes, variant
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import launch as launch_module
 from radartwin.simulation import poses as poses_module
@@ -32,12 +32,8 @@ MAX_AROUND = 6_000_000
 PRUNE = 1e-3  # of the strongest path of a pose and launch, antennas included: moves the signal of the furnished lab by 0.2 %
 AT_REST = 1e-12  # largest change of a pose that is no motion
 ROOM = 0  # cluster of the large surfaces
-ROOMS_KEPT = 4  # static path sets in memory, some tens of megabytes each
 NEIGHBOUR_M = 0.05  # small things closer than this are traced together
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
-
-
-_traced: dict[str, list[Paths]] = {}  # by digest of geometry, reflection, poses and settings; oldest first
 
 
 @dataclass(frozen=True)
@@ -61,6 +57,10 @@ class TraceSettings:
     room: str = "auto"
     coupling: bool = True
     diffuse: bool = True
+
+    def __post_init__(self) -> None:
+        if self.room not in ("auto", "panels", "tubes"):
+            raise InputError(f"room must be auto, panels or tubes, not {self.room!r}")
 
 
 @dataclass(frozen=True)
@@ -112,22 +112,21 @@ class MitsubaBackend:
                 parts += self._group_paths(surfaces, still, None if still is None else still.geometry, radar, sensor_poses[:1], poses[:1])
             else:
                 parts += self._group_paths(surfaces, still, None if still is None else still.geometry, radar, sensor_poses, poses)
-        return parts
+        return [part for part in parts if len(part)]
 
     def _static_paths_once(self, still: _Static, radar: Radar, poses: np.ndarray) -> list[Paths]:
-        """Static paths, kept in memory: frames, objects and repetitions in the same room trace it once."""
-        built, table = still.geometry, still.room.table
-        parts = (built.corners, built.normals, built.surface, table.te, table.tm, table.frequencies_hz, poses)
-        kinds = [(s.kind, s.roughness_m, str(s.material)) for s in still.surfaces]
-        total = hashlib.sha256(repr((self.settings, radar.element, radar.frame_rate_hz, kinds)).encode())
-        for part in parts:
-            total.update(np.ascontiguousarray(part).tobytes())
-        key = total.hexdigest()
-        if key not in _traced:
-            while len(_traced) >= ROOMS_KEPT:
-                _traced.pop(next(iter(_traced)))
-            _traced[key] = self._static_parts(still, radar, poses)
-        return _traced[key]
+        """Static paths, kept: frames, objects, repetitions and chirp timings in the same room trace it once."""
+        built, table, cache = still.geometry, still.room.table, path_cache.shared()
+        made_of = [(s.kind, s.roughness_m, str(s.material)) for s in still.surfaces]
+        arrays = (built.corners, built.normals, built.surface, table.te, table.tm, table.frequencies_hz, poses)
+        # of the radar what paths know of it: the sweep is in the table; pattern, and the frame rate where something moves
+        rate = radar.frame_rate_hz if len(poses) > 1 else 0.0
+        key = cache.key(replace(self.settings, variant=""), radar.element, rate, radar.wavelength_m, made_of, *arrays)
+        found = cache.get(key)
+        if found is None:
+            found = self._static_parts(still, radar, poses)
+            cache.put(key, found)
+        return found
 
     def _static_parts(self, still: _Static, radar: Radar, poses: np.ndarray) -> list[Paths]:
         parts = []

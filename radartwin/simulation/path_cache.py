@@ -15,7 +15,7 @@ import threading
 import warnings
 import zipfile
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -136,15 +136,19 @@ _shared = PathCache()
 
 
 def shared() -> PathCache:
-    """The cache this process traces through: in memory, unless `keep_in` named a folder."""
+    """The cache this process traces through: in memory, unless `kept_in` names a folder."""
     return _shared
 
 
-def keep_in(folder: str | Path | None) -> PathCache:
-    """Keep traced paths in a folder from now on; None goes back to memory alone. Raises OutputError as PathCache does."""
+@contextlib.contextmanager
+def kept_in(folder: str | Path) -> Iterator[PathCache]:
+    """Keep traced paths in a folder meanwhile, then as before. Raises OutputError as PathCache does."""
     global _shared
-    _shared = PathCache(folder)
-    return _shared
+    before, _shared = _shared, PathCache(folder)
+    try:
+        yield _shared
+    finally:
+        _shared = before
 
 
 def _packed(parts: Sequence[Paths]) -> bytes:

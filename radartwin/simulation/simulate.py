@@ -35,6 +35,7 @@ def simulate(
     rays_per_wavelength2: float = 1.0,
     variant: str = "auto",
     simulator: str | Backend = "mitsuba",
+    elements: str = "exact",
 ) -> Recording:
     """Raw FMCW samples of a scene as the radar would record them.
 
@@ -50,6 +51,7 @@ def simulate(
         rays_per_wavelength2: tubes per square wavelength on objects.
         variant: "auto", "llvm" or "cuda".
         simulator: a name, or a configured `backend(name, ...)`; bounces, rays and variant are read by "mitsuba" alone.
+        elements: "exact" distances over each antenna element, "planar" waves across the array, or "auto": planar where it is as good.
     Returns:
         A Recording, iq (F, chirps, tx, rx, samples) in amplitude units.
     Raises:
@@ -71,9 +73,9 @@ def simulate(
     iq = np.zeros((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
     for part in parts:
         if part.poses == frames:
-            synthesize(part, radar, out=iq)
+            synthesize(part, radar, elements=elements, out=iq)
         else:
-            iq += synthesize(part, radar)
+            iq += synthesize(part, radar, elements=elements)
     if noise:
         rng = np.random.default_rng(np.random.SeedSequence([seed, *b"receiver noise"]))
         for start in range(0, frames, FRAMES_PER_BLOCK):

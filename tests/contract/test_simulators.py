@@ -288,7 +288,7 @@ def _fine():
         (["simulator=rfgenesis", "simulator.fov_deg=190"], "simulator.fov_deg=190 must be below 180"),
         (["simulator=rfgenesis", "simulator.max_bounces=2"], "simulator.max_bounces=2 is not read by simulator=rfgenesis"),
         (["simulator=points", "simulator.room=panels"], "simulator.room=panels is not known; options: images, void"),
-        (["simulator.room=images"], "simulator.room=images is not known; options: tubes, panels"),
+        (["simulator.room=images"], "simulator.room=images is not known; options: auto, panels, tubes"),
         (["simulator.elements=some"], "simulator.elements=some is not known; options: exact, planar"),
         (["simulator=sonar"], "simulator=sonar is not an option of simulator"),
     ],

@@ -174,11 +174,10 @@ def test_a_place_that_cannot_be_a_folder_is_refused_and_a_full_disk_only_warned_
 def test_the_shared_cache_is_in_memory_until_a_folder_is_named(tmp_path):
     before = path_cache.shared()
     assert before.folder is None
-    try:
-        assert path_cache.keep_in(tmp_path).folder == tmp_path
-        assert path_cache.shared().folder == tmp_path
-    finally:
-        path_cache.keep_in(None)
+    with path_cache.kept_in(tmp_path) as kept:
+        assert kept.folder == tmp_path
+        assert path_cache.shared() is kept
+    assert path_cache.shared() is before
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert path_cache.shared().folder is None
