@@ -122,7 +122,7 @@ def start(launch: Launch, axis: np.ndarray, cross: bool, chosen: Chosen, nodes: 
         size = dr.select(piece, dr.opaque(mi.Float, 1 / chosen.pieces), size)
         offset = dr.select(piece, dr.opaque(mi.Float, margin / chosen.pieces), offset)
     pose = cell // per_pose
-    cell -= pose * per_pose
+    cell = cell - pose * per_pose  # not in place: that would change the index too
     cell_v = cell // count_u
     cell_u = cell - cell_v * count_u
     origin, direction, foot_u, foot_v, weight = rays(launch, pose, mi.Float(cell_u) * size - offset, mi.Float(cell_v) * size - offset)

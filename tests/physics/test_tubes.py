@@ -208,3 +208,21 @@ def test_doubly_reflected_power_never_exceeds_what_was_sent():
         sigma = rt.rcs(mesh, [1, 0, 0], distance=distance, rays_per_wavelength2=4)
         received = sigma * WAVELENGTH**2 / ((4 * np.pi) ** 3 * distance**4)
         assert 0 < received < 1
+
+
+@pytest.mark.parametrize("material", ["metal", rt.Layered([("glass", 0.003)], "water"), rt.Layered([("pet", 0.001)])])
+def test_every_pose_of_a_run_is_traced_as_if_alone(material):
+    """With pruning, frequency nodes and shells: indices of tubes are told apart between poses."""
+    variant.activate()
+    built = geometry.build([objects.cylinder(0.033, 0.12)])
+    table = reflection_table.build([(material, 0.0)], 77e9, 80.4e9)
+    at = np.random.default_rng(0).normal([1.5, 0, 0], 0.3, (6, 3))
+    values = []
+    for poses in ([0, 1, 2, 3, 4, 5], [4]):
+        antenna = tubes.Antennas(at[poses], np.repeat(UP, len(poses), axis=0))
+        grid = launch.towards(built.hull_points(), at[poses], built.centre, WAVELENGTH, built.grid_shift)
+        assert grid is not None
+        hits = tubes.trace(built, table, grid, antenna, antenna, max_bounces=3, prune=1e-4)
+        assert set(hits.pose) == set(range(len(poses)))
+        values.append(coherent(hits, hits.pose == len(poses) - 2 if len(poses) > 1 else slice(None)))
+    assert values[0] == pytest.approx(values[1], rel=2e-2)
