@@ -465,6 +465,17 @@ def evaluate(
             directions[i] = back
         if not lit:
             continue
+        length[n] = total
+        departure[n] = directions[0]
+        arrival[n] = -along
+        across = transverse(axis[n], directions[0])
+        for q in range(field.shape[1]):
+            for k in range(3):
+                field[n, q, k] = across[k]
+        for i in range(m):
+            p = panel[s, i]
+            cosine = -np.dot(directions[i], normal[p]) * side[s, i]
+            _reflect(field[n], directions[i], directions[i + 1], normal[p], cosine, te[surface[p]], tm[surface[p]])
         origin = image + (beside - image) * (depth_s / (depth_s + depth_b))
         u_axis = np.cross(facing, np.array([0.0, 0.0, 1.0]) if abs(facing[2]) < 0.9 else np.array([1.0, 0.0, 0.0]))
         u_axis = u_axis / norm(u_axis)
@@ -503,14 +514,6 @@ def evaluate(
                     break
         if number == 0:
             continue
-        across = transverse(axis[n], directions[0])
-        for q in range(field.shape[1]):
-            for k in range(3):
-                field[n, q, k] = across[k]
-        for i in range(m):
-            p = panel[s, i]
-            cosine = -np.dot(directions[i], normal[p]) * side[s, i]
-            _reflect(field[n], directions[i], directions[i + 1], normal[p], cosine, te[surface[p]], tm[surface[p]])
         strongest = 0.0
         for q in range(field.shape[1]):
             power = 0.0
@@ -568,6 +571,3 @@ def evaluate(
             for i in range(number):
                 f += polygon_factor(pieces[i], counts[i], origin, u_axis, v_axis, image, beside, norm(beside - image), wavenumber)
         factor[n] = f
-        length[n] = total
-        departure[n] = directions[0]
-        arrival[n] = -along

@@ -24,6 +24,7 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
+FEW_TUBES = 300  # up to so many on an object, those across its edges are divided: the smaller it is, the more of it they are
 EARLY = 0.3  # of the last prune: a hit that could not matter if its legs carried all they do anywhere is dropped before they are looked at
 SHORT_M = 1e-4  # by which a test of the direct way stops before the object
 
@@ -63,7 +64,8 @@ def group_paths(
     if grid is None:
         return None
     antennas = [tubes.Antennas(end.place, end.axis) for end in ends]
-    hits = tubes.trace(built, table, grid, *antennas, max_bounces=max_bounces, prune=SCOUT_PRUNE)
+    pieces = 3 if grid.per_pose <= FEW_TUBES else 1
+    hits = tubes.trace(built, table, grid, *antennas, max_bounces=max_bounces, prune=SCOUT_PRUNE, pieces=pieces)
     keep = np.ones(len(hits.pose), bool)
     if legs is not None:
         keep &= hits.bounce + legs.panels_met(out_leg[hits.pose]) + legs.panels_met(back_leg[hits.pose]) <= max_bounces

@@ -35,12 +35,14 @@ class Sequences:
 
     Attributes:
         chain: (S,) index of the panel sequence in what was asked for, which may have several choices of sides.
+        reverse: (S,) index of the same panels backwards, or of itself where these were not asked for.
         mirror: (S, 3, 3), shift: (S, 3): the image of a point x is mirror x + shift.
         order: (S,) panels in each. panel: (S, M) indices; side: (S, M) +-1, the side of each panel's normal the path is on.
         first, last: (S, M + 1) range of each leg in `blocker`; blocker: (B,) obstacle indices; seen: (B, 3) their centres, unfolded.
     """
 
     chain: np.ndarray
+    reverse: np.ndarray
     mirror: np.ndarray
     shift: np.ndarray
     order: np.ndarray
@@ -151,8 +153,10 @@ def prepare(panels: Panels, things: Obstacles, chains: Sequence[tuple[int, ...]]
                 centres = centres - 2 * (centres @ panels.normal[p] - panels.offset[p])[:, None] * panels.normal[p]
             seen.append(centres)
             last[i, leg] = len(blocker)
+    place = {(chain, sides): i for i, (chain, sides, _) in enumerate(rows)}
     return Sequences(
         np.array([index for *_, index in rows], int),
+        np.array([place.get((chain[::-1], sides[::-1]), i) for i, (chain, sides, _) in enumerate(rows)], int),
         mirror,
         shift,
         order,

@@ -101,7 +101,7 @@ class PanelRoom:
         place, axis = poses[:, :3, 3], poses[:, :3, 2]
         keys, near = key_places(place)
         chains = self.chains(place[keys], place[keys], axis[keys], max_bounces)
-        known = sorted(set().union(*chains))
+        known = sorted(set().union(*chains, *({chain[::-1] for chain in found} for found in chains)))
         prepared = images.prepare(self.panels, self.things, known, place, place)
         of_key = [np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains]
         active = np.array([np.logical_or.reduce([of_key[k] for k in keys_]) for keys_ in near])
@@ -111,10 +111,13 @@ class PanelRoom:
         parts = [self._evaluated(pose, which, prepared, poses, velocity, radar, 0.0)]
         level = np.abs(parts[0].amplitude).max(axis=1, initial=0) * _gain(parts[0], radar)
         np.maximum.at(strongest, parts[0].pose, level)
-        pose, which = np.nonzero(active & (prepared.order > 1))
-        for low in range(0, len(pose), PATHS_AT_ONCE):
-            some = slice(low, low + PATHS_AT_ONCE)
-            parts.append(self._evaluated(pose[some], which[some], prepared, poses, velocity, radar, prune * strongest[pose[some]]))
+        active &= prepared.order > 1
+        active |= active[:, prepared.reverse]
+        together = max(1, PATHS_AT_ONCE // max(1, active.sum(axis=1).max(initial=0)))
+        for low in range(0, len(poses), together):
+            pose, which = np.nonzero(active[low : low + together])
+            pose += low
+            parts.append(self._evaluated(pose, which, prepared, poses, velocity, radar, prune * strongest[pose]))
         joined = Paths.concatenate(parts)
         return joined.where(joined.stands_out(prune, _gain(joined, radar)))
 
@@ -133,9 +136,13 @@ class PanelRoom:
         wavelength = SPEED_OF_LIGHT / self.table.frequencies_hz
         scale = 4 * np.pi / wavelength.max() if len(wavelength) else 1.0
         one = images.evaluate(self.panels, self.things, prepared, self.table, which, place, axis, place, np.asarray(least) * scale)
-        lit = one.factor != 0
+        # A chain of mirrors that ends on its last panel's aperture is not the same backwards; the mean of both is, and closer.
+        code = pose * len(prepared) + which  # ascending
+        partner = np.minimum(np.searchsorted(code, pose * len(prepared) + prepared.reverse[which]), max(len(code) - 1, 0))
+        factor = (one.factor + one.factor[partner]) / 2
+        lit = factor != 0
         receive = images.across(axis[lit], one.arrival[lit])
-        level = np.einsum("nk,nqk->nq", receive, one.field[lit]).conj() * one.factor[lit, None]
+        level = np.einsum("nk,nqk->nq", receive, one.field[lit]).conj() * factor[lit, None]
         amplitude = level * wavelength / (4 * np.pi * one.length_m[lit, None])
         departure, arrival = (np.einsum("nij,ni->nj", rotation[lit], d[lit]) for d in (one.departure, one.arrival))
         rate = -np.einsum("ni,ni->n", one.departure[lit] + one.arrival[lit], velocity[pose[lit]])
