@@ -476,6 +476,14 @@ def evaluate(
             p = panel[s, i]
             cosine = -np.dot(directions[i], normal[p]) * side[s, i]
             _reflect(field[n], directions[i], directions[i + 1], normal[p], cosine, te[surface[p]], tm[surface[p]])
+        strongest = 0.0
+        for q in range(field.shape[1]):
+            power = 0.0
+            for k in range(3):
+                power += field[n, q, k].real ** 2 + field[n, q, k].imag ** 2
+            strongest = max(strongest, power)
+        if strongest <= (least[n] * total) ** 2:
+            continue
         origin = image + (beside - image) * (depth_s / (depth_s + depth_b))
         u_axis = np.cross(facing, np.array([0.0, 0.0, 1.0]) if abs(facing[2]) < 0.9 else np.array([1.0, 0.0, 0.0]))
         u_axis = u_axis / norm(u_axis)
@@ -513,14 +521,6 @@ def evaluate(
                     number = 0
                     break
         if number == 0:
-            continue
-        strongest = 0.0
-        for q in range(field.shape[1]):
-            power = 0.0
-            for k in range(3):
-                power += field[n, q, k].real ** 2 + field[n, q, k].imag ** 2
-            strongest = max(strongest, power)
-        if strongest <= (least[n] * total) ** 2:
             continue
         f = polygon_factor(pieces[0], counts[0], origin, u_axis, v_axis, image, beside, norm(beside - image), wavenumber)
         if strongest * (f.real * f.real + f.imag * f.imag) <= (least[n] * total) ** 2:

@@ -21,7 +21,7 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.reflection_table import ReflectionTable
 
 DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
-DISCOVERY_PRUNE = 1e-3  # of the strongest path
+DISCOVERY_PRUNE = 3e-4  # of the strongest path
 KEY_SPACING_M = 0.3  # between places where sequences are looked for
 MAX_PANELS = 1500  # beyond them a room is tubes' work; sequences hold 4094 labels
 FLAT_SHARE = 0.98  # of a room's area that must be panels
