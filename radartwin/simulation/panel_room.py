@@ -16,6 +16,7 @@ from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import face_labels, images, launch, panels, tubes
+from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.reflection_table import ReflectionTable
@@ -77,12 +78,14 @@ class PanelRoom:
         found: list[set[tuple[int, ...]]] = [{(int(p),) for p in np.flatnonzero(self.usable)} for _ in sources]
         if longest < 2:
             return found
-        labels = np.where(self.rest | ~self.usable[self.panels.of_face], face_labels.OTHER, self.panels.of_face)
+        there = ~np.isin(self.geometry.surface, self.own)  # a thing does not hide its own middle
+        geometry = self.geometry if there.all() else geometry_module.subset(self.geometry, there)
+        labels = np.where(self.rest | ~self.usable[self.panels.of_face], face_labels.OTHER, self.panels.of_face)[there]
         transmit, receive = tubes.Antennas(sources, axes), tubes.Antennas(receivers, axes)
         rotation = np.broadcast_to(np.eye(3), (len(sources), 3, 3))
         for grid in launch.all_around(sources, rotation, DISCOVERY_RAYS):
             hits = tubes.trace(
-                self.geometry, self.table.envelope(), grid, transmit, receive, max_bounces=longest, labels=labels, prune=share, hats=True
+                geometry, self.table.envelope(), grid, transmit, receive, max_bounces=longest, labels=labels, prune=share, hats=True
             )
             rows = np.stack([hits.pose.astype(np.uint64), hits.bounce.astype(np.uint64), hits.sequence], axis=1)
             for place, bounces, sequence in np.unique(rows, axis=0).tolist():
