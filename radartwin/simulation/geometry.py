@@ -34,6 +34,7 @@ class Geometry:
     patch: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     hollow_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _scene: Any = field(default=None, repr=False)
+    _convex: bool | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.patch) != len(self.corners):
@@ -50,6 +51,19 @@ class Geometry:
     def curved(self) -> bool:
         """Whether any facet bends between its corners."""
         return bool(np.ptp(self.normals, axis=1).max(initial=0.0) > 1e-6)
+
+    @property
+    def convex(self) -> bool:
+        """Whether all of it is one closed body that no line enters twice."""
+        if not len(self.corners) or not (self.hollow_m > 0).all() or np.ptp(self.surface):
+            return False
+        if self._convex is None:
+            from scipy.spatial import ConvexHull
+
+            points = self.corners - self.centre
+            volume = np.einsum("ij,ij->", points[:, 0], np.cross(points[:, 1], points[:, 2])) / 6
+            self._convex = bool(ConvexHull(np.unique(points.reshape(-1, 3), axis=0)).volume <= volume * (1 + 1e-6))
+        return self._convex
 
     @property
     def grid_shift(self) -> tuple[float, float]:

@@ -27,7 +27,7 @@ Amplitudes leave this module conjugated, for signals exp(+j k L), and without th
 IEEE Trans. Antennas Propag. 37 (1989) 194, with an integral per tube in place of point sums.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -97,7 +97,16 @@ class Hits:
 
     @staticmethod
     def concatenate(parts: Sequence["Hits"]) -> "Hits":
+        if len(parts) == 1:
+            return parts[0]
         return Hits(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(Hits)))
+
+    @staticmethod
+    def none(nodes: int) -> "Hits":
+        """No hits."""
+        none, flat = np.zeros(0, int), np.zeros((0, 3))
+        length = np.zeros(0)
+        return Hits(none, none, none, np.zeros((0, nodes), complex), length, length, flat, flat, length, np.zeros(0, np.uint64))
 
 
 def trace(
@@ -118,9 +127,9 @@ def trace(
 ) -> Hits:
     """All hits of a launch, up to `max_bounces` reflections.
 
-    What is a shell (`shell.of`) is also seen through: straight in by its near wall, reflections inside, straight out. With several
-    frequency nodes and pruning, tubes are first found with the largest reflection over the sweep at one node, and only those that matter
-    (a few in a hundred in a room) are traced again at all nodes.
+    What is a shell (`shell.of`) is also seen through: straight in by its near wall, reflections inside, straight out. In a room with
+    several frequency nodes and pruning, tubes are first found with the largest reflection over the sweep at one node, and only those that matter
+    (a few in a hundred) are traced again at all nodes.
 
     Args:
         geometry: what is hit; table: its surfaces' reflection, at Q frequencies.
@@ -134,22 +143,23 @@ def trace(
         pieces: odd; tubes across which the sequence of smooth patches changes are traced in so many parts each way, and those that a
             curved surface spreads onto another.
     """
-    settings = (max_bounces, cluster, first_hit, labels, occluder, prune, hats, pieces)
-    hits = _reflected(geometry, table, None, launch, transmit, receive, *settings)
+    settings = (launch, transmit, receive, cluster, first_hit, labels, occluder, prune, hats, pieces)
+    # nothing that leaves a convex body meets it again
+    parts = _reflected(geometry, table, None, 1 if geometry.convex else max_bounces, *settings)
     shells = shell.of(geometry, table, None if cluster is None else cluster == first_hit)
-    if shells is None:
-        return hits
-    return Hits.concatenate([hits, _reflected(geometry, shells.inside, shells, launch, transmit, receive, *settings)])
+    if shells is not None:
+        parts += _reflected(geometry, shells.inside, shells, min(max_bounces, shell.INSIDE), *settings)
+    return Hits.concatenate(parts) if parts else Hits.none(len(table.frequencies_hz))
 
 
 def _reflected(
     geometry: Geometry,
     table: ReflectionTable,
     shells: shell.Shells | None,
+    max_bounces: int,
     launch: Launch,
     transmit: Antennas,
     receive: Antennas,
-    max_bounces: int,
     cluster: np.ndarray | None,
     first_hit: int,
     labels: np.ndarray | None,
@@ -157,28 +167,59 @@ def _reflected(
     prune: float,
     hats: bool,
     pieces: int,
-) -> Hits:
-    """Hits of tubes on the outside of things, or, with shells given, straight through them."""
+) -> list[Hits]:
+    """Hits of tubes on the outside of things, or, with shells given, by way of their walls."""
     from radartwin.simulation import division, transit
     from radartwin.simulation.device import Device
 
-    scout = None
-    if prune and len(table.frequencies_hz) > 1:
-        scout = _reflected(
-            geometry, table.envelope(), None if shells is None else shells.envelope(), launch, transmit, receive,
-            max_bounces, cluster, first_hit, labels, occluder, prune, hats, pieces,
-        )  # fmt: skip
-    none, q = np.zeros(0, int), len(table.frequencies_hz)
-    empty = (np.zeros((0, q), complex), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.uint64))
-    parts = [Hits(none, none, none, *empty)]
-    if len(geometry.corners):
+    def traced(table: ReflectionTable, shells: shell.Shells | None, found: np.ndarray | None, read: Callable) -> list:
         device = Device(geometry, table, cluster, labels, hats)
         walls = None if shells is None else transit.Walls(device, shells)
-        run = _Run(device, walls, launch, transmit, receive, float(table.frequencies_hz.mean()), max_bounces, first_hit, occluder, prune)
-        found = None if scout is None else np.unique(scout.tube)
-        for chosen in division.blocks(device, launch, max_bounces, first_hit, pieces, found, walls):
-            parts += run.block(chosen)
-    return Hits.concatenate(parts)
+        frequency_hz = float(table.frequencies_hz.mean())
+        run = _Run(device, walls, launch, transmit, receive, frequency_hz, max_bounces, first_hit, occluder, prune, geometry.convex)
+        blocks = division.blocks(device, launch, max_bounces, first_hit, pieces, found, walls)
+        return [part for chosen in blocks for part in run.block(chosen, read)]
+
+    if not len(geometry.corners):
+        return []
+    found = None
+    if prune and hats and len(table.frequencies_hz) > 1:
+        indices = traced(table.envelope(), None if shells is None else shells.envelope(), None, _read_indices)
+        count = max((int(part.max()) + 1 for part in indices), default=0)
+        matters = np.zeros(count, bool)
+        for part in indices:
+            matters[part] = True
+        found = np.flatnonzero(matters)
+    return traced(table, shells, found, _read_hits)
+
+
+def _picked(lanes: tuple, keep: Any) -> list:
+    """Lanes on the device gathered at some of their indices."""
+    import drjit as dr
+
+    def pick(value: Any) -> Any:
+        return [pick(v) for v in value] if isinstance(value, list | tuple) else dr.gather(type(value), value, keep)
+
+    picked = pick(lanes)
+    dr.eval(picked)
+    return picked
+
+
+def _read_indices(lanes: tuple, keep: Any, number: int) -> np.ndarray:
+    """Launch indices of contributing lanes."""
+    return _picked(lanes[1:2], keep)[0].numpy()
+
+
+def _read_hits(lanes: tuple, keep: Any, number: int) -> Hits:
+    """Contributing lanes as host arrays; a = -j (re + j im), conjugated."""
+    pose, index, length, length_out, departure, outgoing, first, sequence, values = _picked(lanes, keep)
+    amplitude = np.empty((len(keep), len(values)), complex)
+    for node, (re, im) in enumerate(values):
+        amplitude[:, node] = im.numpy() + 1j * re.numpy()
+    return Hits(
+        pose.numpy().astype(int), index.numpy().astype(int), np.full(len(keep), number), amplitude, length.numpy(), length_out.numpy(),
+        departure.numpy().T.astype(float), -outgoing.numpy().T.astype(float), first.numpy(), sequence.numpy(),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -195,9 +236,10 @@ class _Run:
     first_hit: int
     occluder: Occluder | None
     prune: float
+    convex: bool
 
-    def block(self, chosen: Any) -> Iterator[Hits]:
-        """Trace tubes by launch index; the hits of one bounce after the other."""
+    def block(self, chosen: Any, read: Callable) -> Iterator:
+        """Trace tubes by launch index; what `read` makes of the hits of one bounce after the other."""
         import drjit as dr
         import mitsuba as mi
 
@@ -236,7 +278,7 @@ class _Run:
                 wall, seen = (
                     (near, seen) if monostatic and number == 1 else self.walls.exit(contact, outgoing, length_out, seen, launch.plane)
                 )
-            elif number > 1 or not monostatic:  # what a tube hits first from the receiver itself, the receiver sees
+            elif not self.convex and (number > 1 or not monostatic):  # what a tube hits first from the receiver itself, the receiver sees
                 seen = contacts.visible(device, contact, outgoing, length_out, seen, launch.plane)
             if self.occluder is not None and (number > 1 or not monostatic):
                 seen &= ~self._occluded(tubes.pose, receiver, contact.facet_point, seen)
@@ -262,7 +304,7 @@ class _Run:
                 seen = seen & (level >= dr.opaque(mi.Float, self.prune**2) * dr.gather(mi.Float, strongest, here[0], seen))
             keep = dr.compress(seen)
             if dr.width(keep):
-                yield self._hits(here, keep, number)
+                yield read(here, keep, number)
             if onward:
                 alive = dr.compress(active)
                 if dr.width(alive) == 0:
@@ -275,20 +317,3 @@ class _Run:
         assert self.occluder is not None
         scene = self.occluder.geometry.scene()
         return contact.blocked(scene, self.occluder.rotation, self.occluder.translation, pose, first, last, active)
-
-    @staticmethod
-    def _hits(lanes: tuple, keep: Any, number: int) -> Hits:
-        """Contributing lanes as host arrays; a = -j (re + j im), conjugated."""
-        import drjit as dr
-
-        def pick(value: Any) -> Any:
-            return [pick(v) for v in value] if isinstance(value, list | tuple) else dr.gather(type(value), value, keep)
-
-        picked = pick(lanes)
-        dr.eval(picked)
-        pose, index, length, length_out, departure, outgoing, first, sequence, values = picked
-        amplitude = np.stack([im.numpy() + 1j * re.numpy() for re, im in values], axis=1).astype(complex)
-        return Hits(
-            pose.numpy().astype(int), index.numpy().astype(int), np.full(len(keep), number), amplitude, length.numpy(), length_out.numpy(),
-            departure.numpy().T.astype(float), -outgoing.numpy().T.astype(float), first.numpy(), sequence.numpy(),
-        )  # fmt: skip

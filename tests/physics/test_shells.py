@@ -66,7 +66,7 @@ def test_metal_in_a_box_is_seen_through_its_wall():
 
 
 def test_empty_bottles_are_near_the_exact_series():
-    """The mean over the sweep, with four reflections inside."""
+    """The mean over the sweep, with three reflections inside."""
     from experiments.oracles.dielectrics import exact_bottle, our_bottle
 
     error = [our_bottle(wall, "air") - exact_bottle(wall, "air", 65) for wall in ("pet 0.3", "hdpe 1", "glass 3")]
