@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.simulation import launch as launch_module
 from radartwin.simulation import legs as legs_module
@@ -21,6 +20,7 @@ from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.legs import DIRECT, SHARE, Legs
 from radartwin.simulation.panel_room import PanelRoom
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.pruning import pruned
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
@@ -105,7 +105,7 @@ def group_paths(
             lengths = {"length_in_m": there.length_m - first, "length_out_m": first}
             part = Paths.concatenate([part, replace(there, departure=there.arrival, arrival=there.departure, **lengths)])
         parts.append(part)
-    return _pruned(parts, radar, prune)
+    return [part.where(np.argsort(part.pose, kind="stable")) for part in pruned(parts, radar, prune)]
 
 
 @dataclass(frozen=True)
@@ -146,19 +146,6 @@ def _matters(level: np.ndarray, frame: np.ndarray, frames: int, share: float) ->
     largest = np.zeros(frames)
     np.maximum.at(largest, frame, level)
     return (level >= share * largest[frame]) & (level > 0)
-
-
-def _pruned(parts: list[Paths], radar: Radar, prune: float) -> list[Paths]:
-    """Parts without paths below a share of the strongest of their pose in all of them, ordered by pose."""
-    level = [
-        np.abs(p.amplitude).max(axis=1, initial=0) * element_gain(radar.element, p.departure) * element_gain(radar.element, p.arrival)
-        for p in parts
-    ]
-    strongest = np.zeros(parts[0].poses)
-    for part, one in zip(parts, level, strict=True):
-        np.maximum.at(strongest, part.pose, one)
-    kept = [p.where((one >= prune * strongest[p.pose]) & (one > 0)) for p, one in zip(parts, level, strict=True)]
-    return [p.where(np.argsort(p.pose, kind="stable")) for p in kept]
 
 
 def _free(geometry: Geometry, start: np.ndarray, stop: np.ndarray) -> np.ndarray:

@@ -16,10 +16,9 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from radartwin.errors import InputError
-from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation import coupling, diffuse, panel_room, path_cache, reflection_table, tubes, variant
+from radartwin.simulation import coupling, diffuse, panel_room, path_cache, pruning, reflection_table, tubes, variant
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import launch as launch_module
 from radartwin.simulation import poses as poses_module
@@ -241,6 +240,8 @@ class MitsubaBackend:
     ) -> Paths:
         """Trace launches and express the hits in the sensor's frame."""
         antenna = tubes.Antennas(sensor[:, :3, 3], sensor[:, :3, 2])
+        # Each cluster is pruned by itself: an object's many small tubes are each far below a wall's flash, their sum is not.
+        pruners: dict[int, pruning.Pruner] = {}
         parts: dict[int, list[Paths]] = {}
         for one, label in launches:
             hits = tubes.trace(
@@ -255,13 +256,8 @@ class MitsubaBackend:
                 len(sensor), hits.pose, hits.bounce, hits.amplitude, table.frequencies_hz, hits.length_in_m, hits.length_out_m,
                 departure, arrival, rate,
             )  # fmt: skip
-            parts.setdefault(label, []).append(part)
-        # Each cluster is pruned by itself: an object's many small tubes are each far below a wall's flash, their sum is not.
-        kept = []
-        for group in parts.values():
-            joined = Paths.concatenate(group)
-            gain = element_gain(radar.element, joined.departure) * element_gain(radar.element, joined.arrival)
-            kept.append(joined.where(joined.stands_out(PRUNE, gain)))
+            parts.setdefault(label, []).append(pruners.setdefault(label, pruning.Pruner(radar, PRUNE, len(sensor))).add(part))
+        kept = [pruners[label].add(Paths.concatenate(group)) for label, group in parts.items()]
         return kept[0] if len(kept) == 1 else Paths.concatenate(kept)
 
 

@@ -12,13 +12,13 @@ from functools import cached_property
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import face_labels, images, launch, panels, tubes
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.pruning import Pruner
 from radartwin.simulation.reflection_table import ReflectionTable
 
 DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
@@ -109,20 +109,17 @@ class PanelRoom:
         of_key = [np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains]
         active = np.array([np.logical_or.reduce([of_key[k] for k in keys_]) for keys_ in near])
         first = np.where(prepared.order == 1)[0]
-        strongest = np.zeros(len(poses))
+        pruner = Pruner(radar, prune, len(poses))
         pose, which = (x.ravel() for x in np.meshgrid(np.arange(len(poses)), first, indexing="ij"))
-        parts = [self._evaluated(pose, which, prepared, poses, velocity, radar, 0.0)]
-        level = np.abs(parts[0].amplitude).max(axis=1, initial=0) * _gain(parts[0], radar)
-        np.maximum.at(strongest, parts[0].pose, level)
+        parts = [pruner.add(self._evaluated(pose, which, prepared, poses, velocity, radar, 0.0))]
         active &= prepared.order > 1
         active |= active[:, prepared.reverse]
         together = max(1, PATHS_AT_ONCE // max(1, active.sum(axis=1).max(initial=0)))
         for low in range(0, len(poses), together):
             pose, which = np.nonzero(active[low : low + together])
             pose += low
-            parts.append(self._evaluated(pose, which, prepared, poses, velocity, radar, prune * strongest[pose]))
-        joined = Paths.concatenate(parts)
-        return joined.where(joined.stands_out(prune, _gain(joined, radar)))
+            parts.append(self._evaluated(pose, which, prepared, poses, velocity, radar, prune * pruner.strongest[pose]))
+        return pruner.add(Paths.concatenate(parts))
 
     def _evaluated(
         self,
@@ -142,7 +139,8 @@ class PanelRoom:
         # A chain of mirrors that ends on its last panel's aperture is not the same backwards; the mean of both is, and closer.
         code = pose * len(prepared) + which  # ascending
         partner = np.minimum(np.searchsorted(code, pose * len(prepared) + prepared.reverse[which]), max(len(code) - 1, 0))
-        factor = (one.factor + one.factor[partner]) / 2
+        mean = (one.factor + one.factor[partner]) / 2
+        factor = np.where((one.factor != 0) & (one.factor[partner] != 0), mean, one.factor)  # hidden one way: the other carries its own
         lit = factor != 0
         receive = images.across(axis[lit], one.arrival[lit])
         level = np.einsum("nk,nqk->nq", receive, one.field[lit]).conj() * factor[lit, None]
@@ -155,10 +153,6 @@ class PanelRoom:
             len(poses), pose[lit], prepared.order[which[lit]], amplitude, self.table.frequencies_hz, half, half, departure, arrival, rate,
             mirror,
         )  # fmt: skip
-
-
-def _gain(paths: Paths, radar: Radar) -> np.ndarray:
-    return element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
 
 
 def compact_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:

@@ -58,13 +58,6 @@ class Paths:
         chosen = self.where(slice(low, high))
         return replace(chosen, poses=stop - start, pose=chosen.pose - start)
 
-    def stands_out(self, share: float, gain: np.ndarray | float = 1.0) -> np.ndarray:
-        """(N,) mask of paths of at least `share` of the strongest amplitude of their pose, after a gain (N,) on each."""
-        level = np.abs(self.amplitude).max(axis=1, initial=0.0) * gain
-        strongest = np.zeros(self.poses)
-        np.maximum.at(strongest, self.pose, level)
-        return (level >= share * strongest[self.pose]) & (level > 0)
-
     @staticmethod
     def concatenate(parts: Sequence["Paths"]) -> "Paths":
         """Paths of the same poses and frequency nodes, ordered by pose."""
