@@ -128,8 +128,8 @@ def trace(
     """All hits of a launch, up to `max_bounces` reflections.
 
     What is a shell (`shell.of`) is also seen through: straight in by its near wall, reflections inside, straight out. In a room with
-    several frequency nodes and pruning, tubes are first found with the largest reflection over the sweep at one node, and only those that matter
-    (a few in a hundred) are traced again at all nodes.
+    several frequency nodes and pruning, tubes are first found with the largest reflection over the sweep at one node, and only those that
+    matter (a few in a hundred) are traced again at all nodes.
 
     Args:
         geometry: what is hit; table: its surfaces' reflection, at Q frequencies.
