@@ -27,6 +27,7 @@ from radartwin.simulation.reflection_table import COSINES
 MAX_CORNERS = 24  # of a polygon in the making; a rectangle cut by eight planes has twelve
 MAX_PIECES = 64
 BEHIND = 1e-6  # metres within which a point lies on a plane
+SAME_M = 1e-9  # corners nearer each other are one
 SLIVER_M2 = 2e-9  # twice the area below which a piece is rounding
 _NEAR = 2.0  # Fresnel coordinate below which the integral is summed directly
 _X, _WX = np.polynomial.legendre.leggauss(16)
@@ -101,9 +102,14 @@ def clip(polygon: np.ndarray, count: int, a: float, b: float, c: float, out: np.
     """Part of a convex polygon (count, 2) with a x + b y + c >= 0, written to `out`; its number of corners."""
     kept = 0
     previous = count - 1
-    before = a * polygon[previous, 0] + b * polygon[previous, 1] + c
-    for i in range(count):
+    before = 0.0
+    # the last corner goes first by the same instructions: fused ones elsewhere could put it on the other side of a plane through it
+    for turn in range(-1, count):
+        i = turn if turn >= 0 else count - 1
         here = a * polygon[i, 0] + b * polygon[i, 1] + c
+        if turn < 0:
+            before = here
+            continue
         if (here >= 0) != (before >= 0) and kept < MAX_CORNERS:
             share = before / (before - here)
             for k in range(2):
@@ -122,9 +128,13 @@ def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, offset: floa
     """Part of a convex polygon (count, 3) with normal . x >= offset, written to `out`; its number of corners."""
     kept = 0
     previous = count - 1
-    before = polygon[previous, 0] * normal[0] + polygon[previous, 1] * normal[1] + polygon[previous, 2] * normal[2] - offset
-    for i in range(count):
+    before = 0.0
+    for turn in range(-1, count):  # as in `clip`
+        i = turn if turn >= 0 else count - 1
         here = polygon[i, 0] * normal[0] + polygon[i, 1] * normal[1] + polygon[i, 2] * normal[2] - offset
+        if turn < 0:
+            before = here
+            continue
         if (here >= 0) != (before >= 0) and kept < MAX_CORNERS:
             share = before / (before - here)
             for k in range(3):
@@ -163,6 +173,8 @@ def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, 
     for i in range(corners):
         x, y = other[previous, 0], other[previous, 1]
         a, b = y - other[i, 1], other[i, 0] - x
+        if a * a + b * b < SAME_M * SAME_M:  # two corners in one place: the direction of their edge is rounding
+            continue
         count = clip(polygon, count, a, b, -(a * x + b * y), spare)
         polygon[:count] = spare[:count]
         if count == 0:
@@ -191,6 +203,8 @@ def subtract(pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndar
         for i in range(corners):
             x, y = other[previous, 0], other[previous, 1]
             a, b = y - other[i, 1], other[i, 0] - x
+            if a * a + b * b < SAME_M * SAME_M:
+                continue
             c = -(a * x + b * y)
             outside = clip(spare[0], count, -a, -b, -c, spare[1])
             if outside and total < MAX_PIECES and orient(spare[1], outside) > SLIVER_M2:
