@@ -24,6 +24,8 @@ from radartwin.simulation.reflection_table import ReflectionTable
 DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
 DISCOVERY_PRUNE = 3e-4  # of the strongest path
 KEY_SPACING_M = 0.3  # between places where sequences are looked for
+NEAR = 2.0  # key places within so many spacings lend a pose their sequences: what one missed another has found
+EARLY = 0.3  # of the last prune: what is less before anything stands in its way is not looked at further
 MAX_PANELS = 1500  # beyond them a room is tubes' work; sequences hold 4094 labels
 FLAT_SHARE = 0.98  # of a room's area that must be panels
 PATHS_AT_ONCE = 200_000  # bounds the fields of one evaluation to a few hundred megabytes
@@ -118,7 +120,7 @@ class PanelRoom:
         for low in range(0, len(poses), together):
             pose, which = np.nonzero(active[low : low + together])
             pose += low
-            parts.append(self._evaluated(pose, which, prepared, poses, velocity, radar, prune * pruner.strongest[pose]))
+            parts.append(self._evaluated(pose, which, prepared, poses, velocity, radar, EARLY * prune * pruner.strongest[pose]))
         return pruner.add(Paths.concatenate(parts))
 
     def _evaluated(
@@ -139,9 +141,9 @@ class PanelRoom:
         # A chain of mirrors that ends on its last panel's aperture is not the same backwards; the mean of both is, and closer.
         code = pose * len(prepared) + which  # ascending
         partner = np.minimum(np.searchsorted(code, pose * len(prepared) + prepared.reverse[which]), max(len(code) - 1, 0))
-        mean = (one.factor + one.factor[partner]) / 2
-        factor = np.where((one.factor != 0) & (one.factor[partner] != 0), mean, one.factor)  # hidden one way: the other carries its own
-        lit = factor != 0
+        there, back = one.length_m > 0, one.length_m[partner] > 0
+        factor = np.where(back, (one.factor + one.factor[partner]) / 2, one.factor)
+        lit = there & (factor != 0)
         receive = images.across(axis[lit], one.arrival[lit])
         level = np.einsum("nk,nqk->nq", receive, one.field[lit]).conj() * factor[lit, None]
         amplitude = level * wavelength / (4 * np.pi * one.length_m[lit, None])
@@ -181,4 +183,4 @@ def key_places(points: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         if np.abs(points[keys] - point).max(axis=1).min() > KEY_SPACING_M:
             keys.append(i)
     away = np.abs(points[:, None] - points[keys][None]).max(axis=2)
-    return np.array(keys), [np.flatnonzero(row <= max(KEY_SPACING_M, row.min())) for row in away]
+    return np.array(keys), [np.flatnonzero(row <= max(NEAR * KEY_SPACING_M, row.min())) for row in away]
