@@ -146,6 +146,27 @@ def test_parts_add_up_to_the_whole():
     assert worst < 1e-3
 
 
+def test_cuts_exactly_through_corners_lose_nothing():
+    """A plane through two corners of a polygon leaves two parts of its area, whichever way rounding puts the corners."""
+    rng = np.random.default_rng(11)
+    out = np.zeros((aperture.MAX_CORNERS, 2))
+    worst = 0.0
+    for _ in range(3000):
+        n = rng.integers(4, 9)
+        turn = np.sort(rng.uniform(0, 2 * np.pi, n))
+        ring = rng.uniform(0.5, 5) * np.column_stack([np.cos(turn), np.sin(turn)]) + rng.uniform(-5, 5, 2)
+        whole = area(ring)
+        i, j = rng.choice(n, 2, replace=False)
+        (x, y), (p, q) = ring[i], ring[j] + rng.uniform(-2, 2) * (ring[j] - ring[i])
+        a, b = y - q, p - x
+        total = 0.0
+        for sign in (1, -1):
+            kept = aperture.clip(ring, n, sign * a, sign * b, -sign * (a * x + b * y), out)
+            total += area(out[:kept]) if kept else 0.0
+        worst = max(worst, abs(total - whole) / whole)
+    assert worst < 1e-9
+
+
 def pieces_of(shape, *others):
     """A shape less others, by `subtract`: list of rings."""
     pieces = np.zeros((aperture.MAX_PIECES, aperture.MAX_CORNERS, 2))
