@@ -78,7 +78,7 @@ def by_image(size, sensor, rotation, material="metal", bounces=4, **values):
 
 
 @pytest.mark.parametrize("attitude", ATTITUDES)
-@pytest.mark.parametrize(("name", "worst", "rms"), [("court", 0.08, 0.02), ("office", 0.08, 0.025), ("corridor", 0.12, 0.04)])
+@pytest.mark.parametrize(("name", "worst", "rms"), [("court", 0.04, 0.015), ("office", 0.04, 0.015), ("corridor", 0.08, 0.025)])
 def test_every_image_of_a_metal_box(name, worst, rms, attitude):
     """Images to four bounces over the infinite mirror's level. In a corridor 2 m wide the end wall's edges are 5 Fresnel zones away at
     most, and physical optics alone leaves 0.05 there; an edge or corner image is the sum of its orders."""
@@ -279,7 +279,7 @@ def test_one_pose_of_many_is_the_pose_alone():
     for i in (0, 6, 12):
         alone = sampled(paths_of(scene, poses[i : i + 1])[:1])
         moving = sampled([parts[0].frames(i, i + 1)])
-        assert relative(alone, moving) < 0.12
+        assert relative(alone, moving) < 0.08
 
 
 def test_static_and_repeated_poses_are_the_same():
@@ -328,7 +328,7 @@ def fuzzed(seed):
         high = low + rng.uniform(0.02, 1.0, 3)
         if seed % 3 == 0:
             low[2] = 0.0  # in contact with the floor
-        mesh = objects.box(low, high)
+        mesh = objects.box(low.tolist(), high.tolist())
         if seed % 2:
             vertices = np.concatenate([mesh.vertices, rng.uniform(0, 2, (3, 3))])
             n = len(mesh.vertices)
