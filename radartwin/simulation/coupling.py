@@ -52,10 +52,13 @@ def group_paths(
     """
     frames = len(sensor_poses)
     centre = object_poses[:, :3, :3] @ built.centre + object_poses[:, :3, 3]
+    radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
+    if np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # what turns or slides a little before a sensor at rest is in one place
+        step = radius / 2
+        centre, radius = np.round(centre / max(step, 1e-9)) * step, radius + np.sqrt(3) / 2 * step
     seen = np.concatenate([sensor_poses[:, :3, 3], centre, sensor_poses[:, :3, 2]], axis=1)
     places, place_of = np.unique(np.round(seen, 9), axis=0, return_inverse=True)
     place_of = place_of.ravel()
-    radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
     legs = None if room is None else legs_module.find(room, places[:, :6], places[:, 6:], radius, table.frequencies_hz, max_bounces - 1)
     pose, out_leg, back_leg = _pairs(legs, place_of, frames, max_bounces)
     ends = [_End.of(legs, leg, pose, sensor_poses, object_poses, radar) for leg in (out_leg, back_leg)]

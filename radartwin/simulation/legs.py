@@ -122,7 +122,7 @@ def find(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, f
     np.maximum.at(loudest, code, np.abs(middle).max(axis=1, initial=0))
     wanted = loudest * direct[u] / np.maximum(length, 1e-9) >= MARGIN * SHARE
     carried: dict[tuple[int, int], np.ndarray] = {}
-    fine = int(np.clip(np.ceil(2 * radius / GRID_M), 2, 6)) + 1
+    fine = int(np.clip(np.ceil(2 * radius / GRID_M), 2, 4)) + 1
     basis = lagrange_basis(room.table.frequencies_hz, nodes)
     for side in (2, fine):
         rows = np.flatnonzero(wanted[code])

@@ -22,7 +22,8 @@ from radartwin.simulation.pruning import Pruner
 from radartwin.simulation.reflection_table import ReflectionTable
 
 DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
-DISCOVERY_PRUNE = 3e-4  # of the strongest path
+DISCOVERY_PRUNE = 3e-4  # of the strongest path, from one place
+MOVING_PRUNE = 1e-3  # ... from each of several, which find for one another
 KEY_SPACING_M = 0.3  # between places where sequences are looked for
 NEAR = 2.0  # key places within so many spacings lend a pose their sequences: what one missed another has found
 EARLY = 0.3  # of the last prune: what is less before anything stands in its way is not looked at further
@@ -74,7 +75,7 @@ class PanelRoom:
         return 0 < self.usable.sum() <= MAX_PANELS and area[room & ~self.rest].sum() >= FLAT_SHARE * area[room].sum()
 
     def chains(
-        self, sources: np.ndarray, receivers: np.ndarray, axes: np.ndarray, longest: int, share: float = DISCOVERY_PRUNE
+        self, sources: np.ndarray, receivers: np.ndarray, axes: np.ndarray, longest: int, share: float
     ) -> list[set[tuple[int, ...]]]:
         """Panel sequences that carry anything from source to receiver, for each of K places (K, 3)."""
         found: list[set[tuple[int, ...]]] = [{(int(p),) for p in np.flatnonzero(self.usable)} for _ in sources]
@@ -105,7 +106,7 @@ class PanelRoom:
         """
         place, axis = poses[:, :3, 3], poses[:, :3, 2]
         keys, near = key_places(place)
-        chains = self.chains(place[keys], place[keys], axis[keys], max_bounces)
+        chains = self.chains(place[keys], place[keys], axis[keys], max_bounces, DISCOVERY_PRUNE if len(keys) == 1 else MOVING_PRUNE)
         known = sorted(set().union(*chains, *({chain[::-1] for chain in found} for found in chains)))
         prepared = images.prepare(self.panels, self.things, known, place, place)
         of_key = [np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains]
