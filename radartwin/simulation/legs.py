@@ -23,6 +23,7 @@ REACH = 8.0  # Fresnel coordinate beyond which obstacles are not looked at: 0.03
 LINEAR = 0.03  # by which a leg may differ at the object's centre from linear between the corners of its cube, of itself
 COARSE = 0.02  # ... or of the direct leg, whichever is more
 GRID_M = 0.05  # between the places around the object where a leg is evaluated that differs by more
+ABOVE_M = 1e-4  # a panel, where legs over it end
 POINTS_AT_ONCE = 100_000
 
 
@@ -169,6 +170,12 @@ class _View:
     def carried(self, place: np.ndarray, which: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(N, Q) carried over sequences (N,) from places (N,) to points (N, 3), along what the image's own antenna would send there."""
         room, prepared, source, axis = self.room, self.prepared, self.sensor[place], self.axes[place]
+        # What stands on a panel ends at its plane, and so does what the panel sends: between a place above it and one below nothing
+        # can be interpolated. Behind the plane the value upon it is meant: beyond the panel's edges that is next to nothing.
+        last = prepared.panel[which, prepared.order[which] - 1]
+        side = prepared.side[which, prepared.order[which] - 1]
+        height = side * (np.einsum("ni,ni->n", points, room.panels.normal[last]) - room.panels.offset[last])
+        points = points + (np.maximum(ABOVE_M - height, 0) * side)[:, None] * room.panels.normal[last]
         at = images.evaluate(room.panels, room.things, prepared, room.table, which, source, axis, points, reach=REACH)
         way = points - np.einsum("nij,nj->ni", prepared.mirror[which], source) - prepared.shift[which]
         way /= np.linalg.norm(way, axis=1, keepdims=True)

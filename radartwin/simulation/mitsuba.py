@@ -70,7 +70,7 @@ class _Static:
     geometry: geometry_module.Geometry
     room: panel_room.PanelRoom
 
-    def without(self, chosen: np.ndarray) -> geometry_module.Geometry:
+    def without(self, chosen: Sequence[int]) -> geometry_module.Geometry:
         """The triangles of all but some surfaces, by index."""
         return geometry_module.subset(self.geometry, ~np.isin(self.geometry.surface, chosen))
 
@@ -106,21 +106,28 @@ class MitsubaBackend:
         for names in _groups(motion):
             surfaces = [s for s in scene.surfaces if s.name in names]
             poses = motion[names[0]]
-            at_rest = resting and bool((np.abs(poses - poses[:1]) < AT_REST).all())
-            if at_rest:  # seen alike, and hidden alike, in every frame
-                parts += self._group_paths(surfaces, still, None if still is None else still.geometry, radar, sensor_poses[:1], poses[:1])
-            else:
-                parts += self._group_paths(surfaces, still, None if still is None else still.geometry, radar, sensor_poses, poses)
+            seen_alike = slice(None)
+            if resting and bool((np.abs(poses - poses[:1]) < AT_REST).all()):  # and hidden alike, in every frame
+                seen_alike = slice(1)
+            room, occluder = (None, None) if still is None else (still.room.beside(), still.geometry)
+            parts += self._group_paths(surfaces, room, occluder, radar, sensor_poses[seen_alike], poses[seen_alike])
         return [part for part in parts if len(part)]
 
     def _static_paths_once(self, still: _Static, radar: Radar, poses: np.ndarray) -> list[Paths]:
         """Static paths, kept: frames, objects, repetitions and chirp timings in the same room trace it once."""
         built, table, cache = still.geometry, still.room.table, path_cache.shared()
-        made_of = [(s.kind, s.roughness_m, str(s.material)) for s in still.surfaces]
+        made_of = [(s.kind, s.name, s.roughness_m, str(s.material)) for s in still.surfaces]
         arrays = (built.corners, built.normals, built.surface, table.te, table.tm, table.frequencies_hz, poses)
         # of the radar what paths know of it: the sweep is in the table; pattern, and the frame rate where something moves
         rate = radar.frame_rate_hz if len(poses) > 1 else 0.0
-        key = cache.key(replace(self.settings, variant=""), radar.element, rate, radar.wavelength_m, made_of, *arrays)
+        key = cache.key(
+            replace(self.settings, variant=variant.activate(self.settings.variant)),
+            radar.element,
+            rate,
+            radar.wavelength_m,
+            made_of,
+            *arrays,
+        )
         found = cache.get(key)
         if found is None:
             found = self._static_parts(still, radar, poses)
@@ -136,9 +143,11 @@ class MitsubaBackend:
         if by_panels:
             parts.append(still.room.paths(poses, velocity, radar, self.settings.max_bounces, PRUNE))
             unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
-            for cluster in _clusters(still):
-                surfaces = [still.surfaces[i] for i in cluster]
-                parts += self._group_paths(surfaces, still, still.without(cluster), radar, poses, unmoved, own=cluster)
+            done: list[int] = []  # of two small things, the first is traced over the panels of the second, not the other way round
+            for cluster in _clusters(still.surfaces, np.unique(still.geometry.surface[still.room.compact])):
+                surfaces, room = [still.surfaces[i] for i in cluster], still.room.beside(cluster, done)
+                parts += self._group_paths(surfaces, room, still.without(cluster), radar, poses, unmoved)
+                done += cluster
         else:
             parts.append(self._tube_paths(still.surfaces, still.geometry, still.room.table, radar, poses))
         if self.settings.diffuse:
@@ -155,9 +164,11 @@ class MitsubaBackend:
         radar: Radar,
         poses: np.ndarray,
     ) -> Paths:
-        labels: dict[object, int] = {}
-        kinds = [labels.setdefault(s.name or i, len(labels) + 1) if s.kind == "object" else ROOM for i, s in enumerate(static)]
-        cluster = np.asarray(kinds)[built.surface]
+        small = _clusters(static, np.array([i for i, surface in enumerate(static) if surface.kind == "object"], int))
+        kinds = np.full(len(static), ROOM)
+        for label, members in enumerate(small, ROOM + 1):
+            kinds[members] = label
+        cluster = kinds[built.surface]
         sensor, velocity = poses_module.relative(poses, None, radar.frame_rate_hz)
         launches: list[tuple[launch_module.Launch, int]] = []
         if (cluster == ROOM).any():
@@ -165,10 +176,8 @@ class MitsubaBackend:
             rays = self.settings.rays or _room_rays(built, sensor[:, :3, 3], radar.wavelength_m)
             launches += [(one, ROOM) for one in launch_module.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
         alone = not (cluster == ROOM).any()
-        for label in range(1, len(labels) + 1):
-            part = geometry_module.Geometry(
-                built.corners[cluster == label], built.normals[cluster == label], built.surface[cluster == label]
-            )
+        for label in range(ROOM + 1, ROOM + 1 + len(small)):
+            part = geometry_module.subset(built, cluster == label)
             if len(part.corners):
                 launches += [(one, label) for one in self._object_launches(part, sensor, radar, alone)]
         return self._collect(built, table, launches, sensor, velocity, cluster, None, radar)
@@ -176,27 +185,26 @@ class MitsubaBackend:
     def _group_paths(
         self,
         surfaces: Sequence[Surface],
-        still: _Static | None,
+        room: panel_room.PanelRoom | None,
         occluder: geometry_module.Geometry | None,
         radar: Radar,
         sensor_poses: np.ndarray,
         poses: np.ndarray,
-        own: np.ndarray | None = None,
     ) -> list[Paths]:
-        """Paths by way of surfaces that keep their place to one another; `own`: those of the static surfaces they are."""
+        """Paths by way of surfaces that keep their place to one another, in a room or not."""
         built = geometry_module.build([s.mesh for s in surfaces])
         table = _table(surfaces, radar)
-        coupled = still.room.beside(own) if still is not None and self.settings.coupling and self.settings.max_bounces > 1 else None
+        coupled = room if room is not None and room.usable.any() and self.settings.coupling and self.settings.max_bounces > 1 else None
         found = coupling.group_paths(
             coupled, built, table, sensor_poses, poses, radar,
-            max_bounces=self.settings.max_bounces, cell_m=self._cell(built, sensor_poses, poses, radar, still is None),
+            max_bounces=self.settings.max_bounces, cell_m=self._cell(built, sensor_poses, poses, radar, room is None),
             occluder=occluder, prune=PRUNE,
         )  # fmt: skip
         if found is not None:
             return found
         sensor, velocity = poses_module.relative(sensor_poses, poses, radar.frame_rate_hz)
         hidden = None if occluder is None else tubes.Occluder(occluder, poses[:, :3, :3], poses[:, :3, 3])
-        launches = [(one, ROOM + 1) for one in self._object_launches(built, sensor, radar, still is None)]
+        launches = [(one, ROOM + 1) for one in self._object_launches(built, sensor, radar, room is None)]
         return [self._collect(built, table, launches, sensor, velocity, None, hidden, radar)]
 
     def _cell(self, built: geometry_module.Geometry, sensor_poses: np.ndarray, poses: np.ndarray, radar: Radar, alone: bool) -> float:
@@ -261,15 +269,14 @@ class MitsubaBackend:
         return kept[0] if len(kept) == 1 else Paths.concatenate(kept)
 
 
-def _clusters(still: _Static) -> list[np.ndarray]:
-    """Compact static surfaces, by index, in groups of what stands closer than NEIGHBOUR_M; these see each other."""
-    chosen = np.unique(still.geometry.surface[still.room.compact])
+def _clusters(surfaces: Sequence[Surface], chosen: np.ndarray) -> list[list[int]]:
+    """Chosen surfaces, by index, in groups of what stands closer than NEIGHBOUR_M; these see each other."""
     if not len(chosen):
         return []
-    box = np.array([still.surfaces[i].mesh.bounds for i in chosen])
+    box = np.array([surfaces[i].mesh.bounds for i in chosen])
     apart = np.maximum(box[:, None, 0] - box[None, :, 1], box[None, :, 0] - box[:, None, 1]).max(axis=2)
     number, of = connected_components(apart < NEIGHBOUR_M, directed=False)
-    return [chosen[of == k] for k in range(number)]
+    return [chosen[of == k].tolist() for k in range(number)]
 
 
 def _table(surfaces: Sequence[Surface], radar: Radar) -> reflection_table.ReflectionTable:

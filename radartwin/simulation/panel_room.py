@@ -22,8 +22,9 @@ from radartwin.simulation.pruning import Pruner
 from radartwin.simulation.reflection_table import ReflectionTable
 
 DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
-DISCOVERY_PRUNE = 3e-4  # of the strongest path, from one place
-MOVING_PRUNE = 1e-3  # ... from each of several, which find for one another
+SINGLE_RAYS = 1_200_000  # ... from a sensor that stays where it is
+DISCOVERY_PRUNE = 1e-3  # of the strongest path; from one of several places, which find for one another
+SINGLE_PRUNE = 1e-4
 KEY_SPACING_M = 0.3  # between places where sequences are looked for
 NEAR = 2.0  # key places within so many spacings lend a pose their sequences: what one missed another has found
 EARLY = 0.3  # of the last prune: what is less before anything stands in its way is not looked at further
@@ -50,10 +51,10 @@ class PanelRoom:
     usable: np.ndarray
     own: tuple[int, ...] = ()
 
-    def beside(self, own: np.ndarray | None) -> "PanelRoom":
-        """The room as a thing in it sees it: over the panels of small things too, but not over its own surfaces, by index."""
-        mine = () if own is None else tuple(int(s) for s in own)
-        return replace(self, usable=~np.isin(self.panels.surface, mine), own=mine)
+    def beside(self, own: Sequence[int] = (), done: Sequence[int] = ()) -> "PanelRoom":
+        """The room as a thing in it sees it: over the panels of small things too, but not over its own surfaces, by index, nor over those
+        of what is `done`, whose paths by way of this thing's panels are in."""
+        return replace(self, usable=~np.isin(self.panels.surface, [*own, *done]), own=tuple(own))
 
     @property
     def rest(self) -> np.ndarray:
@@ -75,18 +76,18 @@ class PanelRoom:
         return 0 < self.usable.sum() <= MAX_PANELS and area[room & ~self.rest].sum() >= FLAT_SHARE * area[room].sum()
 
     def chains(
-        self, sources: np.ndarray, receivers: np.ndarray, axes: np.ndarray, longest: int, share: float
+        self, sources: np.ndarray, receivers: np.ndarray, axes: np.ndarray, longest: int, share: float, rays: int = DISCOVERY_RAYS
     ) -> list[set[tuple[int, ...]]]:
-        """Panel sequences that carry anything from source to receiver, for each of K places (K, 3)."""
+        """Panel sequences that carry at least `share` of the strongest from source to receiver, for each of K places (K, 3)."""
         found: list[set[tuple[int, ...]]] = [{(int(p),) for p in np.flatnonzero(self.usable)} for _ in sources]
-        if longest < 2:
+        if longest < 2 or not self.usable.any():
             return found
         there = ~np.isin(self.geometry.surface, self.own)  # a thing does not hide its own middle
         geometry = self.geometry if there.all() else geometry_module.subset(self.geometry, there)
         labels = np.where(self.rest | ~self.usable[self.panels.of_face], face_labels.OTHER, self.panels.of_face)[there]
         transmit, receive = tubes.Antennas(sources, axes), tubes.Antennas(receivers, axes)
         rotation = np.broadcast_to(np.eye(3), (len(sources), 3, 3))
-        for grid in launch.all_around(sources, rotation, DISCOVERY_RAYS):
+        for grid in launch.all_around(sources, rotation, rays):
             hits = tubes.trace(
                 geometry, self.table.envelope(), grid, transmit, receive, max_bounces=longest, labels=labels, prune=share, hats=True
             )
@@ -106,7 +107,8 @@ class PanelRoom:
         """
         place, axis = poses[:, :3, 3], poses[:, :3, 2]
         keys, near = key_places(place)
-        chains = self.chains(place[keys], place[keys], axis[keys], max_bounces, DISCOVERY_PRUNE if len(keys) == 1 else MOVING_PRUNE)
+        how = (SINGLE_PRUNE, SINGLE_RAYS) if len(keys) == 1 else (DISCOVERY_PRUNE, DISCOVERY_RAYS)
+        chains = self.chains(place[keys], place[keys], axis[keys], max_bounces, *how)
         known = sorted(set().union(*chains, *({chain[::-1] for chain in found} for found in chains)))
         prepared = images.prepare(self.panels, self.things, known, place, place)
         of_key = [np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains]
