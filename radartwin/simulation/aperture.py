@@ -26,6 +26,7 @@ from radartwin.simulation.reflection_table import COSINES
 
 MAX_CORNERS = 24  # of a polygon in the making; a rectangle cut by eight planes has twelve
 MAX_PIECES = 64
+MAX_SHADOWS = 256  # on one aperture
 BEHIND = 1e-6  # metres within which a point lies on a plane
 SAME_M = 1e-9  # corners nearer each other are one
 SLIVER_M2 = 2e-9  # twice the area below which a piece is rounding
@@ -437,7 +438,9 @@ def evaluate(
 ):  # fmt: skip
     space, spare3 = np.zeros((MAX_CORNERS, 3)), np.zeros((MAX_CORNERS, 3))
     flat, spare2 = np.zeros((MAX_CORNERS, 2)), np.zeros((2, MAX_CORNERS, 2))
-    pieces, counts = np.zeros((MAX_PIECES, MAX_CORNERS, 2)), np.zeros(MAX_PIECES, np.int64)
+    pieces, counts = np.zeros((1, MAX_CORNERS, 2)), np.zeros(1, np.int64)
+    shadows, corners_of = np.zeros((MAX_SHADOWS, MAX_CORNERS, 2)), np.zeros(MAX_SHADOWS, np.int64)
+    dark, dark_counts = np.zeros((MAX_PIECES, MAX_CORNERS, 2)), np.zeros(MAX_PIECES, np.int64)
     for n in range(start, stop):
         s = which[n]
         m = order[s]
@@ -536,10 +539,11 @@ def evaluate(
                     break
         if number == 0:
             continue
-        f = polygon_factor(pieces[0], counts[0], origin, u_axis, v_axis, image, beside, norm(beside - image), wavenumber)
+        straight = norm(beside - image)
+        f = polygon_factor(pieces[0], counts[0], origin, u_axis, v_axis, image, beside, straight, wavenumber)
         if strongest * (f.real * f.real + f.imag * f.imag) <= (least[n] * total) ** 2:
             continue
-        whole = True
+        shaded = 0
         for leg in range(m + 1):  # less what stands in the way
             for b in range(first[s, leg], last[s, leg]):
                 o = blocker[b]
@@ -572,16 +576,20 @@ def evaluate(
                         continue
                 if orient(flat, c) < 1e-12:
                     continue
-                whole = False
-                number = subtract(pieces, counts, number, flat, c, spare2)
-                if number == 0:
-                    break
-            if number == 0:
-                break
-        if number == 0:
-            continue
-        if not whole:
-            f = 0j
-            for i in range(number):
-                f += polygon_factor(pieces[i], counts[i], origin, u_axis, v_axis, image, beside, norm(beside - image), wavenumber)
+                c = intersect(flat, c, pieces[0], counts[0], spare2[0])
+                if c == 0 or shaded == MAX_SHADOWS or orient(flat, c) < SLIVER_M2:
+                    continue
+                # its shadow on the aperture, less the shadows before it
+                shadows[shaded, :c] = flat[:c]
+                corners_of[shaded] = c
+                dark[0, :c] = flat[:c]
+                dark_counts[0] = c
+                number = 1
+                for j in range(shaded):
+                    number = subtract(dark, dark_counts, number, shadows[j], corners_of[j], spare2)
+                    if number == 0:
+                        break
+                for j in range(number):
+                    f -= polygon_factor(dark[j], dark_counts[j], origin, u_axis, v_axis, image, beside, straight, wavenumber)
+                shaded += 1
         factor[n] = f

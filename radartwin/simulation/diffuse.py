@@ -33,7 +33,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError
@@ -42,6 +41,7 @@ from radartwin.materials.roughness import ament
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
+from radartwin.simulation.compiled import compiled
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
 
@@ -152,7 +152,7 @@ def scattered_share(material: str | Layered, roughness_m: float, cosine: np.ndar
     return np.stack([((1 - coherent**2) * np.abs(c) ** 2).mean(axis=1) for c in reflection(material, cosine[:, None], frequency_hz)])
 
 
-@njit(cache=True)
+@compiled
 def scattered_power(area, strength, cos_in, cos_out, distance_in, distance_out, wavelength_m):
     """Received over transmitted power of patches between isotropic antennas, both polarisations together; all arguments broadcast.
 
@@ -214,7 +214,7 @@ def _block(
     return pose, amplitude[:, None], distance, towards[kept], rate
 
 
-@njit(cache=True)
+@compiled
 def _returns(points, normals, area, surface, te, tm, poses, wavelength_m, forward, lift):
     """What each point returns to each pose if nothing is in the way, where that is anything.
 

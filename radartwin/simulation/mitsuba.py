@@ -60,6 +60,11 @@ class TraceSettings:
     def __post_init__(self) -> None:
         if self.room not in ("auto", "panels", "tubes"):
             raise InputError(f"room must be auto, panels or tubes, not {self.room!r}")
+        for name in ("coupling", "diffuse"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError(f"{name} must be True or False, not {getattr(self, name)!r}")
+        if self.room == "panels" and self.rays is not None:
+            raise InputError(f"rays={self.rays!r} are of tubes, which room='panels' does not use; leave one of the two out")
 
 
 @dataclass(frozen=True)
@@ -69,10 +74,6 @@ class _Static:
     surfaces: list[Surface]
     geometry: geometry_module.Geometry
     room: panel_room.PanelRoom
-
-    def without(self, chosen: Sequence[int]) -> geometry_module.Geometry:
-        """The triangles of all but some surfaces, by index."""
-        return geometry_module.subset(self.geometry, ~np.isin(self.geometry.surface, chosen))
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,8 @@ class MitsubaBackend:
             if resting and bool((np.abs(poses - poses[:1]) < AT_REST).all()):  # and hidden alike, in every frame
                 seen_alike = slice(1)
             room, occluder = (None, None) if still is None else (still.room.beside(), still.geometry)
-            parts += self._group_paths(surfaces, room, occluder, radar, sensor_poses[seen_alike], poses[seen_alike])
+            built, table = geometry_module.build([s.mesh for s in surfaces]), _table(surfaces, radar)
+            parts += self._group_paths(built, table, room, occluder, radar, sensor_poses[seen_alike], poses[seen_alike])
         return [part for part in parts if len(part)]
 
     def _static_paths_once(self, still: _Static, radar: Radar, poses: np.ndarray) -> list[Paths]:
@@ -145,8 +147,9 @@ class MitsubaBackend:
             unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
             done: list[int] = []  # of two small things, the first is traced over the panels of the second, not the other way round
             for cluster in _clusters(still.surfaces, np.unique(still.geometry.surface[still.room.compact])):
-                surfaces, room = [still.surfaces[i] for i in cluster], still.room.beside(cluster, done)
-                parts += self._group_paths(surfaces, room, still.without(cluster), radar, poses, unmoved)
+                mine = np.isin(still.geometry.surface, cluster) & still.room.compact
+                things, others = (geometry_module.subset(still.geometry, chosen) for chosen in (mine, ~mine))
+                parts += self._group_paths(things, still.room.table, still.room.beside(cluster, done), others, radar, poses, unmoved)
                 done += cluster
         else:
             parts.append(self._tube_paths(still.surfaces, still.geometry, still.room.table, radar, poses))
@@ -184,7 +187,8 @@ class MitsubaBackend:
 
     def _group_paths(
         self,
-        surfaces: Sequence[Surface],
+        built: geometry_module.Geometry,
+        table: reflection_table.ReflectionTable,
         room: panel_room.PanelRoom | None,
         occluder: geometry_module.Geometry | None,
         radar: Radar,
@@ -192,8 +196,6 @@ class MitsubaBackend:
         poses: np.ndarray,
     ) -> list[Paths]:
         """Paths by way of surfaces that keep their place to one another, in a room or not."""
-        built = geometry_module.build([s.mesh for s in surfaces])
-        table = _table(surfaces, radar)
         coupled = room if room is not None and room.usable.any() and self.settings.coupling and self.settings.max_bounces > 1 else None
         found = coupling.group_paths(
             coupled, built, table, sensor_poses, poses, radar,

@@ -39,7 +39,7 @@ class PanelRoom:
 
     Attributes:
         geometry: all static faces; table: their reflection.
-        panels: of its faces. compact: (F,) faces of small or curved things, which tubes trace.
+        panels: of its faces. small: (F,) faces of compact things, flat ones too, which tubes trace.
         usable: (P,) panels that paths may lead over.
         own: surfaces, by index, that are traced by themselves and stand in nobody's way here.
     """
@@ -47,19 +47,25 @@ class PanelRoom:
     geometry: Geometry
     table: ReflectionTable
     panels: panels.Panels
-    compact: np.ndarray
+    small: np.ndarray
     usable: np.ndarray
     own: tuple[int, ...] = ()
 
     def beside(self, own: Sequence[int] = (), done: Sequence[int] = ()) -> "PanelRoom":
-        """The room as a thing in it sees it: over the panels of small things too, but not over its own surfaces, by index, nor over those
-        of what is `done`, whose paths by way of this thing's panels are in."""
-        return replace(self, usable=~np.isin(self.panels.surface, [*own, *done]), own=tuple(own))
+        """The room as a thing in it sees it: over the panels of small things too, but not over those of its own surfaces, by index, that
+        are small, nor of small ones that are `done`, whose paths by way of this thing's panels are in."""
+        small = np.unique(self.geometry.surface[self.small])
+        return replace(self, usable=~np.isin(self.panels.surface, np.intersect1d([*own, *done], small)), own=tuple(own))
 
     @property
     def rest(self) -> np.ndarray:
         """(F,) mask of the faces that are no panels."""
         return self.panels.of_face < 0
+
+    @property
+    def compact(self) -> np.ndarray:
+        """(F,) mask of the faces that are tubes' work: those of small things, and all that is no panel."""
+        return self.small | self.rest
 
     @cached_property
     def things(self) -> images.Obstacles:
@@ -72,7 +78,7 @@ class PanelRoom:
         """Whether panels stand for the room: nearly all of the area that is no compact object, and not too many."""
         edge = self.geometry.corners[:, 1:] - self.geometry.corners[:, :1]
         area = np.linalg.norm(np.cross(edge[:, 0], edge[:, 1]), axis=1)
-        room = ~self.compact
+        room = ~self.small
         return 0 < self.usable.sum() <= MAX_PANELS and area[room & ~self.rest].sum() >= FLAT_SHARE * area[room].sum()
 
     def chains(
@@ -160,7 +166,7 @@ class PanelRoom:
         )  # fmt: skip
 
 
-def compact_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:
+def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:
     """(F,) faces of surfaces that tubes see best: objects no longer than OBJECT_EXTENT_M, and curved ones of any size."""
     small = np.array([s.kind == "object" and (float(s.mesh.extents.max()) <= OBJECT_EXTENT_M or s.is_curved()) for s in surfaces], bool)
     return small[geometry.surface] if len(surfaces) else np.zeros(0, bool)
@@ -168,7 +174,7 @@ def compact_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray
 
 def build(surfaces: Sequence[Surface], geometry: Geometry, table: ReflectionTable) -> PanelRoom:
     """Panels of static surfaces."""
-    compact = compact_faces(surfaces, geometry)
+    compact = small_faces(surfaces, geometry)
     found = panels.find(geometry)
     small = np.zeros(len(found), bool)
     small[found.of_face[compact & (found.of_face >= 0)]] = True

@@ -66,6 +66,8 @@ def simulate(
     (1, 16, 2, 4, 256)
     """
     _check_whole("seed", seed, 0)
+    if elements not in ("exact", "planar", "auto"):
+        raise InputError(f"elements must be exact, planar or auto, not {elements!r}")
     settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
     tracer = resolve(simulator, settings)
     parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings, tracer)
@@ -87,7 +89,7 @@ def simulate(
         iq.imag = 0
     provenance = {
         "kind": "simulation", "simulator": tracer.name, **{k: v for k, v in asdict(tracer.settings).items() if k != "variant"},
-        "noise": noise, "seed": seed, "surfaces": list(scene.names),
+        "elements": elements, "noise": noise, "seed": seed, "surfaces": list(scene.names),
     }  # fmt: skip
     return Recording(iq, radar, sensor, provenance=provenance)
 

@@ -397,3 +397,31 @@ def test_shell_two_bounces_against_images_of_its_box():
     )  # fmt: skip
     ours = sampled(paths_of(scene, looking(place, ATTITUDES["tilted"])))
     assert relative(ours, exact) < 0.03
+
+
+@pytest.mark.parametrize(("count", "expected"), [(2, 0.73), (4, 0.66), (6, 0.68), (8, 0.61)])
+def test_wall_behind_many_boxes(count, expected):
+    """Echo over that of the free wall, boxes of 2 cm every 12 cm at 2.2 m before a wall at 3 m; expected: paraxial Fresnel sums."""
+    wall = rt.Surface(rooms.rectangle([3, 3, -3], -np.eye(3)[1], np.eye(3)[2], (6, 6)), "metal", "wall", role="room")
+    places = (np.arange(count) - (count - 1) / 2) * 0.12
+    boxes = [
+        rt.Surface(objects.box((2.2, y - 0.01, z - 0.01), (2.21, y + 0.01, z + 0.01)), "metal", f"box {y} {z}", role="room")
+        for y in places for z in places
+    ]  # fmt: skip
+    free, hidden = (
+        abs(traced.field([p.where(p.length_m > 5) for p in paths_of(rt.Scene(scene), looking((0, 0, 0)), max_bounces=1)], 77e9))
+        for scene in ([wall], [wall, *boxes])
+    )
+    assert hidden / free == pytest.approx(expected, abs=0.09)
+
+
+@pytest.mark.parametrize("height", [1.2, 2.7])
+def test_round_pillar_in_a_flat_room(height):
+    """No face is lost between panels and tubes."""
+    pillar = trimesh.creation.cylinder(0.15, height, sections=64).apply_translation([2.5, 0, height / 2 + 0.01])
+    scene = rt.Scene([*rooms.lab(), rt.Surface(pillar, "metal", "pillar")])
+    levels = []
+    for room in ("auto", "tubes"):
+        parts = MitsubaBackend(TraceSettings(room=room, max_bounces=1, diffuse=False)).paths(scene, RADAR, looking((1.0, 0, 1.0)))
+        levels.append(20 * np.log10(abs(traced.field([p.where(np.abs(p.length_m - 2.7) < 0.6) for p in parts], 77e9))))
+    assert levels[0] == pytest.approx(levels[1], abs=0.5)
