@@ -6,7 +6,6 @@ the target stands on the radar's boresight.
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -142,23 +141,14 @@ def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
     """The configured simulator, and how its paths become signal, as options of `radartwin.simulate`.
 
     Raises:
-        ConfigError: a choice this version cannot make.
+        InputError: settings that exclude one another.
     """
     from radartwin.simulation.backend import backend, settings_of
-    from radartwin.simulation.simulate import simulate
 
     chosen = {name: getattr(config, name) for name in SIMULATOR_FIELDS[config.backend]}
-    chosen["variant"] = config.variant
-    known, default = settings_of(config.backend), SimulatorConfig()
-    for name in sorted(set(chosen) - known):
-        if name != "variant" and config.backend == default.backend and chosen[name] != getattr(default, name):
-            raise ConfigError(f"simulator.{name}={chosen[name]} cannot be computed by this version; leave it at {getattr(default, name)}")
-    options: dict[str, Any] = {"simulator": backend(config.backend, **{k: v for k, v in chosen.items() if k in known})}
-    if "elements" in inspect.signature(simulate).parameters:
-        options["elements"] = config.elements
-    elif config.elements != default.elements:
-        raise ConfigError(f"simulator.elements={config.elements} cannot be computed by this version; leave it at {default.elements}")
-    return options
+    if "variant" in settings_of(config.backend):
+        chosen["variant"] = config.variant
+    return {"simulator": backend(config.backend, **chosen), "elements": config.elements}
 
 
 def simulate_scene(config: Config, noise: bool = False) -> Recording:
