@@ -10,8 +10,7 @@ over the half-space is D times the incident power. This is the effective-roughne
 G. Falciasecca, IEEE Trans. AP 55 (2007) 143, with S^2 = 1 - rho_s^2 from physics instead of a fit.
 
 Polarisation: what a gently rough surface throws back has met it once, on a facet that faces the radar, and keeps its polarisation (the
-first order of perturbation theory and Kirchhoff's approximation agree); all of it is received by antennas of equal polarisation unless
-CROSS_SHARE says otherwise.
+first order of perturbation theory and Kirchhoff's approximation agree); all of it is received by antennas of equal polarisation.
 
 Speckle: a point stands for a cell of hundreds of square wavelengths, the sum of many independent facets. Its field is therefore a complex
 circular Gaussian of unit mean power, drawn once: every resolution cell has the statistics of full speckle whatever the number of points in
@@ -47,7 +46,6 @@ from radartwin.simulation.paths import Paths
 
 DENSITY_PER_M2 = 60.0  # a furnished room of 140 m^2 has 8,400 points, a range bin at 3 m some fifty on a wall it faces
 FEWEST, MOST = 200, 50_000
-CROSS_SHARE = 0.0  # of the scattered power, in the polarisation across the incident one
 PRUNED_POWER = 1e-4  # share of a pose's diffuse power that points too weak to matter may carry: 1 % of its signal
 COS_GRAZING = 0.02  # below it a patch is seen edge on: under 1e-3 of its power head on
 COSINES = 1024
@@ -209,7 +207,7 @@ def _block(
     total = np.bincount(pose, received, minlength=len(poses))
     kept = received > PRUNED_POWER / len(scatterers) * total[pose]
     pose, distance, direction = pose[kept], distance[kept], direction[kept]
-    amplitude = np.sqrt(power[kept] * (1 - CROSS_SHARE)) * scatterers.field[point[kept]]
+    amplitude = np.sqrt(power[kept]) * scatterers.field[point[kept]]
     rate = -2 * np.einsum("ni,ni->n", direction, velocity[pose])
     return pose, amplitude[:, None], distance, towards[kept], rate
 
