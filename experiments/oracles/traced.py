@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import trimesh
 from scipy.interpolate import BarycentricInterpolator
 
 import radartwin as rt
-from experiments.oracles.case import SPEED_OF_LIGHT, Untestable
+from experiments.oracles.case import SPEED_OF_LIGHT
 from radartwin.simulation.mitsuba import TraceSettings
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.simulate import trace_paths
@@ -24,14 +24,10 @@ METHODS = {"tubes": "tubes alone", "panels": "panel images"}
 
 
 def settings(method: str, **values: Any) -> TraceSettings:
-    """Settings of the tracer for a method of METHODS, mirror reflections alone. Raises Untestable where it is not built."""
-    known = {field.name for field in fields(TraceSettings)}
-    if "room" in known:
-        values["room"] = method
-    elif method != "tubes":
-        raise Untestable(f"this tracer has no {METHODS[method]}")
-    for extra in known & {"diffuse", "coupling"}:
-        values.setdefault(extra, False)
+    """Settings of the tracer for a method of METHODS, mirror reflections alone; ray counts are of tubes."""
+    values = {"room": method, "diffuse": False, "coupling": False, **values}
+    if method == "panels":
+        values.pop("rays", None)
     return TraceSettings(**values)
 
 
