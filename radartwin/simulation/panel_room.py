@@ -22,7 +22,7 @@ from radartwin.simulation.pruning import Pruner
 from radartwin.simulation.reflection_table import ReflectionTable
 
 DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
-SINGLE_RAYS = 300_000  # ... from a sensor that stays where it is
+SINGLE_RAYS = 1_200_000  # ... from a sensor that stays where it is
 DISCOVERY_PRUNE = 1e-3  # of the strongest path; from one of several places, which find for one another
 SINGLE_PRUNE = 1e-4
 KEY_SPACING_M = 0.3  # between places where sequences are looked for

@@ -6,9 +6,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Paths:
-    """Propagation paths of F poses, seen from the sensor.
+    """Propagation paths of F poses, seen from the sensor. Not to be written to: caches share them.
 
     Attributes:
         poses: F.

@@ -14,12 +14,11 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backend import Backend, resolve
 from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.synthesis import oscillator_noise, synthesize, thermal_noise
+from radartwin.simulation.synthesis import FRAMES_PER_BLOCK, received, thermal_noise
 
 MAX_RAYS = 200_000_000  # per pose: some minutes of tracing
 MAX_DENSITY = 10_000  # seven million tubes on a 10 cm plate
 LEAST_AREA_M2 = 1e-14  # of a face that counts
-FRAMES_PER_BLOCK = 256  # bounds the double-precision noise
 
 
 def simulate(
@@ -72,19 +71,14 @@ def simulate(
     tracer = resolve(simulator, settings)
     parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings, tracer)
     frames = len(sensor)
-    iq = np.zeros((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
-    for part in parts:
-        if part.poses == frames:
-            synthesize(part, radar, elements=elements, out=iq)
-        else:
-            iq += synthesize(part, radar, elements=elements)
+    oscillator, receiver = (
+        np.random.default_rng(np.random.SeedSequence([seed, *name])) for name in (b"oscillator noise", b"receiver noise")
+    )
+    iq = received(parts, radar, frames, elements=elements, oscillator=oscillator if noise else None)
     if noise:
-        rng = np.random.default_rng(np.random.SeedSequence([seed, *b"receiver noise"]))
         for start in range(0, frames, FRAMES_PER_BLOCK):
             block = iq[start : start + FRAMES_PER_BLOCK]
-            block += thermal_noise(block.shape, radar, rng)
-            shown = [part.frames(start, start + len(block)) if part.poses == frames else part for part in parts]
-            block += oscillator_noise(shown, radar, len(block), rng)
+            block += thermal_noise(block.shape, radar, receiver)
     if radar.real_sampling:
         iq.imag = 0
     provenance = {

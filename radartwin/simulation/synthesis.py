@@ -13,8 +13,9 @@ Equal inputs give equal bytes, on any number of cores. The loops are in radartwi
 """
 
 import functools
-from collections.abc import Sequence
-from dataclasses import replace
+import itertools
+import weakref
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.special import jv
@@ -32,10 +33,13 @@ PLANAR_PHASE = 0.01  # radians, largest error of the planar array that "auto" ta
 _SHAPE = 2.30 * gridding.TAPS
 _DEGREE = gridding.TAPS + 1  # of the polynomials that stand for the kernel: 1e-6 of its peak, a further degree changes nothing
 _BESSEL_TAIL = 1e-5
+FRAMES_PER_BLOCK = 256  # bounds the noise processes
+DELAY_BAND = 0.1  # relative; phase noise grows with delay, so it is off by a twentieth at most
 _LEAST = 3e-6  # of the amplitudes' root mean square: terms of a path below it add less than the kernel's error
 _PATHS_PER_TASK = 8192
 _TASKS_PER_FRAME = 16
 _GRID_BYTES = 64_000_000  # of the frames in work
+_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str], list[tuple[np.ndarray, float]]]] = weakref.WeakKeyDictionary()
 
 
 def _kernel(x: np.ndarray) -> np.ndarray:
@@ -200,25 +204,62 @@ def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator
     return scale * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
 
 
-def oscillator_noise(parts: Sequence[Paths], radar: Radar, frames: int, rng: np.random.Generator) -> np.ndarray:
-    """What the oscillator's phase noise adds to the IQ of some parts, to first order in the phase (it is a few milliradians).
+def received(
+    parts: Sequence[Paths], radar: Radar, frames: int, *, elements: str = "exact", oscillator: np.random.Generator | None = None
+) -> np.ndarray:
+    """IQ of all parts together, with the oscillator's phase noise where there is a generator for it and radar.phase_noise.
+
+    An echo of delay tau is turned by 1 + j phi(t; tau), to first order in the phase (a few milliradians). Echoes whose delays are within
+    DELAY_BAND of one another share the phase at their middle, so that every path is synthesised once.
 
     Args:
         parts: each of F poses, or of one pose that holds for all frames.
+        elements: as in `synthesize`.
     Returns:
-        complex64 (F, C, T, R, N); zeros without radar.phase_noise.
+        complex64 (F, C, T, R, N), without thermal noise.
     """
     out = np.zeros((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
     parts = [part for part in parts if len(part)]
-    if radar.phase_noise is None or not parts:
-        return out
-    longest = max(float(part.length_m.max()) for part in parts) / SPEED_OF_LIGHT
-    chirps = frames * radar.num_chirps * radar.num_tx
-    processes = radar.phase_noise.processes(chirps, radar.num_samples, radar.sample_rate_hz, longest, rng)
-    for k, process in enumerate(processes):
-        phase = process.reshape(frames, radar.num_chirps, radar.num_tx, 1, radar.num_samples).astype(np.float32)
+    if oscillator is None or radar.phase_noise is None or not parts:
         for part in parts:
-            delay = np.clip(2 * part.length_m / SPEED_OF_LIGHT / longest - 1, -1, 1)
-            weight = np.cos(k * np.arccos(delay))
-            out += np.complex64(1j) * phase * synthesize(replace(part, amplitude=part.amplitude * weight[:, None]), radar)
+            if part.poses == frames:
+                synthesize(part, radar, elements=elements, out=out)
+            else:
+                out += synthesize(part, radar, elements=elements)
+        return out
+    longest = max(float(part.length_m.max()) for part in parts)
+    still = [
+        (signal, 2 * length / longest - 1) for part in parts if part.poses != frames for signal, length in _still(part, radar, elements)
+    ]
+    for start in range(0, frames, FRAMES_PER_BLOCK):
+        block = out[start : start + FRAMES_PER_BLOCK]
+        shape = (len(block), radar.num_chirps, radar.num_tx, 1, radar.num_samples)
+        processes = radar.phase_noise.processes(
+            shape[0] * shape[1] * shape[2], radar.num_samples, radar.sample_rate_hz, longest / SPEED_OF_LIGHT, oscillator
+        ).astype(np.float32)
+        moving = (
+            (synthesize(one, radar, elements=elements), 2 * length / longest - 1)
+            for part in parts
+            if part.poses == frames
+            for one, length in _bands(part.frames(start, start + len(block)))
+        )
+        for signal, u in itertools.chain(still, moving):
+            phase = np.polynomial.chebyshev.chebvander(u, len(processes) - 1).astype(np.float32) @ processes.reshape(len(processes), -1)
+            block += signal * (1 + np.complex64(1j) * phase.reshape(shape))
     return out
+
+
+def _still(part: Paths, radar: Radar, elements: str) -> list[tuple[np.ndarray, float]]:
+    """Signals of what rests, by bands of delay, with their lengths; remembered as long as the part is, for the recordings that share it."""
+    known = _of_part.setdefault(part, {})
+    if (radar, elements) not in known:
+        known[radar, elements] = [(synthesize(one, radar, elements=elements), length) for one, length in _bands(part)]
+    return known[radar, elements]
+
+
+def _bands(part: Paths) -> Iterator[tuple[Paths, float]]:
+    """The part by bands of delay, each with the length in its middle, metres."""
+    band = np.floor(np.log(np.maximum(part.length_m, 1e-6)) / DELAY_BAND).astype(np.int64)
+    for one in np.unique(band).tolist():
+        chosen = part.where(band == one)
+        yield chosen, float(chosen.length_m.min() + chosen.length_m.max()) / 2

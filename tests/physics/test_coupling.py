@@ -374,7 +374,7 @@ def test_two_small_mirrors_see_each_other_once():
         for one, other, name in ((a, b, "a"), (b, a, "b"))
     ]
     far = rt.Surface(rooms.rectangle([-30, 20, 0], np.eye(3)[0], np.eye(3)[2], (1, 1)), "metal", "far", role="room")
-    length = 2 * np.linalg.norm(a - sensor) + 2
+    length = float(2 * np.linalg.norm(a - sensor) + 2)
     image = 20 * np.log10(2 * WAVELENGTH / (4 * np.pi * length))
     scene = rt.Scene([*plates, far])
     for motion in (None, {"a": np.eye(4)[None]}):

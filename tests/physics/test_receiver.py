@@ -12,7 +12,7 @@ from radartwin.radar.hardware import Hardware
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.synthesis import oscillator_noise, synthesize
+from radartwin.simulation.synthesis import received, synthesize
 
 C = 299_792_458.0
 RADAR = Radar.iwr1843(element="isotropic")
@@ -115,14 +115,31 @@ def test_phase_noise_of_an_echo_is_the_integral_of_its_range_correlated_density(
     frames = 40
     part = target(range_m)
     part = dataclasses.replace(part.where(np.zeros(frames, int)), poses=frames, pose=np.arange(frames))
-    ratio = oscillator_noise([part], radar, frames, np.random.default_rng(1)) / synthesize(part, radar)
+    ratio = received([part], radar, frames, oscillator=np.random.default_rng(1)) / synthesize(part, radar) - 1
     assert np.abs(ratio.real).max() < 1e-3 * np.abs(ratio.imag).max()
     assert ratio.imag.std() == pytest.approx(residual(range_m, noise, RADAR.sample_rate_hz, 256), rel=0.05)
 
 
+def test_many_echoes_keep_the_phase_noise_each_has_alone():
+    """In bands of delay: within a twentieth of the noise each echo would have by its own delay, where the bound is."""
+    noise = PhaseNoise(-60.0)
+    radar = dataclasses.replace(RADAR, phase_noise=noise)
+    echoes = [target(range_m) for range_m in np.linspace(2.0, 6.0, 97)]
+    together = Paths.concatenate(echoes)
+    longest = together.length_m.max() / C
+    processes = noise.processes(radar.num_chirps * radar.num_tx, 256, radar.sample_rate_hz, longest, np.random.default_rng(2))
+    exact = 0
+    for echo in echoes:
+        u = 2 * echo.length_m[0] / C / longest - 1
+        phase = np.einsum("kcn,k->cn", processes, np.cos(np.arange(len(processes)) * np.arccos(np.clip(u, -1, 1))))
+        exact = exact + 1j * phase.reshape(1, radar.num_chirps, radar.num_tx, 1, 256) * synthesize(echo, radar)
+    ours = received([together], radar, 1, oscillator=np.random.default_rng(2)) - synthesize(together, radar)
+    assert np.linalg.norm(ours - exact) < 0.05 * np.linalg.norm(exact)
+
+
 def test_all_receivers_share_the_phase_noise_and_chirps_do_not():
     radar = dataclasses.replace(RADAR, phase_noise=PhaseNoise())
-    ratio = (oscillator_noise([target(4.0)], radar, 2, np.random.default_rng(0)) / synthesize(target(4.0), radar)).imag
+    ratio = (received([target(4.0)], radar, 2, oscillator=np.random.default_rng(0)) / synthesize(target(4.0), radar)).imag
     np.testing.assert_allclose(ratio[:, :, :, 0], ratio[:, :, :, 3], atol=1e-3 * ratio.std())
     assert abs(np.corrcoef(ratio[0, 0, 0, 0], ratio[0, 1, 0, 0])[0, 1]) < 0.5
     assert not np.allclose(ratio[0], ratio[1], atol=ratio.std())
