@@ -33,6 +33,10 @@ class MaterialError(InputError):
     """An unknown material, or one outside the range its values were fitted in."""
 
 
+class LabelError(InputError):
+    """Answers about materials that cannot be used, or surfaces nobody answered."""
+
+
 class PoseError(InputError):
     """Poses or motion that are not rigid, not finite or not of one length."""
 

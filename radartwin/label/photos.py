@@ -1,0 +1,107 @@
+"""Photographs of a scene with where they were taken: `photos/*.jpg` and `photos.json` in the scene folder.
+
+Cameras are OpenCV's: pose is 4x4 camera-to-world with x right, y down, z forward, intrinsics 3x3 in pixels of the stored picture with
+the centre of the first pixel at (0, 0). Every distortion is taken out before a picture is stored here.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from radartwin.errors import InputError, MissingError, PoseError
+from radartwin.files import write_atomically
+
+FORMAT, VERSION = "radartwin-photos", 1
+INDEX, FOLDER = "photos.json", "photos"
+QUALITY = 92
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """One photograph.
+
+    Attributes:
+        path: the JPEG.
+        pose: (4, 4) camera-to-world.
+        intrinsics: (3, 3).
+    """
+
+    path: Path
+    pose: np.ndarray
+    intrinsics: np.ndarray
+
+    def pixels(self) -> np.ndarray:
+        """The picture, (H, W, 3) uint8.
+
+        Raises:
+            MissingError, InputError: it is not there, or no picture.
+        """
+        from PIL import Image, UnidentifiedImageError
+
+        try:
+            with Image.open(self.path) as picture:
+                return np.asarray(picture.convert("RGB"))
+        except FileNotFoundError as error:
+            raise MissingError(f"photograph {self.path} is not there, though {INDEX} names it; restore it or take it out") from error
+        except (UnidentifiedImageError, OSError) as error:
+            raise InputError(f"photograph {self.path} cannot be read; restore it or take it out of {INDEX}") from error
+
+
+def save_photos(folder: Path, pictures: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> list[Photo]:
+    """Write (pixels (H, W, 3) uint8, pose (4, 4), intrinsics (3, 3)) into a scene folder; the index goes last.
+
+    Raises:
+        PoseError, OutputError: a pose that is not rigid; the folder cannot be written.
+    """
+    from PIL import Image
+
+    photos, entries = [], []
+    for number, (pixels, pose, intrinsics) in enumerate(pictures):
+        name = f"{FOLDER}/{number:05d}.jpg"
+        photo = _checked(Photo(folder / name, np.asarray(pose, float), np.asarray(intrinsics, float)))
+        stream = io.BytesIO()
+        Image.fromarray(np.ascontiguousarray(pixels)).save(stream, "JPEG", quality=QUALITY, subsampling=0)
+        write_atomically(folder / name, stream.getvalue())
+        photos.append(photo)
+        entries.append({"file": name, "pose": photo.pose.tolist(), "intrinsics": photo.intrinsics.tolist()})
+    index = {"format": FORMAT, "version": VERSION, "photos": entries}
+    write_atomically(folder / INDEX, json.dumps(index, indent=1) + "\n")
+    return photos
+
+
+def load_photos(folder: Path) -> Sequence[Photo]:
+    """The photographs of a scene folder, none if it has no index.
+
+    Raises:
+        InputError: an index that is not one.
+        PoseError: a pose that is not rigid.
+    """
+    path = folder / INDEX
+    if not path.is_file():
+        return []
+    try:
+        index = json.loads(path.read_text())
+        if index["format"] != FORMAT or index["version"] != VERSION:
+            raise KeyError("format")
+        photos = [
+            Photo(folder / entry["file"], np.array(entry["pose"], float), np.array(entry["intrinsics"], float)) for entry in index["photos"]
+        ]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is not a {FORMAT} version {VERSION} index; write it again with radartwin reconstruct") from error
+    return [_checked(photo) for photo in photos]
+
+
+def _checked(photo: Photo) -> Photo:
+    pose, intrinsics = photo.pose, photo.intrinsics
+    rigid = pose.shape == (4, 4) and np.isfinite(pose).all() and np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-3)
+    if not rigid or np.linalg.det(pose[:3, :3]) < 0 or not np.allclose(pose[3], [0, 0, 0, 1]):
+        raise PoseError(f"photograph {photo.path.name}: its pose is not a rigid 4x4 camera-to-world matrix")
+    if intrinsics.shape != (3, 3) or not np.isfinite(intrinsics).all() or intrinsics[0, 0] <= 0 or intrinsics[1, 1] <= 0:
+        raise PoseError(f"photograph {photo.path.name}: its intrinsics are not a 3x3 matrix with positive focal lengths")
+    return photo
