@@ -1,0 +1,90 @@
+"""Pictures of frames from files: depth, colour, confidence; read by Pillow, checked, in our units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from radartwin.errors import MissingError, ScanError
+
+MEDIAN_DEPTH_M = (0.15, 8.0)  # what the middle of an indoor depth picture can be; phone LiDAR ends at 5 m, Kinects at 8 m
+UNITS_M = {0.001: "millimetres", 0.0002: "1/5000 m, as TUM RGB-D", 0.0001: "0.1 mm", 1.0: "metres", 0.01: "centimetres"}
+
+
+def read_picture(path: Path) -> np.ndarray:
+    """Any picture as Pillow gives it.
+
+    Raises:
+        MissingError: no such file.
+        ScanError: not a picture, or one cut short.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            return np.asarray(picture)
+    except FileNotFoundError as error:
+        raise MissingError(f"{path} is not there; export the frames again, or leave this frame out") from error
+    except (OSError, ValueError, SyntaxError) as error:
+        raise ScanError(f"{path}: damaged picture ({error}); copy or export it again") from error
+
+
+def read_depth(path: Path, unit_m: float) -> np.ndarray:
+    """Depth (h, w) float32 metres; 0 where there is none.
+
+    Raises:
+        ScanError: not one channel.
+    """
+    counts = read_picture(path)
+    if counts.ndim != 2:
+        raise ScanError(f"{path}: a depth picture has one channel, this one has shape {counts.shape}; is it a colour picture?")
+    depth = counts.astype(np.float32) * np.float32(unit_m)
+    return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
+
+
+def read_colour(path: Path) -> np.ndarray:
+    """Colour (H, W, 3) uint8; grey pictures become grey colours.
+
+    Raises:
+        ScanError: neither grey nor colour of 8 bits.
+    """
+    pixels = read_picture(path)
+    if pixels.dtype != np.uint8 or pixels.ndim not in (2, 3):
+        raise ScanError(f"{path}: a colour picture has 8 bits a channel, this one is {pixels.dtype} of shape {pixels.shape}")
+    return np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else np.ascontiguousarray(pixels[..., :3])
+
+
+def picture_size(path: Path) -> tuple[int, int]:
+    """(width, height) from the file's head."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            return picture.size
+    except FileNotFoundError as error:
+        raise MissingError(f"{path} is not there; export the frames again, or leave this frame out") from error
+    except (OSError, SyntaxError) as error:
+        raise ScanError(f"{path}: damaged picture ({error}); copy or export it again") from error
+
+
+def check_depth(paths: Sequence[Path], unit_m: float, source: str) -> None:
+    """Look at the first, middle and last depth picture before long work.
+
+    Raises:
+        ScanError: no depth in any of them, or a median that no room has.
+    """
+    chosen = sorted({0, len(paths) // 2, len(paths) - 1})
+    depths = [read_depth(paths[i], unit_m) for i in chosen]
+    valid = np.concatenate([d[d > 0] for d in depths])
+    if not len(valid):
+        raise ScanError(f"{source}: the depth pictures are empty ({paths[0].name} and others); export the scan again")
+    median = float(np.median(valid))
+    if not MEDIAN_DEPTH_M[0] <= median <= MEDIAN_DEPTH_M[1]:
+        counts = median / unit_m
+        fits = [f"{u:g} ({name})" for u, name in UNITS_M.items() if MEDIAN_DEPTH_M[0] <= counts * u <= MEDIAN_DEPTH_M[1]]
+        raise ScanError(
+            f"{source}: the median depth is {median:.3g} m with {unit_m:g} m per count; the unit is wrong, "
+            f"pass depth_unit_m={' or '.join(fits[:2]) or '...'}"
+        )
