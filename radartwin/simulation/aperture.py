@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from radartwin.simulation.compiled import compiled
+from radartwin.compiled import compiled
 from radartwin.simulation.reflection_table import COSINES
 
 MAX_CORNERS = 24  # of a polygon in the making; a rectangle cut by eight planes has twelve

@@ -33,6 +33,7 @@ from typing import Any
 
 import numpy as np
 
+from radartwin.compiled import compiled
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError
 from radartwin.materials import Layered, reflection
@@ -40,7 +41,6 @@ from radartwin.materials.roughness import ament
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
-from radartwin.simulation.compiled import compiled
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
 

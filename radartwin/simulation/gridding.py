@@ -7,7 +7,7 @@ the frame's strongest echo). Arrays per channel count transmitters first.
 
 import numpy as np
 
-from radartwin.simulation.compiled import compiled
+from radartwin.compiled import compiled
 
 TAPS = 6  # of the spreading kernel
 PAD = TAPS + 2  # cells beyond the grid that a kernel at its end reaches

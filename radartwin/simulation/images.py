@@ -16,9 +16,9 @@ from functools import cached_property
 
 import numpy as np
 
+from radartwin.compiled import shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation import aperture
-from radartwin.simulation.compiled import shared_out
 from radartwin.simulation.panels import MAX_SIDES, Panels
 from radartwin.simulation.reflection_table import ReflectionTable
 

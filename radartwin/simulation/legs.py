@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from radartwin.compiled import compiled
 from radartwin.simulation import images
-from radartwin.simulation.compiled import compiled
 from radartwin.simulation.panel_room import PanelRoom, key_places
 from radartwin.simulation.reflection_table import lagrange_basis
 

@@ -20,12 +20,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.special import jv
 
+from radartwin.compiled import shared_out
 from radartwin.constants import BOLTZMANN, SPEED_OF_LIGHT
 from radartwin.errors import InputError
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.simulation import gridding
-from radartwin.simulation.compiled import shared_out
 from radartwin.simulation.paths import Paths
 
 ELEMENTS = ("exact", "planar", "auto")

@@ -164,7 +164,7 @@ def test_compiled_code_needs_no_folder_to_write_to():
         "import numba.core.caching as c\n"
         "c.CacheImpl._locator_classes = []\n"
         "for k in c.CacheImpl.__subclasses__(): k._locator_classes = []\n"
-        "from radartwin.simulation.compiled import compiled\n"
+        "from radartwin.compiled import compiled\n"
         "@compiled\n"
         "def twice(x): return 2 * x\n"
         "assert twice(4) == 8\n"
