@@ -1,0 +1,125 @@
+"""What the 23 categories of MINC are made of at 77 GHz: one table, `MINC`, from category to material.
+
+Categories: S. Bell, P. Upchurch, N. Snavely, K. Bala, Material Recognition in the Wild with the Materials in Context Database, CVPR 2015.
+Materials: rows of ITU-R P.2040-4 and the plastics and liquids of this package, as half-spaces or as the build-up such a surface commonly
+has. Where common build-ups differ, the one nearest to the others in `distance_db` is taken and the note says how far they lie.
+
+Frequency policy. A P.2040 row is used inside its fitted range (`radartwin.materials.itu.P2040`; concrete, plasterboard, wood, glass,
+ceiling board, chipboard and metal from 1 to 100 GHz, floorboard from 50) and never extrapolated. Brick, marble and carpet tile end at 40
+to 60 GHz: they keep their own name here, so that a radar below takes their own fit, and at 77 GHz `itu.STAND_INS` puts the closest row in
+their place with a StandInWarning. `Row.stand_in` counts both kinds, at a given frequency. Above 100 GHz rows with a second fit go on;
+plastics and oil have values from 10 to 100 GHz and are refused beyond.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from radartwin.errors import MaterialError
+from radartwin.materials import Layered, roughness_m
+from radartwin.materials.distance import distance_db, in_range
+from radartwin.materials.itu import P2040
+
+FREQUENCY_HZ = 77e9
+
+
+@dataclass(frozen=True)
+class Row:
+    """One category.
+
+    Attributes:
+        material: half-space or stack.
+        proxy: the rows stand for something that they are not, at any frequency.
+        source: where the build-up or the permittivity comes from.
+        note: what it leaves open.
+        texture: the class of `radartwin.materials.roughness.CLASSES` whose height it takes.
+    """
+
+    material: str | Layered
+    proxy: bool
+    source: str
+    note: str
+    texture: str
+
+    @property
+    def roughness_m(self) -> float:
+        """Rms height, metres."""
+        return roughness_m(self.texture)
+
+    def stand_in(self, frequency_hz: float = FREQUENCY_HZ) -> bool:
+        """Whether any of its rows stands for something it is not, by choice or because its fit ends below this frequency."""
+        return self.proxy or not all(in_range(name, frequency_hz) for name in names_in(self.material))
+
+
+def names_in(material: str | Layered) -> tuple[str, ...]:
+    """The plain materials of a half-space or stack, outermost first, the backing last."""
+    return (material,) if isinstance(material, str) else (*(name for name, _ in material.layers), material.backing)
+
+
+_BOARD_ON_STUDS = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
+_BUILDING = "building practice (EN 520 board of 12.5 mm, studs of 75 mm)"
+_ACCONEER = "60 GHz values of docs/pcr_tech/radar_principles, Acconeer (Clear BSD)"
+
+MINC: dict[str, Row] = {
+    "brick": Row("brick", False, "P.2040-4 brick, 1 to 40 GHz",
+        "at 77 GHz floorboard stands in (0.6 dB at normal incidence from brick's fits interpolated)", "brick"),
+    "carpet": Row("carpet_tile", False, "P.2040-4 carpet tile, 1 to 40 GHz",
+        "at 77 GHz wood stands in; 3 to 10 mm on concrete lie 0.9 to 3.1 dB away; pile scatters most of it", "carpet"),
+    "ceramic": Row("glass", True, "porcelain 5.5 to 6.5 (data sheets of technical ceramics), glass 6.3",
+        "sanitary ware, crockery: thick and lossy enough for a half-space; a mug's wall comes from the answer", "ceramic"),
+    "fabric": Row(Layered([("wood", 0.0005)]), True, f"textile 2.0, {_ACCONEER}; wood 1.99",
+        "0.3 to 1 mm of cloth lie 2.7 dB away at most; foam behind it is air to the radar (1.05)", "fabric"),
+    "foliage": Row(Layered([("detergent", 0.0003)]), True, "leaf: two thirds water, 0.2 to 0.4 mm (F. Ulaby, M. El-Rayes 1987)",
+        "a single leaf; a crown is sparse and mostly scatters", "foliage"),
+    "food": Row("dressing", True, "two thirds water; liquids.RECIPES", "moist food; dry food is nearer wood", "food"),
+    "glass": Row("glass", False, "P.2040-4 glass, 0.1 to 100 GHz",
+        "panes of 3 to 12 mm and double glazing lie 0.1 to 2.1 dB from the half-space, and further from each other", "glass"),
+    "hair": Row("detergent", True, "skin of 6.6 - j 9.5 behind it (S. Gabriel et al. 1996, extrapolated to 77 GHz)",
+        "hair is mostly air and hides little of the skin", "hair"),
+    "leather": Row("plasterboard", True, "hide dried to 12 to 15 % water: about 2.7; plasterboard 2.73",
+        "0.9 to 2 mm on foam lie 1.6 to 8.0 dB away, and further from each other: half a wave inside is 1.2 mm", "leather"),
+    "metal": Row("metal", False, "P.2040-4 metal, 1 to 100 GHz", "painted or not: paint of 0.1 mm changes nothing", "metal"),
+    "mirror": Row(Layered([("glass", 0.004)], backing="metal"), False, "EN 1036: silvered float glass of 4 mm", "", "mirror"),
+    "other": Row("concrete", True, "nobody knows: the P.2040-4 row nearest to the ROOM categories in the mean (3.1 dB)",
+        "computed, see `least_wrong`; people, plants, food, water and sky do not count", "painted"),
+    "painted": Row(_BOARD_ON_STUDS, False, f"plasterboard wall, {_BUILDING}",
+        "plaster on masonry lies 0.4 dB away, bare painted concrete 2.9 dB, ceiling board 5.7 dB", "painted"),
+    "paper": Row(Layered([("chipboard", 0.0003), ("air", 0.002), ("chipboard", 0.0003)]), True,
+        "corrugated board: two liners of 0.3 mm, 2.6 mm in all; cellulose 2.6 like chipboard",
+        "up to 5 mm lie 2.4 to 5.4 dB away, a stack of paper or books 4.6 dB", "paper"),
+    "plastic": Row(Layered([("hdpe", 0.002)]), False, "polyolefins 2.2 to 2.3 (J. Lamb 1996); housings of 2 mm",
+        "1 to 5 mm lie 2 to 5 dB away, ABS of 3 mm 2.7 dB: a wall thickness in the answer counts", "plastic"),
+    "polishedstone": Row("marble", False, "P.2040-4 marble, 1 to 60 GHz", "at 77 GHz glass stands in", "polishedstone"),
+    "skin": Row("detergent", True, "6.6 - j 9.5 at 77 GHz, dry skin (S. Gabriel et al. 1996, extrapolated)",
+        "the mixture of liquids nearest to it: 7.1 - j 9.0", "skin"),
+    "sky": Row("glass", True, "what a scan indoors sees as sky is a window pane", "as glass", "glass"),
+    "stone": Row("concrete", True, "granite 5 to 6, limestone 7, sandstone 4 to 5; concrete 5.2", "rough-hewn", "stone"),
+    "tile": Row(Layered([("glass", 0.008)], backing="concrete"), True, "fired clay 5 to 6.5 of 8 mm (EN 14411) on a slab; glass 6.3",
+        "on plasterboard 0.2 dB away", "tile"),
+    "wallpaper": Row(_BOARD_ON_STUDS, False, f"plasterboard wall, {_BUILDING}", "0.2 mm of paper (2.6) on board (2.7) is left out",
+        "wallpaper"),
+    "water": Row("water", False, "H. Liebe et al. 1991", "", "water"),
+    "wood": Row(Layered([("wood", 0.02)]), False, "P.2040-4 wood, to 100 GHz; boards of 20 mm",
+        "18 to 40 mm lie 0.2 dB away, chipboard 2.1 dB, 8 mm floorboard on concrete 4.1 dB", "wood"),
+}  # fmt: skip
+
+CATEGORIES = tuple(MINC)
+NOT_OF_A_ROOM = ("foliage", "food", "hair", "other", "skin", "sky", "water")
+ROOM = tuple(category for category in CATEGORIES if category not in NOT_OF_A_ROOM)
+
+
+def least_wrong(frequency_hz: float = FREQUENCY_HZ) -> str:
+    """The P.2040 row in range whose mean distance to the ROOM categories is least: what `other` is taken for."""
+    rows = [name for name in P2040 if in_range(name, frequency_hz)]
+    return min(rows, key=lambda name: sum(distance_db(name, MINC[category].material) for category in ROOM))
+
+
+def row(category: str) -> Row:
+    """The row of a category.
+
+    Raises:
+        MaterialError: not one of the 23; names outside them go through `radartwin.materials.names.resolve`.
+    """
+    if category not in MINC:
+        raise MaterialError(f"{category!r} is not a MINC category; known: {', '.join(CATEGORIES)}")
+    return MINC[category]

@@ -1,0 +1,124 @@
+"""Names of materials that neither MINC nor P.2040 has: each goes to the electromagnetically closest row, none to a default.
+
+Two declared tables. SYNONYMS are other words for what a row is (drywall, steel), or a thing whose build-up a row is (whiteboard).
+PERMITTIVITY holds materials of their own; they take the P.2040 row in range, or air, whose half-space reflects most like
+theirs (`distance.closest`), so that porcelain becomes glass by its 6.0, not by its name. A name in none of them is refused.
+
+Sources of PERMITTIVITY, real part and loss tangent at 60 to 100 GHz: [L] J. Lamb, Int. J. Infrared and Millimeter Waves 17 (1996) 1997;
+[A] 60 GHz values of docs/pcr_tech/radar_principles, Acconeer; [D] data sheets and handbooks of the material at microwaves, where loss is
+the less certain figure (it hardly moves the reflection below 0.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from radartwin.errors import MaterialError
+from radartwin.materials import MATERIAL_NAMES, Layered
+from radartwin.materials.distance import SWEEP_HZ, closest, in_range
+from radartwin.materials.itu import P2040
+from radartwin.materials.minc import CATEGORIES, MINC, row
+
+SYNONYMS = {
+    "metal": "steel stainless_steel sheet_metal iron aluminium aluminum copper brass bronze chrome zinc tin tinplate gold silver lead",
+    "glass": "window window_pane pane glazing safety_glass tempered_glass float_glass screen",
+    "mirror": "looking_glass",
+    "painted": "drywall gypsum gypsum_board sheetrock plaster_board plaster stucco painted_wall painted_plaster wall_paint paint",
+    "wood": "timber oak pine beech plank solid_wood wood_panelling wood_paneling parquet hardwood softwood bamboo veneer lumber",
+    "ceramic": "crockery earthenware stoneware china",
+    "tile": "ceramic_tile wall_tile floor_tile",
+    "plastic": "polyethylene polypropylene pp pe",
+    "fabric": "cloth textile curtain upholstery cotton wool linen polyester felt velvet canvas sofa",
+    "carpet": "rug carpeting moquette",
+    "paper": "cardboard carton corrugated_cardboard paperboard poster book newspaper",
+    "leather": "hide suede artificial_leather faux_leather",
+    "foliage": "plant leaf leaves grass houseplant",
+    "skin": "human person hand face",
+    "brick": "brickwork masonry clinker",
+    "polishedstone": "polished_stone terrazzo",
+    "stone": "rock natural_stone",
+    "ceiling_board": "ceiling_tile acoustic_tile mineral_fibre_board mineral_wool_board",
+    "chipboard": "particle_board particleboard mdf fibreboard fiberboard hardboard melamine_board",
+    "concrete": "cement mortar screed cement_block",
+    "floorboard": "laminate_floor laminate laminate_flooring",
+    "vinyl_tile": "vinyl linoleum pvc_floor lino",
+    "clear_acrylic": "acrylic plexiglass plexiglas perspex pmma",
+    "asphalt_concrete": "asphalt",
+}
+_ROW_OF = {word: name for name, words in SYNONYMS.items() for word in words.split()}
+
+PERMITTIVITY = {
+    "porcelain": (6.0, 0.01),  # [D]
+    "alumina": (9.7, 0.001),  # [L]
+    "granite": (5.5, 0.02),  # [D]
+    "limestone": (7.5, 0.02),  # [D]
+    "sandstone": (4.5, 0.03),  # [D]
+    "slate": (7.0, 0.03),  # [D]
+    "quartz": (3.8, 0.001),  # [L] fused
+    "rubber": (3.0, 0.03),  # [D]
+    "abs": (2.75, 0.01),  # [A] 2.5 to 4.0, unfilled at the lower end
+    "polycarbonate": (2.75, 0.01),  # [A]
+    "polystyrene": (2.54, 0.002),  # [L]
+    "nylon": (3.0, 0.02),  # [L]
+    "ptfe": (2.05, 0.0005),  # [L]
+    "pvc": (2.9, 0.01),  # [D]
+    "fibreglass": (4.4, 0.02),  # [D] epoxy laminate
+    "epoxy": (3.0, 0.03),  # [D]
+    "silicone": (2.9, 0.03),  # [D]
+    "foam": (1.05, 0.001),  # [D] polystyrene or polyurethane of 30 kg/m3
+    "cork": (1.7, 0.05),  # [D]
+    "wax": (2.25, 0.001),  # [L]
+    "ice": (3.17, 0.002),  # [D]
+    "gypsum_plaster": (2.7, 0.03),  # [A]
+}
+_SPELLINGS = {"fiberglass": "fibreglass", "teflon": "ptfe", "styrofoam": "foam", "polyurethane_foam": "foam", "enamel": "porcelain"}
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """What a name stands for.
+
+    Attributes:
+        name: as given, in lower case with underscores.
+        material: half-space or stack.
+        category: the MINC category it is, or is taken for; None for a plain material.
+        stand_in: the material stands for something it is not at 77 GHz.
+        why: one phrase.
+    """
+
+    name: str
+    material: str | Layered
+    category: str | None
+    stand_in: bool
+    why: str
+
+
+def resolve(name: str) -> Resolved:
+    """A name of anybody's to a material of ours.
+
+    Raises:
+        MaterialError: a name nobody knows, with all that are known.
+
+    >>> resolve("Porcelain").material, resolve("drywall").category
+    ('glass', 'painted')
+    """
+    plain = "_".join(str(name).strip().lower().replace("-", " ").split())
+    plain = _SPELLINGS.get(plain, plain)
+    if plain in MINC:
+        return Resolved(plain, row(plain).material, plain, row(plain).stand_in(), "MINC category")
+    if plain in MATERIAL_NAMES:
+        return Resolved(plain, plain, None, not in_range(plain), "a material")
+    if plain in _ROW_OF:
+        known = _ROW_OF[plain]
+        found = resolve(known)
+        return Resolved(plain, found.material, found.category, found.stand_in, f"another word for {known}")
+    if plain in PERMITTIVITY:
+        real, loss = PERMITTIVITY[plain]
+        material, distance = closest(real * (1 - 1j * loss), ("air", *(n for n in P2040 if in_range(n))), SWEEP_HZ)
+        return Resolved(plain, material, None, True, f"permittivity {real:g}, {distance:.1f} dB from {material}")
+    raise MaterialError(f"nobody knows the material {name!r}; known: {', '.join(known_names())}")
+
+
+def known_names() -> tuple[str, ...]:
+    """Every name `resolve` takes, MINC first."""
+    return (*CATEGORIES, *sorted({*MATERIAL_NAMES, *_ROW_OF, *PERMITTIVITY, *_SPELLINGS} - set(CATEGORIES)))

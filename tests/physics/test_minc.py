@@ -1,0 +1,143 @@
+"""The table from MINC to materials, the distance between them and the rule for other names, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radartwin.errors import MaterialError
+from radartwin.materials import MATERIAL_NAMES, Layered, itu, permittivity, roughness_m
+from radartwin.materials.distance import FLOOR_DB, INCIDENCE_DEG, closest, distance_db, reflectivity_db
+from radartwin.materials.minc import CATEGORIES, MINC, ROOM, least_wrong, names_in, row
+from radartwin.materials.names import PERMITTIVITY, SYNONYMS, known_names, resolve
+
+# Written out so that a category cannot go missing.
+EXPECTED = [
+    "brick", "carpet", "ceramic", "fabric", "foliage", "food", "glass", "hair", "leather", "metal", "mirror", "other", "painted", "paper",
+    "plastic", "polishedstone", "skin", "sky", "stone", "tile", "wallpaper", "water", "wood",
+]  # fmt: skip
+# Rows whose fit ends below 77 GHz; their stand-in is what the table promises, warned of where it is evaluated.
+pytestmark = pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandInWarning")
+
+
+def fresnel_db(permittivity_there: complex, incidence_deg: np.ndarray) -> np.ndarray:
+    """Unpolarised half-space reflectivity in textbook form (Born and Wolf, section 1.5.2), by refraction angles."""
+    n = np.sqrt(permittivity_there)
+    inside = np.arcsin(np.sin(np.radians(incidence_deg)) / n + 0j)
+    outside = np.radians(incidence_deg)
+    te = (np.cos(outside) - n * np.cos(inside)) / (np.cos(outside) + n * np.cos(inside))
+    tm = (n * np.cos(outside) - np.cos(inside)) / (n * np.cos(outside) + np.cos(inside))
+    return 10 * np.log10((abs(te) ** 2 + abs(tm) ** 2) / 2)
+
+
+def test_table_has_the_23_categories_each_with_material_roughness_and_source() -> None:
+    assert list(CATEGORIES) == EXPECTED
+    for category, entry in MINC.items():
+        assert set(names_in(entry.material)) <= set(MATERIAL_NAMES), category
+        assert entry.source, category
+        assert 0 <= entry.roughness_m <= 3e-3, "the paper's range"
+        assert entry.roughness_m == roughness_m(entry.texture)
+        assert np.isfinite(reflectivity_db(entry.material)).all(), f"{category} has no values over the sweep"
+
+
+def test_stand_ins_are_flagged_by_frequency() -> None:
+    assert row("brick").stand_in(77e9), "brick's fit ends at 40 GHz"
+    assert not row("brick").stand_in(30e9)
+    assert not row("wood").stand_in(77e9)
+    assert row("ceramic").stand_in(30e9), "glass for porcelain, at any frequency"
+    for entry in MINC.values():
+        uses = any(not any(f.low_ghz <= 77 <= f.high_ghz for f in itu.P2040[n]) for n in names_in(entry.material) if n in itu.P2040)
+        assert entry.stand_in(77e9) == (entry.proxy or uses)
+
+
+def test_other_is_the_least_wrong_row() -> None:
+    assert MINC["other"].material == least_wrong()
+    assert len(ROOM) == 16
+
+
+def test_distance_is_the_textbook_difference_for_half_spaces() -> None:
+    for first, second in (("glass", "wood"), ("concrete", "metal"), ("plasterboard", "water")):
+        levels = [fresnel_db(complex(permittivity(name, 77e9)), INCIDENCE_DEG) for name in (first, second)]
+        expected = np.mean(np.abs(levels[0] - levels[1]))
+        assert distance_db(first, second, 77e9) == pytest.approx(expected, abs=1e-9)
+
+
+def test_distance_to_a_perfect_reflector_at_normal_incidence_is_the_return_loss() -> None:
+    n = np.sqrt(complex(permittivity("glass", 77e9)))
+    assert reflectivity_db("glass", 77e9, np.zeros(1))[0] == pytest.approx(20 * np.log10(abs((1 - n) / (1 + n))), abs=1e-9)
+
+
+def test_distance_is_symmetric_zero_on_itself_and_obeys_the_triangle() -> None:
+    names = ("glass", "wood", "metal", "water", MINC["painted"].material)
+    table = np.array([[distance_db(a, b) for b in names] for a in names])
+    assert (np.diag(table) == 0).all()
+    assert np.allclose(table, table.T)
+    assert (table[:, None] <= table[:, :, None] + table[None] + 1e-9).all()
+
+
+def test_nothing_is_at_the_floor_and_thick_layers_are_their_half_space() -> None:
+    assert (reflectivity_db("air") == FLOOR_DB).all()
+    assert distance_db(Layered([("wood", 0.5)]), "wood") < 0.01, "half a metre of wood hides what is behind"
+    assert distance_db(Layered([("metal", 0.001)]), "metal") < 1e-6
+
+
+def test_plaster_for_paint_costs_little_and_metal_for_wood_everything() -> None:
+    assert distance_db(MINC["painted"].material, "plasterboard") < 1.0
+    assert distance_db(MINC["painted"].material, MINC["wallpaper"].material) == 0
+    assert distance_db(MINC["metal"].material, MINC["wood"].material) > 10
+
+
+@pytest.mark.parametrize(
+    ("name", "material"),
+    [
+        ("porcelain", "glass"),
+        ("granite", "concrete"),
+        ("steel", "metal"),
+        ("Stainless steel", "metal"),
+        ("MDF", "chipboard"),
+        ("foam", "air"),
+    ],
+)
+def test_names_outside_the_tables_go_to_the_closest_row(name: str, material: str) -> None:
+    assert resolve(name).material == material
+
+
+def test_drywall_is_plasterboard_and_a_category_is_its_row() -> None:
+    assert "plasterboard" in names_in(resolve("drywall").material)
+    assert resolve("wood").material == MINC["wood"].material
+    assert resolve("ceiling_board").material == "ceiling_board"
+
+
+def test_every_declared_permittivity_takes_the_row_that_reflects_most_alike() -> None:
+    candidates = [n for n in itu.P2040 if any(f.low_ghz <= 77 and f.high_ghz >= 80.44 for f in itu.P2040[n])]
+    for name, (real, loss) in PERMITTIVITY.items():
+        found = resolve(name)
+        assert found.stand_in
+        wanted = fresnel_db(real * (1 - 1j * loss), INCIDENCE_DEG)
+        errors = {c: np.mean(np.abs(fresnel_db(complex(permittivity(c, 78.7e9)), INCIDENCE_DEG) - wanted)) for c in candidates}
+        if found.material == "air":
+            assert min(errors.values()) > 10, name
+        else:
+            assert errors[str(found.material)] == pytest.approx(min(errors.values()), abs=0.02), name
+
+
+def test_a_name_nobody_knows_is_refused_with_what_is_known() -> None:
+    with pytest.raises(MaterialError, match="nobody knows the material 'unobtainium'") as caught:
+        resolve("unobtainium")
+    for name in ("metal", "porcelain", "drywall", "pet"):
+        assert name in str(caught.value)
+    with pytest.raises(MaterialError, match="not a MINC category"):
+        row("porcelain")
+
+
+def test_every_known_name_resolves_and_no_word_has_two_meanings() -> None:
+    words = [word for line in SYNONYMS.values() for word in line.split()]
+    assert len(words) == len(set(words))
+    assert not set(words) & ({*CATEGORIES, *PERMITTIVITY, *MATERIAL_NAMES})
+    for name in known_names():
+        resolve(name)
+
+
+def test_closest_reports_its_distance() -> None:
+    name, distance = closest(complex(permittivity("wood", 77e9)), ("glass", "wood"), 77e9)
+    assert (name, round(distance, 6)) == ("wood", 0.0)
