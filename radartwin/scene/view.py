@@ -1,139 +1,191 @@
-"""A scene as one HTML page: turn it, see what each surface is made of. Needs no server and no network."""
+"""A scene as one HTML page: turn it, see what each surface is made of. Needs no server and no network.
+
+The page draws with WebGL 2 and carries its own script (radartwin/scene/view_page); what is shown is computed here.
+"""
 
 from __future__ import annotations
 
+import base64
+import html
+import json
+from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import trimesh
 
-from radartwin.errors import SceneError
+from radartwin.errors import PoseError, SceneError
 from radartwin.files import write_atomically
 from radartwin.materials import Layered
+from radartwin.scene import view_colours as colours
+from radartwin.scene import view_lines
 from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.view_colours import material_label
+from radartwin.scene.view_mesh import MAX_FACES, PALE, shells, thinned, vertex_colours
 
-# What people expect a material to look like, kept apart for colour-blind readers by lightness (Okabe and Ito hues).
-COLOURS = {
-    "metal": "#5b6b7a",
-    "concrete": "#a8a8a0",
-    "brick": "#b5533c",
-    "plasterboard": "#ece3cf",
-    "wood": "#c98b4a",
-    "plywood": "#d9a86c",
-    "chipboard": "#8c5a2b",
-    "floorboard": "#7a4a22",
-    "glass": "#56b4e9",
-    "ceiling_board": "#cfd8dc",
-    "marble": "#f0e9f2",
-    "water": "#0072b2",
-    "oil": "#e69f00",
-    "pet": "#009e73",
-    "hdpe": "#33c29a",
-}
-OTHER = "#cc79a7"
-SHELL_M2 = 4.0  # larger surfaces hide what is inside, so all but the floor are drawn translucent
-SHELL_OPACITY = 0.3
-# The epsilons are areas below which Plotly gives a triangle no normal: scan triangles of 1 cm2 would all turn black.
-LIGHTING = {"ambient": 0.6, "diffuse": 0.6, "specular": 0.05, "facenormalsepsilon": 0, "vertexnormalsepsilon": 0}
+__all__ = ["COLOURINGS", "material_label", "view"]
+
+COLOURINGS = ("material", "segment", "reflectivity", "colour")
+MAX_SURFACES = 65_000  # the page numbers them in 16 bits
+CRISP_FACES = 2000  # surfaces of fewer faces show their creases; a scan's noise would be all creases
+_SCRIPTS = ("camera.js", "renderer.js", "panel.js", "main.js")
 
 
-def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title: str | None = None) -> Path:
+def view(
+    scene: Scene,
+    path: str | Path,
+    poses: np.ndarray | None = None,
+    title: str | None = None,
+    by: str = "material",
+    max_faces: int = MAX_FACES,
+) -> Path:
     """Write the page.
 
     Args:
         path: the .html to write.
-        poses: (F, 4, 4) sensor-to-world, drawn as a track with the first boresight; none by default.
+        poses: (F, 4, 4) or (4, 4) sensor-to-world, drawn as a track with boresights; none by default.
         title: above the picture; what the scene's provenance says unless given.
+        by: the colouring it opens in: material, segment, reflectivity or colour (of the scan); all are in the page.
+        max_faces: beyond it the picture is thinned, and says so; the scene is left as it is.
     Returns:
         The path.
     Raises:
-        SceneError: nothing to show.
+        SceneError: nothing to show, an unknown colouring, or no scan colours to colour by.
+        PoseError: poses that are not (F, 4, 4).
         OutputError: the page cannot be written.
     """
-    import plotly.graph_objects as go
+    return write_atomically(Path(path), _page(*describe(scene, poses, title, by, max_faces)))
 
+
+def describe(
+    scene: Scene, poses: np.ndarray | None, title: str | None, by: str, max_faces: int
+) -> tuple[dict[str, Any], Sequence[np.ndarray]]:
+    """What the page shows, as JSON, and its arrays: positions (V, 3), surface (V,), colours (V, 4), faces (T, 3)."""
     if not len(scene):
         raise SceneError("the scene has no surfaces, so there is nothing to view")
-    shown: set[str] = set()
-    traces = []
-    for surface in sorted(scene, key=lambda s: material_label(s.material)):
-        label = material_label(surface.material)
-        traces.append(_mesh_trace(go, surface, label, first=label not in shown))
-        shown.add(label)
-    if poses is not None:
-        traces += _sensor_traces(go, np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4))
-    figure = go.Figure(traces)
-    axis = {"backgroundcolor": "#f7f7f7", "gridcolor": "#dddddd", "zeroline": False}
-    figure.update_layout(
-        title={"text": title or _title(scene), "x": 0.02},
-        scene={
-            "aspectmode": "data",
-            "xaxis": {"title": "x [m]", **axis},
-            "yaxis": {"title": "y [m]", **axis},
-            "zaxis": {"title": "z [m]", **axis},
-            "camera": {
-                "center": {"x": 0.0, "y": 0.0, "z": -0.1},
-                "eye": {"x": -1.2, "y": -1.5, "z": 1.3},
-                "projection": {"type": "perspective"},
-            },
+    if by not in COLOURINGS:
+        raise SceneError(f"view: by is {by!r}; choose {', '.join(COLOURINGS)}")
+    if len(scene) > MAX_SURFACES:
+        raise SceneError(f"the scene has {len(scene)} surfaces, and a page shows at most {MAX_SURFACES}; join some of them")
+    surfaces = scene.surfaces
+    meshes, cell = thinned([s.mesh for s in surfaces], max_faces)
+    painted = [vertex_colours(m) for m in meshes]
+    if by == "colour" and all(p is None for p in painted):
+        raise SceneError("the scene carries no colours of a scan; view it by material, segment or reflectivity")
+    labels = colours.material_colours([s.material for s in surfaces])
+    levels = [colours.reflection_db(s.material, s.roughness_m) for s in surfaces]
+    stops = colours.ramp()
+    lines, marks, radar = view_lines.lines(scene, _poses(poses))
+    low, high = scene.bounds
+    content = {
+        "title": title or _title(scene),
+        "note": _note(scene, meshes, cell),
+        "mode": by,
+        "bounds": [low.tolist(), high.tolist()],
+        "frame": view_lines.frame(low, high),
+        "materials": [{"label": label, "colour": colour} for label, colour in labels.items()],
+        "surfaces": [
+            _surface(s, index, shell, level, paint is not None)
+            for index, (s, shell, level, paint) in enumerate(zip(surfaces, shells(surfaces), levels, painted, strict=True))
+        ],
+        "colours": {
+            "material": [labels[material_label(s.material)] for s in surfaces],
+            "segment": colours.segment_colours([float(s.mesh.area) for s in surfaces]),
+            "reflectivity": [colours.reflectivity_colour(level, stops) for level in levels],
         },
-        legend={"title": {"text": "material (click to hide)"}, "groupclick": "togglegroup", "x": 1.0, "y": 0.95},
-        margin={"l": 0, "r": 0, "t": 50, "b": 0},
-        template="plotly_white",
-        font={"family": "Helvetica, Arial, sans-serif", "size": 14},
+        "has_colour": any(p is not None for p in painted),
+        "ramp": {
+            "stops": stops,
+            "low_db": colours.LOW_DB,
+            "ticks_db": np.linspace(colours.LOW_DB, 0, 5).astype(int).tolist(),
+            "band": f"{colours.BAND_HZ[0] / 1e9:g} to {colours.BAND_HZ[1] / 1e9:g} GHz",
+            "unknown": colours.UNKNOWN,
+        },
+        "lines": lines,
+        "marks": marks,
+        "radar": radar,
+    }
+    return content, _arrays(meshes, painted)
+
+
+def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None, level: float | None, painted: bool) -> dict[str, Any]:
+    mesh, provenance = surface.mesh, surface.provenance
+    name = surface.name or f"surface {index}"
+    facts = [["material", material_label(surface.material)], ["kind", surface.kind], ["area", f"{mesh.area:.3g} m²"]]
+    if isinstance(surface.material, Layered) and surface.material.layers:
+        total = sum(thickness for _, thickness in surface.material.layers)
+        facts.append(["layers", f"{len(surface.material.layers)}, {1000 * total:.4g} mm together"])
+    facts.append(["roughness", f"{1000 * surface.roughness_m:.3g} mm" if surface.roughness_m else "smooth"])
+    facts.append(
+        ["reflects", "no values at this frequency" if level is None else f"{level:.1f} dB".replace("-", "−").replace("−0.0", "0.0")]
     )
-    config = {"displaylogo": False, "responsive": True}
-    page = figure.to_html(include_plotlyjs=True, full_html=True, config=config, default_height="96vh")
-    return write_atomically(Path(path), page)
+    facts.append(["source", str(provenance.get("source", "not recorded"))])
+    if (confidence := provenance.get("confidence")) is not None:
+        facts.append(["confidence", f"{confidence:.0%}" if isinstance(confidence, int | float) else str(confidence)])
+    if (category := provenance.get("minc")) is not None:
+        facts.append(["category", str(category)])
+    if (stand_in := provenance.get("stand_in")) is not None:
+        facts.append(["stand-in", ("yes: the table has no row of its own" if stand_in is True else str(stand_in)) if stand_in else "no"])
+    return {
+        "name": name,
+        "material": material_label(surface.material),
+        "area_m2": float(mesh.area),
+        "reflection_db": level,
+        "shell": shell,
+        "crisp": len(mesh.faces) < CRISP_FACES,
+        "centre": mesh.bounds.mean(axis=0).tolist(),
+        "has_colour": painted,
+        "facts": facts,
+    }
 
 
-def material_label(material: str | Layered) -> str:
-    """`concrete`, or `floorboard 8 mm on concrete`, or `glass 4 mm | air 16 mm | glass 4 mm`."""
-    if isinstance(material, str):
-        return material
-    stack = " | ".join(f"{name} {1000 * thickness:.4g} mm" for name, thickness in material.layers)
-    return stack if material.backing == "air" else f"{stack} on {material.backing}"
+def _arrays(meshes: Sequence[trimesh.Trimesh], painted: Sequence[np.ndarray | None]) -> Sequence[np.ndarray]:
+    offsets = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    return (
+        np.vstack([m.vertices for m in meshes]).astype("<f4"),
+        np.repeat(np.arange(len(meshes)), np.diff(offsets)).astype("<u2"),
+        np.vstack([np.tile(PALE, (len(m.vertices), 1)) if p is None else p for m, p in zip(meshes, painted, strict=True)]).astype("u1"),
+        np.vstack([np.asarray(m.faces) + k for m, k in zip(meshes, offsets, strict=False)]).astype("<u4"),
+    )
 
 
-def _mesh_trace(go, surface: Surface, label: str, first: bool):
-    mesh = surface.mesh
-    x, y, z = np.asarray(mesh.vertices, dtype=np.float32).T
-    i, j, k = np.asarray(mesh.faces).T
-    outer = surface.material if isinstance(surface.material, str) else surface.material.layers[0][0]
-    upward = float(np.average(mesh.face_normals[:, 2], weights=mesh.area_faces)) > 0.9
-    hides = surface.kind == "room" and mesh.area > SHELL_M2 and not upward and float(mesh.extents.max()) > 2.0
-    text = f"<b>{surface.name or 'unnamed'}</b><br>{label}<br>{surface.kind}, {mesh.area:.3g} m²"
-    if surface.roughness_m:
-        text += f"<br>roughness {1000 * surface.roughness_m:.3g} mm"
-    return go.Mesh3d(
-        x=x, y=y, z=z, i=i, j=j, k=k,
-        color=COLOURS.get(outer, OTHER),
-        opacity=SHELL_OPACITY if hides else 1.0,
-        flatshading=True,
-        lighting=LIGHTING,
-        lightposition={"x": -2000, "y": -4000, "z": 9000},
-        name=label,
-        legendgroup=label,
-        showlegend=first,
-        hovertemplate=text + "<extra></extra>",
-    )  # fmt: skip
+def _page(content: dict[str, Any], arrays: Sequence[np.ndarray]) -> str:
+    folder = resources.files("radartwin.scene") / "view_page"
+    part = {name: (folder / name).read_text(encoding="utf-8") for name in ("page.html", "style.css", *_SCRIPTS)}
+    parts = {
+        "__TITLE__": html.escape(content["title"]),
+        "__STYLE__": part["style.css"],
+        "__SCRIPT__": "\n".join(part[name] for name in _SCRIPTS),
+        "__ARRAYS__": "\n".join(base64.b64encode(a.tobytes()).decode() for a in arrays),
+        # A surface's name is the user's: "</script>" in it must not end the element.
+        "__SCENE__": json.dumps(content, allow_nan=False).replace("<", "\\u003c"),
+    }
+    page = part["page.html"]
+    for key, text in parts.items():  # the scene last: nothing of the user's is searched for keys
+        page = page.replace(key, text)
+    return page
 
 
-def _sensor_traces(go, poses: np.ndarray) -> list:
-    positions = poses[:, :3, 3]
-    beam = np.stack([positions[0], positions[0] + 0.5 * poses[0, :3, 0]])
-    return [
-        go.Scatter3d(
-            x=positions[:, 0], y=positions[:, 1], z=positions[:, 2], mode="lines+markers", name="radar",
-            marker={"size": 4, "color": "#d55e00"}, line={"color": "#d55e00"}, legendgroup="radar",
-        ),
-        go.Scatter3d(
-            x=beam[:, 0], y=beam[:, 1], z=beam[:, 2], mode="lines", name="boresight",
-            line={"color": "#d55e00", "width": 6}, legendgroup="radar", showlegend=False,
-        ),
-    ]  # fmt: skip
+def _poses(poses: np.ndarray | None) -> np.ndarray | None:
+    if poses is None:
+        return None
+    poses = np.asarray(poses, dtype=np.float64)
+    if poses.shape[-2:] != (4, 4) or poses.ndim not in (2, 3) or not poses.size or not np.isfinite(poses).all():
+        raise PoseError(f"view: poses of shape {poses.shape}; give finite (F, 4, 4) sensor-to-world poses")
+    return poses.reshape(-1, 4, 4)
 
 
 def _title(scene: Scene) -> str:
-    name = scene.provenance.get("room") or scene.provenance.get("source") or "scene"
-    faces = sum(len(s.mesh.faces) for s in scene)
-    return f"{name}: {len(scene)} surfaces, {faces} triangles"
+    return str(scene.provenance.get("room") or scene.provenance.get("source") or "scene")
+
+
+def _note(scene: Scene, meshes: Sequence[trimesh.Trimesh], cell: float) -> str:
+    faces, size = sum(len(s.mesh.faces) for s in scene), np.ptp(scene.bounds, axis=0)
+    dimensions = " × ".join(f"{x:.2f}" for x in size)
+    note = f"{len(scene)} surfaces, {faces:,} triangles, {dimensions} m"
+    if cell:
+        shown = sum(len(m.faces) for m in meshes)
+        note += f" · thinned for this picture to {shown:,} triangles on a {1000 * cell:.0f} mm grid; the scene keeps all"
+    return note

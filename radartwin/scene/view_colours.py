@@ -1,0 +1,119 @@
+"""Colours of a scene by material, segment and reflectivity; what stands for a material in a picture."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from radartwin.errors import MaterialError
+from radartwin.materials import Layered, reflection
+
+RGB = tuple[int, int, int]
+
+# What people expect a material to look like, kept apart for colour-blind readers by lightness (Okabe and Ito hues).
+COLOURS = {
+    "metal": "#5b6b7a",
+    "concrete": "#a8a8a0",
+    "brick": "#b5533c",
+    "plasterboard": "#ece3cf",
+    "wood": "#c98b4a",
+    "plywood": "#d9a86c",
+    "chipboard": "#d9bf94",
+    "floorboard": "#8a5a33",
+    "glass": "#56b4e9",
+    "ceiling_board": "#cfd8dc",
+    "marble": "#f0e9f2",
+    "water": "#0072b2",
+    "oil": "#e69f00",
+    "pet": "#009e73",
+    "hdpe": "#33c29a",
+}
+OTHER = "#cc79a7"
+BAND_HZ = (77e9, 81e9)  # the automotive band the radars sweep: a mean over it has no single-frequency fringes of a slab
+LOW_DB = -40.0  # the scale ends here; what reflects less returns a ten-thousandth
+UNKNOWN: RGB = (216, 27, 160)  # of no colour in the scale
+
+
+def material_label(material: str | Layered) -> str:
+    """`concrete`, or `floorboard 8 mm on concrete`, or `glass 4 mm | air 16 mm | glass 4 mm`."""
+    if isinstance(material, str):
+        return material
+    stack = " | ".join(f"{name} {1000 * thickness:.4g} mm" for name, thickness in material.layers)
+    if not stack:
+        return material.backing
+    return stack if material.backing == "air" else f"{stack} on {material.backing}"
+
+
+def outer(material: str | Layered) -> str:
+    """The name of what a hand would touch."""
+    if isinstance(material, str):
+        return material
+    return material.layers[0][0] if material.layers else material.backing
+
+
+def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
+    """A colour for every distinct label, in the order of labels; stacks with the same outer layer differ in lightness."""
+    named = {material_label(m): outer(m) for m in materials}
+    seen: dict[str, int] = {}
+    colours = {}
+    for label in sorted(named):
+        nth = seen.get(named[label], 0)
+        seen[named[label]] = nth + 1
+        colours[label] = _lighter(_rgb(COLOURS.get(named[label], OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[nth % 5])
+    return colours
+
+
+def segment_colours(areas: Sequence[float]) -> list[RGB]:
+    """Colours by rank of area: hues a golden angle apart, so that the large ones, which touch, are told apart."""
+    colours: list[RGB] = [(0, 0, 0)] * len(areas)
+    for rank, index in enumerate(np.argsort(-np.asarray(areas), kind="stable")):
+        hue = (0.58 + rank * 0.61803398875) % 1
+        r, g, b = colorsys.hls_to_rgb(hue, (0.62, 0.45, 0.74)[rank % 3], (0.6, 0.5, 0.75)[rank // 3 % 3])
+        colours[int(index)] = (round(255 * r), round(255 * g), round(255 * b))
+    return colours
+
+
+@lru_cache(maxsize=4096)
+def reflection_db(material: str | Layered, roughness_m: float = 0.0) -> float | None:
+    """Power that comes straight back at normal incidence, in dB, mean over the 77 to 81 GHz band; None without values there.
+
+    >>> round(reflection_db("metal"), 1), round(reflection_db("concrete"), 1)
+    (-0.0, -8.1)
+    """
+    frequencies = np.linspace(*BAND_HZ, 41)
+    try:
+        te, _ = reflection(material, np.ones_like(frequencies), frequencies, roughness_m)
+    except MaterialError:
+        return None
+    power = float(np.mean(np.abs(te) ** 2))
+    return 10 * float(np.log10(power)) if power > 0 else -np.inf
+
+
+def ramp(count: int = 33) -> list[RGB]:
+    """Colours from LOW_DB to 0 dB, dark to light (viridis)."""
+    from matplotlib import colormaps
+
+    return [(int(r), int(g), int(b)) for r, g, b in np.round(255 * colormaps["viridis"](np.linspace(0, 1, count))[:, :3])]
+
+
+def reflectivity_colour(level_db: float | None, stops: Sequence[RGB]) -> RGB:
+    """Where a level lies on the ramp, clipped at its ends."""
+    if level_db is None:
+        return UNKNOWN
+    at = float(np.clip(1 - level_db / LOW_DB, 0, 1)) * (len(stops) - 1)
+    r, g, b = (round(float(np.interp(at, range(len(stops)), [s[k] for s in stops]))) for k in range(3))
+    return r, g, b
+
+
+def _rgb(text: str) -> RGB:
+    r, g, b = (int(text[k : k + 2], 16) for k in (1, 3, 5))
+    return r, g, b
+
+
+def _lighter(colour: RGB, share: float) -> RGB:
+    goal = 255 if share > 0 else 0
+    r, g, b = (round(c + abs(share) * (goal - c)) for c in colour)
+    return r, g, b
