@@ -101,6 +101,14 @@ def _parser() -> argparse.ArgumentParser:
     process.add_argument("--out", metavar="FOLDER", type=Path, help="where to write (default: OUTPUT/processed/NAME)")
     _output(process)
 
+    captures = _verb(verbs, "import", _import, "raw captures to a recording set")
+    captures.add_argument("source", metavar="SOURCE", type=Path, help="a mmWave Studio .bin, a .npy cube, or a folder of captures")
+    captures.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="columns of the index for all, keys of a new set's card")
+    captures.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; it is added to if it exists")
+    captures.add_argument("--map", metavar="FILE", type=Path, help=".yaml or .csv: which capture shows what")
+    captures.add_argument("--radar", metavar="FILE", help="as for process (default: the .mmwave.json beside each capture)")
+    captures.add_argument("--cut", action="store_true", help="leave out an incomplete frame at the end of a capture")
+
     reconstruct = _verb(verbs, "reconstruct", _reconstruct, "a scanned mesh to a labelled scene folder")
     reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh")
     reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True)
@@ -119,7 +127,8 @@ def _parser() -> argparse.ArgumentParser:
     report = _verb(verbs, "report", _report, "the static report from the tables already written")
     _output(report)
 
-    doctor = _verb(verbs, "doctor", _doctor, "versions, devices, disk, tracking store, and what to do")
+    doctor = _verb(verbs, "doctor", _doctor, "versions, devices, disk, tracking store, and what to do; or a recording set")
+    doctor.add_argument("--data", metavar="FOLDER", type=Path, help="check this recording set instead: all that is wrong with it")
     _output(doctor)
     return parser
 
@@ -214,6 +223,27 @@ def _process(options: argparse.Namespace) -> int:
     return 0
 
 
+def _import(options: argparse.Namespace) -> int:
+    from radartwin.assemble import named_radar
+    from radartwin.measured.importers import import_captures, key_values
+    from radartwin.measured.mapping import read_mapping
+    from radartwin.progress import Progress
+
+    progress = Progress()
+    target, added = import_captures(
+        options.source,
+        options.out,
+        key_values(options.overrides),
+        read_mapping(options.map) if options.map else None,
+        radar=named_radar(options.radar) if options.radar else None,
+        cut=options.cut,
+        progress=progress,
+        say=progress.say,
+    )
+    print(f"{options.out}: {len(added)} recordings added, {len(target)} in all")
+    return 0
+
+
 def _reconstruct(options: argparse.Namespace) -> int:
     from radartwin.reconstruct.build import reconstruct
 
@@ -246,6 +276,6 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _doctor(options: argparse.Namespace) -> int:
-    from radartwin.doctor import doctor
+    from radartwin.doctor import doctor, doctor_data
 
-    return doctor(options.output)
+    return doctor_data(options.data) if options.data is not None else doctor(options.output)

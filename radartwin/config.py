@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 from radartwin.errors import ConfigError
@@ -216,20 +217,31 @@ class GapConfig:
                 raise ConfigError(f"measured.gap.{gap.name}={getattr(self, gap.name)} must be zero (off) or above, and finite")
 
 
+def _recording_set(folder: Path) -> None:
+    from radartwin.measured.card import CARD
+
+    if not folder.is_dir():
+        raise ConfigError(f"measured.folder={folder} is no folder; give a recording set, made with radartwin import")
+    if not (folder / CARD).is_file():
+        raise ConfigError(f"measured.folder={folder} is no recording set, it has no {CARD}; make one with radartwin import")
+
+
 @dataclass
 class MeasuredConfig:
     """What the twin is scored against."""
 
     provider: str = "testbed"  # testbed | recordings
-    folder: str | None = _path()  # recordings: captures with their metadata
+    folder: str | None = _path()  # recordings: a recording set (docs/recording-sets.md)
     gap: GapConfig = field(default_factory=GapConfig)
 
     def __post_init__(self) -> None:
         _one_of("measured.provider", self.provider, ("testbed", "recordings"))
         if self.provider == "recordings" and not self.folder:
-            raise ConfigError("measured=recordings needs the captures: add measured.folder=FOLDER")
+            raise ConfigError("measured=recordings needs the recording set: add measured.folder=FOLDER")
         if self.provider != "recordings" and self.folder:
             raise ConfigError("measured.folder is only read by measured=recordings; add measured=recordings")
+        if self.folder:
+            _recording_set(Path(self.folder))
 
 
 @dataclass

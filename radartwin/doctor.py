@@ -1,4 +1,4 @@
-"""What this machine has for the simulation, and what to do about what it has not."""
+"""What this machine has for the simulation, what is wrong with a recording set, and what to do about it."""
 
 from __future__ import annotations
 
@@ -41,6 +41,28 @@ def doctor(output: Path) -> int:
     usable = all(finding.status != "missing" for finding in findings)
     print("doctor: usable" if usable else "doctor: not usable yet; see above")
     return 0 if usable else 2
+
+
+def doctor_data(folder: Path) -> int:
+    """Print everything that is wrong with a recording set, and what is in it; 0 if it can be used, else 2."""
+    from radartwin.measured.checks import examine as examine_set
+    from radartwin.progress import Progress
+
+    report = examine_set(folder, Progress())
+    for kind, lines in (("note", report.notes), ("problem", report.problems)):
+        for line in lines:
+            print(f"{kind:9s}{line}")
+    radar = f"; radar {report.radar.name}" if report.radar else ""
+    licence = f", {report.card.licence}" if report.card and report.card.licence else ""
+    name = report.card.name if report.card and report.card.name else str(folder)
+    print(f"{name}: {len(report.rows)} recordings, {report.frames} frames, {report.bytes / 1e6:.1f} MB{radar}{licence}")
+    for column in ("object", "distance_m", "room", "motion", "split"):
+        counts = report.counts(column)
+        if any(counts.keys()):
+            print(f"{column:12s}{', '.join(f'{key or None} {count}'.lower() for key, count in counts.items())}")
+    found = len(report.problems)
+    print(f"doctor: {found} problem{'s' if found > 1 else ''}; see above" if found else "doctor: the set can be used")
+    return 2 if found else 0
 
 
 def examine(output: Path) -> Iterator[Finding]:

@@ -21,7 +21,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.description import read_radar
 from radartwin.radar.recording import Recording, read_counts, recording_files
 
-_EDGE_DB = 2.0  # see band_edge_db
+EDGE_DB = 2.0  # see band_edge_db
 
 
 def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, iq_swapped: bool | None = None) -> Recording:
@@ -48,9 +48,9 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
     if not bin_path.is_file():
         raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
     if radar is None:
-        radar = read_radar(_description_beside(bin_path))
+        radar = read_radar(description_beside(bin_path))
     counts = read_counts(bin_path, radar)
-    return _foreign(bin_path, counts, radar, iq_swapped)
+    return from_counts(bin_path, counts, radar, iq_swapped)
 
 
 def capture_name(path: str | Path) -> str:
@@ -78,11 +78,11 @@ def band_edge_db(iq: NDArray[np.complexfloating]) -> float:
     return float(10 * np.log10(low / high)) if low > 0 and high > 0 else 0.0
 
 
-def _foreign(path: Path, iq: NDArray[np.complex64], radar: Radar, iq_swapped: bool | None) -> Recording:
+def from_counts(path: Path, iq: NDArray[np.complex64], radar: Radar, iq_swapped: bool | None) -> Recording:
     """A recording in counts from samples read with I first, conjugated where Q came first."""
     edge = 0.0 if radar.real_sampling else band_edge_db(iq[0])
     if iq_swapped is None:
-        iq_swapped = edge < -_EDGE_DB
+        iq_swapped = edge < -EDGE_DB
     if iq_swapped:
         # Reading Q + jI as I + jQ gives j conj(I + jQ); undo it exactly.
         iq = 1j * iq.conj()
@@ -90,8 +90,8 @@ def _foreign(path: Path, iq: NDArray[np.complex64], radar: Radar, iq_swapped: bo
     return Recording(iq, radar, scale=1.0, iq_swapped=bool(iq_swapped), provenance=provenance)
 
 
-def _description_beside(path: Path) -> Path:
-    """The mmWave Studio description of a .bin: the one in its folder, or the one that shares most of its name."""
+def description_beside(path: Path) -> Path:
+    """The mmWave Studio description of a .bin: the only one in its folder, or the one of its name. Raises MissingError for none."""
     found = sorted(path.parent.glob("*.mmwave.json"))
     if len(found) == 1:
         return found[0]
@@ -130,7 +130,7 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
         )
     if frames < 1:
         raise RecordingError(f"{path}: it has zero frames")
-    return _foreign(path, _signed(cube).reshape(frames, *shape), radar, iq_swapped)
+    return from_counts(path, _signed(cube).reshape(frames, *shape), radar, iq_swapped)
 
 
 def _signed(cube: NDArray[np.complexfloating]) -> NDArray[np.complex64]:

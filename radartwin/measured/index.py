@@ -1,0 +1,175 @@
+"""The index of a recording set, index.csv: one row per recording, and what may stand in its columns."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from radartwin.errors import InputError
+
+INDEX = "index.csv"
+COLUMNS = ("recording", "object", "distance_m", "room", "motion", "repetition", "trajectory", "split")
+NEEDED = COLUMNS[:5]  # a file may leave out the others
+MOTIONS = ("static", "turntable", "radial", "diagonal", "depth", "lateral", "other")
+RANGED = MOTIONS[1:-1]  # those whose distance the experimenter sets, so that it must be known
+SPLITS = ("", "train", "validation", "test", "calibration")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+_LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was recorded.
+
+    Attributes:
+        recording: name of the files, recordings/NAME.bin and NAME.json.
+        object: in front of the radar; "none" for an empty room.
+        distance_m: from the radar to the object's axis at the start; None where nobody measured it.
+        motion: static, turntable, radial and diagonal (rail), depth and lateral (rover), or other.
+        trajectory: file below trajectories/ with the radar's poses; "" for none.
+        split: train, validation, test, calibration or "".
+        extra: further columns, as text; `start_s` is when the first frame was taken on the trajectory's clock.
+    """
+
+    recording: str
+    object: str
+    distance_m: float | None
+    room: str
+    motion: str
+    repetition: int = 0
+    trajectory: str = ""
+    split: str = ""
+    extra: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def condition(self) -> tuple[Any, ...]:
+        """What no two recordings may share."""
+        return self.object, self.distance_m, self.room, self.motion, self.repetition
+
+    def value(self, column: str) -> Any:
+        """Of a column by its name; "" for a further one that this row leaves empty."""
+        return getattr(self, column) if column in COLUMNS else self.extra.get(column, "")
+
+    def problems(self) -> list[str]:
+        """What no experiment could use, a line each."""
+        found = []
+        if not _NAME.fullmatch(self.recording) or self.recording.endswith((".bin", ".json")):
+            found.append(f"recording {self.recording!r} must be a file name without suffix, of letters, digits, '.', '_' and '-'")
+        for column in ("object", "room"):
+            if not _LABEL.fullmatch(self.value(column)):
+                found.append(f"{column} {self.value(column)!r} must be a word of letters, digits, '_' and '-'")
+        if self.distance_m is None and self.motion in RANGED:
+            found.append(f"distance_m is empty, but motion {self.motion} has a distance; fill it in")
+        if self.distance_m is not None and not 0 < self.distance_m < math.inf:
+            found.append(f"distance_m {self.distance_m} must be above zero and finite")
+        for column, known in (("motion", MOTIONS), ("split", SPLITS)):
+            if self.value(column) not in known:
+                found.append(f"{column} {self.value(column)!r} is not known; options: {', '.join(filter(None, known))}")
+        if self.repetition < 0:
+            found.append(f"repetition {self.repetition} must be zero or above")
+        if self.trajectory and (Path(self.trajectory).is_absolute() or ".." in Path(self.trajectory).parts):
+            found.append(f"trajectory {self.trajectory!r} must be a file inside trajectories/")
+        if clash := set(self.extra) & set(COLUMNS):
+            found.append(f"extra holds the column {min(clash)}, which is a field of its own")
+        try:
+            if not math.isfinite(self.start_s):
+                raise ValueError
+        except ValueError:
+            found.append(f"start_s {self.extra['start_s']!r} must be a finite number of seconds")
+        return found
+
+    @property
+    def start_s(self) -> float:
+        """When the first frame was taken, on the trajectory's clock. Raises ValueError where the column is no number."""
+        return float(self.extra.get("start_s", "") or 0.0)
+
+
+def row_of(values: Mapping[str, Any]) -> Row:
+    """A row from texts by column. Raises InputError with all that is wrong in it, in one line."""
+    text = {str(key): "" if value is None else str(value).strip() for key, value in values.items()}
+    found = [f"it has no {column}" for column in NEEDED if column not in text]
+    numbers: dict[str, Any] = {}
+    for column, kind, empty, what in (("distance_m", float, None, "a number of metres"), ("repetition", int, 0, "a whole number")):
+        try:
+            numbers[column] = kind(text[column]) if text.get(column) else empty
+        except ValueError:
+            found.append(f"{column} {text[column]!r} is not {what}")
+            numbers[column] = 1
+    words = {column: text.get(column, "") for column in COLUMNS if column not in numbers and (column in text or column not in NEEDED)}
+    if len(words) == len(COLUMNS) - len(numbers):
+        row = Row(**words, **numbers, extra={key: value for key, value in text.items() if key not in COLUMNS and value})
+        found += row.problems()
+        if not found:
+            return row
+    raise InputError("; ".join(found))
+
+
+def read_index(path: Path) -> tuple[list[Row], list[str]]:
+    """The rows that can be used, in order, and what is wrong with the file and the others, a line each."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        return [], []
+    except UnicodeDecodeError:
+        return [], ["it is not UTF-8 text; save it as CSV in UTF-8"]
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        lines = [(reader.line_num, values) for values in reader if any(value.strip() for value in values)]
+    except csv.Error as error:
+        return [], [f"line {reader.line_num}: {error}; it is not valid CSV"]
+    if not lines:
+        return [], [f"it is empty; the first line names the columns {','.join(COLUMNS)}"]
+    header = [name.strip() for name in lines[0][1]]
+    if missing := [name for name in NEEDED if name not in header]:
+        separated = "; separate the columns by commas" if len(header) == 1 else ""
+        return [], [f"line 1: it has no column {', '.join(missing)}{separated}"]
+    if twice := [name for name, count in Counter(header).items() if count > 1]:
+        return [], [f"line 1: column {twice[0] or 'without a name'} stands there twice"]
+    rows: list[Row] = []
+    found: list[str] = []
+    names: dict[str, int] = {}
+    conditions: dict[tuple[Any, ...], int] = {}
+    for number, values in lines[1:]:
+        if len(values) != len(header):
+            found.append(f"line {number}: it has {len(values)} values for {len(header)} columns")
+            continue
+        try:
+            row = row_of(dict(zip(header, values, strict=True)))
+        except InputError as error:
+            found.append(f"line {number}: {error}")
+            continue
+        if (first := names.setdefault(row.recording.casefold(), number)) != number:
+            found.append(f"line {number}: recording {row.recording} stands in line {first} already")
+            continue
+        if (first := conditions.setdefault(row.condition, number)) != number:
+            found.append(f"line {number}: it repeats line {first} ({describe(row)}); count the repetitions")
+        rows.append(row)
+    return rows, found
+
+
+def index_text(rows: Iterable[Row]) -> str:
+    """The file's content; reading it gives the same rows."""
+    rows = list(rows)
+    header = [*COLUMNS, *dict.fromkeys(key for row in rows for key in row.extra)]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(["" if (value := row.value(name)) is None else value for name in header] for row in rows)
+    return out.getvalue()
+
+
+def describe(row: Row) -> str:
+    """For people: what is in it.
+
+    >>> describe(Row("a", "mug", 1.5, "lab", "turntable", 2))
+    'mug, 1.5 m, lab, turntable, repetition 2'
+    """
+    distance = "distance unknown" if row.distance_m is None else f"{row.distance_m:g} m"
+    return f"{row.object}, {distance}, {row.room}, {row.motion}, repetition {row.repetition}"

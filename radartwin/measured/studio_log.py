@@ -1,0 +1,146 @@
+"""The LogFile.csv that mmWave Studio and the DCA1000 command line write beside a raw capture.
+
+Lines of text, "key - value" or "key : value": settings first, then one section per data type ("Raw Data :"; several where the card
+separates data types, which this package does not read). Packets that did not arrive are filled with zeros in the .bin, so its size says
+nothing of them; only the log and the zeros do.
+
+References: DCA1000EVM data capture card user's guide (TI SPRUIJ4), raw mode; a log of 143473 packets for 100 frames of 2088960 bytes
+(../shared/data/radar/iwr6843_static_room) agrees with its payload of 1456 bytes.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from radartwin.errors import MissingError, RecordingError
+
+PACKET_BYTES = 1456  # of samples in one packet
+_LINE = re.compile(r"\s*([A-Za-z][A-Za-z ()]*?)\s*[-:]\s*(.*?)[\s,]*")
+_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")  # of C's ctime, in English always
+
+
+@dataclass(frozen=True)
+class StudioLog:
+    """What the log says of a capture.
+
+    Attributes:
+        lanes: LVDS lanes; None where it does not say.
+        received, lost, out_of_sequence: packets; lost ones are zeros in the .bin.
+        lost_bytes: of zeros.
+        started, ended: local time of the recording machine, ISO 8601 without zone; None for a capture that was cut short.
+    """
+
+    lanes: int | None
+    received: int
+    lost: int
+    lost_bytes: int
+    out_of_sequence: int
+    started: str | None
+    ended: str | None
+
+    def frames(self, frame_bytes: int) -> int:
+        """Whole frames that went into the .bin; one more than were sent if the last packet was padded, never fewer."""
+        return (self.received + self.lost) * PACKET_BYTES // frame_bytes
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def read_log(path: str | Path) -> StudioLog:
+    """Read a LogFile.csv.
+
+    Raises:
+        MissingError: no such file.
+        RecordingError: it is no such log, or one of a mode whose samples are laid out otherwise.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise MissingError(f"{path}: no such log file")
+    values: dict[str, str] = {}
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        if match := _LINE.fullmatch(line):
+            values.setdefault(match.group(1).lower(), match.group(2))
+    if values.get("log mode", "Raw") != "Raw":
+        raise RecordingError(f"{path}: log mode {values['log mode']}: the card separated the data types; record in raw mode")
+    lanes = _number(path, values, "lvds lane mode", None)
+    if lanes not in (None, 2):
+        raise RecordingError(f"{path}: {lanes} LVDS lanes; the two of xWR16xx, xWR18xx and xWR68xx captures are read")
+    received = _number(path, values, "number of received packets", None)
+    if received is None:
+        raise RecordingError(f"{path}: it does not say how many packets were received; is it a LogFile.csv of a finished capture?")
+    return StudioLog(
+        lanes=lanes,
+        received=received,
+        lost=_number(path, values, "number of zero filled packets", 0) or 0,
+        lost_bytes=_number(path, values, "number of zero filled bytes", 0) or 0,
+        out_of_sequence=_number(path, values, "out of sequence count", 0) or 0,
+        started=_time(path, values.get("capture start time")),
+        ended=_time(path, values.get("capture end time")),
+    )
+
+
+def find_log(capture: Path) -> Path | None:
+    """The log of a .bin: PREFIX_Raw_LogFile.csv or PREFIX_LogFile.csv, else the only one beside the only capture; None if none is."""
+    prefix = capture_prefix(capture)
+    for name in (f"{prefix}_Raw_LogFile.csv", f"{prefix}_LogFile.csv"):
+        if (capture.parent / name).is_file():
+            return capture.parent / name
+    logs = sorted(capture.parent.glob("*LogFile.csv"))
+    captures = {capture_prefix(path) for path in capture.parent.glob("*.bin")}
+    return logs[0] if len(logs) == 1 and len(captures) == 1 else None
+
+
+def capture_prefix(capture: Path) -> str:
+    """The name a capture was started with: without the _Raw_0 that the card adds, a number per file of at most 1 GB.
+
+    >>> capture_prefix(Path("mug_Raw_0.bin"))
+    'mug'
+    """
+    return re.sub(r"_Raw_\d+$", "", capture.stem)
+
+
+def is_part(capture: Path) -> bool:
+    """Whether the card has numbered this file."""
+    return re.search(r"_Raw_\d+$", capture.stem) is not None
+
+
+def parts(capture: Path) -> list[Path]:
+    """The files of one capture in order: those numbered as `capture` is, PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ..., or itself.
+
+    Raises:
+        MissingError: a number in between is missing.
+    """
+    if not is_part(capture):
+        return [capture]
+    prefix = capture_prefix(capture)
+    same = (path for path in capture.parent.glob("*.bin") if is_part(path) and capture_prefix(path) == prefix)
+    found = {int(path.stem.rpartition("_")[2]): path for path in same}
+    for number in range(max(found) + 1):
+        if number not in found:
+            raise MissingError(f"{capture.parent}: {prefix}_Raw_{number}.bin is missing; the capture has parts up to {max(found)}")
+    return [found[number] for number in sorted(found)]
+
+
+def _number(path: Path, values: dict[str, str], key: str, default: int | None) -> int | None:
+    if key not in values:
+        return default
+    if not (match := re.match(r"\d+", values[key])):
+        raise RecordingError(f"{path}: {key} {values[key]!r} is not a number")
+    return int(match.group())
+
+
+def _time(path: Path, text: str | None) -> str | None:
+    if not text:
+        return None
+    match = re.fullmatch(r"\w{3}\s+(\w{3})\s+(\d{1,2})\s+(\d\d):(\d\d):(\d\d)\s+(\d{4})", text)
+    try:
+        if match is None:
+            raise ValueError
+        month, day, hour, minute, second, year = match.groups()
+        return datetime(int(year), _MONTHS.index(str(month)) + 1, int(day), int(hour), int(minute), int(second)).isoformat()
+    except ValueError:
+        raise RecordingError(f"{path}: {text!r} is not a time such as 'Tue Nov 19 20:02:23 2024'") from None
