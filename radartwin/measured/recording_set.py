@@ -66,6 +66,7 @@ class RecordingSet:
             if folder.is_dir() and any(not path.name.startswith(".") for path in folder.iterdir()):
                 raise OutputError(f"{folder}: it is not empty and no recording set; choose another folder")
             card.save(folder)
+        files.drop_stale(folder / LOCK)
         for part in (folder, files.make_folder(folder / RECORDINGS), files.make_folder(folder / TRAJECTORIES)):
             files.sweep(part)
         return cls.load(folder)
