@@ -15,7 +15,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import trimesh
+from trimesh.visual import ColorVisuals, TextureVisuals
 
 from radartwin.errors import MeshError, MissingError, SceneError
 from radartwin.files import write_atomically
@@ -25,6 +27,7 @@ from radartwin.scene.mesh_file import read_meshes
 from radartwin.scene.scene import Scene, Surface
 
 FORMAT, VERSION = "radartwin-scene", 1
+UV_STEPS = 2**17  # of texture coordinates: glTF counts v from the top, and 1 - v of such a number is exact in float32 up to 64 repeats
 
 
 def save_scene(scene: Scene, folder: Path) -> Path:
@@ -35,7 +38,7 @@ def save_scene(scene: Scene, folder: Path) -> Path:
     entries = []
     for index, surface in enumerate(scene.surfaces):
         key = f"s{index:05d}"
-        mesh = trimesh.Trimesh(surface.mesh.vertices, surface.mesh.faces, vertex_normals=surface.mesh.vertex_normals, process=False)
+        mesh = _stored(surface.mesh)
         out.add_geometry(mesh, node_name=key, geom_name=key)
         entries.append(
             {
@@ -76,6 +79,18 @@ def load_scene(path: Path, material: str | Layered | None = None) -> Scene:
             raise SceneError(f"scene {path} carries its own materials; relabel it through a material source instead of material=")
         return _load_folder(path)
     return _load_plain(path, material)
+
+
+def _stored(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """A mesh as glTF holds it: with its texture, or with colours by vertex; colours by face are spread to the vertices."""
+    visual: Any = mesh.visual
+    if visual.kind == "texture":
+        kept = TextureVisuals(uv=np.rint(visual.uv * UV_STEPS) / UV_STEPS, material=visual.material)
+    elif visual.kind in ("vertex", "face"):
+        kept = ColorVisuals(vertex_colors=visual.vertex_colors)
+    else:
+        kept = None
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.vertex_normals, visual=kept, process=False)
 
 
 def material_to_json(material: str | Layered) -> str | dict[str, Any]:

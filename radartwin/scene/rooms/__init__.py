@@ -1,0 +1,129 @@
+"""Procedural rooms with known truth. World frame: origin on the floor, x along the room, y to the left, z up; metres.
+
+Walls, floor and ceiling are single-sided rectangles facing into the room; windows and doors fill openings in their walls, so no two
+surfaces overlap. Furniture is closed boxes that keep 1 cm from floor and walls, because faces in contact shadow each other at the tracer's
+ray offset (up to 1 mm at 10 m, see physics.md). Every surface carries its material, roughness and look, and in its provenance the MINC
+category that is true of it.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from radartwin.errors import SceneError
+from radartwin.scene import objects
+from radartwin.scene.rooms.atrium import atrium
+from radartwin.scene.rooms.lab import CLUTTER, lab, lab_bench
+from radartwin.scene.rooms.parts import (
+    CEILING,
+    DETAILS,
+    DOOR_LEAF,
+    DOUBLE_GLAZING,
+    FINISHES,
+    FLOOR,
+    GAP,
+    SHELF_BOARD,
+    STUD_WALL,
+    TABLE_TOP,
+    Bench,
+    Detail,
+    Finish,
+    rectangle,
+    surface,
+)
+from radartwin.scene.rooms.squash_court import squash_court
+from radartwin.scene.scene import Scene
+from radartwin.scene.trajectory import look_at, pose
+
+__all__ = [
+    "CEILING",
+    "CLUTTER",
+    "DETAILS",
+    "DOOR_LEAF",
+    "DOUBLE_GLAZING",
+    "FINISHES",
+    "FLOOR",
+    "GAP",
+    "ROOMS",
+    "SHELF_BOARD",
+    "STUD_WALL",
+    "TABLE_TOP",
+    "Bench",
+    "Detail",
+    "Finish",
+    "atrium",
+    "bench",
+    "empty",
+    "lab",
+    "lab_bench",
+    "rectangle",
+    "room",
+    "squash_court",
+    "support",
+    "void",
+]
+
+ROVER_HEIGHT_M = 0.4  # of the radar on the rover, above the floor
+ROVER_DISTANCES_M = (0.5, 1.0, 2.0)
+# Where the rover starts: (x, y) on the long axis, far enough from the wall behind it.
+_STARTS = {"lab": (1.0, 0.0), "atrium": (2.0, 0.0), "squash_court": (2.0, 0.0)}
+
+
+def empty() -> Scene:
+    """Free space: no surfaces; add a target to it."""
+    return Scene([], {"room": "empty"})
+
+
+def void() -> Scene:
+    """No room: what is left are an object and its stand, which the caller adds."""
+    return Scene([], {"room": "void"})
+
+
+ROOMS: dict[str, Callable[..., Scene]] = {"lab": lab, "atrium": atrium, "squash_court": squash_court, "empty": empty, "void": void}
+
+
+def room(name: str, **options: Any) -> Scene:
+    """A room by name, e.g. `room("squash_court", back="glass", detail="cluttered")`.
+
+    Raises:
+        SceneError: no such room, an option it does not take, or a value it refuses.
+
+    >>> room("empty").provenance["room"]
+    'empty'
+    """
+    if name not in ROOMS:
+        raise SceneError(f"there is no room {name!r}; choose {', '.join(ROOMS)}")
+    known = list(inspect.signature(ROOMS[name]).parameters)
+    if unknown := sorted(set(options) - set(known)):
+        raise SceneError(f"room {name} has no option {unknown[0]!r}; it takes {', '.join(known) or 'none'}")
+    return ROOMS[name](**options)
+
+
+def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
+    """Where a rover measures in a room: its start, looking along +x, with targets on its boresight at ROVER_DISTANCES_M.
+
+    `lab_bench` is the lab's turntable, higher up. Free space has its sensor at the origin.
+    """
+    if name not in ROOMS:
+        raise SceneError(f"there is no room {name!r}; choose {', '.join(ROOMS)}")
+    position = np.array([*_STARTS.get(name, (0.0, 0.0)), height_m])
+    return Bench(look_at(position, position + np.array([1.0, 0.0, 0.0])))
+
+
+def support(position: np.ndarray, radius_m: float = 0.15, thickness_m: float = 0.03) -> Scene:
+    """A turntable disc on a wooden post, its top centred at `position` (3,): what an object stands on.
+
+    The post is round and thin and the disc ends below the object's base, so that neither faces the radar squarely.
+    """
+    x, y, top = (float(v) for v in position)
+    post = top - thickness_m - 2 * GAP
+    if post <= 0:
+        raise SceneError(f"support: its top is at z = {top} m, too low for a {thickness_m} m disc above the floor")
+    disc = objects.cylinder(radius_m, thickness_m).apply_transform(pose([x, y, top - thickness_m / 2]))
+    column = objects.cylinder(0.03, post, 32).apply_transform(pose([x, y, GAP + post / 2]))
+    parts = (surface("turntable", disc, "turntable", role="object"), surface("stand", column, "solid wood", role="object"))
+    return Scene(part.replaced(roughness_m=0.0) for part in parts)  # turned and varnished

@@ -1,0 +1,147 @@
+"""Furniture of boxes: closed, outward, each part clear of its neighbours by a few millimetres.
+
+Faces in contact shadow each other at the tracer's ray offset (up to 1 mm at 10 m, see physics.md), so nothing touches:
+legs stop 5 mm under a top, and all stands `GAP` off floor and walls.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+
+from radartwin.scene import objects
+from radartwin.scene.rooms.parts import GAP, surface
+from radartwin.scene.scene import Surface
+from radartwin.scene.trajectory import pose
+
+JOINT = 0.005  # between parts of one piece, metres
+
+
+def table(
+    name: str,
+    x: float,
+    y: float,
+    depth: float,
+    width: float,
+    height: float = 0.74,
+    floor: float = 0.0,
+    top: str = "table top",
+    legs: str = "dark metal",
+    seed: int = 0,
+) -> list[Surface]:
+    """A top and four square metal legs; lowest corner at (x, y), standing GAP above `floor`."""
+    board = objects.box([x, y, height - 0.025], [x + depth, y + width, height])
+    side, inset = 0.04, 0.03
+    posts = [
+        objects.box([u, v, floor + GAP], [u + side, v + side, height - 0.03])
+        for u in (x + inset, x + depth - inset - side)
+        for v in (y + inset, y + width - inset - side)
+    ]
+    return [surface(f"{name}_top", board, top, seed=seed), surface(f"{name}_legs", objects.joined(posts), legs, seed=seed)]
+
+
+def shelf(x: float, y: float, depth: float, width: float, height: float = 1.8, boards: int = 5) -> trimesh.Trimesh:
+    """An open shelf along y: two sides and evenly spaced boards between them."""
+    t, gap = 0.018, JOINT
+    parts = [objects.box([x, v, GAP], [x + depth, v + t, height]) for v in (y, y + width - t)]
+    for z in np.linspace(0.08, height - t, boards):
+        parts.append(objects.box([x, y + t + gap, z], [x + depth, y + width - t - gap, z + t]))
+    return objects.joined(parts)
+
+
+def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, finish: str = "fabric", seed: int = 0) -> list[Surface]:
+    """A sofa or armchair on metal feet, within the rectangle low (x, y) to high (x, y).
+
+    Args:
+        back: side of its backrest: "-x", "+x", "-y" or "+y".
+    """
+    axis, sign = "xy".index(back[1]), 1 if back[0] == "+" else -1
+    corner, size = np.asarray(low, float), np.asarray(high, float) - np.asarray(low, float)
+    across = 1 - axis
+    arm, depth, seat, top, rest = 0.16, 0.2, 0.42, 0.62, 0.82
+
+    def part(span: tuple[float, float], run: tuple[float, float], z: tuple[float, float]) -> trimesh.Trimesh:
+        """A box: span along the back, run from the front to the back, both from the low side of the rectangle."""
+        a, b = np.zeros(2), np.zeros(2)
+        a[across], b[across] = span
+        a[axis], b[axis] = run if sign > 0 else (size[axis] - run[1], size[axis] - run[0])
+        return objects.box([*(corner + a), z[0]], [*(corner + b), z[1]])
+
+    wide, deep = size[across], size[axis]
+    inner = (arm + JOINT, wide - arm - JOINT)
+    cushions = max(1, round((inner[1] - inner[0]) / 0.75))
+    edges = np.linspace(*inner, cushions + 1)
+    front = (0.02, deep - depth - JOINT)
+    body = [
+        part((0, arm), (0, deep), (0.13, top)),
+        part((wide - arm, wide), (0, deep), (0.13, top)),
+        part(inner, (0.04, deep - depth - JOINT), (0.13, 0.28)),
+        part(inner, (deep - depth, deep), (0.13, rest)),
+    ]
+    for a, b in itertools.pairwise(edges):
+        body.append(part((a + JOINT, b - JOINT), front, (0.285, seat)))
+        body.append(part((a + JOINT, b - JOINT), (deep - depth - 0.16, deep - depth - JOINT), (seat + JOINT, rest - 0.03)))
+    feet = [part((u, u + 0.05), (v, v + 0.05), (GAP, 0.125)) for u in (0.04, wide - 0.09) for v in (0.04, deep - 0.09)]
+    return [surface(name, objects.joined(body), finish, seed=seed), surface(f"{name}_feet", objects.joined(feet), "dark metal", seed=seed)]
+
+
+def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.5, tall: float = 1.1, seed: int = 0) -> list[Surface]:
+    """A box of brick with soil in it and a shrub over it; (x, y) is its middle."""
+    h, t = side / 2, 0.06
+    walls = [
+        objects.box([x - h, y - h, GAP], [x - h + t, y + h, height]),
+        objects.box([x + h - t, y - h, GAP], [x + h, y + h, height]),
+        objects.box([x - h + t + JOINT, y - h, GAP], [x + h - t - JOINT, y - h + t, height]),
+        objects.box([x - h + t + JOINT, y + h - t, GAP], [x + h - t - JOINT, y + h, height]),
+    ]
+    soil = objects.box([x - h + t + JOINT, y - h + t + JOINT, GAP], [x + h - t - JOINT, y + h - t - JOINT, height - 0.05])
+    rng = np.random.default_rng(np.random.SeedSequence([seed, *name.encode()]))
+    return [
+        surface(name, objects.joined(walls), "brick", seed=seed),
+        surface(f"{name}_soil", soil, "soil", seed=seed),
+        surface(f"{name}_shrub", shrub(rng, np.array([x, y, height]), tall, 0.75 * side), "foliage", role="object", seed=seed),
+    ]
+
+
+def shrub(rng: np.random.Generator, base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
+    """Leaves as thin ellipsoids, upright about the base (3,) and spread with height."""
+    leaves = []
+    for k in range(26):
+        up = 0.06 + (height - 0.2) * ((k + 0.5) / 26)
+        turn = 2.4 * k + rng.uniform(-0.3, 0.3)  # radians: the golden angle keeps leaves from one another
+        out = spread * (0.35 + 0.45 * np.sin(np.pi * up / height)) * rng.uniform(0.8, 1.1)
+        leaf = objects.sphere(1.0, 2)
+        vertices = leaf.vertices * [0.11, 0.045, 0.012]
+        tilt = trimesh.transformations.rotation_matrix(-rng.uniform(0.2, 0.7), [0, 1, 0])
+        place = pose([*(base[:2] + out * np.array([np.cos(turn), np.sin(turn)])), base[2] + up])
+        spin = trimesh.transformations.rotation_matrix(turn, [0, 0, 1])
+        normals = leaf.vertices / [0.11, 0.045, 0.012]
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        one = trimesh.Trimesh(vertices, leaf.faces, vertex_normals=normals, process=False)
+        leaves.append(one.apply_transform(place @ spin @ tilt))
+    return objects.joined(leaves)
+
+
+def railing(low: Sequence[float], high: Sequence[float], height: float = 1.0, posts: int = 5) -> trimesh.Trimesh:
+    """A metal railing along x or y from `low` to `high` (x, y): posts of 40 mm with five bars between them and a handrail on top."""
+    axis = int(np.argmax(np.subtract(high, low)))
+    across = 1 - axis
+    places = np.linspace(low[axis] + 0.02, high[axis] - 0.02, posts)
+    parts = []
+
+    def bar(start: float, stop: float, half: float, bottom: float, top: float) -> trimesh.Trimesh:
+        a, b = np.zeros(3), np.zeros(3)
+        a[axis], b[axis] = start, stop
+        a[across], b[across] = low[across] - half, low[across] + half
+        a[2], b[2] = bottom, top
+        return objects.box(a.tolist(), b.tolist())
+
+    for place in places:
+        parts.append(bar(place - 0.02, place + 0.02, 0.02, GAP, height - 0.05))
+    for start, stop in zip(places[:-1] + 0.02 + JOINT, places[1:] - 0.02 - JOINT, strict=True):
+        parts += [bar(start, stop, 0.01, z, z + 0.02) for z in np.linspace(0.15, height - 0.2, 5)]
+    parts.append(bar(low[axis], high[axis], 0.025, height - 0.045, height))
+    return objects.joined(parts)

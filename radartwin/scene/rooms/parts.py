@@ -1,0 +1,235 @@
+"""What rooms are built of: walls with openings, finishes with their truth, a bench to measure from.
+
+A finish is everything that is true of a surface: material, MINC category, roughness class and look. Roughness is that of
+`radartwin.materials.roughness` by class, with their sources there: painted plaster 0.05 mm, acoustic board 0.3 mm, planed wood 0.03 mm,
+metal 0.1 mm, concrete 0.3 mm, glass none. Layers are building practice: 12.5 mm plasterboard on 75 mm studs, 4-16-4 mm double glazing, an
+8 mm floor on concrete, 15 mm ceiling board, a 40 mm door leaf, 25 mm chipboard table tops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import SceneError
+from radartwin.materials import Layered, roughness_m
+from radartwin.scene import textures
+from radartwin.scene.scene import Scene, Surface
+
+Detail = Literal["shell", "furnished", "cluttered"]
+DETAILS: tuple[Detail, ...] = ("shell", "furnished", "cluttered")
+Opening = tuple[float, float, float, float]  # u0, v0, u1, v1 along a wall from its corner, and up
+
+GAP = 0.01  # between furniture and what it stands on or leans against, metres
+
+STUD_WALL = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
+FLOOR = Layered([("floorboard", 0.008)], backing="concrete")
+CEILING = Layered([("ceiling_board", 0.015)])
+DOUBLE_GLAZING = Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)])
+DOOR_LEAF = Layered([("wood", 0.04)])
+TABLE_TOP = Layered([("chipboard", 0.025)])
+SHELF_BOARD = Layered([("chipboard", 0.018)])
+PANELLED_WALL = Layered([("wood", 0.019), ("air", 0.04), ("plasterboard", 0.0125)])  # veneered boards on battens
+TILED_FLOOR = Layered([("glass", 0.010)], backing="concrete")  # porcelain: the closest row is glass
+CONCRETE_WALL = Layered([("concrete", 0.20)])
+SPRUNG_FLOOR = Layered([("wood", 0.022), ("air", 0.05)], backing="concrete")  # 22 mm beech on battens
+TOUGHENED_GLASS = Layered([("glass", 0.012)])
+CORRUGATED_BOARD = Layered([("wood", 0.004)])  # closest to thin wood
+UPHOLSTERY = Layered([("wood", 0.004)])  # cloth over foam, which is nearly air: closest to thin, light wood
+
+
+class Finish(NamedTuple):
+    """What is true of a surface.
+
+    Attributes:
+        material: of the radar. minc: MINC category. roughness: class of `radartwin.materials.roughness`. look: of `textures`.
+        stand_in: whether the material is a row of P.2040 that stands for something it is not.
+    """
+
+    material: str | Layered
+    minc: str
+    roughness: str
+    look: str
+    stand_in: bool = False
+
+
+FINISHES: dict[str, Finish] = {
+    "plaster wall": Finish(STUD_WALL, "painted", "painted", "plaster"),
+    "white wall": Finish(STUD_WALL, "painted", "painted", "white_plaster"),
+    "blue wall": Finish(STUD_WALL, "painted", "painted", "blue_plaster"),
+    "wood panelling": Finish(PANELLED_WALL, "wood", "wood", "wood_panelling"),
+    "court wall": Finish(CONCRETE_WALL, "painted", "concrete", "painted_concrete"),
+    "concrete": Finish(CONCRETE_WALL, "stone", "concrete", "concrete"),
+    "board floor": Finish(FLOOR, "wood", "floorboard", "floorboards"),
+    "court floor": Finish(SPRUNG_FLOOR, "wood", "wood", "court_floor"),
+    "tiled floor": Finish(TILED_FLOOR, "tile", "tile", "tiles", stand_in=True),
+    "acoustic ceiling": Finish(CEILING, "other", "ceiling_board", "ceiling_board"),  # MINC has no category of its own for ceiling boards
+    "window": Finish(DOUBLE_GLAZING, "glass", "glass", "glass"),
+    "glass leaf": Finish(TOUGHENED_GLASS, "glass", "glass", "glass"),
+    "wood door": Finish(DOOR_LEAF, "wood", "wood", "wood"),
+    "dark wood": Finish(DOOR_LEAF, "wood", "wood", "dark_wood"),
+    "table top": Finish(TABLE_TOP, "wood", "chipboard", "pale_wood"),
+    "shelf": Finish(SHELF_BOARD, "wood", "chipboard", "pale_wood"),
+    "solid wood": Finish("wood", "wood", "wood", "wood"),
+    "metal": Finish("metal", "metal", "metal", "brushed_metal"),
+    "dark metal": Finish("metal", "metal", "metal", "dark_metal"),
+    "painted metal": Finish("metal", "metal", "metal", "painted_metal"),
+    "red metal": Finish("metal", "metal", "metal", "red_metal"),
+    "lamp": Finish("metal", "metal", "metal", "lamp"),
+    "screen": Finish("glass", "glass", "glass", "monitor"),
+    "fabric": Finish(UPHOLSTERY, "fabric", "fabric", "fabric", stand_in=True),
+    "red fabric": Finish(UPHOLSTERY, "fabric", "fabric", "red_fabric", stand_in=True),
+    "leather": Finish(UPHOLSTERY, "leather", "leather", "leather", stand_in=True),
+    "carpet": Finish(Layered([("wood", 0.008)]), "carpet", "carpet", "carpet", stand_in=True),  # as P.2040's carpet tile at 77 GHz
+    "foliage": Finish(Layered([("wood", 0.002)]), "foliage", "foliage", "foliage", stand_in=True),
+    "brick": Finish("floorboard", "brick", "brick", "brick", stand_in=True),  # P.2040's brick ends at 40 GHz, see materials.itu
+    "soil": Finish("concrete", "other", "food", "soil", stand_in=True),
+    "paper": Finish(Layered([("wood", 0.001)]), "paper", "paper", "poster", stand_in=True),
+    "cardboard": Finish(CORRUGATED_BOARD, "paper", "paper", "cardboard", stand_in=True),
+    "plastic": Finish(Layered([("hdpe", 0.003)]), "plastic", "plastic", "plastic"),
+    "white plastic": Finish(Layered([("hdpe", 0.003)]), "plastic", "plastic", "white_plastic"),
+    "turntable": Finish(Layered([("hdpe", 0.03)]), "plastic", "hdpe", "white_plastic"),
+}
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where the measurement stands: the sensor looks level along the room, targets stand on its boresight.
+
+    Attributes:
+        sensor_pose: (4, 4) sensor-to-world.
+    """
+
+    sensor_pose: np.ndarray
+
+    def target_position(self, distance_m: float) -> np.ndarray:
+        """Point (3,) on the boresight, at the radar's height."""
+        return self.sensor_pose[:3, 3] + distance_m * self.sensor_pose[:3, 0]
+
+
+def surface(
+    name: str,
+    mesh: trimesh.Trimesh,
+    finish: str,
+    role: Literal["object", "room"] = "room",
+    *,
+    look: str | None = None,
+    fit: bool = False,
+    picture: trimesh.Trimesh | None = None,
+    seed: int = 0,
+) -> Surface:
+    """A mesh with everything that is true of it.
+
+    Args:
+        finish: of FINISHES.
+        look: another look than the finish's; fit: one bitmap over each side.
+        picture: the mesh already dressed, in place of a look.
+        seed: of the bitmap.
+    """
+    kind = FINISHES[finish]
+    dressed = picture if picture is not None else textures.textured(mesh, look or kind.look, seed, fit)
+    provenance = {"source": "true", "confidence": 1.0, "stand_in": kind.stand_in, "minc": kind.minc}
+    return Surface(dressed, kind.material, name, roughness_m(kind.roughness), role, provenance)
+
+
+def room_scene(
+    surfaces: Sequence[Surface], room: str, size_m: Sequence[float], detail: Detail, clutter: Sequence[str] = (), **more: object
+) -> Scene:
+    """The scene of a room, with what built it in its provenance.
+
+    Args:
+        clutter: names of the small things that a scan may miss; kept as far as the detail has them.
+    """
+    has = {s.name for s in surfaces}
+    kept = [name for name in clutter if name in has]
+    return Scene(surfaces, {"room": room, "size_m": [float(v) for v in size_m], "detail": detail, "clutter": kept, **more})
+
+
+def check_detail(room: str, detail: str) -> None:
+    if detail not in DETAILS:
+        raise SceneError(f"{room}: detail is {detail!r}; choose {', '.join(DETAILS)}")
+
+
+def check_size(room: str, size_m: Sequence[float], least: tuple[float, float, float], most: tuple[float, float, float]) -> list[float]:
+    """Length, width and height as floats, within bounds.
+
+    Raises:
+        SceneError: not three numbers, or outside.
+    """
+    size = [float(v) for v in size_m]
+    bounds = f"at least {least[0]} x {least[1]} x {least[2]}, at most {most[0]:g} x {most[1]:g} x {most[2]:g}"
+    if len(size) != 3:
+        raise SceneError(f"{room}: size_m has {len(size)} numbers; give length, width and height in metres, {bounds}")
+    if not all(low <= value <= high for low, value, high in zip(least, size, most, strict=True)):
+        raise SceneError(f"{room}: size {size[0]} x {size[1]} x {size[2]} m; {bounds}")
+    return size
+
+
+def rectangle(
+    corner: np.ndarray | Sequence[float],
+    along: np.ndarray,
+    up: np.ndarray,
+    size: tuple[float, float],
+    openings: Sequence[Opening] = (),
+    inset: Opening | None = None,
+) -> trimesh.Trimesh:
+    """Single-sided rectangle with rectangular openings, facing along x up; no T-junctions.
+
+    Args:
+        corner: (3,); along, up: unit vectors; size: metres along both.
+        openings: (u0, v0, u1, v1) in metres from the corner, left out.
+        inset: only this part instead of the whole: what fills an opening.
+    """
+    u0, v0, u1, v1 = inset if inset is not None else (0.0, 0.0, *size)
+    us = np.unique(np.clip([u0, u1, *(o[k] for o in openings for k in (0, 2))], u0, u1))
+    vs = np.unique(np.clip([v0, v1, *(o[k] for o in openings for k in (1, 3))], v0, v1))
+    along, up, corner = np.asarray(along, float), np.asarray(up, float), np.asarray(corner, float)
+    vertices = corner + us[:, None, None] * along + vs[None, :, None] * up
+    index = np.arange(len(us) * len(vs)).reshape(len(us), len(vs))
+    faces = []
+    for i, j in np.ndindex(len(us) - 1, len(vs) - 1):
+        u, v = (us[i] + us[i + 1]) / 2, (vs[j] + vs[j + 1]) / 2
+        if not any(o[0] < u < o[2] and o[1] < v < o[3] for o in openings):
+            a, b, c, d = index[i, j], index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]
+            faces += [[a, b, c], [a, c, d]]
+    flat = vertices.reshape(-1, 3)
+    normals = np.tile(np.cross(along, up), (len(flat), 1))
+    return trimesh.Trimesh(flat, np.array(faces), vertex_normals=normals, process=False)
+
+
+@dataclass(frozen=True)
+class Shell:
+    """The six sides of a box x in [0, length], y in [-width/2, width/2], z in [0, height], each seen from inside.
+
+    `side(name)` gives corner, along, up and size of: floor and ceiling (from the corner at the back), wall_front (x = length),
+    wall_back (x = 0), wall_left (y > 0), wall_right (y < 0).
+    """
+
+    length: float
+    width: float
+    height: float
+
+    def side(self, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[float, float]]:
+        y, (x_axis, y_axis, z_axis) = self.width / 2, np.eye(3)
+        corners = {
+            "floor": ([0, -y, 0], x_axis, y_axis, (self.length, self.width)),
+            "ceiling": ([0, y, self.height], x_axis, -y_axis, (self.length, self.width)),
+            "wall_front": ([self.length, y, 0], -y_axis, z_axis, (self.width, self.height)),
+            "wall_back": ([0, -y, 0], y_axis, z_axis, (self.width, self.height)),
+            "wall_left": ([0, y, 0], x_axis, z_axis, (self.length, self.height)),
+            "wall_right": ([self.length, -y, 0], -x_axis, z_axis, (self.length, self.height)),
+        }
+        corner, along, up, size = corners[name]
+        return np.array(corner, float), along, up, size
+
+    def wall(self, name: str, openings: Sequence[Opening] = ()) -> trimesh.Trimesh:
+        """One side with openings left out."""
+        return rectangle(*self.side(name), openings=openings)
+
+    def filling(self, name: str, inset: Opening, openings: Sequence[Opening] = ()) -> trimesh.Trimesh:
+        """What fills an opening of a side, with openings of its own."""
+        return rectangle(*self.side(name), openings=openings, inset=inset)

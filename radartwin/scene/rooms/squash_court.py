@@ -1,0 +1,182 @@
+"""An enclosed squash court: painted concrete walls, a wood floor, a metal tin.
+
+Ref: World Squash Federation, court specifications (singles): 9.75 x 6.40 m, clear height 5.64 m, lines 50 mm wide; lower edges of the front
+wall line at 4.57 m and of the service line at 1.78 m, top of the tin at 0.48 m with its upper 50 mm as a line; the side wall lines fall
+from 4.57 m to the 2.13 m of the back wall line; short line 4.26 m from the back wall, service boxes 1.60 m inside; door in the middle of
+the back wall, 0.90 x 2.13 m at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import SceneError
+from radartwin.scene import objects, textures
+from radartwin.scene.rooms.parts import GAP, Detail, Shell, check_detail, check_size, room_scene, surface
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectory import pose
+
+SIZE_M = (9.75, 6.40, 5.64)
+TIN_M, SERVICE_M, OUT_FRONT_M, OUT_BACK_M = 0.48, 1.78, 4.57, 2.13
+SHORT_M, BOX_M, LINE_M = 4.26, 1.60, 0.05
+DOOR_M = (0.90, 2.13)
+TIN_DEPTH_M = 0.045  # front of the tin before the wall; the board may project so far
+LINE_RGB = np.array([0.72, 0.10, 0.12])
+PIXEL_M = 0.006
+CLUTTER = ("ball", "racket_bag", "water_bottle", "bench")
+
+Back = Literal["solid", "glass"]
+
+
+def squash_court(
+    size_m: Sequence[float] = SIZE_M, detail: Detail = "furnished", back: Back = "solid", lines: bool = True, seed: int = 0
+) -> Scene:
+    """A court, x in [0, length] towards the front wall, y in [-width/2, width/2], z in [0, height].
+
+    Args:
+        size_m: regulation unless given.
+        detail: "shell" (walls, floor, ceiling, door, tin), "furnished" (lamps, a ventilation grille, the door's plate and handle) or
+            "cluttered" (also the small items of CLUTTER).
+        back: the back wall below 2.13 m: as the others, with a wooden door, or 12 mm glass with a glass door in a metal frame.
+        lines: painted court markings.
+        seed: of the textures.
+    Raises:
+        SceneError: an unknown detail or back, or a size that holds no court.
+    """
+    check_detail("squash_court", detail)
+    if back not in ("solid", "glass"):
+        raise SceneError(f"squash_court: back is {back!r}; choose solid or glass")
+    length, width, height = check_size("squash_court", size_m, (7.0, 4.5, 5.0), (15, 12, 10))
+    shell = Shell(length, width, height)
+    surfaces = [*_walls(shell, lines, seed), *_back(shell, back, lines, seed), _tin(length, width, seed)]
+    if detail != "shell":
+        surfaces += _fixtures(shell, back, seed)
+    if detail == "cluttered":
+        surfaces += _clutter(length, width, seed)
+    return room_scene(surfaces, "squash_court", (length, width, height), detail, CLUTTER, back=back)
+
+
+def _walls(shell: Shell, lines: bool, seed: int) -> list[Surface]:
+    length, width = shell.length, shell.width
+    marks: dict[str, list[np.ndarray]] = {
+        "floor": [  # seen from the back wall, x = 0
+            _bar((SHORT_M, 0), (SHORT_M + LINE_M, width)),
+            _bar((0, width / 2 - LINE_M / 2), (SHORT_M, width / 2 + LINE_M / 2)),
+            *(_bar((SHORT_M - BOX_M, v), (SHORT_M - BOX_M + LINE_M, v + BOX_M)) for v in (0, width - BOX_M)),
+            *(_bar((SHORT_M - BOX_M, v), (SHORT_M, v + LINE_M)) for v in (BOX_M, width - BOX_M - LINE_M)),
+        ],
+        "wall_front": [_bar((0, h), (width, h + LINE_M)) for h in (SERVICE_M, OUT_FRONT_M)],
+        "wall_left": [np.array([[0, OUT_BACK_M], [length, OUT_FRONT_M]])],
+        "wall_right": [np.array([[0, OUT_FRONT_M], [length, OUT_BACK_M]])],
+    }
+    out = []
+    for name, finish in (
+        ("floor", "court floor"), ("ceiling", "white wall"), ("wall_front", "court wall"), ("wall_left", "court wall"),
+        ("wall_right", "court wall"),
+    ):  # fmt: skip
+        mesh = shell.wall(name)
+        picture = _marked(shell, name, mesh, finish, marks.get(name, ()), seed) if lines and name in marks else None
+        out.append(surface(name, mesh, finish, picture=picture, seed=seed))
+    return out
+
+
+def _back(shell: Shell, back: Back, lines: bool, seed: int) -> list[Surface]:
+    width = shell.width
+    middle = width / 2
+    door = (middle - DOOR_M[0] / 2, 0.0, middle + DOOR_M[0] / 2, DOOR_M[1])
+    if back == "solid":
+        wall = shell.wall("wall_back", [door])
+        marks = [_bar((0, OUT_BACK_M), (width, OUT_BACK_M + LINE_M))]
+        picture = _marked(shell, "wall_back", wall, "court wall", marks, seed) if lines else None
+        return [
+            surface("wall_back", wall, "court wall", picture=picture, seed=seed),
+            surface("door", shell.filling("wall_back", door), "wood door", seed=seed),
+        ]
+    glazing = (0.0, 0.0, width, OUT_BACK_M)
+    bar = 0.05
+    panes = [
+        (bar, bar, door[0] - bar, glazing[3] - bar),
+        (door[0], bar, door[2], door[3] - bar),
+        (door[2] + bar, bar, width - bar, glazing[3] - bar),
+    ]
+    return [
+        surface("wall_back", shell.wall("wall_back", [glazing]), "court wall", seed=seed),
+        surface("glass_frame", shell.filling("wall_back", glazing, panes), "metal", seed=seed),
+        *(
+            surface(name, shell.filling("wall_back", pane), "glass leaf", seed=seed)
+            for name, pane in zip(("glass_right", "door", "glass_left"), panes, strict=True)
+        ),
+    ]
+
+
+def _tin(length: float, width: float, seed: int) -> Surface:
+    """Sheet metal before the foot of the front wall; its upper 50 mm are a line."""
+    y = width / 2 - GAP
+    mesh = objects.box([length - TIN_DEPTH_M, -y, GAP], [length - GAP, y, TIN_M])
+    canvas = textures.tiled("painted_metal", (2 * y, TIN_M - GAP), PIXEL_M, seed)
+    canvas[: round(LINE_M / PIXEL_M)] = LINE_RGB
+    corner, along, up = np.array([length, y, GAP]), np.array([0, -2 * y, 0.0]), np.array([0, 0, TIN_M - GAP])
+    return surface("tin", mesh, "painted metal", picture=textures.with_image(mesh, textures.picture(canvas), corner, along, up), seed=seed)
+
+
+def _fixtures(shell: Shell, back: Back, seed: int) -> list[Surface]:
+    length, width, height = shell.length, shell.width, shell.height
+    lamps = [
+        objects.box([x - 0.75, y - 0.2, height - 0.09], [x + 0.75, y + 0.2, height - GAP])
+        for x in np.linspace(1.4, length - 1.6, 3)
+        for y in (-width / 4, width / 4)
+    ]
+    grille = objects.box([GAP, -width / 2 + 0.6, 4.4], [0.05, -width / 2 + 1.6, 4.8])
+    handle = objects.cylinder(0.012, 0.2, 24).apply_transform(pose([0.04, 0.35, 1.05]))
+    out = [
+        surface("ceiling_lamps", objects.joined(lamps), "lamp", seed=seed),
+        surface("ventilation_grille", grille, "metal", seed=seed),
+        surface("door_handle", handle, "metal", role="object", seed=seed),
+    ]
+    if back == "solid":
+        plate = objects.box([GAP, -0.42, 0.03], [GAP + 0.003, 0.42, 0.28])
+        out.append(surface("door_kick_plate", plate, "metal", seed=seed))
+    return out
+
+
+def _clutter(length: float, width: float, seed: int) -> list[Surface]:
+    y = width / 2
+    ball = objects.sphere(0.02, 3).apply_transform(pose([length - 1.3, -1.9, 0.02 + GAP]))
+    bottle = objects.cylinder(0.035, 0.22, 48).apply_transform(pose([0.4, -y + 1.7, 0.11 + GAP]))
+    bag = objects.box([0.15, y - 1.2, GAP], [0.45, y - 0.45, 0.3])
+    seat = objects.box([0.1, -y + 0.3, 0.4], [0.45, -y + 1.5, 0.44])
+    legs = [objects.box([0.2, v, GAP], [0.35, v + 0.04, 0.395]) for v in (-y + 0.4, -y + 1.36)]
+    return [
+        surface("ball", ball, "plastic", role="object", seed=seed),
+        surface("racket_bag", bag, "red fabric", seed=seed),
+        surface("water_bottle", bottle, "white plastic", role="object", seed=seed),
+        surface("bench", objects.joined([seat, *legs]), "solid wood", look="pale_wood", seed=seed),
+    ]
+
+
+def _bar(low: tuple[float, float], high: tuple[float, float]) -> np.ndarray:
+    """(2, 2) opposite corners of an upright line's rectangle: marked as wide as it is high."""
+    return np.array([low, high], float)
+
+
+def _marked(shell: Shell, side: str, mesh: trimesh.Trimesh, finish: str, marks: Sequence[np.ndarray], seed: int) -> trimesh.Trimesh:
+    """A side of the court with its markings: rectangles, and on the side walls lines between two points."""
+    from radartwin.scene.rooms.parts import FINISHES
+
+    corner, along, up, size = shell.side(side)
+    canvas = textures.tiled(FINISHES[finish].look, size, PIXEL_M, seed)
+    rows, columns = canvas.shape[:2]
+    right = (np.arange(columns) + 0.5)[None] / columns * size[0]
+    high = size[1] - (np.arange(rows) + 0.5)[:, None] / rows * size[1]
+    for (u0, v0), (u1, v1) in marks:
+        if side in ("wall_left", "wall_right"):
+            level = v0 + (v1 - v0) * (right - u0) / (u1 - u0)
+            inside = (high >= level) & (high < level + LINE_M)
+        else:
+            inside = (right >= u0) & (right < u1) & (high >= v0) & (high < v1)
+        canvas[inside] = LINE_RGB
+    return textures.with_image(mesh, textures.picture(canvas), corner, along * size[0], up * size[1])

@@ -1,0 +1,178 @@
+"""What things look like: procedural bitmaps by name, and meshes that wear them at their true size.
+
+A `Look` is a pattern, its colours and the length its bitmap covers; the bitmap repeats without a seam. Coordinates are metres on the
+surface over that length, by the side of a box that a face turns to. The same name and seed give the same pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import trimesh
+from trimesh.visual import TextureVisuals
+
+from radartwin.errors import SceneError
+from radartwin.scene import patterns
+
+if TYPE_CHECKING:
+    from trimesh.visual.material import PBRMaterial
+
+PIXEL_M = 0.004  # of a bitmap, unless its pattern is finer; a phone's colour pixel at 4 m is 3 mm
+
+
+class Look(NamedTuple):
+    """A pattern with its colours.
+
+    Attributes:
+        draw: (rng, (h, w), metres per pixel, colours) -> (h, w, 3) floats in 0..1.
+        colours: 0xRRGGBB, first the main one.
+        width_m, height_m: what the bitmap covers; the pattern repeats after it.
+        metallic: of the renderer's material.
+        pixel_m: metres per pixel.
+    """
+
+    draw: Callable[[np.random.Generator, tuple[int, int], float, np.ndarray], np.ndarray]
+    colours: tuple[int, ...]
+    width_m: float = 1.2
+    height_m: float = 1.2
+    metallic: float = 0.0
+    pixel_m: float = PIXEL_M
+
+
+LOOKS: dict[str, Look] = {
+    "wood": Look(patterns.wood, (0xB98A5A, 0x8A5C34), 0.6, 1.2, pixel_m=0.003),
+    "dark_wood": Look(patterns.wood, (0x7A4E2E, 0x4C2E1A), 0.6, 1.2, pixel_m=0.003),
+    "pale_wood": Look(patterns.wood, (0xDDBE92, 0xB98F5E), 0.6, 1.2, pixel_m=0.003),
+    "wood_panelling": Look(patterns.panelling, (0xA8703F, 0x744722), 2.4, 2.4),
+    "floorboards": Look(patterns.planks, (0xC79A63, 0x94673A), 1.44, 2.4),
+    "court_floor": Look(patterns.long_planks, (0xDDB980, 0xBB9256), 2.4, 0.96),
+    "plaster": Look(patterns.plaster, (0xE9E4D8,), 1.6, 1.6),
+    "white_plaster": Look(patterns.plaster, (0xF2F1EC,), 1.6, 1.6),
+    "blue_plaster": Look(patterns.plaster, (0x9FB4C4,), 1.6, 1.6),
+    "concrete": Look(patterns.concrete, (0x9C9A95, 0x6E6C68), 2.4, 2.4),
+    "painted_concrete": Look(patterns.painted_concrete, (0xF0EFEA, 0xD8D6CE), 2.4, 2.4),
+    "brick": Look(patterns.brick, (0x9A4B36, 0xBEB6A8), 0.9, 0.6, pixel_m=0.0025),
+    "carpet": Look(patterns.carpet, (0x5B3F4F, 0x8C6E5A), 1.0, 1.0, pixel_m=0.003),
+    "tiles": Look(patterns.tiles, (0xCFC8BC, 0x8C867C), 2.4, 2.4),
+    "ceiling_board": Look(patterns.ceiling_board, (0xEDEBE5, 0x8E8B84), 1.2, 1.2, pixel_m=0.003),
+    "brushed_metal": Look(patterns.brushed, (0xA9ADB0,), 0.8, 0.8, 0.6, 0.002),
+    "painted_metal": Look(patterns.plastic, (0xD5D8D6,), 0.6, 0.6, 0.2),
+    "dark_metal": Look(patterns.brushed, (0x4A4D50,), 0.8, 0.8, 0.6, 0.002),
+    "red_metal": Look(patterns.plastic, (0xB3221F,), 0.6, 0.6, 0.2),
+    "lamp": Look(patterns.plastic, (0xFDFBF2,), 0.6, 0.6),
+    "glass": Look(patterns.glass, (0xA9C6C9, 0xDDEBEC), 2.0, 2.0),
+    "fabric": Look(patterns.fabric, (0x5C6F82, 0x44566A), 0.3, 0.3, pixel_m=0.0015),
+    "red_fabric": Look(patterns.fabric, (0x8C3B35, 0x6A2A28), 0.3, 0.3, pixel_m=0.0015),
+    "leather": Look(patterns.leather, (0x6B4228, 0x3F2415), 0.4, 0.4, pixel_m=0.002),
+    "plastic": Look(patterns.plastic, (0x2B2D30,), 0.4, 0.4),
+    "white_plastic": Look(patterns.plastic, (0xE6E6E2,), 0.4, 0.4),
+    "ceramic": Look(patterns.plastic, (0xF4F2EC,), 0.4, 0.4),
+    "cardboard": Look(patterns.cardboard, (0xB98F62, 0x9A7349), 0.5, 0.5, pixel_m=0.002),
+    "foliage": Look(patterns.foliage, (0x3F6B35, 0x7FA65A), 0.4, 0.4, pixel_m=0.002),
+    "soil": Look(patterns.concrete, (0x4A3628, 0x2C2018), 0.6, 0.6),
+    "monitor": Look(patterns.monitor, (0x15181C, 0x3B78B5, 0xE6E9EC), 0.6, 0.4, pixel_m=0.002),
+    "poster": Look(patterns.poster, (0xF3EFE3, 0xC2452D, 0x2F4A66), 0.6, 0.85, pixel_m=0.0025),
+}
+
+
+@lru_cache(maxsize=128)
+def bitmap(name: str, seed: int = 0) -> np.ndarray:
+    """(h, w, 3) uint8 of a look, read-only; row 0 is the top.
+
+    Raises:
+        SceneError: no such look.
+    """
+    if name not in LOOKS:
+        raise SceneError(f"there is no texture {name!r}; choose {', '.join(sorted(LOOKS))}")
+    look = LOOKS[name]
+    shape = (round(look.height_m / look.pixel_m), round(look.width_m / look.pixel_m))
+    rng = np.random.default_rng(np.random.SeedSequence([seed, *name.encode()]))
+    colours = np.array([patterns.rgb(c) for c in look.colours])
+    image = np.clip(look.draw(rng, shape, look.pixel_m, colours), 0, 1)
+    out = np.rint(255 * image).astype(np.uint8)
+    out.setflags(write=False)
+    return out
+
+
+def textured(mesh: trimesh.Trimesh, name: str, seed: int = 0, fit: bool = False) -> trimesh.Trimesh:
+    """A copy of a mesh that wears a look.
+
+    Vertices are doubled where their faces turn to different sides of a box, and nowhere else; faces keep their order and winding.
+
+    Args:
+        fit: stretch one bitmap over each side of the mesh instead of repeating it at its size: screens, posters.
+    """
+    look = LOOKS.get(name)
+    if look is None:
+        raise SceneError(f"there is no texture {name!r}; choose {', '.join(sorted(LOOKS))}")
+    return _wearing(mesh, _material(name, seed), (look.width_m, look.height_m), fit)
+
+
+def with_image(mesh: trimesh.Trimesh, image: np.ndarray, corner: np.ndarray, along: np.ndarray, up: np.ndarray) -> trimesh.Trimesh:
+    """A copy of a flat mesh with one picture over all of it.
+
+    Args:
+        image: (h, w, 3) uint8, row 0 at the top.
+        corner: (3,) where the picture's lower left corner lies; along, up: (3,) its edges, in metres.
+    """
+    offset = np.asarray(mesh.vertices) - corner
+    uv = np.stack([offset @ along / (along @ along), offset @ up / (up @ up)], axis=1)
+    return _dressed(mesh.vertices, mesh.faces, mesh.vertex_normals, uv, _pbr(image, 0.0))
+
+
+def picture(canvas: np.ndarray) -> np.ndarray:
+    """(h, w, 3) floats in 0..1 as the uint8 that `with_image` takes."""
+    return np.rint(255 * np.clip(canvas, 0, 1)).astype(np.uint8)
+
+
+def tiled(name: str, size_m: tuple[float, float], pixel_m: float, seed: int = 0) -> np.ndarray:
+    """(h, w, 3) floats: a look repeated over a rectangle (width, height), to draw on."""
+    look, tile = LOOKS[name], bitmap(name, seed)
+    columns = ((np.arange(round(size_m[0] / pixel_m)) + 0.5) * pixel_m % look.width_m / look.width_m * tile.shape[1]).astype(int)
+    rows = ((np.arange(round(size_m[1] / pixel_m)) + 0.5) * pixel_m % look.height_m / look.height_m * tile.shape[0]).astype(int)
+    return tile[rows[:, None], columns[None, :]] / 255.0
+
+
+def _wearing(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[float, float], fit: bool) -> trimesh.Trimesh:
+    faces, vertices, normals = np.asarray(mesh.faces), np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
+    side = np.argmax(np.abs(mesh.face_normals) - [0, 0, 1e-6], axis=1)
+    key, index = np.unique(np.stack([faces.ravel(), np.repeat(side, 3)], axis=1), axis=0, return_inverse=True)
+    vertex, side = key.T
+    points = vertices[vertex]
+    plane = np.array([[1, 2], [0, 2], [0, 1]])[side]
+    flat = np.take_along_axis(points, plane, axis=1)
+    if fit:
+        low, high = np.asarray(mesh.bounds)
+        corner = np.take_along_axis(np.broadcast_to(low, points.shape), plane, axis=1)
+        extent = np.take_along_axis(np.broadcast_to(high - low, points.shape), plane, axis=1)
+        uv = (flat - corner) / np.maximum(extent, 1e-9)
+        # A picture reads from left to right as seen from outside.
+        outward = np.take_along_axis(normals[vertex], side[:, None], axis=1)[:, 0]
+        turned = np.where(side == 1, outward > 0, outward < 0)
+        uv[turned, 0] = 1 - uv[turned, 0]
+    else:
+        uv = flat / size_m
+    if len(key) == len(vertices):  # nothing doubled: keep the order of vertices
+        order = np.argsort(vertex)
+        return _dressed(vertices, faces, normals, uv[order], material)
+    return _dressed(points, index.reshape(-1, 3), normals[vertex], uv, material)
+
+
+def _dressed(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndarray, material: PBRMaterial) -> trimesh.Trimesh:
+    visual = TextureVisuals(uv=uv, material=material)
+    return trimesh.Trimesh(np.array(vertices), np.array(faces), vertex_normals=np.array(normals), visual=visual, process=False)
+
+
+@lru_cache(maxsize=128)
+def _material(name: str, seed: int) -> PBRMaterial:
+    return _pbr(bitmap(name, seed), LOOKS[name].metallic)
+
+
+def _pbr(image: np.ndarray, metallic: float) -> PBRMaterial:
+    from PIL import Image
+    from trimesh.visual.material import PBRMaterial
+
+    return PBRMaterial(baseColorTexture=Image.fromarray(image), metallicFactor=metallic, roughnessFactor=0.4 if metallic else 0.9)
