@@ -8,7 +8,6 @@ import trimesh
 from radartwin.errors import MeshError
 
 MAX_EXTENT_M = 100.0  # beyond this a "room" is a unit mistake; the radar itself folds at 11 m
-_BLOCK = 4_000_000  # point-triangle pairs per block of the winding number, about 0.5 GB of temporaries
 
 
 def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
@@ -72,19 +71,12 @@ def inside_solid(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
     solid.merge_vertices(merge_tex=True, merge_norm=True)
     if not solid.is_watertight or solid.volume <= 0:
         return inside
-    triangles = np.asarray(solid.triangles, dtype=np.float64)
-    step = max(1, _BLOCK // len(triangles))
-    for start in range(0, near.size, step):
-        block = near[start : start + step]
-        inside[block] = winding_number(triangles, points[block]) > 0.5
+    inside[near] = winding_number(np.asarray(solid.triangles), points[near]) > 0.5
     return inside
 
 
 def winding_number(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     """How often triangles (T, 3, 3) wrap around points (N, 3): (N,), 1 inside an outward solid, 0 outside."""
-    a, b, c = (triangles[None, :, k] - points[:, None] for k in range(3))
-    la, lb, lc = (np.linalg.norm(v, axis=-1) for v in (a, b, c))
-    numerator = np.einsum("ntk,ntk->nt", a, np.cross(b, c))
-    ab, bc, ca = (np.einsum("ntk,ntk->nt", u, v) for u, v in ((a, b), (b, c), (c, a)))
-    denominator = la * lb * lc + ab * lc + bc * la + ca * lb
-    return np.arctan2(numerator, denominator).sum(axis=1) / (2 * np.pi)
+    from radartwin.scene.pairs import winding
+
+    return winding(np.ascontiguousarray(triangles, dtype=np.float64), np.ascontiguousarray(points, dtype=np.float64))

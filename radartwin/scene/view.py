@@ -118,9 +118,7 @@ def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None,
         total = sum(thickness for _, thickness in surface.material.layers)
         facts.append(["layers", f"{len(surface.material.layers)}, {1000 * total:.4g} mm together"])
     facts.append(["roughness", f"{1000 * surface.roughness_m:.3g} mm" if surface.roughness_m else "smooth"])
-    facts.append(
-        ["reflects", "no values at this frequency" if level is None else f"{level:.1f} dB".replace("-", "−").replace("−0.0", "0.0")]
-    )
+    facts.append(["reflects", "no values at this frequency" if level is None else _decibels(level)])
     facts.append(["source", str(provenance.get("source", "not recorded"))])
     if (confidence := provenance.get("confidence")) is not None:
         facts.append(["confidence", f"{confidence:.0%}" if isinstance(confidence, int | float) else str(confidence)])
@@ -139,6 +137,11 @@ def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None,
         "has_colour": painted,
         "facts": facts,
     }
+
+
+def _decibels(level: float) -> str:
+    text = f"{level:.1f}".replace("-", "−")
+    return f"{'0.0' if text == '−0.0' else text} dB"
 
 
 def _arrays(meshes: Sequence[trimesh.Trimesh], painted: Sequence[np.ndarray | None]) -> Sequence[np.ndarray]:
