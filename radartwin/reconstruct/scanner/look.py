@@ -1,0 +1,168 @@
+"""How a scene's surfaces look and what light does to them: textures in one pool, coordinates as affine maps, and optics.
+
+The optics come from the truth: a stack of glass and air before air lets light through; MINC metal and mirror reflect; what is polished,
+glazed or glass has a sheen. Everything else is diffuse.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import trimesh
+
+from radartwin.materials import Layered
+from radartwin.scene.scene import Scene, Surface
+
+LEVELS = 7  # of a texture, each half the size of the one before
+METAL_SHEEN, DIELECTRIC_SHEEN = 0.55, 0.04  # reflectance at normal incidence: brushed metal; glass and lacquer of index 1.5
+GLOSSY = {"glass", "tile", "ceramic", "polishedstone", "plastic", "wood", "leather"}
+# sRGB of what has no texture, by the outermost material.
+PLAIN = {
+    "metal": (150, 155, 160), "concrete": (160, 158, 152), "brick": (150, 80, 60), "plasterboard": (228, 222, 210), "wood": (176, 132, 84),
+    "plywood": (205, 170, 120), "chipboard": (214, 186, 142), "floorboard": (184, 144, 96), "glass": (180, 205, 210),
+    "ceiling_board": (232, 230, 224), "marble": (225, 222, 218), "pet": (200, 215, 215), "hdpe": (225, 225, 220),
+}  # fmt: skip
+OTHER = (170, 170, 170)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Look:
+    """A scene for a camera, by faces: everything (F, ...), textures pooled.
+
+    Attributes:
+        triangles: (F, 3, 3) world. normals: (F, 3).
+        surface: (F,) index in the scene.
+        clear: (F,) light goes through. mirror: (F,) a mirror.
+        metal: (F,) bool. sheen: (F,) reflectance at normal incidence.
+        to_uv: (F, 2, 4) affine map from world to pixels of the texture's finest level.
+        texture: (F,) which texture, -1 for none. tint: (F, 3) linear colour of a face without texture.
+        pool: (P, 3) uint8 sRGB of all levels of all textures. levels: (T, LEVELS, 3) offset, width, height.
+    """
+
+    triangles: np.ndarray
+    normals: np.ndarray
+    surface: np.ndarray
+    clear: np.ndarray
+    mirror: np.ndarray
+    metal: np.ndarray
+    sheen: np.ndarray
+    to_uv: np.ndarray
+    texture: np.ndarray
+    tint: np.ndarray
+    pool: np.ndarray
+    levels: np.ndarray
+
+    @property
+    def solid(self) -> np.ndarray:
+        return ~self.clear
+
+
+def look_of(scene: Scene) -> Look:
+    """Gather a scene's faces.
+
+    >>> from radartwin.scene.scene import Scene, Surface
+    >>> pane = Surface(trimesh.creation.box((1, 1, 0.01)), Layered([("glass", 0.01)]), "pane")
+    >>> bool(look_of(Scene([pane])).clear.all())
+    True
+    """
+    pictures: dict[int, tuple[int, np.ndarray]] = {}
+    parts = [_faces(surface, index, pictures) for index, surface in enumerate(scene)]
+    joined = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    pool, levels = _pooled([picture for _, picture in pictures.values()])
+    return Look(**joined, pool=pool, levels=levels)
+
+
+def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarray]]) -> dict[str, np.ndarray]:
+    mesh = surface.mesh
+    triangles = np.asarray(mesh.triangles, dtype=np.float64)
+    count = len(triangles)
+    minc = str(surface.provenance.get("minc") or "")
+    outer = _outer(surface.material)
+    metal = minc == "metal" or (not minc and outer == "metal")
+    sheen = METAL_SHEEN if metal else DIELECTRIC_SHEEN if minc in GLOSSY or (not minc and outer in GLOSSY) else 0.0
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-15)[:, None]
+    to_uv, texture = np.zeros((count, 2, 4)), np.full(count, -1, np.int32)
+    tint = np.tile(to_linear(np.array(PLAIN.get(outer, OTHER), np.uint8)), (count, 1))
+    picture, uv = _picture(mesh)
+    if picture is not None and uv is not None:
+        if id(picture) not in pictures:
+            pictures[id(picture)] = (len(pictures), np.asarray(picture.convert("RGB")))
+        number, pixels = pictures[id(picture)]
+        texture[:] = number
+        height, width = pixels.shape[:2]
+        corner = uv[np.asarray(mesh.faces)] * (width, -height) + (-0.5, height - 0.5)  # v points up, rows go down
+        to_uv = _affine(triangles, normals, corner)
+    elif isinstance(mesh.visual, trimesh.visual.ColorVisuals) and mesh.visual.kind is not None:  # type: ignore[attr-defined]
+        tint = to_linear(np.asarray(mesh.visual.face_colors)[:, :3])  # type: ignore[attr-defined]
+    return {
+        "triangles": triangles,
+        "normals": normals,
+        "surface": np.full(count, index, np.int32),
+        "clear": np.full(count, is_clear(surface)),
+        "mirror": np.full(count, minc == "mirror"),
+        "metal": np.full(count, metal),
+        "sheen": np.full(count, sheen),
+        "to_uv": to_uv,
+        "texture": texture,
+        "tint": tint,
+    }
+
+
+def is_clear(surface: Surface) -> bool:
+    """Whether one sees through it: glass and air alone, with air behind."""
+    stack = surface.material
+    if not isinstance(stack, Layered) or stack.backing not in ("air", "vacuum"):
+        return False
+    names = {name for name, _ in stack.layers}
+    return "glass" in names and names <= {"glass", "air"}
+
+
+def to_linear(srgb: np.ndarray) -> np.ndarray:
+    """Linear light 0..1 of sRGB 0..255, IEC 61966-2-1."""
+    s = np.asarray(srgb, dtype=np.float64) / 255
+    return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
+
+
+def _outer(material: str | Layered) -> str:
+    if isinstance(material, str):
+        return material
+    return material.layers[0][0] if material.layers else material.backing
+
+
+def _picture(mesh: trimesh.Trimesh):
+    """Pillow picture and coordinates (V, 2) of a textured mesh, or two None."""
+    visual = mesh.visual
+    uv = getattr(visual, "uv", None)
+    material = getattr(visual, "material", None)
+    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    return (picture, np.asarray(uv, dtype=np.float64)) if picture is not None and uv is not None else (None, None)
+
+
+def _affine(triangles: np.ndarray, normals: np.ndarray, corner: np.ndarray) -> np.ndarray:
+    """(F, 2, 4) maps that take each triangle's corners to its texture coordinates (F, 3, 2), constant along the normal."""
+    edges = np.stack([triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0], normals], axis=1)
+    sound = np.abs(np.linalg.det(edges)) > 1e-14
+    inverse = np.zeros_like(edges)
+    inverse[sound] = np.linalg.inv(edges[sound])
+    steps = np.stack([corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0], np.zeros_like(corner[:, 0])], axis=1)
+    linear = np.swapaxes(inverse @ steps, 1, 2)
+    shift = corner[:, 0] - (linear @ triangles[:, 0, :, None])[..., 0]
+    return np.concatenate([linear, shift[..., None]], axis=2)
+
+
+def _pooled(pictures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """All levels of all pictures in one array of pixels, and where each begins."""
+    pixels, levels, offset = [np.zeros((1, 3), np.uint8)], np.zeros((max(len(pictures), 1), LEVELS, 3), np.int64), 1
+    for number, picture in enumerate(pictures):
+        level = picture
+        for n in range(LEVELS):
+            height, width = level.shape[:2]
+            levels[number, n] = offset, width, height
+            pixels.append(level.reshape(-1, 3))
+            offset += height * width
+            if min(height, width) >= 2:
+                even = level[: height // 2 * 2, : width // 2 * 2].reshape(height // 2, 2, width // 2, 2, 3)
+                level = (even.mean(axis=(1, 3)) + 0.5).astype(np.uint8)
+    return np.vstack(pixels), levels

@@ -1,0 +1,154 @@
+"""How a person carries the phone through a room: a walk that keeps clear of furniture and comes back, panning all the while."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from radartwin.errors import SceneError
+from radartwin.reconstruct.distance import covered
+from radartwin.scene.scene import Scene
+
+CELL_M = 0.1
+LOWEST_M, HIGHEST_M = 0.15, 1.9  # between these heights things stand in a person's way
+
+
+@dataclasses.dataclass(frozen=True)
+class Walk:
+    """A walk with the phone in hand.
+
+    Attributes:
+        eye_m: height of the phone.
+        clearance_m: kept to walls and furniture.
+        pan_deg: turn between frames that are kept.
+        down_deg: lowest look. up_deg: highest look, or None for what shows the ceiling's edge from 1.5 m away.
+        turns_per_nod: turns round while the look goes up and down once.
+        tremble_deg: standard deviation of the hand's own rotation.
+    """
+
+    eye_m: float = 1.5
+    clearance_m: float = 0.45
+    pan_deg: float = 28.0
+    down_deg: float = -42.0
+    up_deg: float | None = None
+    turns_per_nod: float = 2.7
+    tremble_deg: float = 1.5
+
+
+def walked(scene: Scene, frames: int, walk: Walk, rng: np.random.Generator) -> np.ndarray:
+    """Camera poses (N, 4, 4), OpenCV axes, evenly spaced along a closed walk.
+
+    Raises:
+        SceneError: nowhere to stand.
+    """
+    ground = _closed_walk(scene, walk)
+    steps = np.linalg.norm(np.diff(ground, axis=0, append=ground[:1]), axis=1)
+    along = np.concatenate([[0], np.cumsum(steps)])
+    at = np.linspace(0, along[-1], frames, endpoint=False)
+    closed = np.vstack([ground, ground[:1]])
+    x, y = (np.interp(at, along, closed[:, i]) for i in range(2))
+    low, high = scene.bounds
+    rise = float(high[2] - low[2]) - walk.eye_m
+    up = walk.up_deg if walk.up_deg is not None else float(np.clip(np.degrees(np.arctan2(rise, 1.5)) - 12, 15, 65))
+    yaw = np.radians(walk.pan_deg) * np.arange(frames)
+    nod = np.sin(yaw / walk.turns_per_nod)
+    pitch = np.radians(walk.down_deg + (up - walk.down_deg) * (0.5 + 0.5 * nod))
+    tremble = np.radians(walk.tremble_deg) * rng.standard_normal((frames, 3))
+    height = low[2] + walk.eye_m + 0.03 * np.sin(2 * np.pi * at / 1.4) + 0.01 * rng.standard_normal(frames)
+    return look_along(np.stack([x, y, height], axis=1), yaw + tremble[:, 0], pitch + tremble[:, 1], tremble[:, 2])
+
+
+def look_along(positions: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, roll: np.ndarray) -> np.ndarray:
+    """Camera poses (N, 4, 4), OpenCV axes, from positions (N, 3), azimuth, elevation and roll (N,) in radians.
+
+    >>> look_along(np.zeros((1, 3)), np.zeros(1), np.zeros(1), np.zeros(1))[0, :3, 2].tolist()
+    [1.0, 0.0, 0.0]
+    """
+    forward = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)], axis=1)
+    right = np.stack([np.sin(yaw), -np.cos(yaw), np.zeros_like(yaw)], axis=1)
+    down = np.cross(forward, right)
+    turned = np.cos(roll)[:, None] * right + np.sin(roll)[:, None] * down
+    poses = np.tile(np.eye(4), (len(yaw), 1, 1))
+    poses[:, :3, :3] = np.stack([turned, np.cross(forward, turned), forward], axis=2)
+    poses[:, :3, 3] = positions
+    return poses
+
+
+def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
+    """Points (M, 2) of a smooth round tour through the free floor."""
+    from scipy import ndimage
+
+    low, high = scene.bounds
+    shape = tuple(np.ceil((high - low)[:2] / CELL_M).astype(int) + 1)
+    blocked = np.zeros(shape, dtype=bool)
+    for surface in scene:
+        points, _ = covered(np.asarray(surface.mesh.triangles), 0.5 * CELL_M)
+        standing = points[(points[:, 2] > low[2] + LOWEST_M) & (points[:, 2] < low[2] + HIGHEST_M)]
+        blocked[tuple(np.round((standing[:, :2] - low[:2]) / CELL_M).astype(int).T)] = True
+    blocked[[0, -1], :] = blocked[:, [0, -1]] = True
+    clear = ndimage.distance_transform_edt(~blocked) * CELL_M
+    parts, count = ndimage.label(clear >= walk.clearance_m)
+    if not count:
+        raise SceneError(f"nowhere to stand {walk.clearance_m} m clear of everything; pass a path, or a walk with less clearance_m")
+    largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
+    free = parts == largest
+    stops = _spread(np.argwhere(free), max(4, round(free.sum() * CELL_M**2 / 2.5)))
+    tour = _tour(stops, free, clear)
+    # Round the corners as far as the way stays free.
+    smooth = ndimage.gaussian_filter1d(tour.astype(float), 4.0, axis=0, mode="wrap")
+    inside = free[tuple(np.round(smooth).astype(int).T)]
+    return np.where(inside[:, None], smooth, tour) * CELL_M + low[:2]
+
+
+def _spread(cells: np.ndarray, count: int) -> np.ndarray:
+    """Indices into cells (N, 2) of `count` of them far from each other (farthest point sampling)."""
+    chosen = [int(np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1)))]
+    distance = np.full(len(cells), np.inf)
+    while len(chosen) < min(count, len(cells)):
+        distance = np.minimum(distance, ((cells - cells[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(np.argmax(distance)))
+    return cells[chosen]
+
+
+def _tour(stops: np.ndarray, free: np.ndarray, clear: np.ndarray) -> np.ndarray:
+    """Cells (M, 2) of a closed way through all stops: shortest ways that like clearance, ordered by nearest neighbour and 2-opt."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import dijkstra
+
+    cells = np.argwhere(free)
+    number = np.full(free.shape, -1)
+    number[free] = np.arange(len(cells))
+    rows, columns, costs = [], [], []
+    for step in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        other = cells + step
+        inside = ((other >= 0) & (other < free.shape)).all(axis=1)
+        inside[inside] = free[tuple(other[inside].T)]
+        rows.append(number[tuple(cells[inside].T)])
+        columns.append(number[tuple(other[inside].T)])
+        costs.append(np.hypot(*step) / np.minimum(clear[tuple(cells[inside].T)], 1.0))
+    links = coo_matrix((np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))), (len(cells), len(cells)))
+    ids = number[tuple(stops.T)]
+    length, before = dijkstra(links.tocsr(), directed=False, indices=ids, return_predecessors=True)
+    between = length[:, ids]
+    order = [0]
+    while len(order) < len(ids):
+        left = [i for i in range(len(ids)) if i not in order]
+        order.append(min(left, key=lambda i: between[order[-1], i]))
+    improved = True
+    while improved:
+        improved = False
+        for i in range(1, len(order) - 1):
+            for j in range(i + 1, len(order)):
+                a, b, c, d = order[i - 1], order[i], order[j], order[(j + 1) % len(order)]
+                if between[a, c] + between[b, d] < between[a, b] + between[c, d] - 1e-9:
+                    order[i : j + 1] = order[i : j + 1][::-1]
+                    improved = True
+    way = []
+    for start, end in zip(order, order[1:] + order[:1], strict=True):
+        node, leg = ids[end], []
+        while node != ids[start]:
+            leg.append(node)
+            node = before[start, node]
+        way += [ids[start], *leg[::-1]][:-1]
+    return cells[way]
