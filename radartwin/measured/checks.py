@@ -12,7 +12,7 @@ import numpy as np
 
 from radartwin.errors import InputError, MissingError, UserError
 from radartwin.measured.card import CARD, Card
-from radartwin.measured.course import uncovered
+from radartwin.measured.course import course_poses
 from radartwin.measured.index import INDEX, Row, read_index
 from radartwin.measured.recording_set import RECORDINGS, TRAJECTORIES, difference
 from radartwin.measured.studio_log import PACKET_BYTES
@@ -163,14 +163,10 @@ def _any_by_channel(recording: Recording) -> np.ndarray:
 
 
 def _trajectory(path: Path, row: Row, recording: Recording) -> Iterator[str]:
-    where = f"trajectory {row.trajectory}"
     try:
-        text = uncovered(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
+        course_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
     except (InputError, MissingError, OSError) as error:
-        yield f"{where}: {str(error).removeprefix(f'{path}: ')}"
-    else:
-        if text:
-            yield f"{where}: {text}"
+        yield str(error).removeprefix("trajectory ").replace(str(path), f"trajectory {row.trajectory}")
 
 
 def _strangers(folder: Path, rows: list[Row]) -> Iterator[Problem]:

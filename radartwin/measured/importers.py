@@ -68,8 +68,8 @@ def import_captures(
     source, out, mapping, values = Path(source), Path(out), mapping or CaptureMap(), dict(values or {})
     shared = {key: value for key, value in values.items() if key not in KEYS}
     target = RecordingSet.load(out) if (out / CARD).exists() else None
-    card = _card(out, {**mapping.card, **{key: value for key, value in values.items() if key in KEYS}}, target)
     plans = plan(source, shared, mapping, say)
+    card = _card(out, {**mapping.card, **{key: value for key, value in values.items() if key in KEYS}}, target)
     missing = [item for item in plans if target is None or item.row.recording not in target]
     if len(missing) < len(plans):
         say(f"{len(plans) - len(missing)} of {len(plans)} captures are in {out} already")

@@ -94,7 +94,7 @@ def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -
 
 def _names(capture: Path, root: Path) -> tuple[str, ...]:
     relative = capture.relative_to(root)
-    return relative.as_posix(), relative.with_suffix("").as_posix(), relative.with_name(capture_prefix(capture)).as_posix()
+    return tuple(relative.with_name(name).as_posix() for name in (capture_prefix(capture), relative.stem, relative.name))
 
 
 def _examples(captures: Sequence[Path], root: Path) -> str:

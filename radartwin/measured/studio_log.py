@@ -20,6 +20,7 @@ from radartwin.errors import MissingError, RecordingError
 
 PACKET_BYTES = 1456  # of samples in one packet
 _LINE = re.compile(r"\s*([A-Za-z][A-Za-z ()]*?)\s*[-:]\s*(.*?)[\s,]*")
+_PART = re.compile(r"(.+)_Raw_(\d+)")
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")  # of C's ctime, in English always
 
 
@@ -100,12 +101,12 @@ def capture_prefix(capture: Path) -> str:
     >>> capture_prefix(Path("mug_Raw_0.bin"))
     'mug'
     """
-    return re.sub(r"_Raw_\d+$", "", capture.stem)
+    return match.group(1) if (match := _PART.fullmatch(capture.stem)) else capture.stem
 
 
 def is_part(capture: Path) -> bool:
     """Whether the card has numbered this file."""
-    return re.search(r"_Raw_\d+$", capture.stem) is not None
+    return _PART.fullmatch(capture.stem) is not None
 
 
 def parts(capture: Path) -> list[Path]:

@@ -17,6 +17,7 @@ from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation.simulate import simulate
+from radartwin.simulation.synthesis import thermal_noise
 
 # Root-mean-square heights: the paper's own calibration (implementation section), metal 0.1 mm and the smoothest of "0.3-3 mm" dielectrics.
 ROUGHNESS_M = {"metal": 0.1e-3}
@@ -69,17 +70,61 @@ def record(
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, *b"testbed recording"]))
     moved = _misplaced(motion, gaps.trajectory, rng)
+    return received(clean(scene, radar, sensor_pose, moved, gaps, variant), Hardware().scaled(gaps.hardware), seed)
+
+
+def clean(
+    scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None, gaps: Gaps, variant: str = "auto"
+) -> Recording:
+    """What an ideal receiver behind the IF filter would record: no noise, no leakage, nothing of one repetition alone.
+
+    It depends on the hardware gap only in whether there is one, so one clean recording serves every strength, board and seed.
+
+    Args:
+        scene: from `truth`.
+        sensor_poses, motion: where things really are (radartwin.measured.motion_errors), as in `simulate`.
+    Returns:
+        A Recording of the nominal radar; its provenance names the filter.
+    """
     fine = gaps.solver > 0
     hardware = Hardware().scaled(gaps.hardware)
-    actual = hardware.radar(radar) if gaps.hardware > 0 else radar
     recording = simulate(
-        scene, actual, sensor_pose, motion=moved, noise=gaps.hardware > 0, seed=seed, variant=variant,
+        scene, hardware.front_end(radar), sensor_poses, motion=motion, variant=variant,
         max_bounces=TRUTH_BOUNCES if fine else 4,
         rays_per_wavelength2=TRUTH_RAYS_PER_WAVELENGTH2 if fine else 1.0,
     )  # fmt: skip
-    iq = hardware.apply(recording.iq, radar) if gaps.hardware > 0 else recording.iq
-    scale = hardware.scale if gaps.hardware > 0 else None
-    return Recording(iq, radar, recording.sensor_poses, scale=scale, provenance={"kind": "testbed", "seed": seed})
+    passes = None if hardware.if_filter is None else hardware.if_filter.to_dict()
+    return Recording(recording.iq, radar, recording.sensor_poses, provenance={"kind": "testbed, clean", "if_filter": passes})
+
+
+def received(recording: Recording, hardware: Hardware, seed: int, first_frame: int = 0) -> Recording:
+    """A clean recording as one repetition with this hardware gives it: phase noise, leakage, thermal noise, ADC.
+
+    Every frame has its own random numbers, from the seed and its place in the recording: some of the frames are received alike alone.
+
+    Args:
+        recording: from `clean`, or frames out of it.
+        hardware: without any imperfection (strength 0) there is no noise either, and the samples stay as they are.
+        seed: of the repetition.
+        first_frame: place of the first frame in the whole recording.
+    """
+    radar = recording.radar
+    provenance = {"kind": "testbed", "seed": seed}
+    if hardware == hardware.scaled(0):
+        return Recording(recording.iq, radar, recording.sensor_poses, provenance=provenance)
+    iq, saturated = np.empty_like(recording.iq), 0
+    for frame in range(len(iq)):
+        oscillator, receiver = (
+            np.random.default_rng(np.random.SeedSequence([seed, *name, first_frame + frame]))
+            for name in (b"oscillator noise", b"receiver noise")
+        )
+        samples = hardware.leaked(hardware.echoes(recording.iq[frame : frame + 1], radar, oscillator), radar)
+        samples += thermal_noise(samples.shape, radar, receiver)
+        if radar.real_sampling:
+            samples.imag = 0
+        iq[frame : frame + 1], clipped = hardware.digitised(samples, radar)
+        saturated += clipped
+    return Recording(iq, radar, recording.sensor_poses, scale=hardware.scale, saturated=saturated, provenance=provenance)
 
 
 def _rethickened(surface: Surface, rng: np.random.Generator, strength: float) -> Surface:
@@ -92,7 +137,8 @@ def _rethickened(surface: Surface, rng: np.random.Generator, strength: float) ->
 
 
 def _roughened(surface: Surface, strength: float) -> Surface:
-    if strength == 0 or surface.roughness_m:
+    """As rough as the testbed says, whatever the class of the surface says; at strength 0 as the scene has it."""
+    if strength == 0:
         return surface
     height = ROUGHNESS_M.get(surface.material, ROUGHNESS_OTHER_M) if isinstance(surface.material, str) else ROUGHNESS_OTHER_M
     return surface.replaced(roughness_m=strength * height)

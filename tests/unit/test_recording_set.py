@@ -27,7 +27,8 @@ CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", 
 def noise(seed: int = 0, frames: int = 3, radar: Radar = RADAR) -> Recording:
     rng = np.random.default_rng(seed)
     shape = (frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
-    return Recording(1e-5 * (rng.normal(size=shape) + 1j * rng.normal(size=shape)), radar, scale=2e-9)
+    iq = 1e-5 * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
+    return Recording(iq.astype(np.complex64), radar, scale=2e-9)
 
 
 def row(name: str, object: str = "mug", distance_m: float | None = 1.0, repetition: int = 0, **more) -> Row:
