@@ -1,23 +1,50 @@
 """What a real IWR1843 and its capture card do to the ideal signal.
 
-Order of the chain: the oscillator has phase noise and the receiver an IF filter, which depend on each echo's delay and are therefore part
-of the radar that is simulated (`Hardware.radar`); TX-RX leakage adds, the mixer has I/Q imbalance, the ADC quantises to 16 bits at a
-physical scale (`Hardware.apply`; thermal noise comes from the radar's own noise figure). Filter and phase noise have their sources in
-their modules. There is no published figure of the board for the other defaults; each is an order of magnitude, chosen before anything
-was scored: leakage -60 dB over 6 cm behind the filter (patch antennas some wavelengths apart on one board; so short a delay keeps no
-phase noise); imbalance 0.1 dB and 1 degree (a calibrated quadrature receiver); full scale at -40 dB of received over transmitted power,
-20 dB above leakage.
+Order of the chain: chirps start late by one clock or not at all, and the oscillator has phase noise (`echoes`); TX-RX leakage adds and the
+channels differ (`leaked`); thermal noise joins by the radar's own noise figure (radartwin.simulation.synthesis); the mixer has an image,
+the ADC an offset, and it saturates and rounds (`digitised`). The IF filter acts on each echo before anything folds, so it belongs to the
+radar that is simulated (`front_end`). All the rest is done to clean samples, what depends on delay as a weight on the lines of a
+chirp's spectrum. Phase noise so made is within 0.1 dB in energy of that of each echo by its own delay and, under a Hann window, within 5 %
+in amplitude; without a window 20 %, all of it in the first and last samples, which is where a strong near echo leaks into all lines.
+
+Where the defaults come from, all chosen before anything was scored:
+- if_filter: both high-pass stages at their lowest, 175 and 350 kHz (codes 0 0), receiver gain 30 dB: the profile of the paper as the mmWave
+  SDK writes it ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30", TI E2E 757413). It is a setting; strengths leave it.
+- coupling: -45 dB between the nearest TX and RX, 8.77 mm apart (xWR1642BOOST, TI E2E 674013), falling with distance, over 6 cm of feed line
+  (order of magnitude). Two public captures behind the same two stages hold leakage 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and 15.2 dB
+  (77 GHz, PreSenseRadar/OpenRadar) above the noise of a sample; ours is 14 dB.
+- full scale: in the same captures a sample of noise has 7.3 counts; with the data sheets' noise figure that is full scale at -23 and
+  -22 dBm, received, at 30 dB of gain. The in-band compression point is -29 dBm there (IWR1443 data sheet, figure 5-1, by TI E2E 702363:
+  -23, -35, -47 dBm at 24, 36, 48 dB), where large signals begin to bend, which is not modelled.
+- image: 1 dB and 2 degrees between I and Q (AWR1243 data sheet by TI E2E 654592). The SDK's "complex 1x" output filters the image band, so
+  only echoes nearer than a tenth of the band leave one, at the far end.
+- offset: -70 dBFS, the mean of the samples in both captures (5 to 16 counts).
+- channels: 0.6 dB and 5 degrees, the spread of a measured AWR1843L calibration (compRangeBiasAndRxChanPhase in the README of a fork of
+  RadarML/xwr); data sheets promise only +-0.5 dB and +-3 degrees over temperature (AWR2944P, TI SWRS330).
+- chirp_late: 0 or 1.1 ns, at random, between the chirp and its samples (TI SPRACV2).
+- start: a software trigger is uncertain by "several tens of microseconds", the repetition of frames is not (TI SWRA574B).
+- stamp: 1 ms from frame to frame in the log's clock, an order of magnitude: a host stamps what arrives over Ethernet.
 """
 
+from __future__ import annotations
+
+import functools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import FULL_SCALE
 from radartwin.radar.if_filter import IfFilter
-from radartwin.radar.phase_noise import PhaseNoise
+from radartwin.radar.phase_noise import PhaseNoise, interpolation
+
+_NODES = (0.2, 0.55, 0.95)  # of the band
+
+
+def _iwr1843_filter() -> IfFilter:
+    return IfFilter((175e3, 350e3))
 
 
 @dataclass(frozen=True)
@@ -25,51 +52,153 @@ class Hardware:
     """Departures from the ideal radar; zero strength is the ideal one.
 
     Attributes:
-        leakage_db: direct TX-RX power over transmitted power; leakage_path_m: its electrical length.
-        gain_imbalance_db, phase_imbalance_deg: of Q against I.
-        full_scale_db: received over transmitted power that drives the ADC to full scale.
+        coupling_db: power into the nearest receiver over transmitted power, before the filter; feed_m: electrical length of the lines,
+            spacing_m: from the nearest transmitter to the nearest receiver, the two groups side by side.
+        gain_imbalance_db, phase_imbalance_deg: of Q against I; image_filtered: the image band is filtered ("complex 1x").
+        offset_dbfs: of each ADC, over full scale.
+        channel_gain_db, channel_phase_deg: standard deviation over the channels of a board; board: which one.
+        chirp_late_s: a chirp starts so late, or in time.
+        start_s: a recording starts within so long after its log; stamp_s: standard deviation of a frame's time in the log.
+        full_scale_db: received over transmitted power that drives the ADC to full scale; None has no ADC.
         if_filter, phase_noise: of the radar; None is none.
     """
 
-    leakage_db: float = -60.0
-    leakage_path_m: float = 0.06
-    gain_imbalance_db: float = 0.1
-    phase_imbalance_deg: float = 1.0
-    full_scale_db: float = -40.0
-    if_filter: IfFilter | None = field(default_factory=IfFilter)
+    coupling_db: float = -45.0
+    feed_m: float = 0.06
+    spacing_m: float = 0.00877
+    gain_imbalance_db: float = 1.0
+    phase_imbalance_deg: float = 2.0
+    image_filtered: bool = True
+    offset_dbfs: float = -70.0
+    channel_gain_db: float = 0.6
+    channel_phase_deg: float = 5.0
+    board: int = 0
+    chirp_late_s: float = 1.1e-9
+    start_s: float = 50e-6
+    stamp_s: float = 1e-3
+    full_scale_db: float | None = -35.0
+    if_filter: IfFilter | None = field(default_factory=_iwr1843_filter)
     phase_noise: PhaseNoise | None = field(default_factory=PhaseNoise)
 
     @property
-    def scale(self) -> float:
+    def scale(self) -> float | None:
         """Amplitude per ADC count."""
-        return 10 ** (self.full_scale_db / 20) / FULL_SCALE
+        return None if self.full_scale_db is None else 10 ** (self.full_scale_db / 20) / FULL_SCALE
 
-    def scaled(self, strength: float) -> "Hardware":
-        """The same imperfections at another strength: 0 none, 1 as they are, 2 doubled (amplitudes and corners, not decibels)."""
+    def scaled(self, strength: float) -> Hardware:
+        """The same imperfections at another strength: 0 none, 1 as they are, 2 doubled; amplitudes and spreads, not decibels. Settings
+        (filter, full scale, geometry) stay."""
         if strength <= 0:
-            return Hardware(-np.inf, self.leakage_path_m, 0.0, 0.0, self.full_scale_db, None, None)
-        decibels = 20 * np.log10(strength)
-        noise, passes = self.phase_noise, self.if_filter
-        return Hardware(
-            self.leakage_db + decibels,
-            self.leakage_path_m,
-            strength * self.gain_imbalance_db,
-            strength * self.phase_imbalance_deg,
-            self.full_scale_db,
-            passes and replace(passes, high_pass_hz=tuple(strength * corner for corner in passes.high_pass_hz)),
-            noise and replace(noise, level_dbc_hz=float(noise.level_dbc_hz + decibels)),
-        )
+            return replace(
+                self, coupling_db=-np.inf, gain_imbalance_db=0.0, phase_imbalance_deg=0.0, offset_dbfs=-np.inf, channel_gain_db=0.0,
+                channel_phase_deg=0.0, chirp_late_s=0.0, start_s=0.0, stamp_s=0.0, full_scale_db=None, if_filter=None, phase_noise=None,
+            )  # fmt: skip
+        decibels = float(20 * np.log10(strength))
+        spread = ("gain_imbalance_db", "phase_imbalance_deg", "channel_gain_db", "channel_phase_deg", "chirp_late_s", "start_s", "stamp_s")
+        noise = self.phase_noise and replace(self.phase_noise, level_dbc_hz=self.phase_noise.level_dbc_hz + decibels)
+        return replace(
+            self, coupling_db=self.coupling_db + decibels, offset_dbfs=self.offset_dbfs + decibels, phase_noise=noise,
+            **{name: strength * getattr(self, name) for name in spread},
+        )  # fmt: skip
 
-    def radar(self, radar: Radar) -> Radar:
-        """The radar with this receiver and oscillator, to simulate with noise."""
-        return replace(radar, if_filter=self.if_filter, phase_noise=self.phase_noise)
+    def front_end(self, radar: Radar) -> Radar:
+        """The radar with this receiver's filter, to simulate without noise; noise and the rest come after."""
+        return replace(radar, if_filter=self.if_filter or radar.if_filter, phase_noise=None)
 
-    def apply(self, iq: np.ndarray, radar: Radar) -> np.ndarray:
-        """Leakage and I/Q imbalance on samples [frame, chirp, tx, rx, sample]; quantisation happens when the recording is saved."""
-        frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
-        leakage = 10 ** (self.leakage_db / 20) * np.exp(2j * np.pi * frequency * self.leakage_path_m / SPEED_OF_LIGHT)
-        signal = iq + leakage
-        phase = np.radians(self.phase_imbalance_deg)
-        in_phase = signal.real
-        quadrature = 10 ** (self.gain_imbalance_db / 20) * (signal.imag * np.cos(phase) + signal.real * np.sin(phase))
-        return (in_phase + 1j * quadrature).astype(np.complex64)
+    def frame_times(self, frames: int, rate_hz: float, rng: np.random.Generator) -> NDArray[np.float64]:
+        """When the frames of a log that says f/rate really begin, seconds, shape (F,)."""
+        late = self.start_s * rng.random()
+        return np.arange(frames) / rate_hz + late + self.stamp_s * rng.standard_normal(frames)
+
+    def echoes(self, iq: NDArray[np.complex64], radar: Radar, rng: np.random.Generator) -> NDArray[np.complex64]:
+        """Clean samples (F, C, T, R, N) with late chirps and phase noise; every antenna has the same, every chirp its own."""
+        if self.phase_noise is None and not self.chirp_late_s:
+            return iq
+        from scipy import fft
+
+        frames, chirps, tx, _, samples = iq.shape
+        out = iq.astype(np.complex64)
+        spectrum = np.asarray(fft.fft(out, axis=-1))
+        if radar.real_sampling:
+            spectrum *= np.where(np.arange(samples) <= samples // 2, 2, 0).astype(np.float32)  # the positive beats alone
+        if self.chirp_late_s:
+            late = rng.integers(0, 2, (frames, chirps, tx)).astype(bool)
+            spectrum[late] *= np.exp(-2j * np.pi * self.chirp_late_s * _beats(radar)).astype(np.complex64)
+            out[late] = fft.ifft(spectrum[late], axis=-1)
+        if self.phase_noise is not None:
+            nodes, weights = _nodes(radar)
+            phases = self.phase_noise.at_delays(frames * chirps * tx, samples, radar.sample_rate_hz, nodes, rng)
+            shape = (frames, chirps, tx, 1, samples)
+            for weight, phase in zip(weights, phases, strict=True):
+                out += np.complex64(1j) * phase.reshape(shape) * np.asarray(fft.ifft(spectrum * weight, axis=-1))
+        return out.real.astype(np.complex64) if radar.real_sampling else out
+
+    def leaked(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
+        """The samples with leakage between the antennas, in channels of unequal gain and phase."""
+        return ((iq + self.leakage(radar)) * self.channels(radar)[:, :, None]).astype(np.complex64)
+
+    def leakage(self, radar: Radar) -> NDArray[np.complex64]:
+        """(T, R, N) of every pair, through the filter. So short a delay keeps no phase noise."""
+        time = np.arange(radar.num_samples) / radar.sample_rate_hz
+        frequency = radar.start_frequency_hz + radar.slope_hz_per_s * time
+        beside = radar.tx_positions[:, 1].max() - radar.rx_positions[:, 1].min() + self.spacing_m
+        apart = np.linalg.norm(radar.rx_positions + np.array([0.0, beside, 0.0]) - radar.tx_positions[:, None], axis=-1)
+        path = apart + self.feed_m
+        gain = 10 ** (self.coupling_db / 20) * apart.min() / apart
+        if (passes := self.if_filter or radar.if_filter) is not None:
+            gain = gain * passes.gain(radar.slope_hz_per_s * path / SPEED_OF_LIGHT, radar.band_hz)
+        signal = gain[..., None] * np.exp(2j * np.pi * frequency * path[..., None] / SPEED_OF_LIGHT)
+        return (signal.real if radar.real_sampling else signal).astype(np.complex64)
+
+    def channels(self, radar: Radar) -> NDArray[np.complex64]:
+        """(T, R) gain of each channel: what a transmitter and a receiver of this board share in it."""
+        rng = np.random.default_rng(np.random.SeedSequence([self.board, *b"channels"]))
+        unit = rng.standard_normal((2, radar.num_tx + radar.num_rx)) / np.sqrt(2)
+        decibels, degrees = self.channel_gain_db * unit[0], self.channel_phase_deg * unit[1]
+        one = 10 ** (decibels / 20) * np.exp(1j * np.radians(degrees))
+        if radar.real_sampling:
+            one = np.abs(one)
+        return (one[: radar.num_tx, None] * one[radar.num_tx :]).astype(np.complex64)
+
+    def digitised(self, iq: NDArray[np.complex64], radar: Radar) -> tuple[NDArray[np.complex64], int]:
+        """The samples with image and offset, saturated and rounded to counts, and how many values saturated."""
+        error = 10 ** (self.gain_imbalance_db / 20) * np.exp(1j * np.radians(self.phase_imbalance_deg))
+        out = iq
+        if error != 1 and not radar.real_sampling:
+            out = np.complex64((1 + error) / 2) * iq + np.complex64((1 - np.conj(error)) / 2) * np.conj(self._imaged(iq, radar))
+        if self.scale is None:
+            return out.astype(np.complex64), 0
+        offset = FULL_SCALE * 10 ** (self.offset_dbfs / 20) * (1 if radar.real_sampling else 1 + 1j) / np.sqrt(2)
+        counts = (out / self.scale + offset).astype(np.complex64)
+        parts = counts.view(np.float32)
+        np.rint(parts, out=parts)
+        clipped = np.clip(parts, -FULL_SCALE - 1, FULL_SCALE)
+        saturated = int(np.count_nonzero(clipped != parts))
+        return (clipped * np.float32(self.scale)).view(np.complex64), saturated
+
+    def _imaged(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
+        """Those parts of the samples whose image passes: the decimation filter's lower edge is as wide as its upper one."""
+        if not self.image_filtered or self.if_filter is None:
+            return iq
+        from scipy import fft
+
+        into = np.clip(_beats(radar) / radar.band_hz / (1 - self.if_filter.pass_share), 0, 1)
+        passed = 10 ** (-self.if_filter.stop_db / 20 * np.sin(np.pi / 2 * into) ** 2)
+        return np.asarray(fft.ifft(np.asarray(fft.fft(iq, axis=-1)) * passed.astype(np.float32), axis=-1))
+
+
+@functools.lru_cache(maxsize=8)
+def _beats(radar: Radar) -> NDArray[np.float64]:
+    """(N,) beat frequency of each line of a chirp's spectrum. The last fiftieth of the band is what little leaks below zero."""
+    line = np.arange(radar.num_samples) / radar.num_samples
+    if radar.real_sampling:
+        return np.minimum(line, 1 - line) * radar.sample_rate_hz
+    return np.where(line < 0.98, line, 0.0) * radar.sample_rate_hz
+
+
+@functools.lru_cache(maxsize=8)
+def _nodes(radar: Radar) -> tuple[tuple[float, ...], NDArray[np.float32]]:
+    """Delays between which phase noise is interpolated, and their weights (K, N) by line: 0.3 % off at most over the iwr1843's band."""
+    longest = radar.band_hz / radar.slope_hz_per_s
+    nodes = tuple(share * longest for share in _NODES)
+    return nodes, interpolation(_beats(radar) / radar.slope_hz_per_s, nodes).astype(np.float32)

@@ -4,14 +4,17 @@ An echo of delay tau is mixed with the oscillator it came from: its phase is off
 S(f) 4 sin^2(pi f tau) of S(f) = 2 L(f), one-sided (M. Budge, M. Burt, Range correlation effects in radars, IEEE National Radar Conference
 1993). Near echoes keep little of it, far ones more; all antennas share it.
 
-Level at 1 MHz: -95 dBc/Hz from 76 to 77 GHz and -93 dBc/Hz from 77 to 81 GHz, IWR1843 data sheet (TI SWRS228), from memory and not
-verified. The data sheet gives no other offset: a plateau up to the loop's corner and 1/f^2 beyond it are assumed.
+Level at 1 MHz: -95 dBc/Hz from 76 to 77 GHz and -93 dBc/Hz from 77 to 81 GHz, IWR1843 data sheet (TI SWRS228B, RF specification), from
+memory; the table of its successor, read (AWR2944P, TI SWRS330), has -96 and -95 dBc/Hz. No sheet gives another offset: a plateau up to
+the loop's corner and 1/f^2 beyond it are assumed.
 Over the delays of a frame the difference is separated as exp(-j 2 pi f tau) = exp(-j w) sum_k (2 - [k=0]) (-j)^k J_k(w) T_k(u), with
-w = pi f tau_max and tau = tau_max (1 + u)/2, so that a handful of random processes serve all echoes.
+w = pi f tau_max and tau = tau_max (1 + u)/2, so that a handful of random processes serve all echoes (`processes`). Where only samples are
+at hand, the same difference is interpolated in delay between a few (`at_delays`, `interpolation`).
 """
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -90,6 +93,26 @@ class PhaseNoise:
             out[k] = np.fft.ifft(spectrum, norm="forward").real[:, :samples]
         return out
 
+    def at_delays(
+        self, chirps: int, samples: int, sample_rate_hz: float, delays_s: tuple[float, ...], rng: np.random.Generator
+    ) -> NDArray[np.float32]:
+        """The phases by which echoes of these K delays are off.
+
+        Args:
+            chirps, samples: as in `processes`.
+        Returns:
+            (K, chirps, samples), radians.
+        """
+        from scipy import fft
+
+        size = _LONGER * samples
+        lines = _lines(self, size, sample_rate_hz, delays_s)
+        draw = rng.standard_normal((2, chirps, size // 2), np.float32)
+        spectrum = np.zeros((len(delays_s), chirps, size // 2 + 1), np.complex64)
+        np.multiply(lines[:, None], draw[0] + np.complex64(1j) * draw[1], out=spectrum[:, :, 1:])
+        spectrum[:, :, 1:-1] *= 0.5  # a real transform counts these twice
+        return np.asarray(fft.irfft(spectrum, size, norm="forward", overwrite_x=True))[:, :, :samples]
+
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
 
@@ -97,3 +120,26 @@ class PhaseNoise:
     def from_dict(cls, values: Mapping[str, Any]) -> PhaseNoise:
         """The inverse of to_dict. Raises InputError for an unknown or mistyped field."""
         return build(cls, "phase_noise", values)
+
+
+def interpolation(delays_s: Any, nodes_s: tuple[float, ...]) -> NDArray[np.float64]:
+    """Weights (K, ...) of the phases at K nodes for echoes of other delays: the polynomial through them that is zero at no delay.
+
+    >>> interpolation([0.0, 1.0, 2.0], (1.0, 2.0)).tolist()
+    [[0.0, 1.0, 0.0], [-0.0, 0.0, 1.0]]
+    """
+    delays = np.asarray(delays_s, np.float64)
+    out = [delays / node for node in nodes_s]
+    for k, node in enumerate(nodes_s):
+        for other in nodes_s:
+            if other != node:
+                out[k] = out[k] * (delays - other) / (node - other)
+    return np.stack(out)
+
+
+@functools.lru_cache(maxsize=8)
+def _lines(noise: PhaseNoise, size: int, sample_rate_hz: float, delays_s: tuple[float, ...]) -> NDArray[np.complex64]:
+    """(K, L) amplitude of each line of the phase difference over each delay."""
+    offset = np.arange(1, size // 2 + 1) * sample_rate_hz / size
+    amplitude = np.sqrt(noise.density(offset) * sample_rate_hz / size)
+    return (amplitude * (1 - np.exp(-2j * np.pi * np.outer(delays_s, offset)))).astype(np.complex64)

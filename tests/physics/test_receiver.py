@@ -8,7 +8,6 @@ import pytest
 import radartwin as rt
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
-from radartwin.radar.hardware import Hardware
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 from radartwin.simulation.paths import Paths
@@ -159,15 +158,3 @@ def rt_plate():
     import trimesh
 
     return trimesh.creation.box((0.001, 0.1, 0.1), np.array([[1, 0, 0, 1.5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]))
-
-
-def test_hardware_brings_filter_and_phase_noise_by_strength():
-    radar = Hardware().radar(RADAR)
-    assert radar.if_filter == IfFilter()
-    assert radar.phase_noise == PhaseNoise()
-    assert Hardware().scaled(0).radar(RADAR) == RADAR
-    twice = Hardware().scaled(2)
-    assert twice.if_filter is not None
-    assert twice.if_filter.high_pass_hz == (350e3,)
-    assert twice.phase_noise is not None
-    assert twice.phase_noise.level_dbc_hz == pytest.approx(-93.0 + 6.02, abs=0.01)

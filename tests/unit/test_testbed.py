@@ -1,5 +1,6 @@
 """The testbed differs from what it is given by its gaps alone, and each can be switched off."""
 
+import dataclasses
 import subprocess
 import sys
 
@@ -8,8 +9,9 @@ import pytest
 
 import radartwin as rt
 from radartwin.materials import Layered
-from radartwin.measured.testbed import ROUGHNESS_M, ROUGHNESS_OTHER_M, Gaps, record, truth
+from radartwin.measured.testbed import ROUGHNESS_M, ROUGHNESS_OTHER_M, Gaps, clean, received, record, truth
 from radartwin.radar.hardware import Hardware
+from radartwin.radar.recording import Recording
 from radartwin.scene import objects, rooms, trajectory
 
 OFF = Gaps(0, 0, 0, 0, 0, 0)
@@ -51,16 +53,17 @@ def test_repetitions_differ_and_repeat_themselves():
     assert not np.array_equal(first, other)
 
 
-def test_hardware_adds_leakage_and_an_image():
-    """Leakage at its level and range; a tone's image at the closed form of gain and phase imbalance."""
-    silence = np.zeros((1, 1, 2, 4, 256), np.complex64)
-    leaking = Hardware(gain_imbalance_db=0, phase_imbalance_deg=0).apply(silence, RADAR)
-    assert 20 * np.log10(np.abs(leaking)).mean() == pytest.approx(-60, abs=1e-3)
-    tone = np.exp(2j * np.pi * 30 * np.arange(256) / 256) * np.ones((1, 1, 2, 4, 1))
-    gain, phase = 10 ** (0.5 / 20), np.radians(3)
-    spectrum = np.fft.fft(Hardware(-np.inf, 0.06, 0.5, 3.0).apply(tone, RADAR)[0, 0, 0, 0]) / 256
-    assert abs(spectrum[-30]) == pytest.approx(abs(1 - gain * np.exp(1j * phase)) / 2, rel=1e-3)
-    assert Hardware().scaled(0).apply(tone, RADAR) == pytest.approx(tone, abs=1e-6)
+def test_a_clean_recording_serves_every_repetition_and_strength():
+    """Made once, received often: the same as making it anew, and frames alone are as in the whole."""
+    gaps = Gaps(solver=0, trajectory=0)
+    ideal = clean(TARGET, RADAR, np.eye(4)[None], TURNING, gaps)
+    whole = record(TARGET, RADAR, np.eye(4)[None], TURNING, gaps, seed=7)
+    assert np.array_equal(received(ideal, Hardware(), 7).iq, whole.iq)
+    last = Recording(ideal.iq[2:], RADAR)
+    assert np.array_equal(received(last, Hardware(), 7, first_frame=2).iq, whole.iq[2:])
+    assert np.array_equal(received(ideal, Hardware().scaled(0), 7).iq, ideal.iq)
+    stronger = clean(TARGET, RADAR, np.eye(4)[None], TURNING, dataclasses.replace(gaps, hardware=2.0))
+    assert np.array_equal(stronger.iq, ideal.iq)
 
 
 def test_testbed_knows_no_scan_and_no_labels():
