@@ -90,8 +90,7 @@ def twin_room(config: Config) -> Scene:
     strength = config.measured.gap.geometry
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, *b"scan of the lab"]))
     lab = scan.as_scanned(rooms.lab(detail="cluttered"), rng, strength * SCAN_OFFSET_M, strength * SCAN_TILT_DEG)
-    options = {"material": config.materials.material} if config.materials.source == "uniform" else {}
-    return material_source(config.materials.source, **options)(lab)
+    return material_source(config.materials.source, **config.materials.options(config.seed))(lab)
 
 
 def _radar(config: Config) -> Radar:

@@ -6,6 +6,7 @@ the target stands on the radar's boresight.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ import numpy as np
 
 from radartwin.compose import compose
 from radartwin.config import (
+    MATERIALS_FIELDS,
     SIMULATOR_FIELDS,
     Config,
     MaterialsConfig,
@@ -28,6 +30,7 @@ from radartwin.radar.chirp import Radar
 if TYPE_CHECKING:
     import trimesh
 
+    from radartwin.label.labelling import Wishes
     from radartwin.radar.recording import Recording
     from radartwin.scene.scene import Scene
 
@@ -79,7 +82,7 @@ def build_target(config: SceneConfig) -> trimesh.Trimesh | None:
     return mesh.apply_transform(np.diag([-1.0, -1.0, 1.0, 1.0]))
 
 
-def build_room(scene: SceneConfig, materials: MaterialsConfig) -> Scene:
+def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) -> Scene:
     """What surrounds the target, its materials by the configured source; the target is not in it."""
     from radartwin.label.sources import material_source
     from radartwin.scene import rooms
@@ -89,11 +92,26 @@ def build_room(scene: SceneConfig, materials: MaterialsConfig) -> Scene:
         room = rooms.lab()
     elif scene.name == "scan":
         assert scene.path is not None
-        room = Scene.load(scene.path, **({} if Path(scene.path).is_dir() else {"material": materials.material}))
+        room = Scene.load(scene.path, **({} if Path(scene.path).is_dir() else {"material": materials.material or "plasterboard"}))
     else:
         return rooms.empty()
-    options = {"material": materials.material} if materials.source == "uniform" else {}
-    return material_source(materials.source, **options)(room)
+    return material_source(materials.source, **materials.options(seed))(room)
+
+
+def label_wishes(options: Mapping[str, Any]) -> Wishes:
+    """What `radartwin label` is asked for: given options, else what conf/materials/vlm.yaml says, else the defaults.
+
+    Raises:
+        ConfigError: a value out of range.
+    """
+    from radartwin.label.labelling import Wishes
+
+    given = {name: value for name, value in options.items() if value is not None}
+    config = replace(
+        compose(["materials=vlm"]).materials, **{n: v for n, v in given.items() if n in MATERIALS_FIELDS["vlm"] and n != "missing"}
+    )
+    asking = {name: config.value(name) for name in ("provider", "model", "url", "timeout_s", "concurrency", "views")}
+    return Wishes(**asking, **{name: given[name] for name in ("export", "answers", "missing") if name in given})
 
 
 def build_start(config: TrajectoryConfig, room: Scene) -> np.ndarray:
@@ -157,7 +175,7 @@ def simulate_scene(config: Config, noise: bool = False) -> Recording:
     from radartwin.simulation.simulate import simulate
 
     radar = build_radar(config.radar)
-    scene = build_room(config.scene, config.materials)
+    scene = build_room(config.scene, config.materials, config.seed)
     course = build_course(config.trajectory, radar, build_start(config.trajectory, scene))
     mesh = build_target(config.scene)
     if mesh is not None:

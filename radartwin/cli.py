@@ -116,6 +116,21 @@ def _parser() -> argparse.ArgumentParser:
     reconstruct.add_argument("--unit", default="auto", help="unit of the scan: auto (metres), m, cm, mm, in or ft")
     reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto (found), x, y or z")
 
+    label = _verb(verbs, "label", _label, "a scene's materials from a vision-language model's answers: live, or as a batch file and back")
+    label.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; its manifest takes the labels")
+    label.add_argument("--provider", choices=("recorded", "server", "local"), help="who answers (default: recorded answers)")
+    label.add_argument("--model", help="name of the model; local: a folder or name that transformers loads; --import: who answered")
+    label.add_argument(
+        "--url", help="server: base of an OpenAI-compatible API (default: http://127.0.0.1:8000/v1); RADARTWIN_VLM_KEY: its key"
+    )
+    batch = label.add_mutually_exclusive_group()
+    batch.add_argument("--export", metavar="FOLDER", type=Path, help="write the questions and their pictures instead of asking")
+    batch.add_argument("--import", metavar="FILE", type=Path, dest="answers", help="take the answers of a JSONL file")
+    label.add_argument("--missing", metavar="uniform:MATERIAL", help="what unanswered surfaces take (default: they are refused)")
+    label.add_argument("--views", type=int, help="pictures of each surface (default: 3)")
+    label.add_argument("--concurrency", type=int, help="server: requests at once (default: 4)")
+    label.add_argument("--timeout", type=float, metavar="SECONDS", dest="timeout_s", help="server: of one request (default: 120)")
+
     view = _verb(verbs, "view", _view, "a standalone 3D page of a scene, coloured by material")
     view.add_argument("scene", metavar="SCENE", type=Path)
     view.add_argument("--out", metavar="FILE", type=Path, help="default: SCENE/view.html")
@@ -249,6 +264,16 @@ def _reconstruct(options: argparse.Namespace) -> int:
 
     scene = reconstruct(options.scan, options.out, material=options.material, unit=options.unit, up=options.up)
     print(f"{options.out}: {len(scene)} surfaces")
+    return 0
+
+
+def _label(options: argparse.Namespace) -> int:
+    from radartwin.assemble import label_wishes
+    from radartwin.label.labelling import label_folder
+    from radartwin.progress import Progress
+
+    for line in label_folder(options.scene, label_wishes(vars(options)), Progress()):
+        print(line)
     return 0
 
 

@@ -1,19 +1,29 @@
 """Who says what a surface is made of. Every source is one callable, scene in, labelled scene out.
 
-A source relabels what a scan cannot know, the surfaces of kind "room". The target under test keeps its material: in
-every experiment it is known, and the question is what the room does. Each relabelled surface says in its provenance
-who labelled it.
+A source relabels what a scan cannot know: the surfaces of kind "room", and what came with a scan whatever its size. The target under test
+keeps its material: in every experiment it is known, and the question is what the room does. What a label says is in `labels`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
-from radartwin.errors import ConfigError, MissingError, SceneError
+import numpy as np
+
+from radartwin.errors import ConfigError, SceneError
+from radartwin.label.answers import Answer
+from radartwin.label.journal import Record
+from radartwin.label.labels import LABEL_KEYS, VLM, Label, belongs_to_room, labelled, relabelled
+from radartwin.label.place import matches, place_of
+from radartwin.label.recorded import Recorded, records_for
 from radartwin.materials import Layered, check_name
+from radartwin.materials.distance import in_range
+from radartwin.materials.minc import CATEGORIES, names_in, row
 from radartwin.scene.scene import Scene, Surface
+
+TRUTH_SPACING_M = 0.1
 
 
 class MaterialSource(Protocol):
@@ -36,7 +46,12 @@ class Uniform:
             check_name(self.material)
 
     def __call__(self, scene: Scene) -> Scene:
-        return _relabelled(scene, lambda surface: (self.material, 0.0), self.name)
+        return relabelled(scene, lambda index, surface: self.label(), self.name)
+
+    def label(self) -> Label:
+        """The one label."""
+        stand_in = not all(in_range(name) for name in names_in(self.material))
+        return Label(self.material, 0.0, {"source": self.name, "confidence": None, "stand_in": stand_in, "minc": None})
 
 
 @dataclass(frozen=True)
@@ -46,62 +61,143 @@ class Void:
     name: ClassVar[str] = "void"
 
     def __call__(self, scene: Scene) -> Scene:
-        kept = scene.only("object")
+        kept = (surface for surface in scene if not belongs_to_room(surface))
         return Scene(kept, {**scene.provenance, "materials": self.name})
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What the surfaces really are, where somebody knows: a procedural room, or `truth` by surface name.
+    """What the surfaces really are, where somebody knows.
 
+    Args:
+        truth: material by surface name.
+        scene: the true scene in the same frame: each surface takes what most of it lies on. For scoring a scan, never for labelling it.
     Raises:
         SceneError: a room surface nobody knows the material of.
     """
 
     name: ClassVar[str] = "true"
     truth: Mapping[str, str | Layered] = field(default_factory=dict)
+    scene: Scene | None = None
 
     def __call__(self, scene: Scene) -> Scene:
-        def known(surface: Surface) -> tuple[str | Layered, float]:
+        beneath = true_surfaces(scene, self.scene) if self.scene is not None else [None] * len(scene)
+
+        def known(index: int, surface: Surface) -> Label:
+            below = beneath[index]
             if surface.name in self.truth:
-                return self.truth[surface.name], surface.roughness_m
+                minc = surface.provenance.get("minc") if surface.provenance.get("source") == self.name else None
+                return _true_label(self.truth[surface.name], surface.roughness_m, minc)
+            if below is not None:
+                return _true_label(below.material, below.roughness_m, below.provenance.get("minc"))
             if surface.provenance.get("source") == self.name:
-                return surface.material, surface.roughness_m
+                return _true_label(surface.material, surface.roughness_m, surface.provenance.get("minc"))
             raise SceneError(
                 f"nobody knows the true material of surface '{surface.name}'; "
                 "materials=true needs a procedural room: use materials=uniform for a scan"
             )
 
-        return _relabelled(scene, known, self.name)
+        return relabelled(scene, known, self.name)
+
+
+@dataclass(frozen=True)
+class Random:
+    """The truth with labels wrong at random: what a labeller costs that errs at a known rate.
+
+    A wrong label is drawn evenly from the other categories, and takes their material; a right one keeps the true material. Every surface
+    draws once whatever p is, so the surfaces that are wrong at one p are wrong at every larger one.
+
+    Args:
+        p: chance of each surface to be wrong.
+        seed: of the draws, with the surface's name and number.
+        among: "room" draws from the categories that the room has, "all" from all of MINC but `other`.
+        truth: the true source, `Truth()` unless given.
+    Raises:
+        ConfigError: p outside 0 to 1.
+        SceneError: a surface without a true MINC category, or only one category to draw from.
+    """
+
+    name: ClassVar[str] = "random"
+    p: float = 0.5
+    seed: int = 0
+    among: Literal["room", "all"] = "room"
+    truth: Truth = field(default_factory=Truth)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.p <= 1:
+            raise ConfigError(f"materials=random: p is {self.p!r}; give the share of wrong labels, 0 to 1")
+        if self.among not in ("room", "all"):
+            raise ConfigError(f"materials=random: among is {self.among!r}; choose room or all")
+
+    def __call__(self, scene: Scene) -> Scene:
+        true = self.truth(scene)
+        categories = {s.name: s.provenance.get("minc") for s in true if belongs_to_room(s)}
+        unknown = [name for name, minc in categories.items() if minc is None]
+        if unknown:
+            raise SceneError(f"materials=random needs the true category of surface '{unknown[0]}', which nobody gives (provenance minc)")
+        present = [c for c in CATEGORIES if c in categories.values()] if self.among == "room" else [c for c in CATEGORIES if c != "other"]
+        if self.p > 0 and len(present) < 2 and categories:
+            raise SceneError("materials=random: the room has one category only, so no label can be wrong; use among=all")
+
+        def drawn(index: int, surface: Surface) -> Label:
+            stream = np.random.default_rng(np.random.SeedSequence([self.seed, *b"random", index, *surface.name.encode()]))
+            chance, choice = stream.random(2)
+            truth = str(surface.provenance["minc"])
+            if chance >= self.p:
+                return Label(surface.material, surface.roughness_m, {**_own(surface), "source": self.name, "wrong": False})
+            others = [category for category in present if category != truth]
+            wrong = others[min(int(choice * len(others)), len(others) - 1)]
+            entry = row(wrong)
+            told = {"source": self.name, "confidence": None, "stand_in": entry.stand_in(), "minc": wrong, "wrong": True}
+            return Label(entry.material, entry.roughness_m, told)
+
+        return relabelled(true, drawn, self.name)
 
 
 @dataclass(frozen=True)
 class Vlm:
-    """A vision-language model's answers, recorded with the scene: surface name to material.
+    """A vision-language model's answers. A surface that was labelled by one before, in its manifest, keeps that label.
 
+    Args:
+        answers: material or answer by surface name; None takes what is recorded for the room, by place.
+        missing: the uniform material of a surface that nobody answered; None refuses it.
+        model: only answers of this model.
     Raises:
         MissingError: the scene has no recorded answers.
-        SceneError: a room surface the answers leave out.
+        LabelError: room surfaces the answers leave out, all of them named.
     """
 
-    name: ClassVar[str] = "vlm"
-    answers: Mapping[str, str | Layered] | None = None
+    name: ClassVar[str] = VLM
+    answers: Mapping[str, str | Layered | Answer | Record] | None = None
+    missing: str | Layered | None = None
+    model: str | None = None
 
     def __call__(self, scene: Scene) -> Scene:
+        asked = [i for i, s in enumerate(scene) if belongs_to_room(s) and s.provenance.get("source") != self.name]
         if self.answers is None:
-            room = scene.provenance.get("room", scene.provenance.get("source", "this scene"))
-            raise MissingError(f"materials=vlm has no recorded answers for {room}; use materials=uniform, void or true")
-        answers = self.answers
+            found = self._recorded(scene, asked)
+        else:
+            found = {i: self.answers[s.name] for i, s in enumerate(scene) if i in set(asked) and s.name in self.answers}
+        return labelled(
+            scene, found, asked, None if self.missing is None else Uniform(self.missing).label(), transferred=self.answers is None
+        )
 
-        def answered(surface: Surface) -> tuple[str | Layered, float]:
-            if surface.name not in answers:
-                raise SceneError(f"the recorded answers of materials=vlm leave out surface '{surface.name}'; record them again")
-            return answers[surface.name], surface.roughness_m
+    def _recorded(self, scene: Scene, asked: Sequence[int]) -> dict[int, Record]:
+        if not asked:
+            return {}
+        provider = Recorded(records_for(scene, None), self.model)
+        places = [place_of(scene.surfaces[i].mesh) for i in asked]
+        return {i: record for i, record in zip(asked, provider.by_place(places), strict=True) if record is not None}
 
-        return _relabelled(scene, answered, self.name)
+
+def true_surfaces(scene: Scene, truth: Scene) -> list[Surface | None]:
+    """For each surface, the true one that most of it lies on; None where it lies on none."""
+    places = [place_of(surface.mesh, TRUTH_SPACING_M) for surface in truth]
+    found = matches([place_of(surface.mesh) for surface in scene], places)
+    return [None if match is None else truth.surfaces[match[0]] for match in found]
 
 
-SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (Uniform, Void, Truth, Vlm)}
+SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (Uniform, Void, Truth, Vlm, Random)}
 
 
 def material_source(name: str, **options: object) -> MaterialSource:
@@ -118,11 +214,10 @@ def material_source(name: str, **options: object) -> MaterialSource:
         raise ConfigError(f"materials={name} does not take {', '.join(options)}") from error
 
 
-def _relabelled(scene: Scene, rule: Callable[[Surface], tuple[str | Layered, float]], source: str) -> Scene:
-    surfaces = []
-    for surface in scene:
-        if surface.kind == "room":
-            material, roughness = rule(surface)
-            surface = surface.replaced(material=material, roughness_m=roughness, provenance={"source": source})
-        surfaces.append(surface)
-    return Scene(surfaces, {**scene.provenance, "materials": source})
+def _own(surface: Surface) -> dict[str, Any]:
+    return {key: surface.provenance[key] for key in LABEL_KEYS if key in surface.provenance}
+
+
+def _true_label(material: str | Layered, roughness_m: float, minc: object) -> Label:
+    stand_in = not all(in_range(name) for name in names_in(material))
+    return Label(material, roughness_m, {"source": Truth.name, "confidence": 1.0, "stand_in": stand_in, "minc": minc})

@@ -1,0 +1,113 @@
+"""Answers kept as they come: one JSON line each, on the disk before the next is asked for, so that nothing is asked twice.
+
+A process that is killed leaves at most one unfinished line, which the next one cuts off.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from radartwin.errors import LabelError, OutputError
+from radartwin.files import make_folder
+from radartwin.label.answers import Answer
+from radartwin.label.place import Place
+from radartwin.label.questions import Question, prompt_digest
+
+FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """An answer with what it answers: which model, prompt and pictures, where the surface lies, and who was asked how."""
+
+    key: str
+    model: str
+    provider: str
+    prompt: str
+    images: tuple[str, ...]
+    kind: str
+    place: Place
+    answer: Answer
+
+    @classmethod
+    def of(cls, question: Question, answer: Answer, model: str, provider: str) -> Record:
+        return cls(question.key, model, provider, prompt_digest(), question.images, question.kind, question.place, answer)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "format": FORMAT,
+            "key": self.key,
+            "model": self.model,
+            "provider": self.provider,
+            "prompt": self.prompt,
+            "images": list(self.images),
+            "kind": self.kind,
+            "answer": self.answer.to_dict(),
+            "place": self.place.to_dict(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Record:
+        """The inverse of `to_dict`.
+
+        Raises:
+            LabelError: something missing, or of another version.
+        """
+        try:
+            if values["format"] != FORMAT:
+                raise KeyError("format")
+            place, answer = Place.from_dict(values["place"]), Answer.from_dict(values["answer"])
+            key, model, provider, prompt, kind = (str(values[name]) for name in ("key", "model", "provider", "prompt", "kind"))
+            return cls(key, model, provider, prompt, tuple(values["images"]), kind, place, answer)
+        except (KeyError, TypeError) as error:
+            raise LabelError(f"a recorded answer lacks {error}; record it again") from error
+
+
+class Journal:
+    """The answers of one scene, appended to a file.
+
+    Raises:
+        LabelError: a line, other than an unfinished last one, that is no record.
+        OutputError: the file cannot be read or written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._records: dict[tuple[str, str], Record] = {}
+        whole = 0
+        if path.exists():
+            content = path.read_bytes()
+            whole = content.rfind(b"\n") + 1
+            for number, line in enumerate(content[:whole].decode("utf-8", "replace").splitlines(), 1):
+                try:
+                    record = Record.from_dict(json.loads(line))
+                except (ValueError, TypeError) as error:
+                    raise LabelError(f"{path}, line {number}: {error}; remove the line, its surface is then asked about again") from error
+                self._records[record.model, record.key] = record
+            if whole < len(content):
+                os.truncate(path, whole)
+
+    @property
+    def records(self) -> list[Record]:
+        """In the order they came; the last one of a model and key counts."""
+        return list(self._records.values())
+
+    def get(self, model: str, key: str) -> Record | None:
+        return self._records.get((model, key))
+
+    def append(self, record: Record) -> None:
+        """Keep an answer; it is on the disk when this returns."""
+        make_folder(self.path.parent)
+        try:
+            with self.path.open("ab") as stream:
+                stream.write((json.dumps(record.to_dict(), separators=(",", ":")) + "\n").encode())
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise OutputError(f"{self.path}: cannot write ({error.strerror}); free some space, the same command resumes") from error
+        self._records[record.model, record.key] = record

@@ -1,0 +1,122 @@
+"""Where a surface lies, so that another scan of the same room can find it again: points spread over it, evenly by area.
+
+Two surfaces are matched by votes: each point of the one asks which surface of the other scene is nearest, in distance and, where both
+are flat, in direction. That tolerates what a rescan changes (a few centimetres, a surface cut in two or grown by a margin) and needs no
+correspondence of names. Both scenes must lie in one frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import LabelError
+
+SPACING_M, LEAST, MOST = 0.25, 12, 400  # of the stored points: a floor of 25 m2 keeps 400
+REACH_M = 0.3  # farther than this a point belongs to no surface: a little over the spacing, and scans err by centimetres
+TURNED_M = 0.4  # what a right angle between two planes counts, in metres of distance
+LEAST_SHARE = 0.3  # of its points that a surface must have on another to be taken for it
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A surface's place: centroid (3,), normal (3,) or None for what is not flat, area, bounds (2, 3) and points (N, 3), metres."""
+
+    centroid: np.ndarray
+    normal: np.ndarray | None
+    area_m2: float
+    bounds: np.ndarray
+    points: np.ndarray
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, lengths to the centimetre."""
+        return {
+            "centroid_m": _rounded(self.centroid, 2),
+            "normal": None if self.normal is None else _rounded(self.normal, 3),
+            "area_m2": round(self.area_m2, 3),
+            "bounds_m": [_rounded(corner, 2) for corner in self.bounds],
+            "points_cm": np.rint(100 * self.points).astype(int).reshape(-1).tolist(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Place:
+        """The inverse of `to_dict`.
+
+        Raises:
+            LabelError: something missing or of another shape.
+        """
+        try:
+            normal = None if values["normal"] is None else np.array(values["normal"], float).reshape(3)
+            points = np.array(values["points_cm"], float).reshape(-1, 3) / 100
+            bounds = np.array(values["bounds_m"], float).reshape(2, 3)
+            return cls(np.array(values["centroid_m"], float).reshape(3), normal, float(values["area_m2"]), bounds, points)
+        except (KeyError, TypeError, ValueError) as error:
+            raise LabelError(f"a recorded place lacks {error}; record the answers again") from error
+
+
+def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:
+    """The place of a mesh: a point per spacing squared, from LEAST to MOST of them."""
+    corners = np.asarray(mesh.triangles, float)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    doubled = np.linalg.norm(cross, axis=1)
+    area = float(doubled.sum() / 2)
+    mean = cross.sum(axis=0) / max(doubled.sum(), 1e-300)
+    length = float(np.linalg.norm(mean))
+    count = int(np.clip(math.ceil(area / spacing_m**2), LEAST, MOST))
+    points = _spread_points(corners, doubled, count)
+    centroid = np.average(corners.mean(axis=1), axis=0, weights=np.maximum(doubled, 1e-300))
+    return Place(centroid, mean / length if length > 0.8 else None, area, np.asarray(mesh.bounds, float), points)
+
+
+def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, float] | None]:
+    """For each place, the index of the one among others that most of its points lie on, with their share; None where none has enough."""
+    from scipy.spatial import KDTree
+
+    if not among:
+        return [None for _ in places]
+    pool = np.concatenate([place.points for place in among])
+    owner = np.repeat(np.arange(len(among)), [len(place.points) for place in among])
+    normals = np.array([np.zeros(3) if place.normal is None else place.normal for place in among])
+    tree = KDTree(pool)
+    out: list[tuple[int, float] | None] = []
+    for place in places:
+        distance, near = tree.query(place.points, k=min(12, len(pool)), distance_upper_bound=REACH_M)
+        distance, near = np.atleast_2d(distance), np.atleast_2d(near)
+        there = np.isfinite(distance)
+        label = owner[np.where(there, near, 0)]
+        cost = np.where(there, distance, np.inf)
+        if place.normal is not None:
+            flat = np.linalg.norm(normals[label], axis=-1) > 0
+            cost = cost + np.where(flat, TURNED_M * (1 - np.abs(normals[label] @ place.normal)), 0)
+        best = cost.argmin(axis=1)
+        rows = np.arange(len(best))
+        votes = np.bincount(label[rows, best][np.isfinite(cost[rows, best])], minlength=len(among))
+        winner = int(votes.argmax())
+        share = float(votes[winner] / len(place.points))
+        out.append((winner, share) if share >= LEAST_SHARE else None)
+    return out
+
+
+def _spread_points(corners: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
+    """Points (count, 3) on triangles (F, 3, 3), evenly by weight (F,); the same every time.
+
+    Inside a triangle they follow the R2 sequence (M. Roberts 2018, a Kronecker sequence of the plastic number).
+    """
+    upto = np.cumsum(weight)
+    index = np.arange(count)
+    face = np.searchsorted(upto, (index + 0.5) / count * upto[-1])
+    plastic = 1.32471795724474602596
+    u, v = np.mod(0.5 + (index + 1) / plastic, 1), np.mod(0.5 + (index + 1) / plastic**2, 1)
+    over = u + v > 1
+    u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
+    chosen = corners[np.minimum(face, len(corners) - 1)]
+    return chosen[:, 0] + u[:, None] * (chosen[:, 1] - chosen[:, 0]) + v[:, None] * (chosen[:, 2] - chosen[:, 0])
+
+
+def _rounded(values: np.ndarray, digits: int) -> list[float]:
+    return [round(float(value), digits) + 0.0 for value in values]

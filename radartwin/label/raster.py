@@ -1,0 +1,230 @@
+"""What a camera sees of a scene: which triangle, how far, in which colour. A z-buffer on the processor, the same bytes every time.
+
+Homogeneous rasterisation (M. Olano, T. Greer, Graphics Hardware 1997): a pixel's ray d = (x, y, 1) meets the triangle a, b, c where
+d.(b x c), d.(c x a) and d.(a x b) have one sign, at the depth a.(b x c) over their sum, so that nothing is clipped or divided by a
+vertex's own depth. Both sides of a triangle are seen: scans do not know which side is out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from radartwin.compiled import compiled
+from radartwin.scene.scene import Scene
+
+NEAR_M = 0.05
+BARE = 200.0  # grey of a mesh without colours
+BACKGROUND = 255.0
+COLOURED_SHADE, BARE_SHADE = 0.8, 0.35  # brightness of a face at grazing view: scans have their light in their colours
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole: pose (4, 4) camera-to-world (x right, y down, z forward), intrinsics (3, 3), width and height in pixels."""
+
+    pose: np.ndarray
+    intrinsics: np.ndarray
+    width: int
+    height: int
+
+    def part(self, left: float, top: float, right: float, bottom: float, width: int, height: int) -> Camera:
+        """The camera whose picture is a rectangle of this one's (pixel edges, the first pixel's at -0.5), scaled to another size."""
+        scale = np.diag([width / (right - left), height / (bottom - top), 1.0])
+        shift = np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1.0]])
+        centre = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1.0]])
+        return Camera(self.pose, centre @ scale @ shift @ self.intrinsics, width, height)
+
+    def widened(self, field_deg: float) -> Camera:
+        """The same square picture with another field of view."""
+        intrinsics = self.intrinsics.copy()
+        intrinsics[0, 0] = intrinsics[1, 1] = self.width / (2 * np.tan(np.radians(field_deg) / 2))
+        return Camera(self.pose, intrinsics, self.width, self.height)
+
+    @classmethod
+    def looking(cls, eye: np.ndarray, target: np.ndarray, field_deg: float, size: int) -> Camera:
+        """A square picture of `size` pixels from `eye` (3,) towards `target` (3,), upright as far as that can be."""
+        forward = (target - eye) / np.linalg.norm(target - eye)
+        up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
+        right = np.cross(forward, up)
+        right /= np.linalg.norm(right)
+        pose = np.eye(4)
+        pose[:3, :4] = np.column_stack([right, np.cross(forward, right), forward, eye])
+        focal = size / (2 * np.tan(np.radians(field_deg) / 2))
+        middle = (size - 1) / 2
+        return cls(pose, np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1.0]]), size, size)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A picture's worth of triangles: face (h, w) index or -1, depth (h, w) metres along the axis, inf where there is nothing."""
+
+    face: np.ndarray
+    depth: np.ndarray
+
+
+class Drawing:
+    """A scene as arrays that can be drawn: vertices (V, 3), faces (F, 3), surface (F,) and each surface's colours."""
+
+    def __init__(self, scene: Scene) -> None:
+        meshes = [surface.mesh for surface in scene]
+        starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+        self.vertices = np.vstack([np.asarray(mesh.vertices, float) for mesh in meshes])
+        self.faces = np.vstack([np.asarray(mesh.faces, np.int64) + start for mesh, start in zip(meshes, starts, strict=False)])
+        self.surface = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+        self.first_face = np.cumsum([0] + [len(mesh.faces) for mesh in meshes])
+        corners = self.vertices[self.faces]
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self.area = np.linalg.norm(cross, axis=1) / 2
+        self.normal = cross / np.maximum(2 * self.area, 1e-300)[:, None]
+        looks = [_looks(mesh) for mesh in meshes]
+        self._corner_colour = np.concatenate([colours for colours, _, _ in looks])
+        self._textures = {index: texture for index, (_, texture, _) in enumerate(looks) if texture is not None}
+        self._least_shade = np.repeat(np.array([shade for _, _, shade in looks]), np.diff(self.first_face))
+
+    def seen(self, camera: Camera) -> Seen:
+        """Which triangle each pixel of the camera shows."""
+        depth = np.full((camera.height, camera.width), np.inf)
+        face = np.full((camera.height, camera.width), -1, np.int64)
+        rays = np.linalg.inv(camera.intrinsics)
+        _rasterise(self._local(camera), self.faces, camera.intrinsics, rays, depth, face)
+        return Seen(face, depth)
+
+    def surfaces(self, seen: Seen) -> np.ndarray:
+        """Surface index of each pixel (h, w), -1 where there is none."""
+        return np.where(seen.face >= 0, self.surface[np.maximum(seen.face, 0)], -1)
+
+    def picture(self, camera: Camera, seen: Seen) -> np.ndarray:
+        """The picture in the surfaces' colours under a lamp at the camera, (h, w, 3) uint8; white where there is nothing."""
+        weights = np.zeros((*seen.face.shape, 3), np.float32)
+        out = np.full((*seen.face.shape, 3), BACKGROUND, np.float32)
+        rays = np.linalg.inv(camera.intrinsics)
+        _paint(self._local(camera), self.faces, rays, seen.face, self._corner_colour, self._least_shade, weights, out)
+        present = np.unique(seen.face)
+        for index in np.unique(self.surface[present[present >= 0]]):
+            texture = self._textures.get(int(index))
+            if texture is not None:
+                own = (seen.face >= self.first_face[index]) & (seen.face < self.first_face[index + 1])
+                out[own] *= texture.at(seen.face[own] - self.first_face[index], weights[own])  # painted white until here
+        return np.clip(np.rint(out), 0, 255).astype(np.uint8)
+
+    def _local(self, camera: Camera) -> np.ndarray:
+        world_to_camera = np.linalg.inv(camera.pose)
+        return self.vertices @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
+
+
+class _Texture:
+    """A picture on a mesh: image (h, w, 3) in 0 to 1 and coordinates of every corner (F, 3, 2)."""
+
+    def __init__(self, image: np.ndarray, uv: np.ndarray) -> None:
+        self._image, self._uv = image, uv
+
+    def at(self, face: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Colour (N, 3) at barycentric weights (N, 3) of faces (N,), the nearest texel."""
+        height, width = self._image.shape[:2]
+        u, v = np.einsum("nk,nkc->cn", weights, self._uv[face])
+        column = np.minimum((np.mod(u, 1.0) * width).astype(int), width - 1)
+        row = np.minimum((np.mod(1.0 - v, 1.0) * height).astype(int), height - 1)
+        return self._image[row, column]
+
+
+def _looks(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
+    """Corner colours (F, 3, 3) of a mesh, its texture if it has one (the colours are then white), and how dark a grazed face gets."""
+    visual, faces = mesh.visual, np.asarray(mesh.faces)
+    kind = getattr(visual, "kind", None)
+    flat = np.ones((len(faces), 3, 3), np.float32)
+    if kind == "texture":
+        image, uv = _image(visual), getattr(visual, "uv", None)
+        if image is not None and uv is not None:
+            return flat * 255, _Texture(image, np.asarray(uv, np.float32)[faces]), COLOURED_SHADE
+        return flat * np.asarray(visual.material.main_color, np.float32)[:3], None, COLOURED_SHADE  # type: ignore[union-attr]
+    if kind == "face":
+        return flat * np.asarray(visual.face_colors, np.float32)[:, None, :3], None, COLOURED_SHADE  # type: ignore[union-attr]
+    if kind == "vertex":
+        return np.asarray(visual.vertex_colors, np.float32)[faces][..., :3], None, COLOURED_SHADE  # type: ignore[union-attr]
+    return flat * BARE, None, BARE_SHADE
+
+
+def _image(visual) -> np.ndarray | None:
+    material = getattr(visual, "material", None)
+    image = getattr(material, "baseColorTexture", None)
+    if image is None:
+        image = getattr(material, "image", None)
+    return None if image is None else np.asarray(image.convert("RGB"), np.float32) / 255
+
+
+@compiled
+def _paint(points, faces, rays, face, corner_colour, least_shade, weights, out):
+    """Barycentric weights (h, w, 3) and shaded colours (h, w, 3) of the pixels whose face (h, w) is not -1."""
+    height, width = face.shape
+    for v in range(height):
+        for u in range(width):
+            f = face[v, u]
+            if f < 0:
+                continue
+            x = rays[0, 0] * u + rays[0, 1] * v + rays[0, 2]
+            y = rays[1, 0] * u + rays[1, 1] * v + rays[1, 2]
+            ax, ay, az = points[faces[f, 0], 0], points[faces[f, 0], 1], points[faces[f, 0], 2]
+            bx, by, bz = points[faces[f, 1], 0], points[faces[f, 1], 1], points[faces[f, 1], 2]
+            gx, gy, gz = points[faces[f, 2], 0], points[faces[f, 2], 1], points[faces[f, 2], 2]
+            p = x * (by * gz - bz * gy) + y * (bz * gx - bx * gz) + (bx * gy - by * gx)
+            q = x * (gy * az - gz * ay) + y * (gz * ax - gx * az) + (gx * ay - gy * ax)
+            r = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + (ax * by - ay * bx)
+            total = p + q + r
+            p, q, r = p / total, q / total, r / total
+            weights[v, u, 0], weights[v, u, 1], weights[v, u, 2] = p, q, r
+            sx, sy, sz = bx - ax, by - ay, bz - az
+            tx, ty, tz = gx - ax, gy - ay, gz - az
+            nx, ny, nz = sy * tz - sz * ty, sz * tx - sx * tz, sx * ty - sy * tx
+            facing = abs(x * nx + y * ny + nz) / max(np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0)), 1e-30)
+            shade = least_shade[f] + (1.0 - least_shade[f]) * facing
+            for c in range(3):
+                out[v, u, c] = shade * (p * corner_colour[f, 0, c] + q * corner_colour[f, 1, c] + r * corner_colour[f, 2, c])
+
+
+@compiled
+def _rasterise(points, faces, intrinsics, rays, depth, face):
+    """Fill depth (h, w) and face (h, w) from camera-frame points (V, 3) and faces (F, 3); the first face wins ties."""
+    height, width = depth.shape
+    fx, fy, cx, cy, skew = intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2], intrinsics[0, 1]
+    for f in range(len(faces)):
+        ax, ay, az = points[faces[f, 0], 0], points[faces[f, 0], 1], points[faces[f, 0], 2]
+        bx, by, bz = points[faces[f, 1], 0], points[faces[f, 1], 1], points[faces[f, 1], 2]
+        gx, gy, gz = points[faces[f, 2], 0], points[faces[f, 2], 1], points[faces[f, 2], 2]
+        nearest, farthest = min(az, bz, gz), max(az, bz, gz)
+        if farthest <= NEAR_M:
+            continue
+        left, right, top, bottom = 0, width - 1, 0, height - 1
+        if nearest > NEAR_M:
+            ua, ub, ug = (fx * ax + skew * ay) / az + cx, (fx * bx + skew * by) / bz + cx, (fx * gx + skew * gy) / gz + cx
+            va, vb, vg = fy * ay / az + cy, fy * by / bz + cy, fy * gy / gz + cy
+            if max(ua, ub, ug) < 0 or min(ua, ub, ug) > width - 1 or max(va, vb, vg) < 0 or min(va, vb, vg) > height - 1:
+                continue
+            left, right = max(0, int(np.ceil(min(ua, ub, ug)))), min(width - 1, int(np.floor(max(ua, ub, ug))))
+            top, bottom = max(0, int(np.ceil(min(va, vb, vg)))), min(height - 1, int(np.floor(max(va, vb, vg))))
+        # Cross products b x c, c x a, a x b: each ray's dot product with them says on which side of an edge it passes.
+        e0x, e0y, e0z = by * gz - bz * gy, bz * gx - bx * gz, bx * gy - by * gx
+        e1x, e1y, e1z = gy * az - gz * ay, gz * ax - gx * az, gx * ay - gy * ax
+        e2x, e2y, e2z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        volume = ax * e0x + ay * e0y + az * e0z
+        if volume == 0.0:
+            continue
+        sign = 1.0 if volume > 0 else -1.0
+        for v in range(top, bottom + 1):
+            for u in range(left, right + 1):
+                x = rays[0, 0] * u + rays[0, 1] * v + rays[0, 2]
+                y = rays[1, 0] * u + rays[1, 1] * v + rays[1, 2]
+                p = sign * (x * e0x + y * e0y + e0z)
+                q = sign * (x * e1x + y * e1y + e1z)
+                r = sign * (x * e2x + y * e2y + e2z)
+                if p < 0.0 or q < 0.0 or r < 0.0:
+                    continue
+                total = p + q + r
+                if total <= 0.0:
+                    continue
+                z = sign * volume / total
+                if z > NEAR_M and z < depth[v, u]:
+                    depth[v, u] = z
+                    face[v, u] = f
