@@ -1,0 +1,99 @@
+"""Sides of one thing: planes and parts that meet in a convex edge and have one colour.
+
+Convexity tells things apart (Stein et al. 2014, Object partitioning using local convexity): sides of a cabinet meet convexly, the
+cabinet and the wall behind it concavely. Floor, ceiling and walls are nobody's sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radartwin.reconstruct.faces import Faces
+
+if TYPE_CHECKING:
+    from radartwin.reconstruct.segment import Segment
+
+ALIKE = 14.0  # weighted L*a*b* within which sides of one thing may differ: light falls on them differently
+SAME = 7.0  # ... and within which even what meets concavely, as the boards of a shelf, is one
+SHELL_HEIGHT = 0.7  # of the scan's height that a wall spans at least
+SHELL_AREA_M2 = 1.0
+LEVEL = np.cos(np.radians(15.0))
+UPRIGHT = np.sin(np.radians(15.0))
+CONTACT_M = 0.08  # shorter seams are no contact
+
+
+def shell(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
+    """Which segments (S,) bound the room: the floor, the ceiling, and upright planes from nearly the one to the other."""
+    low, high = np.quantile(faces.centre[:, 2], [0.002, 0.998])
+    out = np.zeros(len(segments), dtype=bool)
+    for k, segment in enumerate(segments):
+        if segment.normal is None or segment.area_m2 < SHELL_AREA_M2:
+            continue
+        z = faces.centre[segment.faces, 2]
+        if abs(segment.normal[2]) < UPRIGHT:
+            out[k] = np.quantile(z, 0.99) - np.quantile(z, 0.01) > SHELL_HEIGHT * (high - low)
+        elif segment.normal[2] > LEVEL:
+            out[k] = np.median(z) < low + 0.15
+        elif segment.normal[2] < -LEVEL:
+            out[k] = np.median(z) > high - 0.3
+    return out
+
+
+def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | None) -> list[Segment]:
+    """The segments with `body` numbered: sides of one thing alike, floor, ceiling and walls -1.
+
+    Args:
+        lab: (F, 3) weighted colours of the faces, or None.
+    """
+    bounds = shell(faces, segments)
+    colour = None
+    if lab is not None:
+        colour = np.array([np.average(lab[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
+    root = np.arange(len(segments))
+
+    def find(k: int) -> int:
+        while root[k] != k:
+            k = root[k]
+        return k
+
+    for i, j, length, convex in contacts(faces, segments):
+        if bounds[i] or bounds[j] or length < CONTACT_M:
+            continue
+        difference = 0.0 if colour is None else float(np.linalg.norm(colour[i] - colour[j]))
+        # Without colour, parts (legs, handles) stay by themselves: what they touch may be anything.
+        if (convex and difference < ALIKE) or (colour is not None and difference < SAME):
+            root[find(j)] = find(i)
+    roots = np.array([find(k) for k in range(len(segments))])
+    _, number = np.unique(roots, return_inverse=True)
+    return [replace(s, body=-1 if bounds[k] else int(number[k])) for k, s in enumerate(segments)]
+
+
+def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, float, bool]]:
+    """Pairs of segments that touch: (i, j, length of the seam in metres, whether two planes meet convexly)."""
+    owner = np.full(len(faces.area), -1)
+    for k, segment in enumerate(segments):
+        owner[segment.faces] = k
+    coo = faces.adjacency.tocoo()
+    a, b = owner[coo.row], owner[coo.col]
+    seam = (a >= 0) & (b >= 0) & (a < b)
+    face, other = coo.row[seam], coo.col[seam]
+    step = np.sqrt(faces.area[face])  # about an edge's length
+    pairs, which = np.unique(np.stack([a[seam], b[seam]], axis=1), axis=0, return_inverse=True)
+    length = np.bincount(which.reshape(-1), step, minlength=len(pairs))
+    if not len(pairs):
+        return []
+    middle = np.stack([np.bincount(which.reshape(-1), faces.centre[face, k] + faces.centre[other, k], len(pairs)) for k in range(3)], 1)
+    middle /= 2 * np.maximum(np.bincount(which.reshape(-1), minlength=len(pairs)), 1)[:, None]
+    centre = np.array([np.average(faces.centre[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
+    out = []
+    for (i, j), metres, seam_at in zip(pairs.tolist(), length, middle, strict=True):
+        n, m = segments[i].normal, segments[j].normal
+        convex = False
+        if n is not None and m is not None and abs(n @ m) < 0.9:
+            convex = bool((centre[j] - seam_at) @ n < 0 and (centre[i] - seam_at) @ m < 0)
+        out.append((i, j, float(metres), convex))
+    return sorted(out, key=lambda c: -c[2])
