@@ -124,7 +124,7 @@ class Hardware:
         if self.chirp_late_s:
             late = rng.integers(0, 2, (frames, chirps, tx)).astype(bool)
             spectrum[late] *= np.exp(-2j * np.pi * self.chirp_late_s * _beats(radar)).astype(np.complex64)
-            out[late] = fft.ifft(spectrum[late], axis=-1)
+            out[late] = np.asarray(fft.ifft(spectrum[late], axis=-1))
         if self.phase_noise is not None:
             nodes, weights = _nodes(radar)
             phases = self.phase_noise.at_delays(frames * chirps * tx, samples, radar.sample_rate_hz, nodes, rng)

@@ -125,8 +125,8 @@ class PhaseNoise:
 def interpolation(delays_s: Any, nodes_s: tuple[float, ...]) -> NDArray[np.float64]:
     """Weights (K, ...) of the phases at K nodes for echoes of other delays: the polynomial through them that is zero at no delay.
 
-    >>> interpolation([0.0, 1.0, 2.0], (1.0, 2.0)).tolist()
-    [[0.0, 1.0, 0.0], [-0.0, 0.0, 1.0]]
+    >>> interpolation([0.5, 1.0, 2.0], (1.0, 2.0)).tolist()
+    [[0.75, 1.0, -0.0], [-0.125, 0.0, 1.0]]
     """
     delays = np.asarray(delays_s, np.float64)
     out = [delays / node for node in nodes_s]
