@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 SPACING_M = 0.02
 NEIGHBOURS = 6  # samples whose triangles are looked at; the nearest triangle has a sample within SPACING_M of the nearest point
@@ -24,7 +24,7 @@ class Nearest:
         self.mesh_of = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes])
         self.triangles = triangles
         samples, self._face = covered(triangles, spacing_m)
-        self._tree = cKDTree(samples, balanced_tree=False, compact_nodes=False)
+        self._tree = KDTree(samples, balanced_tree=False, compact_nodes=False)
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (N,) metres and the mesh's index (N,) of the nearest point, for points (N, 3)."""

@@ -1,7 +1,7 @@
 """Frames with poses become a mesh: a truncated signed distance volume, marching cubes, and figures of how good it is.
 
-`fuse` is the whole road. Its parts: `views` (what a pixel is worth), `volume` (averaging), `marching` (triangles), `holes`
-(what is missing).
+`fuse` is the whole road. Its parts: `views` (what a pixel is worth), `alignment` (drift), `volume` (averaging), `marching` (triangles),
+`holes` (what is missing).
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import ScanError
+from radartwin.reconstruct.alignment import AlignmentReport, align
 from radartwin.reconstruct.frames import Frames
 from radartwin.reconstruct.holes import Holes, holes
-from radartwin.reconstruct.marching import extract, painted
+from radartwin.reconstruct.marching import extract, painted, vertex_colours
 from radartwin.reconstruct.views import Views
 from radartwin.reconstruct.volume import View, Volume
 
@@ -24,6 +25,7 @@ VOXELS_ACROSS = 400  # along the room's diagonal: 2 cm for 8 m
 VOXEL_M = (0.01, 0.05)
 TRUNCATION_VOXELS = 4
 MAX_RANGE_M = 5.0  # of phone LiDAR, as Apple states it
+MAX_FRAMES = 400  # more are thinned out evenly
 MIN_WEIGHT = 0.02  # a sure pixel at 5 m, seen at 80 degrees, once: what is wrong is carved away by those that see through it
 SMALLEST_PART_M2 = 0.03  # a connected part with less area floats: a flying pixel, not a cup
 RESIDUAL_STEP = 7  # every seventh pixel of every view is enough for the residual
@@ -38,6 +40,8 @@ class FusionReport:
         explained: share of the used depth pixels that lie within the truncation of the surface.
         coloured: share of the vertices that some colour picture saw.
         small_parts: connected parts removed.
+        poses: (N, 4, 4) of the frames as fused: `frames.with_poses(report.poses)` shows the mesh where it is.
+        alignment: how drift was taken out, None where it was not tried.
         scale: where the unit of length comes from: "measured" by the depth sensor, or what a monocular model says.
     """
 
@@ -57,14 +61,24 @@ class FusionReport:
     coloured: float
     small_parts: int
     holes: Holes
+    poses: np.ndarray
+    alignment: AlignmentReport | None = None
     scale: str = "measured"
 
     def to_dict(self) -> dict[str, Any]:
-        return dataclasses.asdict(self)
+        """Plain values, without the poses."""
+        return dataclasses.asdict(dataclasses.replace(self, poses=np.zeros(0))) | {"poses": None}
 
     def lines(self) -> list[str]:
         """The report for people, one fact a line."""
         x, y, z = self.extents_m
+        moved = self.alignment
+        drift = []
+        if moved is not None and moved.pairs:
+            drift = [
+                f"drift: poses moved by up to {1000 * moved.largest_shift_m:.0f} mm and {moved.largest_turn_deg:.2f} degrees; "
+                f"overlapping views lie {1000 * moved.after_m:.1f} mm apart, {1000 * moved.before_m:.1f} mm before"
+            ]
         return [
             f"{self.source}: {self.frames_used} of {self.frames} frames fused, voxels of {1000 * self.voxel_m:.0f} mm, scale {self.scale}",
             f"{self.vertices} vertices, {self.faces} faces, {self.area_m2:.1f} m2, {x:.2f} x {y:.2f} x {z:.2f} m",
@@ -72,6 +86,7 @@ class FusionReport:
             f"which explains {100 * self.explained:.1f} % of it; {100 * self.coloured:.0f} % of the vertices have colour",
             f"{self.holes.count} holes, {self.holes.area_m2:.2f} m2 in all, the largest {self.holes.largest_m2:.2f} m2; "
             f"{self.holes.boundary_m:.1f} m of boundary; {self.small_parts} floating parts removed",
+            *drift,
         ]
 
 
@@ -79,6 +94,7 @@ def fuse(
     frames: Frames,
     voxel_m: float | None = None,
     max_range_m: float = MAX_RANGE_M,
+    refine: bool = True,
     max_faces: int | None = None,
     scale: str = "measured",
     progress: Callable[[int, int], None] | None = None,
@@ -86,9 +102,10 @@ def fuse(
     """A coloured mesh of what the frames show.
 
     Args:
-        frames: depth with poses; colour and confidence are used where they are there.
+        frames: depth with poses; colour and confidence are used where they are there. Of more than MAX_FRAMES every n-th is taken.
         voxel_m: edge of a voxel; about 2 cm, by the room's size, unless given.
         max_range_m: depth beyond it is ignored.
+        refine: take the drift out of the poses first, see `alignment`.
         max_faces: simplify to at most so many triangles (quadric error), colours carried over.
         scale: where lengths come from, for the report.
         progress: called with (done, of) after every frame of either pass.
@@ -97,9 +114,15 @@ def fuse(
     Raises:
         ScanError: nothing to fuse, no surface, or a room too large for the voxels.
     """
+    if len(frames) > MAX_FRAMES:
+        frames = frames[:: -(-len(frames) // MAX_FRAMES)]
     views = Views(frames, max_range_m)
     steps = 2 * len(views)
     low, high, used = _bounds(views, lambda i: progress(i, steps) if progress else None)
+    alignment = None
+    if refine:
+        alignment = align(views)
+        low, high, used = _bounds(views, lambda _: None)
     if voxel_m is None:
         voxel_m = round(float(np.clip(np.linalg.norm(high - low) / VOXELS_ACROSS, *VOXEL_M)), 3)
     elif not 0.002 <= voxel_m <= 0.5:
@@ -136,6 +159,8 @@ def fuse(
         coloured=float(coloured.mean()),
         small_parts=removed,
         holes=holes(mesh),
+        poses=views.poses,
+        alignment=alignment,
         scale=scale,
     )
     return mesh, report
@@ -157,16 +182,16 @@ def without_small_parts(mesh: trimesh.Trimesh, kept_along: np.ndarray) -> tuple[
     keep = large[label]
     number = np.cumsum(keep) - 1
     out = trimesh.Trimesh(np.asarray(mesh.vertices)[keep], number[faces[keep[faces[:, 0]]]], process=False)
-    return painted(out, np.asarray(mesh.visual.vertex_colors)[keep, :3]), kept_along[keep], int(parts - large.sum())
+    return painted(out, vertex_colours(mesh)[keep]), kept_along[keep], int(parts - large.sum())
 
 
 def simplified(mesh: trimesh.Trimesh, max_faces: int) -> trimesh.Trimesh:
     """At most `max_faces` triangles by quadric error metrics; each vertex takes the colour of the nearest one before."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     fewer = mesh.simplify_quadric_decimation(face_count=max_faces)
-    _, nearest = cKDTree(mesh.vertices).query(fewer.vertices)
-    return painted(trimesh.Trimesh(fewer.vertices, fewer.faces, process=False), np.asarray(mesh.visual.vertex_colors)[nearest, :3])
+    _, nearest = KDTree(mesh.vertices).query(fewer.vertices)
+    return painted(trimesh.Trimesh(fewer.vertices, fewer.faces, process=False), vertex_colours(mesh)[nearest])
 
 
 def _bounds(views: Views, done: Callable[[int], None]) -> tuple[np.ndarray, np.ndarray, list[int]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from trimesh.visual import ColorVisuals
 
 from radartwin.compiled import compiled
 from radartwin.errors import ScanError
@@ -55,8 +56,13 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
 def painted(mesh: trimesh.Trimesh, colours: np.ndarray) -> trimesh.Trimesh:
     """The mesh with vertex colours (V, 3) uint8, opaque."""
     opaque = np.column_stack([colours, np.full(len(colours), 255, np.uint8)])
-    mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=opaque)
+    mesh.visual = ColorVisuals(mesh, vertex_colors=opaque)
     return mesh
+
+
+def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray:
+    """Colours (V, 3) uint8 of a painted mesh."""
+    return np.asarray(getattr(mesh.visual, "vertex_colors"))[:, :3]  # noqa: B009 - not of every kind of visual
 
 
 def _whole_cubes(seen: np.ndarray) -> np.ndarray:

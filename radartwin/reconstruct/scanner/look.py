@@ -10,6 +10,7 @@ import dataclasses
 
 import numpy as np
 import trimesh
+from trimesh.visual import ColorVisuals
 
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene, Surface
@@ -94,8 +95,8 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
         height, width = pixels.shape[:2]
         corner = uv[np.asarray(mesh.faces)] * (width, -height) + (-0.5, height - 0.5)  # v points up, rows go down
         to_uv = _affine(triangles, normals, corner)
-    elif isinstance(mesh.visual, trimesh.visual.ColorVisuals) and mesh.visual.kind is not None:  # type: ignore[attr-defined]
-        tint = to_linear(np.asarray(mesh.visual.face_colors)[:, :3])  # type: ignore[attr-defined]
+    elif isinstance(mesh.visual, ColorVisuals) and mesh.visual.kind is not None:
+        tint = to_linear(np.asarray(mesh.visual.face_colors)[:, :3])
     return {
         "triangles": triangles,
         "normals": normals,
