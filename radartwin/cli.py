@@ -255,7 +255,7 @@ def _import(options: argparse.Namespace) -> int:
         progress=progress,
         say=progress.say,
     )
-    print(f"{options.out}: {len(added)} recordings added, {len(target)} in all")
+    print(f"{options.out}: {len(added)} recording{'' if len(added) == 1 else 's'} added, {len(target)} in all")
     return 0
 
 

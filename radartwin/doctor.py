@@ -55,14 +55,18 @@ def doctor_data(folder: Path) -> int:
     radar = f"; radar {report.radar.name}" if report.radar else ""
     licence = f", {report.card.licence}" if report.card and report.card.licence else ""
     name = report.card.name if report.card and report.card.name else str(folder)
-    print(f"{name}: {len(report.rows)} recordings, {report.frames} frames, {report.bytes / 1e6:.1f} MB{radar}{licence}")
+    size = f"{_count(len(report.rows), 'recording')}, {_count(report.frames, 'frame')}, {report.bytes / 1e6:.1f} MB"
+    print(f"{name}: {size}{radar}{licence}")
     for column in ("object", "distance_m", "room", "motion", "split"):
         counts = report.counts(column)
         if any(counts.keys()):
             print(f"{column:12s}{', '.join(f'{key or None} {count}'.lower() for key, count in counts.items())}")
-    found = len(report.problems)
-    print(f"doctor: {found} problem{'s' if found > 1 else ''}; see above" if found else "doctor: the set can be used")
-    return 2 if found else 0
+    print(f"doctor: {_count(len(report.problems), 'problem')}; see above" if report.problems else "doctor: the set can be used")
+    return 2 if report.problems else 0
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def examine(output: Path) -> Iterator[Finding]:

@@ -1,0 +1,140 @@
+"""What every measured domain gives an experiment, on a set made by simulation; and the whole road from it to features."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radartwin.compose import compose
+from radartwin.errors import ConfigError, InputError, MissingError, RecordingError
+from radartwin.features.align import overlap, start_offset
+from radartwin.features.gate import gate_energies, multipath_share
+from radartwin.features.profile import range_time
+from radartwin.measured.card import Card
+from radartwin.measured.index import Row
+from radartwin.measured.provider import Measured, SetProvider
+from radartwin.measured.recording_set import RecordingSet
+from radartwin.radar.chirp import Radar
+from radartwin.scene import objects, trajectory
+from radartwin.scene.scene import Scene, Surface
+from radartwin.simulation.simulate import simulate
+
+RADAR = dataclasses.replace(Radar.iwr1843(), num_chirps=4)
+CARD = Card("simulated", "CC0-1.0", "amplitude", "simulated IWR1843", "tests/contract", "2026")
+FRAMES, LATE = 40, 6
+DISTANCES_M = (1.0, 2.0)
+
+
+def reflector() -> Scene:
+    return Scene([Surface(objects.trihedral(0.1), "metal", "target", role="object")])
+
+
+def record(distance_m: float, late: int) -> np.ndarray:
+    """A trihedral that turns once in FRAMES frames and starts `late` frames' worth of angle earlier in its turn."""
+    start = np.pi - 2 * np.pi * late / FRAMES
+    turning = trajectory.turntable([distance_m, 0.0, 0.0], FRAMES, RADAR.frame_rate_hz, FRAMES / RADAR.frame_rate_hz, start)
+    return simulate(reflector(), RADAR, np.eye(4), motion={"target": turning}, noise=True, seed=late).iq
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A trihedral on a turntable at two distances, twice each; the second time it starts six frames late."""
+    from radartwin.radar.recording import Recording
+
+    made = RecordingSet.create(tmp_path_factory.mktemp("measured") / "set", CARD)
+    for distance in DISTANCES_M:
+        for repetition, late in enumerate((0, LATE)):
+            row = Row(f"d{distance:g}r{repetition}", "corner_reflector", distance, "void", "turntable", repetition)
+            made.add(Recording(record(distance, late), RADAR, np.eye(4)[None]), row)
+    return made.folder
+
+
+@pytest.fixture
+def measured(folder: Path) -> Measured:
+    return SetProvider(folder)
+
+
+def test_a_domain_says_what_it_is_and_has_one_radar(measured: Measured, folder: Path) -> None:
+    assert isinstance(measured, Measured)
+    assert measured.domain == "recordings"
+    assert SetProvider(folder, domain="testbed").domain == "testbed"
+    assert measured.radar == RADAR
+
+
+def test_rows_and_recordings_agree_whatever_is_asked(measured: Measured) -> None:
+    for wanted in (
+        {},
+        {"distance_m": 2.0},
+        {"object": "corner_reflector", "repetition": 1},
+        {"room": ["void", "lab"], "motion": "turntable"},
+    ):
+        rows = measured.rows(**wanted)
+        assert rows
+        given = list(measured.recordings(**wanted))
+        assert [row for row, _ in given] == rows
+        assert all(recording.radar == measured.radar and recording.num_frames == FRAMES for _, recording in given)
+
+
+def test_conditions_nobody_recorded_are_named_at_once(measured: Measured) -> None:
+    assert measured.rows(object="mug") == []
+    with pytest.raises(MissingError, match="no recording of object=mug, distance_m=1"):
+        measured.recordings(object="mug", distance_m=1)
+    with pytest.raises(InputError, match="'colour'"):
+        measured.rows(colour="red")
+
+
+def test_keys_are_of_the_content(measured: Measured, tmp_path: Path, folder: Path) -> None:
+    keys = [measured.key(row) for row in measured.rows()]
+    assert len(set(keys)) == 4
+    assert all(len(key) == 32 for key in keys)
+    assert keys == [SetProvider(folder).key(row) for row in measured.rows()]
+    copy = RecordingSet.create(tmp_path / "copy", CARD)
+    row, recording = next(measured.recordings())
+    copy.add(recording, dataclasses.replace(row, recording="other"))
+    assert SetProvider(copy.folder).key(copy.rows[0]) == keys[0]
+    (copy.folder / "recordings/other.bin").write_bytes(bytes(os.path.getsize(copy.folder / "recordings/other.bin")))
+    assert SetProvider(copy.folder).key(copy.rows[0]) != keys[0]
+
+
+def test_a_simulated_set_has_no_problems(folder: Path) -> None:
+    assert RecordingSet.load(folder).problems() == []
+
+
+@pytest.mark.parametrize("distance", DISTANCES_M)
+def test_a_late_start_is_found_from_the_recordings_and_taken_out(measured: Measured, distance: float) -> None:
+    power, axis = zip(*(range_time(recording) for _, recording in measured.recordings(distance_m=distance)), strict=True)
+    gated = [gate_energies(p, axis[0], distance)[0] for p in power]
+    found = start_offset(gated[0], gated[1], period=FRAMES)
+    assert found.frames == LATE
+    assert found.correlation > 0.98
+    straight = start_offset(gated[0], gated[1], max_frames=10)
+    assert straight.frames == LATE
+    first, second = overlap(gated[0], gated[1], straight.frames)
+    assert np.abs(10 * np.log10(first / second))[first > 1e-2 * first.max()].max() < 0.5
+    # Alone in the void, a reflector leaves what is noise outside its gate.
+    assert multipath_share(power[0], axis[0], distance) < 0.05
+
+
+def test_the_configuration_refuses_what_is_no_set_in_one_line(tmp_path: Path, folder: Path) -> None:
+    assert compose(["measured=recordings", f"measured.folder={folder}"]).measured.folder == str(folder)
+    (tmp_path / "file").write_text("x")
+    for path, words in (
+        (tmp_path / "nowhere", "is no folder"),
+        (tmp_path / "file", "is no folder"),
+        (tmp_path, r"no card\.yaml.*radartwin import"),
+    ):
+        with pytest.raises(ConfigError, match=words) as caught:
+            compose(["measured=recordings", f"measured.folder={path}"])
+        assert "measured.folder" in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_damaged_set_is_no_domain(folder: Path, tmp_path: Path) -> None:
+    CARD.save(tmp_path)
+    (tmp_path / "index.csv").write_text("recording,object\n")
+    with pytest.raises(RecordingError, match="no column distance_m"):
+        SetProvider(tmp_path)
