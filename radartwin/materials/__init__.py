@@ -1,6 +1,7 @@
 """Electromagnetics of surfaces: permittivity, layered reflection, roughness. Knows no scene.
 
-A material is a plain name (a half-space; a name in MATERIAL_THICKNESS would be a slab) or a `Layered` stack.
+A material is a plain name (a half-space; a name in MATERIAL_THICKNESS would be a slab), a name with factors (`varied`) or a `Layered`
+stack.
 """
 
 import difflib
@@ -12,6 +13,7 @@ from radartwin.errors import MaterialError
 from radartwin.materials import itu, liquids, plastics
 from radartwin.materials.layers import Layered, stack_reflection, stack_transmission
 from radartwin.materials.roughness import ament, ament_transmitted, roughness_m
+from radartwin.materials.varied import split, varied
 
 __all__ = [
     "MATERIAL_NAMES",
@@ -22,6 +24,7 @@ __all__ = [
     "reflection",
     "roughness_m",
     "transmission",
+    "varied",
 ]
 
 MATERIAL_NAMES = tuple(sorted({*itu.P2040, *plastics.PERMITTIVITY, *liquids.NAMES}))
@@ -32,7 +35,7 @@ MATERIAL_THICKNESS: dict[str, float] = {}
 
 def check_name(name: str) -> None:
     """Raise MaterialError, with the nearest known names, unless `name` is a material."""
-    if name not in MATERIAL_NAMES:
+    if split(name)[0] not in MATERIAL_NAMES:
         near = difflib.get_close_matches(str(name), MATERIAL_NAMES, 2)
         hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(MATERIAL_NAMES)}"
         raise MaterialError(f"unknown material {name!r}; {hint}")
@@ -41,6 +44,10 @@ def check_name(name: str) -> None:
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     """Complex relative permittivity eta' - j eta'' of a named material, shape of `frequency_hz`."""
     check_name(name)
+    name, real, loss = split(name)
+    if real != 1 or loss != 1:
+        eta = permittivity(name, frequency_hz)
+        return real * eta.real + 1j * loss * eta.imag
     if name in liquids.NAMES:
         return liquids.permittivity(name, frequency_hz)
     if name in plastics.PERMITTIVITY:
