@@ -218,3 +218,20 @@ def poster(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.n
     for line in range(round(0.68 * h), round(0.93 * h), max(4, h // 36)):
         image[line : line + max(1, h // 110), round(0.1 * w) : round(rng.uniform(0.6, 0.9) * w)] = 0.3
     return image
+
+
+def label(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
+    """A can's label: a coloured upper half, a medallion across the middle, a name and small print; bare metal at both seams."""
+    right, down = grid(shape, pixel_m)
+    width, height = shape[1] * pixel_m, shape[0] * pixel_m
+    image = np.where((down < 0.5 * height)[..., None], colours[1], colours[0]) * np.ones((*shape, 3))
+    away = np.hypot(right - width / 2, down - height / 2)
+    image[away < 0.22 * height] = colours[2]
+    image[away < 0.18 * height] = colours[0]
+    name = (np.abs(down - 0.28 * height) < 0.05 * height) & (np.abs(right - width / 2) < 0.38 * width)
+    image[name & (noise(rng, shape, 0.004 / pixel_m, 0.02 / pixel_m) > -0.6)] = 0.95
+    for line in np.linspace(0.72, 0.9, 5):
+        print_ = (np.abs(down - line * height) < 0.008 * height) & (np.abs(right - width / 2) < rng.uniform(0.2, 0.42) * width)
+        image[print_] = 0.25
+    seam = np.abs(down - height / 2) > 0.465 * height
+    return np.where(seam[..., None], 0.72, image)

@@ -32,6 +32,8 @@ class Look(NamedTuple):
         width_m, height_m: what the bitmap covers; the pattern repeats after it.
         metallic: of the renderer's material.
         pixel_m: metres per pixel.
+        fits: made to be stretched over one side of a thing: screens, posters.
+        wraps: a label, stretched from end to end of a can and repeated around its axis; the ends take its bottom row.
     """
 
     draw: Callable[[np.random.Generator, tuple[int, int], float, np.ndarray], np.ndarray]
@@ -40,6 +42,8 @@ class Look(NamedTuple):
     height_m: float = 1.2
     metallic: float = 0.0
     pixel_m: float = PIXEL_M
+    fits: bool = False
+    wraps: bool = False
 
 
 LOOKS: dict[str, Look] = {
@@ -73,8 +77,16 @@ LOOKS: dict[str, Look] = {
     "cardboard": Look(patterns.cardboard, (0xB98F62, 0x9A7349), 0.5, 0.5, pixel_m=0.002),
     "foliage": Look(patterns.foliage, (0x3F6B35, 0x7FA65A), 0.4, 0.4, pixel_m=0.002),
     "soil": Look(patterns.concrete, (0x4A3628, 0x2C2018), 0.6, 0.6),
-    "monitor": Look(patterns.monitor, (0x15181C, 0x3B78B5, 0xE6E9EC), 0.6, 0.4, pixel_m=0.002),
-    "poster": Look(patterns.poster, (0xF3EFE3, 0xC2452D, 0x2F4A66), 0.6, 0.85, pixel_m=0.0025),
+    "monitor": Look(patterns.monitor, (0x15181C, 0x3B78B5, 0xE6E9EC), 0.6, 0.4, pixel_m=0.002, fits=True),
+    "poster": Look(patterns.poster, (0xF3EFE3, 0xC2452D, 0x2F4A66), 0.6, 0.85, pixel_m=0.0025, fits=True),
+    "label_red": Look(patterns.label, (0xF4F1E8, 0xC0201F, 0xD9A441), 0.07, 0.1, pixel_m=0.0005, wraps=True),
+    "label_green": Look(patterns.label, (0xF4F1E8, 0x2E7D3B, 0xE3C24A), 0.07, 0.1, pixel_m=0.0005, wraps=True),
+    "label_blue": Look(patterns.label, (0xE9EEF2, 0x1F4E9B, 0xC9CED2), 0.07, 0.1, pixel_m=0.0005, wraps=True),
+    "label_yellow": Look(patterns.label, (0xF6EFD2, 0xD99A1B, 0x7A3E12), 0.07, 0.1, pixel_m=0.0005, wraps=True),
+    "green_plastic": Look(patterns.plastic, (0x6F7F2A,), 0.3, 0.3),
+    "cyan_plastic": Look(patterns.plastic, (0x2FA7B5,), 0.3, 0.3),
+    "yellow_plastic": Look(patterns.plastic, (0xF2C618,), 0.3, 0.3),
+    "cream_plastic": Look(patterns.plastic, (0xD9B483,), 0.3, 0.3),
 }
 
 
@@ -108,6 +120,8 @@ def textured(mesh: trimesh.Trimesh, name: str, seed: int = 0, fit: bool = False)
     look = LOOKS.get(name)
     if look is None:
         raise SceneError(f"there is no texture {name!r}; choose {', '.join(sorted(LOOKS))}")
+    if look.wraps:
+        return _wrapped(mesh, _material(name, seed), look.width_m)
     return _wearing(mesh, _material(name, seed), (look.width_m, look.height_m), fit)
 
 
@@ -159,6 +173,22 @@ def _wearing(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[float, 
         order = np.argsort(vertex)
         return _dressed(vertices, faces, normals, uv[order], material)
     return _dressed(points, index.reshape(-1, 3), normals[vertex], uv, material)
+
+
+def _wrapped(mesh: trimesh.Trimesh, material: PBRMaterial, width_m: float) -> trimesh.Trimesh:
+    """A body about z in a label; vertices are doubled along the label's seam and where the ends begin."""
+    faces, vertices, normals = np.asarray(mesh.faces), np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
+    low, high = np.asarray(mesh.bounds)
+    repeats = max(1, round(np.pi * float((high - low)[:2].max()) / width_m))
+    turn = np.arctan2(vertices[:, 1], vertices[:, 0])[faces] / (2 * np.pi) % 1.0
+    over = (np.ptp(turn, axis=1, keepdims=True) > 0.5) & (turn < 0.5)  # a face across the seam goes on beyond one turn
+    end = np.repeat(np.abs(mesh.face_normals[:, 2:]) > 0.5, 3, axis=1)
+    key, index = np.unique(np.stack([faces.ravel(), over.ravel(), end.ravel()], axis=1), axis=0, return_inverse=True)
+    vertex, over, end = key.T
+    points = vertices[vertex]
+    u = repeats * (np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) % 1.0 + over)
+    v = np.where(end, 0.0, (points[:, 2] - low[2]) / (high - low)[2])
+    return _dressed(points, index.reshape(-1, 3), normals[vertex], np.stack([u, v], axis=1), material)
 
 
 def _dressed(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndarray, material: PBRMaterial) -> trimesh.Trimesh:

@@ -1,8 +1,10 @@
-"""Objects as triangle meshes: canonical targets, and what a catalogue is built of.
+"""Objects as triangle meshes: canonical targets, the catalogue of the study, and meshes from files.
 
-All dimensions in metres, all windings consistent.
+All dimensions in metres, all windings consistent. `catalogue()` names the twelve objects, `make(name)` builds one.
 """
 
+from radartwin.scene.objects.catalogue import Entry, catalogue, entry, make, rover_set
+from radartwin.scene.objects.meshes import from_mesh
 from radartwin.scene.objects.shapes import (
     SMOOTH_RAD,
     box,
@@ -15,4 +17,20 @@ from radartwin.scene.objects.shapes import (
     trihedral,
 )
 
-__all__ = ["SMOOTH_RAD", "box", "cylinder", "dihedral", "joined", "plate", "revolution", "sphere", "trihedral"]
+__all__ = [
+    "SMOOTH_RAD",
+    "Entry",
+    "box",
+    "catalogue",
+    "cylinder",
+    "dihedral",
+    "entry",
+    "from_mesh",
+    "joined",
+    "make",
+    "plate",
+    "revolution",
+    "rover_set",
+    "sphere",
+    "trihedral",
+]

@@ -66,7 +66,7 @@ def _shell(shell: Shell, skylight: bool, seed: int) -> list[Surface]:
         surface("wall_front", shell.wall("wall_front", [entrance]), "white wall", seed=seed),
         surface("door_frame", shell.filling("wall_front", entrance, panes), "metal", seed=seed),
         *(fill("wall_front", pane, name, "glass leaf") for pane, name in zip(panes, ("door_left", "door_right", "transom"), strict=True)),
-        surface("wall_back", shell.wall("wall_back", lifts), "white wall", seed=seed),
+        surface("wall_back", shell.wall("wall_back", lifts), "wood panelling", seed=seed),
         *(fill("wall_back", lift, f"lift_{k}", "metal") for k, lift in enumerate(lifts, 1)),
         surface("wall_left", shell.wall("wall_left"), "wood panelling", seed=seed),
         surface("wall_right", shell.wall("wall_right", windows), "white wall", seed=seed),

@@ -107,8 +107,9 @@ def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.
 
 
 def shrub(rng: np.random.Generator, base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
-    """Leaves as thin ellipsoids, upright about the base (3,) and spread with height."""
-    leaves = []
+    """A stem on its base (3,) with thin ellipsoids as leaves around it."""
+    stem = objects.cylinder(0.012, height - 0.1, 24).apply_transform(pose([base[0], base[1], base[2] + (height - 0.1) / 2]))
+    leaves = [stem]
     for k in range(26):
         up = 0.06 + (height - 0.2) * ((k + 0.5) / 26)
         turn = 2.4 * k + rng.uniform(-0.3, 0.3)  # radians: the golden angle keeps leaves from one another

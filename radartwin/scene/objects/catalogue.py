@@ -1,0 +1,255 @@
+"""The twelve objects: what each is, how large, of what, in which classes, and where the figures come from.
+
+Objects stand on z = 0 with their axis on z, the axis of the turntable; +x is the side that faces the radar first: a reflector's
+opening, a bottle's narrow side is along y, a mug's handle points to +x. `aim_m` is the height that a level radar aims at: half of the
+object's, the apex of the reflector.
+
+Can sizes are the Can Manufacturers Institute's: diameter x height over the seams, in inches and sixteenths (211 is 2 11/16 inches,
+68.3 mm). All six cans have a diameter of 211, the near-identical set that differs in height; the two for drinks are drawn with a wall of
+66 mm. Bottles are filled throughout, without head space, under a cap of their own.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import SceneError
+from radartwin.materials import Layered, roughness_m
+from radartwin.scene import textures
+from radartwin.scene.objects import shapes, vessels
+from radartwin.scene.scene import Surface
+
+ShapeClass = Literal["symmetric", "faceted", "asymmetric"]
+MaterialClass = Literal["metal", "ceramic", "plastic"]
+
+CAN_M = 0.0683  # 211: 2 11/16 inches
+OUNCE_ML = 28.35  # an avoirdupois ounce of water
+CMI = "Can Manufacturers Institute, dimensional food can standards"
+VOLUME = "ordinary retail proportions, sized so that the inside holds the label's volume"
+
+
+class Part(NamedTuple):
+    """One closed piece of an object: its mesh, what it is made of, its roughness class and its look."""
+
+    mesh: trimesh.Trimesh
+    material: str | Layered
+    roughness: str
+    look: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One object of the catalogue.
+
+    Attributes:
+        name: identifier. label: what a person calls it.
+        size_m: width along x, depth along y, height; a handle is part of the width.
+        wall_m: thickness of the wall; 0 for sheet that is as good as solid.
+        material: of the wall. contents: material inside, or None for air.
+        shape, material_class: the classes of the study. minc: MINC category.
+        volume_ml: that it holds: a can to the brim, a bottle by its label; None for the reflector.
+        description: for a text encoder. source: of the dimensions.
+        rover: whether it is in the set of the rover.
+        build: its parts, called with the contents ("air" when empty).
+    """
+
+    name: str
+    label: str
+    size_m: tuple[float, float, float]
+    wall_m: float
+    material: str
+    contents: str | None
+    shape: ShapeClass
+    material_class: MaterialClass
+    minc: str
+    volume_ml: float | None
+    description: str
+    source: str
+    build: Callable[[str], tuple[Part, ...]]
+    aim_m: float
+    rover: bool = True
+
+    @property
+    def symmetric(self) -> bool:
+        return self.shape == "symmetric"
+
+    def surfaces(self, pose: np.ndarray | None = None, *, filled: bool = True, name: str | None = None) -> tuple[Surface, ...]:
+        """The object's parts as surfaces of one name, so that they move together.
+
+        Args:
+            pose: (4, 4) object to world; its own frame unless given.
+            filled: with its contents; False leaves the bottle empty.
+            name: of the surfaces; the entry's unless given.
+        """
+        parts = self.build(self.contents if filled and self.contents else "air")
+        provenance = {"source": "true", "confidence": 1.0, "stand_in": self.material == "glass", "minc": self.minc, "object": self.name}
+        out = []
+        for part in parts:
+            dressed = textures.textured(part.mesh, part.look, fit=textures.LOOKS[part.look].fits)
+            surface = Surface(dressed, part.material, name or self.name, roughness_m(part.roughness), "object", provenance)
+            out.append(surface if pose is None else surface.moved(pose))
+        return tuple(out)
+
+
+def _can(kind: Callable[..., trimesh.Trimesh], diameter_m: float, height_m: float, look: str) -> Callable[[str], tuple[Part, ...]]:
+    return lambda contents: (Part(kind(diameter_m, height_m), "metal", "metal", look),)  # no wave passes sheet metal
+
+
+def _food_can(size: str, height_m: float, water_oz: float, use: str, look: str, text: str, rover: bool = True) -> Entry:
+    return Entry(
+        f"can_{size}", use, (CAN_M, CAN_M, height_m), 0.0002, "metal", None, "symmetric", "metal", "metal", OUNCE_ML * water_oz, text,
+        f"{CMI}: {size.replace('_', ' x ')}, {water_oz} ounces of water; tinplate of 0.2 mm, seams 1.2 mm proud",
+        _can(vessels.food_can, CAN_M, height_m, look), height_m / 2, rover,
+    )  # fmt: skip
+
+
+def _drink_can(name: str, label: str, height_m: float, volume_ml: float, look: str, text: str, source: str) -> Entry:
+    return Entry(
+        name, label, (0.0661, 0.0661, height_m), 0.0001, "metal", None, "symmetric", "metal", "metal", volume_ml, text, source,
+        _can(vessels.drink_can, 0.0661, height_m, look), height_m / 2,
+    )  # fmt: skip
+
+
+def _bottle(
+    sections_m: tuple[tuple[float, float, float, float], ...],
+    plastic: str,
+    wall_m: float,
+    look: str,
+    cap: tuple[float, float],
+    cap_look: str,
+) -> Callable[[str], tuple[Part, ...]]:
+    """A lofted body and its cap, (radius, height), a millimetre above it."""
+
+    def build(contents: str) -> tuple[Part, ...]:
+        radius, height = cap
+        lid = shapes.cylinder(radius, height, 96).apply_translation([0, 0, sections_m[-1][0] + 0.001 + height / 2])
+        body = Part(vessels.oval(sections_m), Layered([(plastic, wall_m)], backing=contents), plastic, look)
+        return body, Part(lid, "hdpe", "hdpe", cap_look)
+
+    return build
+
+
+def _reflector(contents: str) -> tuple[Part, ...]:
+    mesh = shapes.trihedral(REFLECTOR_LEG_M)
+    return (Part(mesh.apply_translation([0, 0, -mesh.bounds[0, 2]]), "metal", "metal", "brushed_metal"),)
+
+
+def _mug(contents: str) -> tuple[Part, ...]:
+    cup = Part(vessels.mug(MUG_M[0], MUG_M[1]), Layered([("glass", MUG_WALL_M)], backing=contents), "ceramic", "ceramic")
+    bow = vessels.handle(MUG_M[0] / 2, 0.022, 0.076, MUG_M[2] - 0.0045 - 0.001)
+    return cup, Part(bow, "glass", "ceramic", "ceramic")
+
+
+REFLECTOR_LEG_M = 0.1
+MUG_M, MUG_WALL_M = (0.082, 0.095, 0.034), 0.004  # diameter, height, how far the handle stands out
+
+# Sections of the bottles: height, half width, half depth, exponent; metres. The cap comes on top.
+MUSTARD = (
+    (0.000, 0.0430, 0.0265, 2.4), (0.004, 0.0453, 0.0280, 2.3), (0.015, 0.0480, 0.0287, 2.3), (0.027, 0.0480, 0.0276, 2.4),
+    (0.038, 0.0466, 0.0262, 2.6), (0.050, 0.0436, 0.0256, 2.7), (0.061, 0.0407, 0.0253, 2.8), (0.073, 0.0402, 0.0256, 2.7),
+    (0.084, 0.0420, 0.0259, 2.5), (0.096, 0.0460, 0.0254, 2.4), (0.107, 0.0480, 0.0253, 2.3), (0.119, 0.0474, 0.0254, 2.3),
+    (0.130, 0.0436, 0.0258, 2.5), (0.142, 0.0356, 0.0255, 2.3), (0.151, 0.0240, 0.0238, 2.0),
+)  # fmt: skip
+OLIVE_OIL = (
+    (0.000, 0.0264, 0.0264, 5.0), (0.004, 0.0283, 0.0283, 6.0), (0.140, 0.0283, 0.0283, 6.0), (0.160, 0.0259, 0.0259, 4.5),
+    (0.190, 0.0165, 0.0165, 2.2), (0.205, 0.0140, 0.0140, 2.0), (0.225, 0.0135, 0.0135, 2.0),
+)  # fmt: skip
+MOUTHWASH = (
+    (0.000, 0.0381, 0.0236, 4.5), (0.005, 0.0405, 0.0255, 5.0), (0.045, 0.0405, 0.0255, 5.0), (0.080, 0.0381, 0.0244, 5.0),
+    (0.115, 0.0405, 0.0255, 5.0), (0.130, 0.0391, 0.0247, 4.5), (0.155, 0.0219, 0.0189, 2.4), (0.165, 0.0165, 0.0165, 2.0),
+    (0.172, 0.0160, 0.0160, 2.0),
+)  # fmt: skip
+DRESSING = (
+    (0.000, 0.0371, 0.0235, 2.4), (0.005, 0.0395, 0.0254, 2.5), (0.100, 0.0400, 0.0257, 2.5), (0.125, 0.0366, 0.0242, 2.4),
+    (0.155, 0.0231, 0.0192, 2.1), (0.175, 0.0180, 0.0180, 2.0), (0.188, 0.0178, 0.0178, 2.0),
+)  # fmt: skip
+
+ENTRIES: tuple[Entry, ...] = (
+    Entry(
+        "corner_reflector", "trihedral corner reflector", (0.0577, 0.1414, 0.1225), 0.0, "metal", None, "faceted", "metal", "metal", None,
+        "a metal trihedral corner reflector: three flat right-angled triangular plates that meet in one corner and open to one side",
+        "a radar calibration target of 10 cm legs: 13.9 m^2 at 77 GHz", _reflector, REFLECTOR_LEG_M / np.sqrt(6),
+    ),
+    _food_can("211_300", 0.0762, 7.93, "short food can", "label_green",
+              "a short metal food can, a round cylinder of tinplate with a paper label, 76 mm tall"),
+    _food_can("211_304", 0.0826, 8.68, "food can", "label_blue",
+              "a small metal food can, a round cylinder of tinplate with a paper label, 83 mm tall", rover=False),
+    _food_can("211_400", 0.1016, 10.94, "condensed soup can", "label_red",
+              "a metal can of condensed soup, a round cylinder of tinplate with a paper label, 102 mm tall"),
+    _food_can("211_414", 0.1238, 13.56, "tall food can", "label_yellow",
+              "a tall slim metal food can, a round cylinder of tinplate with a paper label, 124 mm tall"),
+    _drink_can("drink_can_355", "drink can", 0.1222, 355, "brushed_metal",
+               "an aluminium drink can of 355 ml, a round cylinder with a necked top, 122 mm tall",
+               "Can Manufacturers Institute 211 x 413, necked to a 202 end; wall of 66.1 mm, 0.1 mm thick"),
+    _drink_can("drink_can_473", "tall drink can", 0.1572, 473, "label_blue",
+               "a tall aluminium drink can of 473 ml, a round cylinder with a necked top, 157 mm tall",
+               "the US pint can: 6.19 inches on the wall and end of the 355 ml can"),
+    Entry(
+        "mug", "ceramic mug", (0.116, 0.082, 0.095), MUG_WALL_M, "glass", None, "symmetric", "ceramic", "ceramic", 330,
+        "a white glazed ceramic coffee mug, a round cylinder with a handle on one side, 95 mm tall",
+        "the ordinary 11 ounce mug, 82 x 95 mm with walls of 4 mm; porcelain takes the closest row, glass", _mug, 0.0475,
+    ),
+    Entry(
+        "olive_oil", "olive oil bottle", (0.0566, 0.0566, 0.246), 0.0005, "pet", "oil", "asymmetric", "plastic", "plastic", 500,
+        "a tall plastic bottle of olive oil with a square section, four flat sides and a thin neck, filled with oil",
+        f"half a litre of the square Marasca kind in PET; {VOLUME}",
+        _bottle(OLIVE_OIL, "pet", 0.0005, "green_plastic", (0.0155, 0.020), "plastic"), 0.123,
+    ),
+    Entry(
+        "mouthwash", "mouthwash bottle", (0.081, 0.051, 0.195), 0.0005, "pet", "mouthwash", "asymmetric", "plastic", "plastic", 500,
+        "a flat plastic bottle of mouthwash with broad flat front and back panels and a slight waist, filled with a watery liquid",
+        f"half a litre in PET; {VOLUME}",
+        _bottle(MOUTHWASH, "pet", 0.0005, "cyan_plastic", (0.0185, 0.022), "plastic"), 0.0975,
+    ),
+    Entry(
+        "mustard", "mustard bottle", (0.096, 0.0574, 0.192), 0.0008, "hdpe", "mustard", "asymmetric", "plastic", "plastic", 540,
+        "a yellow plastic squeeze bottle of mustard with an oval section, a waist and a pointed cap, filled with mustard",
+        "sections of the scanned YCB model 006_mustard_bottle (20 ounces, 567 g), .096 x .058 x .192 m; HDPE squeeze bottles have 0.8 mm",
+        _bottle(MUSTARD, "hdpe", 0.0008, "yellow_plastic", (0.0170, 0.040), "yellow_plastic"), 0.096,
+    ),
+    Entry(
+        "dressing", "salad dressing bottle", (0.080, 0.0514, 0.211), 0.0005, "pet", "dressing", "asymmetric", "plastic", "plastic", 473,
+        "a plastic bottle of salad dressing with an oval section, broad shoulders and a round neck, filled with dressing",
+        f"16 fluid ounces in PET; {VOLUME}",
+        _bottle(DRESSING, "pet", 0.0005, "cream_plastic", (0.0195, 0.022), "white_plastic"), 0.1055,
+    ),
+)  # fmt: skip
+
+
+def catalogue() -> dict[str, Entry]:
+    """The twelve objects by name.
+
+    >>> sum(entry.symmetric for entry in catalogue().values()), len(catalogue())
+    (7, 12)
+    """
+    return {entry.name: entry for entry in ENTRIES}
+
+
+def rover_set() -> dict[str, Entry]:
+    """The eleven of the rover: one can fewer."""
+    return {entry.name: entry for entry in ENTRIES if entry.rover}
+
+
+def entry(name: str) -> Entry:
+    """One object of the catalogue.
+
+    Raises:
+        SceneError: no such object, with the nearest names.
+    """
+    known = catalogue()
+    if name not in known:
+        near = difflib.get_close_matches(str(name), known, 2)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"choose {', '.join(known)}"
+        raise SceneError(f"the catalogue has no object {name!r}; {hint}")
+    return known[name]
+
+
+def make(name: str, pose: np.ndarray | None = None, *, filled: bool = True) -> tuple[Surface, ...]:
+    """The surfaces of one object of the catalogue, see `Entry.surfaces`."""
+    return entry(name).surfaces(pose, filled=filled)

@@ -1,0 +1,69 @@
+"""Objects from mesh files: scanned or drawn by others, put where the catalogue's stand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import MeshError
+from radartwin.materials import Layered
+from radartwin.scene.checks import check_mesh
+from radartwin.scene.mesh_file import read_meshes
+from radartwin.scene.scene import Surface
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+SMALLEST_M, LARGEST_M = 0.01, 1.0  # what stands on a table or a turntable
+UP = {"z": np.eye(4), "y": trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])}
+
+
+def from_mesh(
+    path: str | Path,
+    material: str | Layered,
+    name: str = "",
+    *,
+    unit: str = "m",
+    up: str = "z",
+    roughness_m: float = 0.0,
+    minc: str | None = None,
+) -> tuple[Surface, ...]:
+    """A mesh file as an object: in metres, z up, standing on z = 0, the middle of its base on the axis.
+
+    Args:
+        path: .obj, .ply or .glb; texture and colours are kept.
+        material: of all of it. name: of the surfaces; the file's stem unless given.
+        unit: of the file: m, cm, mm or in. up: the file's upward axis, z or y.
+        minc: its MINC category, where it is known.
+    Returns:
+        One surface per mesh of the file, all of one name.
+    Raises:
+        MissingError: no such file. MeshError: unreadable, empty, or of a size that no object on a table has.
+    """
+    if unit not in UNITS:
+        raise MeshError(f"{path}: unit is {unit!r}; choose {', '.join(UNITS)}")
+    if up not in UP:
+        raise MeshError(f"{path}: up is {up!r}; choose {' or '.join(UP)}")
+    meshes = list(read_meshes(path).values())
+    if not meshes:
+        raise MeshError(f"{path} holds no triangles; give a mesh, not a point cloud")
+    turn = UP[up] @ np.diag([UNITS[unit]] * 3 + [1.0])
+    moved = [mesh.copy().apply_transform(turn) for mesh in meshes]
+    for mesh in moved:
+        check_mesh(mesh, str(path))
+    low = np.min([mesh.bounds[0] for mesh in moved], axis=0)
+    high = np.max([mesh.bounds[1] for mesh in moved], axis=0)
+    extent = float((high - low).max())
+    if not SMALLEST_M <= extent <= LARGEST_M:
+        raise MeshError(f"{path} is {extent:.4g} m long in unit={unit}; objects measure 1 cm to 1 m.{_guess(extent / UNITS[unit])}")
+    shift = -np.append((low + high)[:2] / 2, low[2])
+    provenance = {"source": "given", "confidence": None, "stand_in": False, "minc": minc, "file": Path(path).name}
+    return tuple(
+        Surface(mesh.apply_translation(shift), material, name or Path(path).stem, roughness_m, "object", provenance) for mesh in moved
+    )
+
+
+def _guess(length: float) -> str:
+    """The units in which a length would be that of a household object, 5 to 35 cm."""
+    fits = [unit for unit, scale in UNITS.items() if 0.05 <= length * scale <= 0.35]
+    return f" Pass unit={' or unit='.join(fits)}?" if fits else ""

@@ -1,0 +1,166 @@
+"""Vessels as smooth parametric meshes: cans with seams, bottles of any oval or flat-sided section, a mug and its handle.
+
+All stand on z = 0 with their axis on z, closed and outward, and carry smooth vertex normals but for edges of 30 degrees and more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike
+
+from radartwin.errors import MeshError
+from radartwin.scene.objects.shapes import SMOOTH_RAD, revolution
+
+AROUND = 128  # facets of a body of revolution; the tracer bends them back by their vertex normals
+QUADRANT = 24  # facets of a quarter of an oval
+RING_M = 0.004  # between rings of an oval
+
+
+def smoothed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh with vertex normals averaged over edges that bend less than 30 degrees, vertices doubled along all others."""
+    out = trimesh.graph.smooth_shade(mesh, angle=float(SMOOTH_RAD), facet_minarea=None)
+    return trimesh.Trimesh(out.vertices, out.faces, vertex_normals=out.vertex_normals, process=False)
+
+
+def food_can(diameter_m: float, height_m: float, seam_m: float = 0.0012, around: int = AROUND) -> trimesh.Trimesh:
+    """A three-piece can: a straight body between two double seams that stand proud of it, ends sunk 4 mm inside them.
+
+    Args:
+        diameter_m: over the seams, as can sizes are given.
+        seam_m: how far a seam stands out.
+    """
+    outer, body, rim, deep = diameter_m / 2, diameter_m / 2 - seam_m, 0.003, 0.004
+    half = [(0, deep), (body - 0.002, deep), (body - 0.001, 0.0005), (body, 0), (outer - 0.0004, 0), (outer, 0.0004), (outer, rim)]
+    profile = [*half, (body, rim + 0.0008), *[(r, height_m - z) for r, z in reversed([*half, (body, rim + 0.0008)])]]
+    return revolution(profile, around)
+
+
+def drink_can(diameter_m: float, height_m: float, end_m: float = 0.054, around: int = AROUND) -> trimesh.Trimesh:
+    """A two-piece can: domed base on a standing ring, straight wall, necked to an end sunk below its seam.
+
+    Args:
+        diameter_m: of the wall; end_m: over the seam of the end.
+    """
+    wall, ring, end = diameter_m / 2, 0.024, end_m / 2
+    dome = [(float(r), 0.0105 - 0.0095 * float(r / (ring - 0.002)) ** 2) for r in np.linspace(0, ring - 0.002, 9)]
+    low = [(ring - 0.001, 0.0002), (ring, 0), (ring + 0.001, 0.0004), (wall - 0.004, 0.008), (wall - 0.001, 0.0125), (wall, 0.017)]
+    bend = np.linspace(0, 1, 9)
+    neck = [(wall - (wall - end + 0.0015) * float(3 * t**2 - 2 * t**3), height_m - 0.0025 - 0.0165 * float(1 - t)) for t in bend]
+    seam = [(end, height_m - 0.0022), (end, height_m), (end - 0.002, height_m), (end - 0.003, height_m - 0.006), (0, height_m - 0.006)]
+    return revolution([*dome, *low, *neck, *seam], around)
+
+
+def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, ring_m: float = RING_M) -> trimesh.Trimesh:
+    """A vessel lofted through superellipses |x/a|^n + |y/b|^n = 1, monotone cubics between them.
+
+    Args:
+        sections_m: (N, 4) rows of height z, half width a along x, half depth b along y, and exponent n (2: an ellipse, 6: flat sides with
+            rounded corners), from the bottom upwards; the first and the last are closed by flat ends.
+        ring_m: largest distance between rings.
+    Raises:
+        MeshError: fewer than two sections, not rising, or a width, depth or exponent that is no such shape.
+    """
+    sections = np.asarray(sections_m, float)
+    if sections.ndim != 2 or sections.shape[1] != 4 or len(sections) < 2 or (np.diff(sections[:, 0]) <= 0).any():
+        raise MeshError("oval: give at least two sections (z, a, b, n) with rising z")
+    if (sections[:, 1:3] <= 0).any() or (sections[:, 3] < 1).any():
+        raise MeshError("oval: half width and depth must be positive and the exponent at least 1")
+    from scipy.interpolate import PchipInterpolator
+
+    heights = np.concatenate(
+        [
+            np.linspace(low, high, max(2, int(np.ceil((high - low) / ring_m)) + 1))[:-1]
+            for low, high in zip(sections[:-1, 0], sections[1:, 0], strict=True)
+        ]
+        + [sections[-1:, 0]]
+    )
+    shape = PchipInterpolator(sections[:, 0], sections[:, 1:])(heights)
+    rings = np.array([superellipse(a, b, n) for a, b, n in shape])
+    count, around = rings.shape[:2]
+    points = np.concatenate([rings, np.broadcast_to(heights[:, None, None], (count, around, 1))], axis=2).reshape(-1, 3)
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(count - 1), np.arange(around), indexing="ij"))
+    a, b = i * around + j, i * around + (j + 1) % around
+    side = np.concatenate([np.stack([a, b, b + around], axis=1), np.stack([a, b + around, a + around], axis=1)])
+    bottom, top = len(points), len(points) + 1
+    k, following = np.arange(around), (np.arange(around) + 1) % around
+    last = (count - 1) * around
+    ends = [np.stack([np.full(around, bottom), following, k], axis=1), np.stack([np.full(around, top), last + k, last + following], axis=1)]
+    points = np.vstack([points, [[0, 0, heights[0]], [0, 0, heights[-1]]]])
+    return smoothed(trimesh.Trimesh(points, np.concatenate([side, *ends]), process=False))
+
+
+def superellipse(a: float, b: float, n: float, quadrant: int = QUADRANT) -> np.ndarray:
+    """(4 * quadrant, 2) points counter-clockwise, closer where the curve turns: half by length and half by direction.
+
+    >>> bool(np.allclose(np.linalg.norm(superellipse(1, 1, 2), axis=1), 1, atol=1e-3))
+    True
+    """
+    angle = np.linspace(0, np.pi / 2, 2001)
+    fine = np.stack([a * np.cos(angle) ** (2 / n), b * np.sin(angle) ** (2 / n)], axis=1)
+    step = np.diff(fine, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    course = np.arctan2(step[:, 1], step[:, 0])
+    turn = np.abs(np.diff(course, prepend=course[:1]))
+    share = np.concatenate([[0], np.cumsum(length / length.sum() + turn / turn.sum())]) / 2
+    at = np.linspace(0, 1, quadrant + 1)[:-1]
+    quarter = np.stack([np.interp(at, share, fine[:, k]) for k in (0, 1)], axis=1)
+    end = np.array([[0.0, b]])
+    second = np.concatenate([end, quarter[:0:-1] * [-1, 1]])
+    half = np.concatenate([quarter, second])
+    return np.concatenate([half, -half])
+
+
+def mug(diameter_m: float, height_m: float, around: int = AROUND) -> trimesh.Trimesh:
+    """The outside of a mug: a straight cup with a rounded foot, its mouth closed by a lid of its own wall.
+
+    The tracer's hollow bodies are closed; a radar that looks level sees the mouth on edge.
+    """
+    radius = diameter_m / 2
+    foot = [(radius - 0.006 + 0.006 * np.sin(t), 0.006 - 0.006 * np.cos(t)) for t in np.linspace(0, np.pi / 2, 7)]
+    lip = [(radius - 0.002 + 0.002 * np.cos(t), height_m - 0.002 + 0.002 * np.sin(t)) for t in np.linspace(0, np.pi / 2, 5)]
+    return revolution([(0, 0), *foot, *lip, (0, height_m)], around)
+
+
+def handle(
+    wall_m: float, low_m: float, high_m: float, reach_m: float, width_m: float = 0.013, depth_m: float = 0.009, gap_m: float = 0.001
+) -> trimesh.Trimesh:
+    """A bow in the xz plane from (wall, low) out to wall + reach and back to (wall, high), of elliptic section, its ends flat.
+
+    Args:
+        wall_m: distance of the wall from the axis; gap_m: how far the ends stay off it.
+        width_m: of the section along y; depth_m: in the plane of the bow.
+    """
+    t = np.linspace(0, np.pi, 33)
+    middle, rise = (low_m + high_m) / 2, (high_m - low_m) / 2
+    path = np.stack([wall_m + gap_m + reach_m * np.sin(t) ** 0.8, np.zeros_like(t), middle - rise * np.cos(t)], axis=1)
+    return swept(path, width_m, depth_m, ends=np.array([1.0, 0.0, 0.0]))
+
+
+def swept(path: np.ndarray, width_m: float, depth_m: float, ends: ArrayLike, around: int = 32) -> trimesh.Trimesh:
+    """An elliptic section along a path (N, 3) in the xz plane, closed by flat ends across the direction `ends` (3,)."""
+    tangent = np.gradient(path, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    tangent[0], tangent[-1] = np.asarray(ends), -np.asarray(ends)
+    across = np.array([0.0, 1.0, 0.0])
+    inward = np.cross(tangent, across)
+    turn = 2 * np.pi * np.arange(around) / around
+    rings = (
+        path[:, None] + (width_m / 2) * np.cos(turn)[None, :, None] * across + (depth_m / 2) * np.sin(turn)[None, :, None] * inward[:, None]
+    )
+    count = len(path)
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(count - 1), np.arange(around), indexing="ij"))
+    a, b = i * around + j, i * around + (j + 1) % around
+    side = np.concatenate([np.stack([a, b + around, b], axis=1), np.stack([a, a + around, b + around], axis=1)])
+    k, following = np.arange(around), (np.arange(around) + 1) % around
+    start, stop, last = count * around, count * around + 1, (count - 1) * around
+    lids = [
+        np.stack([np.full(around, start), k, following], axis=1),
+        np.stack([np.full(around, stop), last + following, last + k], axis=1),
+    ]
+    mesh = trimesh.Trimesh(np.vstack([rings.reshape(-1, 3), path[[0, -1]]]), np.concatenate([side, *lids]), process=False)
+    if mesh.volume < 0:
+        mesh.invert()
+    return smoothed(mesh)
