@@ -45,13 +45,17 @@ class Card:
             found.append(f"units {self.units!r} are not known; choose {' or '.join(UNITS)}")
         return found
 
+    def values(self) -> dict[str, Any]:
+        """As a mapping; `of` is the inverse."""
+        return {key: getattr(self, key) for key in KEYS} | dict(self.extra)
+
     def save(self, folder: Path) -> Path:
         """Write FOLDER/card.yaml, whole or not at all. Raises RecordingError for a card that has problems."""
         import yaml
 
         if problems := self.problems():
             raise RecordingError(f"{folder / CARD}: {problems[0]}")
-        values = {key: getattr(self, key) for key in KEYS} | dict(self.extra)
+        values = self.values()
         return files.write_atomically(folder / CARD, yaml.safe_dump(values, sort_keys=False, allow_unicode=True))
 
     @classmethod

@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.measured import studio_log
 from radartwin.measured.card import CARD, KEYS, Card
@@ -63,7 +65,7 @@ def import_captures(
     Raises:
         MissingError: no capture, no radar description, an entry of the mapping that fits no file.
         InputError: rows that no experiment could use, an incomplete card.
-        RecordingError: a capture that cannot be read, or of another radar; those before it are in the set.
+        RecordingError: a capture that cannot be read, or is of another radar or other units; those before it are in the set.
     """
     source, out, mapping, values = Path(source), Path(out), mapping or CaptureMap(), dict(values or {})
     shared = {key: value for key, value in values.items() if key not in KEYS}
@@ -78,6 +80,9 @@ def import_captures(
         recording, columns, notes = read_capture(item.capture, radar, cut=cut)
         for note in notes:
             say(f"{item.row.recording}: {note}")
+        if (card.units == "counts") != (recording.scale == 1.0):
+            kind = "counts of an ADC" if recording.scale == 1.0 else "amplitudes"
+            raise RecordingError(f"{item.capture}: its samples are {kind}, not units={card.units} as the card says; make a set of its own")
         target = target or RecordingSet.create(out, card)
         added.append(target.add(recording, replace(item.row, extra={**columns, **item.row.extra}), item.trajectory))
     assert target is not None  # there was one, or something was missing from it
@@ -147,7 +152,10 @@ def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False
         RecordingError: sizes that do not fit, a log or a description that cannot be read.
     """
     if capture.suffix == ".npy" or (radar is None and recording_files(capture)[1].is_file()):
-        return load_capture(capture, radar), {}, []
+        recording = load_capture(capture, radar)
+        if recording.scale == 1.0 and not _whole(recording):
+            recording.scale = None  # chosen by its peak on saving, so that rounding to int16 costs little
+        return recording, {}, []
     description = description_beside(capture) if radar is None else None
     if description is not None:
         radar = read_radar(description)
@@ -199,6 +207,12 @@ def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> 
     if problems := card.problems():
         raise InputError(f"{out / CARD}: {'; '.join(problems)}; give it as KEY=VALUE or under card in a mapping file")
     return card
+
+
+def _whole(recording: Recording) -> bool:
+    """Whether all samples are whole numbers that fit int16, as an ADC gives them."""
+    parts = np.stack([recording.iq.real, recording.iq.imag])
+    return bool(np.array_equal(parts, np.rint(parts)) and np.abs(parts).max() <= dca1000.FULL_SCALE + 1)
 
 
 def _name(capture: Path, root: Path) -> str:

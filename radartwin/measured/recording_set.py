@@ -56,7 +56,7 @@ class RecordingSet:
             OutputError: the folder cannot be written, or it holds something else.
             RecordingError: a card with problems, or a set with another card.
         """
-        folder = Path(folder)
+        folder, card = Path(folder), Card.of(card.values())  # as it will be read again
         if (folder / CARD).exists():
             found = cls.load(folder)
             if found.card != card:

@@ -14,6 +14,7 @@ from radartwin import cli
 from radartwin.features.gate import multipath_share
 from radartwin.features.profile import range_time
 from radartwin.measured.provider import SetProvider
+from radartwin.radar.captures import load_capture
 from radartwin.radar.inspect import inspect
 from radartwin.radar.maps import Chain
 
@@ -82,6 +83,21 @@ def test_a_real_cube_at_77_ghz_becomes_a_set_that_shows_the_walker(shared_data: 
     moving = inspect(tmp_path / "walk/recordings/doppler_example_1", chain=Chain(static_removed=True))
     assert moving.range_m[0] == pytest.approx(2.955, abs=0.075)
     assert 0.5 < abs(moving.doppler_mps[0]) < 0.8
+
+
+def test_a_real_capture_with_q_first_keeps_its_bytes_and_is_read_rightly(
+    shared_data: Path, tmp_path: Path, call: Callable[..., Said]
+) -> None:
+    source = shared_data / ROOM / "iwr6843_frame_adc_data.bin"
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw/radar.mmwave.json").write_bytes((shared_data / ROOM / "iwr6843_mmwaveDevice.mmwave.json").read_bytes())
+    np.fromfile(source, "<i2").reshape(-1, 2, 2)[:, ::-1].tofile(tmp_path / "raw/swapped.bin")
+    assert call("import", "raw", "--out", "room", *ABOUT_ROOM)[0] == 0
+    assert (tmp_path / "room/recordings/swapped.bin").read_bytes() == (tmp_path / "raw/swapped.bin").read_bytes()
+    _, recording = next(SetProvider(tmp_path / "room").recordings())
+    assert recording.iq_swapped
+    np.testing.assert_array_equal(recording.iq, load_capture(source).iq)
+    assert call("doctor", "--data", "room")[0] == 0
 
 
 def test_captures_of_two_radars_are_not_one_set(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:

@@ -298,6 +298,23 @@ def test_recordings_of_this_package_are_imported_with_their_poses_and_scale(tmp_
     assert made.problems() == []
 
 
+def test_a_cube_of_amplitudes_is_not_rounded_away_and_counts_are_kept(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    cube = 1e-6 * (rng.normal(size=(3, 16, 8, 128)) + 1j * rng.normal(size=(3, 16, 8, 128)))
+    np.save(tmp_path / "cube.npy", cube)
+    with pytest.raises(RecordingError, match="its samples are amplitudes, not units=counts"):
+        import_captures(tmp_path / "cube.npy", tmp_path / "set", {**CARD, **MUG}, radar=RADAR)
+    assert not (tmp_path / "set").exists()
+    made, added = import_captures(tmp_path / "cube.npy", tmp_path / "set", {**CARD, **MUG, "units": "amplitude"}, radar=RADAR)
+    np.testing.assert_allclose(made.read(added[0]).iq.reshape(cube.shape), cube, atol=1e-9)
+    assert made.problems() == []
+    np.save(tmp_path / "cube.npy", np.rint(1e9 * cube))
+    with pytest.raises(RecordingError, match="counts of an ADC, not units=amplitude"):
+        import_captures(tmp_path / "cube.npy", tmp_path / "set", {**MUG, "recording": "b", "repetition": 1}, radar=RADAR)
+    made, added = import_captures(tmp_path / "cube.npy", tmp_path / "counts", {**CARD, **MUG}, radar=RADAR)
+    np.testing.assert_array_equal(made.read(added[0]).iq.reshape(cube.shape), np.rint(1e9 * cube))
+
+
 def test_nothing_to_import_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(MissingError, match="no such capture"):
         import_captures(tmp_path / "nowhere.bin", tmp_path / "set")

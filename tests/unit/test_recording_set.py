@@ -118,6 +118,9 @@ def test_another_radar_is_refused_by_the_fields_in_which_it_differs(bench: Recor
 
 def test_making_a_set_again_opens_it_and_another_card_is_refused(bench: RecordingSet, tmp_path: Path) -> None:
     assert len(RecordingSet.create(bench.folder, CARD)) == 8
+    noted = dataclasses.replace(CARD, name="007", when="2026-03-01 ", notes="two\nlines: # \n", extra={"room_height_m": 2.7})
+    for _ in range(2):
+        assert RecordingSet.create(tmp_path / "noted", noted).card.notes == "two\nlines: #"
     with pytest.raises(RecordingError, match="differs in licence"):
         RecordingSet.create(bench.folder, dataclasses.replace(CARD, licence="private"))
     with pytest.raises(OutputError, match="not empty"):
