@@ -29,6 +29,10 @@ class SceneError(InputError):
     """A scene that cannot be simulated: unlabelled, sensor inside a solid, unknown surface."""
 
 
+class LayoutError(InputError):
+    """A layout that cannot be read, or an object that cannot stand where it is put."""
+
+
 class MaterialError(InputError):
     """An unknown material, or one outside the range its values were fitted in."""
 

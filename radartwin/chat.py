@@ -1,0 +1,140 @@
+"""A language model behind an OpenAI-compatible endpoint: vLLM, Ollama, LM Studio, or a service.
+
+POST URL/chat/completions with the answer's JSON schema as response_format. What may pass is tried again with growing pauses (time-outs,
+408, 409, 425, 429 and 5xx; Retry-After is obeyed); what cannot is one line. The key is read from the environment and written nowhere.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit, urlunsplit
+
+from radartwin.errors import BackendError, ConfigError
+
+if TYPE_CHECKING:
+    import httpx
+
+PASSING = {408, 409, 425, 429, 500, 502, 503, 504, 529}
+LONGEST_PAUSE_S = 120.0
+
+
+@dataclass
+class Endpoint:
+    """Where a model answers. One may serve several threads.
+
+    Args:
+        url: base of the API, with its /v1.
+        timeout_s: of one request.
+        requests: tries of one request.
+        pause_s: before the second try; doubled each time.
+        key_variable: the environment variable that holds the bearer token, if there is one.
+        max_tokens: of an answer.
+    Raises:
+        ConfigError: an address that is none.
+    """
+
+    url: str
+    model: str
+    timeout_s: float = 120.0
+    requests: int = 4
+    pause_s: float = 1.0
+    key_variable: str = "RADARTWIN_LLM_KEY"
+    max_tokens: int = 1000
+
+    def __post_init__(self) -> None:
+        try:
+            parts = urlsplit(self.url)
+            good = parts.scheme in ("http", "https") and bool(parts.hostname) and (parts.port or 1) > 0
+        except ValueError:
+            good = False
+        if not good:
+            raise ConfigError(f"{self.url.rpartition('@')[2]} is not the address of a server; give http://HOST:PORT/v1")
+        self.down = threading.Event()  # whoever sets it ends the waiting of all
+        self._plain = False
+
+    @property
+    def shown(self) -> str:
+        """The address without user, password and query."""
+        parts = urlsplit(self.url)
+        return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], parts.path.rstrip("/"), "", ""))
+
+    def complete(self, messages: Sequence[Mapping[str, Any]], schema: Mapping[str, Any], name: str) -> str:
+        """The model's next words.
+
+        Args:
+            messages: {"role", "content"} in the API's form.
+            schema: JSON schema of the answer; a server that refuses response_format is asked without, so check the answer.
+        Raises:
+            BackendError: no connection, no answer in time, a refusal, or a server that is none of these.
+        """
+        import httpx
+
+        body: dict[str, Any] = {"model": self.model, "messages": list(messages), "temperature": 0, "max_tokens": self.max_tokens}
+        if not self._plain:
+            body["response_format"] = {"type": "json_schema", "json_schema": {"name": name, "strict": True, "schema": schema}}
+        key = os.environ.get(self.key_variable)
+        with httpx.Client(timeout=self.timeout_s, headers={"Authorization": f"Bearer {key}"} if key else {}) as client:
+            response = self._post(client, body)
+            if response.status_code in (400, 422) and "response_format" in body and "response_format" in response.text:
+                self._plain = True  # an old server; the prompt must ask for JSON anyway
+                del body["response_format"]
+                response = self._post(client, body)
+        if response.status_code != 200:
+            raise BackendError(self._refusal(response))
+        try:
+            text = response.json()["choices"][0]["message"]["content"]
+        except (ValueError, KeyError, IndexError, TypeError) as error:
+            raise BackendError(f"{self.shown} does not answer as an OpenAI-compatible server ({error}); check its address") from error
+        return text if isinstance(text, str) else ""
+
+    def _post(self, client: httpx.Client, body: Mapping[str, Any]) -> httpx.Response:
+        """The response to a request that was tried until it was none of PASSING."""
+        import httpx
+
+        problem = ""
+        for attempt in range(self.requests):
+            pause = min(self.pause_s * 2**attempt, LONGEST_PAUSE_S)
+            try:
+                response = client.post(f"{self.url.rstrip('/')}/chat/completions", json=body)
+            except httpx.TimeoutException:
+                problem = f"no answer within {self.timeout_s:g} s"
+            except httpx.ConnectError as error:  # nobody there: waiting does not start a server
+                raise BackendError(f"{self.shown}: no connection ({error}); start the server, or correct its address") from error
+            except httpx.TransportError as error:
+                problem = f"the connection broke ({str(error) or type(error).__name__})"
+            else:
+                if response.status_code not in PASSING:
+                    return response
+                problem = f"status {response.status_code}"
+                pause = min(_retry_after(response, pause), LONGEST_PAUSE_S)
+            if attempt + 1 < self.requests and self.down.wait(pause):
+                break
+        raise BackendError(f"{self.shown}: {problem} after {self.requests} tries; see that the server runs and serves {self.model}")
+
+    def _refusal(self, response: httpx.Response) -> str:
+        remedy = {
+            401: f"set {self.key_variable} to the key of the server",
+            403: f"set {self.key_variable} to a key that may use the model",
+            404: f"check the address and that it serves {self.model}",
+        }.get(response.status_code, "see the server's log")
+        return f"{self.shown} refuses with status {response.status_code} ({' '.join(response.text.split())[:200]}); {remedy}"
+
+
+def _retry_after(response: httpx.Response, otherwise: float) -> float:
+    """Seconds that the server asks to wait, as a number or a date; `otherwise` if it does not."""
+    header = response.headers.get("retry-after", "").strip()
+    try:
+        return max(0.0, float(header))
+    except ValueError:
+        pass
+    try:
+        return max(0.0, (parsedate_to_datetime(header) - datetime.fromtimestamp(time.time(), UTC)).total_seconds())
+    except (ValueError, TypeError):
+        return otherwise
