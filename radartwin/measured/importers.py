@@ -127,6 +127,8 @@ def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Call
             if row.recording == other.row.recording or row.condition == other.row.condition:
                 what = "name" if row.recording == other.row.recording else "object, distance, room, motion and repetition"
                 raise InputError(f"{capture}: it has the same {what} as {other.capture}; tell them apart in a mapping file")
+        if course and not (root / course).is_file():
+            raise MissingError(f"{root / course}: no such trajectory file; its path is given from {root}")
         plans.append(Plan(capture, row, root / course if course else None))
     return plans
 
@@ -200,8 +202,12 @@ def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dic
 
 
 def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> Card:
-    """The set's own card, or a new one of these values."""
+    """The set's own card, which these values must not contradict, or a new one of them."""
     if target is not None:
+        for key in sorted(values.keys() & KEYS):
+            value = values[key]
+            if (has := getattr(target.card, key)) != getattr(Card.of({key: value}), key):
+                raise InputError(f"{out / CARD} has {key}={has}, not {value}; change it there, or choose another folder")
         return target.card
     card = Card.of({"name": out.name, "units": "counts", **values})
     if problems := card.problems():

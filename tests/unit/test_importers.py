@@ -242,11 +242,20 @@ def test_a_csv_mapping_names_files_and_leaves_out_the_others(campaign: Path) -> 
     assert made.problems() == []
 
 
+def test_values_that_contradict_the_card_of_the_set_are_refused(tmp_path: Path) -> None:
+    source = capture(tmp_path / "raw")
+    import_captures(source, tmp_path / "set", {**CARD, **MUG})
+    import_captures(source, tmp_path / "set", {**CARD, **MUG})
+    with pytest.raises(InputError, match=r"card\.yaml has licence=MIT, not private"):
+        import_captures(source, tmp_path / "set", {**MUG, "licence": "private"})
+
+
 MISTAKES = {
     "an entry that fits nothing": ([Entry("bottle*", MUG)], "no capture fits the mapping's 'bottle\\*'; there are can_0.5m/run1.bin"),
     "a column twice in a pattern": ([Entry("{object}_{object}m/run1", MUG)], "object"),
     "captures nobody tells apart": ([Entry("**", {**MUG, "repetition": "0"})], "same object, distance, room, motion"),
     "a distance that is no number": ([Entry("{object}_{distance_m}/run{repetition}", {**MUG, "distance_m": "near"})], "'near'"),
+    "a trajectory that is not there": ([Entry("**", {**MUG, "trajectory": "drive.txt"})], "raw/drive.txt: no such trajectory"),
     "nothing said": ([Entry("**", {})], "it has no object; it has no room; it has no motion"),
 }
 
