@@ -97,7 +97,7 @@ def _provider(folder: Path, scene: Scene, wishes: Wishes) -> Provider:
     if wishes.provider == "local":
         from radartwin.label.local import Local
 
-        return Local(wishes.model or DEFAULT_MODEL)
+        return Local(wishes.model)
     return Recorded(records_for(scene, folder), wishes.model)
 
 
