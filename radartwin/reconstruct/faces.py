@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,4 +86,4 @@ def members(label: np.ndarray) -> list[np.ndarray]:
     order = np.argsort(label, kind="stable")
     count = int(label.max(initial=-1)) + 1
     bounds = np.searchsorted(label[order], np.arange(count + 1))
-    return [order[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return [order[a:b] for a, b in itertools.pairwise(bounds)]

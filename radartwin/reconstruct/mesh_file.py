@@ -8,6 +8,7 @@ ceiling, tables) than across any other axis, and where that is not clear the use
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,6 +29,8 @@ TO_Z_UP = {"x": np.roll(np.eye(3), 1, axis=1), "y": np.array([[1, 0, 0], [0, 0, 
 MIN_EXTENT_M = 0.05  # smaller than any object of the catalogue, let alone a room
 DEGENERATE_HEIGHT_M = 1e-5  # a sliver thinner than this has no usable normal in float32
 WELD_DIGITS = 6  # vertices closer than 1 um are one: exporters double them along seams
+FLOOR_M = 0.15  # what lies this close to the lowest or highest point is floor or ceiling
+LEVEL = 0.9
 UP_MARGIN = 1.2  # the up axis must spread this much more area than the next one
 
 
@@ -49,6 +52,7 @@ class ScanReport:
     boundary_edges: int
     components: int
     watertight: bool
+    turned: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         return dataclasses.asdict(self)
@@ -64,6 +68,7 @@ class ScanReport:
             f"{self.degenerate_faces} degenerate and {self.duplicate_faces} duplicate faces removed",
             f"{self.non_manifold_edges} non-manifold and {self.boundary_edges} boundary edges"
             + (" (watertight)" if self.watertight else ", left as they are: reflection does not need a closed mesh"),
+            *(["its faces looked outwards and were turned; if the scan is mirrored, export it again"] if self.turned else []),
         ]
 
 
@@ -93,8 +98,8 @@ def load_scan(path: str | Path, unit: Unit = "auto", up: Axis = "auto") -> tuple
     vertices = vertices * METRES[unit]
     _check_size(path, float(np.ptp(vertices[faces.reshape(-1)], axis=0).max()))
 
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    mesh.merge_vertices(digits_vertex=WELD_DIGITS)
+    mesh = trimesh.Trimesh(vertices, faces, vertex_colors=_colours(meshes, path), process=False)
+    mesh.merge_vertices(digits_vertex=WELD_DIGITS, merge_tex=True, merge_norm=True)
     degenerate = _heights(mesh) < DEGENERATE_HEIGHT_M
     duplicate = _duplicates(np.asarray(mesh.faces)) & ~degenerate
     mesh.update_faces(~(degenerate | duplicate))
@@ -102,27 +107,69 @@ def load_scan(path: str | Path, unit: Unit = "auto", up: Axis = "auto") -> tuple
     if len(mesh.faces) == 0:
         raise ScanError(f"{path}: all {len(faces)} faces are degenerate; export the scan again")
     axis = _up_axis(mesh, path) if up == "auto" else up
-    mesh = trimesh.Trimesh(np.asarray(mesh.vertices) @ TO_Z_UP[axis].T, mesh.faces, process=False)
-
-    _, uses = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
-    x, y, z = (float(v) for v in mesh.extents)
-    report = ScanReport(
+    colours = mesh.visual.vertex_colors if mesh.visual.defined else None
+    mesh = trimesh.Trimesh(np.asarray(mesh.vertices) @ TO_Z_UP[axis].T, mesh.faces, vertex_colors=colours, process=False)
+    turned = inside_out(mesh)
+    if turned:
+        mesh.invert()
+    return mesh, ScanReport(
         source=path.name,
         unit="m" if unit == "auto" else unit,
         up=axis,
         up_found=up == "auto",
         vertices=len(vertices),
         faces=len(faces),
-        extents_m=[x, y, z],
-        area_m2=float(mesh.area),
         degenerate_faces=int(degenerate.sum()),
         duplicate_faces=int(duplicate.sum()),
-        non_manifold_edges=int((uses > 2).sum()),
-        boundary_edges=int((uses == 1).sum()),
-        components=int(mesh.body_count),
-        watertight=bool((uses == 2).all()),
+        turned=turned,
+        **topology(mesh),
     )
-    return mesh, report
+
+
+def topology(mesh: trimesh.Trimesh) -> dict[str, Any]:
+    """What a report says of the mesh itself: extents, area, edges, parts."""
+    _, uses = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
+    return {
+        "extents_m": [float(v) for v in mesh.extents],
+        "area_m2": float(mesh.area),
+        "non_manifold_edges": int((uses > 2).sum()),
+        "boundary_edges": int((uses == 1).sum()),
+        "components": int(mesh.body_count),
+        "watertight": bool((uses == 2).all()),
+    }
+
+
+def _colours(meshes: list[trimesh.Trimesh], path: Path) -> np.ndarray | None:
+    """RGBA of all vertices (V, 4) uint8, textures looked up at them; None unless every mesh has colours.
+
+    A texture that is not there is said once, and leaves the scan without colours.
+    """
+    colours = []
+    for mesh in meshes:
+        visual: Any = mesh.visual
+        if visual.kind == "texture":
+            material = visual.material
+            image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+            if image is None or visual.uv is None:
+                if visual.uv is not None:
+                    warnings.warn(f"{path}: its texture is not there, so the scan has no colours; put the picture beside it", stacklevel=3)
+                return None
+            visual = visual.to_color()
+        if visual.kind not in ("vertex", "face"):
+            return None
+        colours.append(np.asarray(visual.vertex_colors))
+    return np.vstack(colours) if colours else None
+
+
+def inside_out(mesh: trimesh.Trimesh) -> bool:
+    """Whether a room (z up) shows its outside: what lies lowest should look up, what lies highest down."""
+    area, up = np.asarray(mesh.area_faces), np.asarray(mesh.face_normals)[:, 2]
+    z = np.asarray(mesh.triangles_center)[:, 2]
+    low, high = np.quantile(z, [0.001, 0.999])
+    near_floor, near_ceiling = z < low + FLOOR_M, z > high - FLOOR_M
+    right = area[near_floor & (up > LEVEL)].sum() + area[near_ceiling & (up < -LEVEL)].sum()
+    wrong = area[near_floor & (up < -LEVEL)].sum() + area[near_ceiling & (up > LEVEL)].sum()
+    return bool(wrong > 2 * right)
 
 
 def _stacked(meshes: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ the scan has colour, a plane is cut where its colour changes; convex neighbours 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -68,10 +68,10 @@ class PlanarRegionGrowing:
     min_area_m2: float = 0.06
     smoothing_m: float = 0.08
     loose_deg: float = 75.0
-    merging: coplanar.Tolerances = coplanar.Tolerances()
+    merging: coplanar.Tolerances = field(default_factory=coplanar.Tolerances)
     min_part_m2: float = 0.01
     min_width_m: float = 0.07
-    colour: ColourSplit | None = ColourSplit()
+    colour: ColourSplit | None = field(default_factory=ColourSplit)
     bodies: bool = True
 
     def __call__(self, mesh: trimesh.Trimesh) -> list[Segment]:
