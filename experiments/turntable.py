@@ -112,7 +112,7 @@ def _log(config: Config, distance_m: float) -> tuple[Scene, dict[str, np.ndarray
 
 def _measure(config: Config, distance_m: float, repeat: int) -> Recording:
     gap = config.measured.gap
-    gaps = testbed.Gaps(gap.materials, gap.roughness, gap.clutter, gap.hardware, gap.trajectory, gap.solver)
+    gaps = testbed.Gaps(**{k: v for k, v in asdict(gap).items() if k != "geometry"})
     target, motion, pose = _log(config, distance_m)
     lab = testbed.truth(rooms.lab(detail="cluttered") + target, gaps, config.seed, frozenset(rooms.CLUTTER))
     seed = int(np.random.SeedSequence([config.seed, repeat, round(1000 * distance_m)]).generate_state(1)[0])

@@ -67,23 +67,65 @@ def _finite(key: str, *values: float) -> None:
             raise ConfigError(f"{key}={value} must be finite")
 
 
+ROOMS = ("lab", "atrium", "squash_court")
+TARGETS = ("corner_reflector", "plate", "sphere", "none")
+
+
 @dataclass
 class SceneConfig:
     """What is in front of the radar: a procedural room, a scan or a saved scene, and the target in it."""
 
-    name: str = "lab"  # lab | empty | plate | scan
+    name: str = "lab"  # lab | atrium | squash_court | empty | void | plate | scan
     path: str | None = _path()  # scan: a scene folder, or a .glb/.ply/.obj mesh
-    target: str = "corner_reflector"  # corner_reflector | plate | sphere | none
+    size_m: list[float] | None = None  # rooms: length, width, height; null: the room's own
+    detail: str | None = None  # rooms: shell | furnished | cluttered; null: furnished
+    back: str | None = None  # squash_court: solid | glass, its back wall; null: solid
+    target: str = "corner_reflector"  # corner_reflector | plate | sphere | none | an object of the catalogue, such as mug
     target_size_m: float = 0.1  # reflector leg, plate edge or sphere diameter
+    layout: str | None = _path()  # YAML: objects that stand in the room (radartwin/scene/layout.py)
+    sentence: str | None = None  # the same in words: "a mug on the table 1.5 m in front of the door"
+    llm_url: str | None = None  # of an OpenAI-compatible server, for sentences that the built-in grammar cannot read
+    llm_model: str | None = None
+    target_position_m: list[float] | None = None  # of what it stands on; null: on the boresight at trajectory.distance_m
+    stand: bool = False  # a turntable disc on a post under the target
 
     def __post_init__(self) -> None:
-        _one_of("scene.name", self.name, ("lab", "empty", "plate", "scan"))
-        _one_of("scene.target", self.target, ("corner_reflector", "plate", "sphere", "none"))
+        _one_of("scene.name", self.name, (*ROOMS, "empty", "void", "plate", "scan"))
+        if self.target not in TARGETS:
+            from radartwin.scene.objects.catalogue import catalogue
+
+            _one_of("scene.target", self.target, (*TARGETS, *(name for name in catalogue() if name not in TARGETS)))
+            if self.target_size_m != SceneConfig.target_size_m:
+                raise ConfigError(f"scene.target_size_m is not read by scene.target={self.target}, which has its own size; leave it out")
         _positive("scene.target_size_m", self.target_size_m)
+        _positive("scene.size_m", *(self.size_m or ()))
+        _finite("scene.target_position_m", *(self.target_position_m or ()))
+        for name, length in (("size_m", "length,width,height"), ("target_position_m", "x,y,z")):
+            value = getattr(self, name)
+            if value is not None and len(value) != 3:
+                raise ConfigError(f"scene.{name}={value} must be [{length}] in metres")
+        for name, options, readers in (
+            ("size_m", None, ROOMS), ("detail", ("shell", "furnished", "cluttered"), ROOMS), ("back", ("solid", "glass"), ("squash_court",)),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value is not None and options:
+                _one_of(f"scene.{name}", value, options)
+            if value is not None and self.name not in readers:
+                raise ConfigError(f"scene.{name}={value} is not read by scene={self.name}; choose scene={'|'.join(readers)}, or leave it out")
+        if self.target == "none" and (self.stand or self.target_position_m is not None):
+            raise ConfigError("scene.target=none has nothing to place; choose a scene.target, or leave scene.stand and target_position_m out")
         if self.name == "scan" and not self.path:
             raise ConfigError("scene=scan needs the scan: add scene.path=FILE_OR_FOLDER")
         if self.name != "scan" and self.path:
             raise ConfigError(f"scene.path is only read by scene=scan, and scene.name is {self.name}; add scene=scan")
+        if self.layout and self.sentence:
+            raise ConfigError("scene.layout and scene.sentence both say what stands where; give one of them")
+        if (self.llm_url or self.llm_model) and not (self.llm_url and self.llm_model and self.sentence):
+            raise ConfigError("scene.llm_url and scene.llm_model are read together, for scene.sentence; give all three")
+
+    def room_options(self) -> dict[str, Any]:
+        """What the user set of the room's own options."""
+        return {name: value for name in ("size_m", "detail", "back") if (value := getattr(self, name)) is not None}
 
 
 @dataclass
@@ -222,21 +264,33 @@ class RadarConfig:
 class TrajectoryConfig:
     """How sensor and target move. Distances are from the radar to the target's axis."""
 
-    kind: str = "turntable"  # static | turntable | depth | lateral
+    kind: str = "turntable"  # static | turntable | rail | depth | lateral | file
     position_m: list[float] | None = None  # of the radar at the start; null: the bench, or inside a scan's low-x end
     heading_deg: float = 0.0  # of its boresight, from +x to the left
     distance_m: float = 1.0  # at the start
     height_m: float = 1.0  # of the radar above the floor, where position_m does not say
     frames: int | None = None  # null: the whole sweep or revolution
     period_s: float = 25.0  # turntable: one revolution
-    length_m: float = 1.0  # depth and lateral: travelled
+    length_m: float = 1.0  # rail, depth and lateral: travelled
     speed_mps: float = 0.2
+    angle_deg: float = 0.0  # rail: where the target goes, from away from the radar (0, radial) to the radar's left (90)
+    # file: the radar's poses in the world
+    path: str | None = _path()  # TUM or CSV text, or a ROS bag
+    start_s: float = 0.0  # of the first frame, after the first pose
+    axes: str = "sensor"  # of the poses: sensor (x forward, z up) | optical (z forward, y down)
+    topic: str | None = None  # of a ROS bag
+    frame: str | None = None  # of a ROS bag's transforms
+    mount_m: list[float] | None = None  # where the radar sits on what the poses are of: x, y, z
+    mount_deg: list[float] | None = None  # ... and how it is turned: roll, pitch, yaw
 
     def __post_init__(self) -> None:
-        _one_of("trajectory.kind", self.kind, ("static", "turntable", "depth", "lateral"))
+        _one_of("trajectory.kind", self.kind, ("static", "turntable", "rail", "depth", "lateral", "file"))
+        _one_of("trajectory.axes", self.axes, ("sensor", "optical"))
         for name in ("distance_m", "height_m", "frames", "period_s", "length_m", "speed_mps"):
             _positive(f"trajectory.{name}", getattr(self, name))
-        _finite("trajectory.heading_deg", self.heading_deg)
+        for name in ("heading_deg", "angle_deg", "start_s"):
+            _finite(f"trajectory.{name}", getattr(self, name))
+        self._check_file()
         _finite("trajectory.position_m", *(self.position_m or ()))
         if self.position_m is not None and len(self.position_m) != 3:
             raise ConfigError(f"trajectory.position_m={self.position_m} must be [x,y,z] in metres")
@@ -244,18 +298,42 @@ class TrajectoryConfig:
             reach = f"trajectory.length_m={self.length_m:g} runs into the target"
             raise ConfigError(f"{reach} at trajectory.distance_m={self.distance_m:g}; shorten one or lengthen the other")
 
+    def _check_file(self) -> None:
+        """The fields that only trajectory=file reads."""
+        for name in ("mount_m", "mount_deg"):
+            value = getattr(self, name)
+            if value is not None and len(value) != 3:
+                raise ConfigError(f"trajectory.{name}={value} must be three numbers")
+            _finite(f"trajectory.{name}", *(value or ()))
+        if self.kind == "file":
+            if not self.path:
+                raise ConfigError("trajectory=file needs the file: add trajectory.path=FILE")
+            if self.position_m is not None:
+                raise ConfigError(f"trajectory.position_m={self.position_m} is not read by trajectory=file, whose file says where the radar is")
+            if self.start_s < 0:
+                raise ConfigError(f"trajectory.start_s={self.start_s:g} must be zero or above")
+            return
+        for name in ("path", "topic", "frame", "mount_m", "mount_deg"):
+            if getattr(self, name):
+                raise ConfigError(f"trajectory.{name} is only read by trajectory=file; add trajectory=file")
+
 
 @dataclass
 class GapConfig:
-    """Strength of each way in which the testbed's truth is not the twin: 1 as committed, 0 off, 2 doubled."""
+    """Strength of each way in which the testbed's truth is not the twin: 1 as committed, 0 off, 2 doubled.
 
-    geometry: float = 1.0
-    materials: float = 1.0
-    clutter: float = 1.0
-    hardware: float = 1.0
-    trajectory: float = 1.0
-    roughness: float = 1.0
-    solver: float = 1.0
+    What each is at strength 1, with its source, is told by the module that makes it.
+    """
+
+    geometry: float = 1.0  # of the twin's scan (radartwin/scene/scan.py)
+    materials: float = 1.0  # thickness and permittivity of layers (radartwin/measured/variation.py)
+    roughness: float = 1.0  # heights of surfaces (radartwin/measured/variation.py)
+    contents: float = 1.0  # liquids and how full their vessels are (radartwin/measured/variation.py)
+    clutter: float = 1.0  # small things and fixtures (radartwin/measured/fixtures.py); below 1 some are missing
+    hardware: float = 1.0  # the radar (radartwin/radar/hardware.py)
+    trajectory: float = 1.0  # rover, turntable, times of frames (radartwin/measured/motion_errors.py)
+    placement: float = 1.0  # of the target (radartwin/measured/motion_errors.py)
+    solver: float = 1.0  # on or off: finer, one bounce more (radartwin/measured/testbed.py)
 
     def __post_init__(self) -> None:
         for gap in fields(self):
@@ -378,5 +456,5 @@ class Config:
             raise ConfigError("materials=void with scene.target=none leaves nothing to simulate; choose a scene.target")
         if self.materials.source == "true" and self.scene.name == "scan":
             raise ConfigError("materials=true needs a procedural room: nobody knows the true materials of scene=scan")
-        if self.materials.source == "vlm" and self.scene.name in ("empty", "plate"):
+        if self.materials.source == "vlm" and self.scene.name in ("empty", "void", "plate"):
             raise ConfigError(f"materials=vlm needs a room with surfaces to label, and scene={self.scene.name} has none")

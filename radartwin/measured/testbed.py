@@ -1,37 +1,41 @@
 """The virtual testbed: a measurement campaign that is deliberately not the twin.
 
-Truth is the exact scene, its layered and rough materials, its clutter and its stand, solved more finely and with one bounce more than
-the twin takes, through an imperfect radar, with the target not quite where the log says. It is not reality: tables scored against it
-test the method and each named gap. It never sees the twin's scan, labels or settings. Every gap has a strength: 1 as committed, 0 off,
-2 doubled.
+Truth is the exact scene, with materials, roughness and contents of its own (radartwin.measured.variation), its clutter and its fixtures
+(radartwin.measured.fixtures), solved more finely and with one bounce more than the twin takes, through an imperfect radar
+(radartwin.radar.hardware), with rover, turntable and target not quite where the log says (radartwin.measured.motion_errors). It is not
+reality: tables scored against it test the method and each named gap. It never sees the twin's scan, labels or settings. Every gap has a
+strength: 1 as committed, 0 off, 2 doubled.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from radartwin.materials import Layered
+from radartwin.measured import motion_errors as errors
+from radartwin.measured.variation import own_contents, own_material, own_roughness
 from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
-from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.scene import Scene
+from radartwin.scene.trajectory import pose
 from radartwin.simulation.simulate import simulate
 from radartwin.simulation.synthesis import thermal_noise
 
-# Root-mean-square heights: the paper's own calibration (implementation section), metal 0.1 mm and the smoothest of "0.3-3 mm" dielectrics.
-ROUGHNESS_M = {"metal": 0.1e-3}
-ROUGHNESS_OTHER_M = 0.3e-3
-THICKNESS_SIGMA = 0.05  # relative spread of layer thickness; 12.5 mm board is sold to +-0.5 mm (EN 520, 4 %)
-PLACEMENT_SIGMA_M = 0.005  # of the target on its turntable, each horizontal axis; a mark on tape is read to half a centimetre
-RATE_SIGMA = 0.01  # relative error of the turntable's speed
+CLUTTER_SHIFT_M = 0.02  # of each small thing since the scan, each level axis: somebody worked in the room; an order of magnitude
 TRUTH_RAYS_PER_WAVELENGTH2 = 4.0
 TRUTH_BOUNCES = 5
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """Strengths of the testbed's gaps; the field names are those of the configuration's `measured.gap`."""
+    """Strengths of the testbed's gaps; the field names are those of the configuration's `measured.gap`.
+
+    Attributes:
+        materials: thickness and permittivity of layers. roughness: heights. clutter: small things and fixtures that the scan has not, and
+            where they stand; below 1 some are missing. hardware: the radar. trajectory: rover, turntable, times of frames. solver: on or
+            off. placement: of the target. contents: of vessels.
+    """
 
     materials: float = 1.0
     roughness: float = 1.0
@@ -39,38 +43,92 @@ class Gaps:
     hardware: float = 1.0
     trajectory: float = 1.0
     solver: float = 1.0
+    placement: float = 1.0
+    contents: float = 1.0
 
 
-def truth(scene: Scene, gaps: Gaps, seed: int, clutter: frozenset[str]) -> Scene:
-    """The scene as it really is: layers of their own thickness, rough surfaces, clutter present or not."""
-    rng = np.random.default_rng(np.random.SeedSequence([seed, *b"testbed truth"]))
+OFF = Gaps(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) -> Scene:
+    """The scene as it really is.
+
+    Args:
+        scene: with all its clutter and fixtures, materials and roughness as they nominally are.
+        seed: of this place; its recordings share it.
+        clutter: names that a scan does not have; surfaces of radartwin.measured.fixtures are known by their provenance.
+    """
+    root = np.random.SeedSequence([seed, *b"testbed truth"])
     surfaces = []
-    for surface, child in zip(scene, rng.spawn(len(scene)), strict=True):
-        if surface.name in clutter and gaps.clutter == 0:
-            continue
-        surfaces.append(_roughened(_rethickened(surface, child, gaps.materials), gaps.roughness))
+    for surface, child in zip(scene, root.spawn(len(scene)), strict=True):
+        rng, stays, shift = (np.random.default_rng(s) for s in child.spawn(3))
+        if surface.name in clutter or surface.provenance.get("fixture"):
+            if stays.random() >= gaps.clutter:
+                continue
+            if surface.name in clutter:
+                surface = surface.moved(pose(gaps.clutter * CLUTTER_SHIFT_M * np.append(shift.standard_normal(2), 0.0)))
+        rough = own_roughness(own_material(surface, gaps.materials, rng), gaps.roughness, rng)
+        surfaces += own_contents(rough, gaps.contents, rng)
     return Scene(surfaces, {**scene.provenance, "testbed": "truth"})
+
+
+@dataclass(frozen=True)
+class Actual:
+    """Where things really are at the frames of one recording: sensor poses (F, 4, 4) or (1, 4, 4), object poses by name."""
+
+    sensor_poses: np.ndarray
+    motion: dict[str, np.ndarray]
+
+
+def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: float, gaps: Gaps, seed: int) -> Actual:
+    """From the log of one recording to where its sensor and objects were.
+
+    A sensor that moves is a rover's, an object that moves turns on a table; what rests was put where it is.
+
+    Args:
+        sensor_poses: nominal, (F, 4, 4), (1, 4, 4) or (4, 4). motion: nominal poses (F, 4, 4) or (1, 4, 4) by name.
+        rate_hz: of the frames.
+        seed: of this repetition.
+    """
+    sensor = np.asarray(sensor_poses, float).reshape(-1, 4, 4)
+    clock, wheels, table, placing = (
+        np.random.default_rng(np.random.SeedSequence([seed, *name])) for name in (b"clock", b"rover", b"turntable", b"placement")
+    )
+    frames = max([len(sensor), *(len(poses) for poses in motion.values())])
+    times = Hardware().scaled(gaps.trajectory).frame_times(frames, rate_hz, clock)
+    on_table = errors.TurntableErrors().scaled(gaps.trajectory)
+    table_state = table.bit_generator.state
+    moved = {}
+    for name, poses in motion.items():
+        table.bit_generator.state = table_state  # all that turns is on one table
+        moved[name] = errors.turntable(errors.at_times(poses, rate_hz, times), on_table, table) if len(poses) > 1 else poses
+    if len(sensor) > 1:
+        sensor = errors.rover(errors.at_times(sensor, rate_hz, times), errors.RoverErrors().scaled(gaps.trajectory), wheels)
+    return Actual(sensor, errors.placed(moved, errors.PlacementErrors().scaled(gaps.placement), placing))
 
 
 def record(
     scene: Scene,
     radar: Radar,
-    sensor_pose: np.ndarray,
+    sensor_poses: np.ndarray,
     motion: Mapping[str, np.ndarray],
     gaps: Gaps,
     seed: int,
     variant: str = "auto",
 ) -> Recording:
-    """One recording of the truth, with its own placement, turntable and noise.
+    """One recording of the truth, with its own course, placement and noise; its poses are the log's.
 
     Args:
         scene: from `truth`.
-        motion: nominal object poses (F, 4, 4) by surface name; what a log would hold.
+        sensor_poses, motion: nominal, as for `actual`; what a log holds.
         seed: of this repetition.
     """
-    rng = np.random.default_rng(np.random.SeedSequence([seed, *b"testbed recording"]))
-    moved = _misplaced(motion, gaps.trajectory, rng)
-    return received(clean(scene, radar, sensor_pose, moved, gaps, variant), Hardware().scaled(gaps.hardware), seed)
+    there = actual(sensor_poses, motion, radar.frame_rate_hz, gaps, seed)
+    recording = clean(scene, radar, there.sensor_poses, there.motion, gaps, variant)
+    out = received(recording, Hardware().scaled(gaps.hardware), seed)
+    logged = np.asarray(sensor_poses, float).reshape(-1, 4, 4)
+    out.sensor_poses = np.repeat(logged, len(out.iq), axis=0) if len(logged) == 1 else logged
+    return out
 
 
 def clean(
@@ -125,39 +183,3 @@ def received(recording: Recording, hardware: Hardware, seed: int, first_frame: i
         iq[frame : frame + 1], clipped = hardware.digitised(samples, radar)
         saturated += clipped
     return Recording(iq, radar, recording.sensor_poses, scale=hardware.scale, saturated=saturated, provenance=provenance)
-
-
-def _rethickened(surface: Surface, rng: np.random.Generator, strength: float) -> Surface:
-    """Layers 5 % thicker or thinner than nominal, at strength 1."""
-    if not isinstance(surface.material, Layered) or strength == 0:
-        return surface
-    factors = np.exp(strength * THICKNESS_SIGMA * rng.standard_normal(len(surface.material.layers)))
-    layers = [(name, thickness * float(f)) for (name, thickness), f in zip(surface.material.layers, factors, strict=True)]
-    return surface.replaced(material=Layered(layers, backing=surface.material.backing))
-
-
-def _roughened(surface: Surface, strength: float) -> Surface:
-    """As rough as the testbed says, whatever the class of the surface says; at strength 0 as the scene has it."""
-    if strength == 0:
-        return surface
-    height = ROUGHNESS_M.get(surface.material, ROUGHNESS_OTHER_M) if isinstance(surface.material, str) else ROUGHNESS_OTHER_M
-    return surface.replaced(roughness_m=strength * height)
-
-
-def _misplaced(motion: Mapping[str, np.ndarray], strength: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Everything on the turntable stands a little off, and what turns starts elsewhere and turns at its own speed."""
-    offset = strength * PLACEMENT_SIGMA_M * np.append(rng.standard_normal(2), 0.0)
-    start = strength * rng.uniform(0, 2 * np.pi)
-    rate = strength * RATE_SIGMA * rng.standard_normal()
-    out = {}
-    for name, poses in motion.items():
-        changed = poses.copy()
-        if len(poses) > 1:
-            angle = start + rate * np.linspace(0, 2 * np.pi, len(poses))
-            turn = np.tile(np.eye(3), (len(poses), 1, 1))
-            turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
-            turn[:, 1, 0], turn[:, 0, 1] = np.sin(angle), -np.sin(angle)
-            changed[:, :3, :3] = turn @ poses[:, :3, :3]
-        changed[:, :3, 3] += offset
-        out[name] = changed
-    return out

@@ -1,0 +1,77 @@
+"""Truth and twin know nothing of one another: not by import, and not by what a strength of the truth changes."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radartwin
+from experiments import turntable
+from radartwin.compose import compose
+
+TESTBED = ("testbed", "variation", "motion_errors", "fixtures")
+TRUTHS = ("materials", "roughness", "contents", "clutter", "hardware", "trajectory", "placement", "solver")
+PACKAGE = Path(radartwin.__file__).parent
+
+
+@pytest.mark.parametrize("module", TESTBED)
+def test_the_testbed_imports_no_scan_no_label_and_no_settings(module):
+    forbidden = (
+        "radartwin.label", "radartwin.reconstruct", "radartwin.scene.scan", "radartwin.config", "radartwin.compose", "radartwin.assemble",
+    )  # fmt: skip
+    code = f"import sys, radartwin.measured.{module}; sys.exit(' '.join(m for m in sys.modules if m.startswith({forbidden})) or None)"
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def imports(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_what_the_twin_is_made_of_imports_no_testbed():
+    truth = tuple(f"radartwin.measured.{name}" for name in TESTBED)
+    for folder in ("label", "reconstruct", "scene", "materials", "simulation", "radar", "features"):
+        for path in (PACKAGE / folder).rglob("*.py"):
+            assert not [name for name in imports(path) if name.startswith(truth)], path
+
+
+class Asked(Exception):
+    """What a store was asked for."""
+
+
+class Store:
+    def fetch(self, kind, spec, roots, build):
+        raise Asked(spec)
+
+
+def asked(config, domain):
+    with pytest.raises(Asked) as caught:
+        turntable.fetch(config, Store(), domain, 1.0)  # pyright: ignore[reportArgumentType]
+    return caught.value.args[0]
+
+
+@pytest.mark.parametrize("gap", TRUTHS)
+def test_a_strength_of_the_truth_changes_nothing_of_the_twin(gap):
+    """Neither its room, mesh by mesh, nor what it is simulated with; the measured domain is asked anew."""
+    base = ["experiment=environment", "measured=testbed", "materials=uniform", "profile=quick"]
+    one, two = (compose([*base, f"measured.gap.{gap}={s}"]) for s in (0, 2))
+    for a, b in zip(turntable.twin_room(one), turntable.twin_room(two), strict=True):
+        assert (a.name, a.material, a.roughness_m, a.kind) == (b.name, b.material, b.roughness_m, b.kind)
+        assert np.array_equal(a.mesh.vertices, b.mesh.vertices)
+    for domain in ("room", "void"):
+        assert asked(one, domain) == asked(two, domain)
+    assert asked(one, "measured") != asked(two, "measured")
+
+
+def test_the_strength_of_the_scan_changes_the_twin_alone():
+    base = ["experiment=environment", "measured=testbed", "materials=uniform", "profile=quick"]
+    one, two = (compose([*base, f"measured.gap.geometry={s}"]) for s in (0, 2))
+    assert asked(one, "measured") == asked(two, "measured")
+    assert asked(one, "room") != asked(two, "room")
