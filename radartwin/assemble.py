@@ -1,12 +1,12 @@
 """From a configuration to the things it describes: radar, scene, trajectory; and, with all three, a recording.
 
-The only place that knows both the configuration and the library behind it. World frame as in radartwin/scene/rooms.py;
-the target stands on the radar's boresight.
+The only place that knows both the configuration and the library behind it. World frame as in radartwin/scene/rooms;
+unless it is placed, the target stands on the radar's boresight.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ import numpy as np
 from radartwin.compose import compose
 from radartwin.config import (
     MATERIALS_FIELDS,
+    ROOMS,
     SIMULATOR_FIELDS,
     Config,
     MaterialsConfig,
@@ -28,11 +29,9 @@ from radartwin.errors import ConfigError
 from radartwin.radar.chirp import Radar
 
 if TYPE_CHECKING:
-    import trimesh
-
     from radartwin.label.labelling import Wishes
     from radartwin.radar.recording import Recording
-    from radartwin.scene.scene import Scene
+    from radartwin.scene.scene import Scene, Surface
 
 TARGET = "target"  # the name of the surface under test
 MAX_FRAMES = 10_000  # a thousand seconds at 10 Hz; beyond it the recording outgrows memory
@@ -66,20 +65,31 @@ def named_radar(name: str) -> Radar:
     return build_radar(compose([f"radar={name}"]).radar)
 
 
-def build_target(config: SceneConfig) -> trimesh.Trimesh | None:
-    """The target's mesh about its own origin, facing -x, towards the radar; None for no target."""
+def build_target(config: SceneConfig) -> tuple[Surface, ...]:
+    """The target's surfaces, all named TARGET, about the point the radar aims at, facing -x, towards the radar; none for no target."""
     from radartwin.scene import objects
+    from radartwin.scene.scene import Surface
 
     size = config.target_size_m
+    turned = np.diag([-1.0, -1.0, 1.0, 1.0])
     if config.target == "none":
-        return None
+        return ()
     if config.target == "corner_reflector":
         mesh = objects.trihedral(size)
     elif config.target == "plate":
         mesh = objects.plate(size, size)
-    else:
+    elif config.target == "sphere":
         mesh = objects.sphere(size / 2)
-    return mesh.apply_transform(np.diag([-1.0, -1.0, 1.0, 1.0]))
+    else:
+        entry = objects.entry(config.target)
+        turned[2, 3] = -entry.aim_m
+        return entry.surfaces(turned, name=TARGET)
+    return (Surface(mesh.apply_transform(turned), "metal", TARGET, role="object"),)
+
+
+def stands_at(target: Sequence[Surface]) -> float:
+    """Height of the target's lowest point over the point the radar aims at, metres: negative."""
+    return min((float(surface.mesh.bounds[0, 2]) for surface in target), default=0.0)
 
 
 def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) -> Scene:
@@ -88,13 +98,13 @@ def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) ->
     from radartwin.scene import rooms
     from radartwin.scene.scene import Scene
 
-    if scene.name == "lab":
-        room = rooms.lab()
+    if scene.name in ROOMS:
+        room = rooms.room(scene.name, **scene.room_options())
     elif scene.name == "scan":
         assert scene.path is not None
         room = Scene.load(scene.path, **({} if Path(scene.path).is_dir() else {"material": materials.material or "plasterboard"}))
     else:
-        return rooms.empty()
+        return rooms.void() if scene.name == "void" else rooms.empty()
     return material_source(materials.source, **materials.options(seed))(room)
 
 
@@ -115,26 +125,30 @@ def label_wishes(options: Mapping[str, Any]) -> Wishes:
 
 
 def build_start(config: TrajectoryConfig, room: Scene) -> np.ndarray:
-    """Sensor pose (4, 4) of the first frame: as configured, else the lab's bench, or just inside a scan's low-x end."""
+    """Sensor pose (4, 4) of the first frame: as configured, else the room's bench, or just inside a scan's low-x end."""
     from radartwin.scene import rooms, trajectory
 
     if config.position_m is not None:
         position = np.array(config.position_m)
-    elif len(room) and "room" not in room.provenance:
+    elif len(room) and room.provenance.get("room") not in rooms.ROOMS:
         low, high = room.bounds
         position = np.array([low[0] + 0.1 * (high - low)[0], (low + high)[1] / 2, low[2] + config.height_m])
     else:
-        position = rooms.lab_bench(config.height_m).sensor_pose[:3, 3]
+        position = rooms.bench(room.provenance.get("room", "empty"), config.height_m).sensor_pose[:3, 3]
     heading = np.radians(config.heading_deg)
     return trajectory.look_at(position, position + np.array([np.cos(heading), np.sin(heading), 0.0]))
 
 
-def build_course(config: TrajectoryConfig, radar: Radar, start: np.ndarray) -> Course:
-    """Poses of sensor and target over the frames of the trajectory that begins at `start`."""
+def build_course(config: TrajectoryConfig, radar: Radar, start: np.ndarray, place: np.ndarray | None = None) -> Course:
+    """Poses of sensor and target over the frames of the trajectory that begins at `start`.
+
+    Args:
+        place: (3,) where the target is; None: on the boresight of `start`.
+    """
     from radartwin.scene import trajectory
 
     target = trajectory.static(start, 1)
-    target[0, :3, 3] += config.distance_m * start[:3, 0]
+    target[0, :3, 3] = start[:3, 3] + config.distance_m * start[:3, 0] if place is None else place
     rate = radar.frame_rate_hz
     if config.kind == "turntable":
         frames = config.frames or round(config.period_s * rate)
@@ -171,21 +185,21 @@ def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
 
 def simulate_scene(config: Config, noise: bool = False) -> Recording:
     """The recording of a composed configuration: its scene seen by its radar along its trajectory."""
-    from radartwin.scene.scene import Scene, Surface
+    from radartwin.scene import rooms
+    from radartwin.scene.scene import Scene
     from radartwin.simulation.simulate import simulate
 
     radar = build_radar(config.radar)
     scene = build_room(config.scene, config.materials, config.seed)
-    course = build_course(config.trajectory, radar, build_start(config.trajectory, scene))
-    mesh = build_target(config.scene)
-    if mesh is not None:
-        scene = scene + Scene([Surface(mesh, "metal", TARGET, role="object")])
+    target = build_target(config.scene)
+    foot = np.array([0.0, 0.0, stands_at(target)])
+    stands = config.scene.target_position_m
+    place = None if stands is None else np.array(stands) - foot
+    course = build_course(config.trajectory, radar, build_start(config.trajectory, scene), place)
+    motion = {TARGET: course.target_poses} if target else {}
+    if config.scene.stand:
+        scene = scene + rooms.support(course.target_poses[0, :3, 3] + foot - [0, 0, rooms.GAP])
     return simulate(
-        scene,
-        radar,
-        course.sensor_poses,
-        motion={TARGET: course.target_poses} if mesh is not None else None,
-        noise=noise,
-        seed=config.seed,
+        scene + Scene(target), radar, course.sensor_poses, motion=motion or None, noise=noise, seed=config.seed,
         **simulator_options(config.simulator),
-    )
+    )  # fmt: skip

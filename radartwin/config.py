@@ -71,6 +71,11 @@ ROOMS = ("lab", "atrium", "squash_court")
 TARGETS = ("corner_reflector", "plate", "sphere", "none")
 
 
+ROOMS = ("lab", "atrium", "squash_court")
+ROOM_CHOICES = {"detail": ("shell", "furnished", "cluttered"), "back": ("solid", "glass")}
+TARGETS = ("corner_reflector", "plate", "sphere", "none")
+
+
 @dataclass
 class SceneConfig:
     """What is in front of the radar: a procedural room, a scan or a saved scene, and the target in it."""
@@ -104,16 +109,15 @@ class SceneConfig:
             value = getattr(self, name)
             if value is not None and len(value) != 3:
                 raise ConfigError(f"scene.{name}={value} must be [{length}] in metres")
-        for name, options, readers in (
-            ("size_m", None, ROOMS), ("detail", ("shell", "furnished", "cluttered"), ROOMS), ("back", ("solid", "glass"), ("squash_court",)),
-        ):  # fmt: skip
+        for name, readers in (("size_m", ROOMS), ("detail", ROOMS), ("back", ("squash_court",))):
             value = getattr(self, name)
-            if value is not None and options:
-                _one_of(f"scene.{name}", value, options)
+            if value is not None and name in ROOM_CHOICES:
+                _one_of(f"scene.{name}", value, ROOM_CHOICES[name])
             if value is not None and self.name not in readers:
-                raise ConfigError(f"scene.{name}={value} is not read by scene={self.name}; choose scene={'|'.join(readers)}, or leave it out")
+                unread = f"scene.{name}={value} is not read by scene={self.name}"
+                raise ConfigError(f"{unread}; choose scene={'|'.join(readers)}, or leave it out")
         if self.target == "none" and (self.stand or self.target_position_m is not None):
-            raise ConfigError("scene.target=none has nothing to place; choose a scene.target, or leave scene.stand and target_position_m out")
+            raise ConfigError("scene.target=none leaves nothing to place; choose a scene.target, or leave stand and target_position_m out")
         if self.name == "scan" and not self.path:
             raise ConfigError("scene=scan needs the scan: add scene.path=FILE_OR_FOLDER")
         if self.name != "scan" and self.path:

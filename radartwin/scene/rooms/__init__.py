@@ -69,8 +69,8 @@ __all__ = [
 
 ROVER_HEIGHT_M = 0.4  # of the radar on the rover, above the floor
 ROVER_DISTANCES_M = (0.5, 1.0, 2.0)
-# Where the rover starts: (x, y) on the long axis, far enough from the wall behind it.
-_STARTS = {"lab": (1.0, 0.0), "atrium": (2.0, 0.0), "squash_court": (2.0, 0.0)}
+# Where the rover starts: (x, y) on the long axis; (1, 0) elsewhere.
+_STARTS = {"atrium": (2.0, 0.0), "squash_court": (2.0, 0.0)}
 
 
 def empty() -> Scene:
@@ -106,11 +106,11 @@ def room(name: str, **options: Any) -> Scene:
 def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
     """Where a rover measures in a room: its start, looking along +x, with targets on its boresight at ROVER_DISTANCES_M.
 
-    `lab_bench` is the lab's turntable, higher up. Free space has its sensor at the origin.
+    `lab_bench` is the lab's turntable, in the same place at its own height.
     """
     if name not in ROOMS:
         raise SceneError(f"there is no room {name!r}; choose {', '.join(ROOMS)}")
-    position = np.array([*_STARTS.get(name, (0.0, 0.0)), height_m])
+    position = np.array([*_STARTS.get(name, (1.0, 0.0)), height_m])
     return Bench(look_at(position, position + np.array([1.0, 0.0, 0.0])))
 
 
