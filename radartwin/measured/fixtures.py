@@ -66,7 +66,7 @@ def rover(height_m: float = 0.4) -> Scene:
 
 
 def turntable_drive(position: np.ndarray, thickness_m: float = 0.03) -> Scene:
-    """Motor and gear under a turntable's disc, either side of its post, as `rooms.support(position)` has them.
+    """Motor and gear under a turntable's disc, beside its post, as `rooms.support(position)` has them; neither squares up to a radar on x.
 
     Args:
         position: (3,), the top of the disc.
@@ -76,8 +76,8 @@ def turntable_drive(position: np.ndarray, thickness_m: float = 0.03) -> Scene:
     under = top - thickness_m - 2 * GAP
     if under < 0.15:
         raise SceneError(f"turntable_drive: the disc is at z = {top:g} m, too low for a motor under it; give at least 0.2 m")
-    motor = objects.box([x + 0.05, y - 0.05, under - 0.08], [x + 0.13, y + 0.05, under])
-    gear = objects.box([x - 0.05, y + 0.06, under - 0.05], [x + 0.04, y + 0.12, under])
+    motor = _turned_box([x + 0.11, y, under - 0.04], [0.08, 0.10, 0.08], 20)
+    gear = _turned_box([x, y + 0.10, under - 0.025], [0.09, 0.06, 0.05], -15)
     return Scene([_fixture("turntable_motor", motor, "painted metal"), _fixture("turntable_gear", gear, "plastic")])
 
 
@@ -109,6 +109,12 @@ def _fixture(name: str, mesh: trimesh.Trimesh, finish: str) -> Surface:
     made = surface(name, mesh, finish, role="object")
     plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     return made.replaced(mesh=plain, provenance={**made.provenance, "fixture": True})
+
+
+def _turned_box(centre: list[float], size: list[float], yaw_deg: float) -> trimesh.Trimesh:
+    half, angle = np.array(size) / 2, np.radians(yaw_deg)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    return objects.box(-half, half).apply_transform(pose(centre, turn))
 
 
 def _rod(one: np.ndarray, other: np.ndarray, radius_m: float) -> trimesh.Trimesh:

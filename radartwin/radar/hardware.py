@@ -10,6 +10,7 @@ in amplitude; without a window 20 %, all of it in the first and last samples, wh
 Where the defaults come from, all chosen before anything was scored:
 - if_filter: both high-pass stages at their lowest, 175 and 350 kHz (codes 0 0), receiver gain 30 dB: the profile of the paper as the mmWave
   SDK writes it ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30", TI E2E 757413). It is a setting; strengths leave it.
+- line_loss: 5.2 dB both ways, between 10.5 dBi of an antenna and the 7.8 and 8 dB that TI reckons with behind its lines (E2E 681535).
 - coupling: -45 dB between the nearest TX and RX, 8.77 mm apart (xWR1642BOOST, TI E2E 674013), falling with distance, over 6 cm of feed line
   (order of magnitude). Two public captures behind the same two stages hold leakage 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and 15.2 dB
   (77 GHz, PreSenseRadar/OpenRadar) above the noise of a sample; ours is 14 dB.
@@ -52,6 +53,7 @@ class Hardware:
     """Departures from the ideal radar; zero strength is the ideal one.
 
     Attributes:
+        line_loss_db: of every echo, in the lines to the antennas and back.
         coupling_db: power into the nearest receiver over transmitted power, before the filter; feed_m: electrical length of the lines,
             spacing_m: from the nearest transmitter to the nearest receiver, the two groups side by side.
         gain_imbalance_db, phase_imbalance_deg: of Q against I; image_filtered: the image band is filtered ("complex 1x").
@@ -63,6 +65,7 @@ class Hardware:
         if_filter, phase_noise: of the radar; None is none.
     """
 
+    line_loss_db: float = 5.2
     coupling_db: float = -45.0
     feed_m: float = 0.06
     spacing_m: float = 0.00877
@@ -90,11 +93,20 @@ class Hardware:
         (filter, full scale, geometry) stay."""
         if strength <= 0:
             return replace(
-                self, coupling_db=-np.inf, gain_imbalance_db=0.0, phase_imbalance_deg=0.0, offset_dbfs=-np.inf, channel_gain_db=0.0,
-                channel_phase_deg=0.0, chirp_late_s=0.0, start_s=0.0, stamp_s=0.0, full_scale_db=None, if_filter=None, phase_noise=None,
+                self, line_loss_db=0.0, coupling_db=-np.inf, gain_imbalance_db=0.0, phase_imbalance_deg=0.0, offset_dbfs=-np.inf,
+                channel_gain_db=0.0, channel_phase_deg=0.0, chirp_late_s=0.0, start_s=0.0, stamp_s=0.0, full_scale_db=None, if_filter=None, phase_noise=None,
             )  # fmt: skip
         decibels = float(20 * np.log10(strength))
-        spread = ("gain_imbalance_db", "phase_imbalance_deg", "channel_gain_db", "channel_phase_deg", "chirp_late_s", "start_s", "stamp_s")
+        spread = (
+            "line_loss_db",
+            "gain_imbalance_db",
+            "phase_imbalance_deg",
+            "channel_gain_db",
+            "channel_phase_deg",
+            "chirp_late_s",
+            "start_s",
+            "stamp_s",
+        )
         noise = self.phase_noise and replace(self.phase_noise, level_dbc_hz=self.phase_noise.level_dbc_hz + decibels)
         return replace(
             self, coupling_db=self.coupling_db + decibels, offset_dbfs=self.offset_dbfs + decibels, phase_noise=noise,
@@ -134,8 +146,9 @@ class Hardware:
         return out.real.astype(np.complex64) if radar.real_sampling else out
 
     def leaked(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
-        """The samples with leakage between the antennas, in channels of unequal gain and phase."""
-        return ((iq + self.leakage(radar)) * self.channels(radar)[:, :, None]).astype(np.complex64)
+        """The samples after the lines, with leakage between the antennas, in channels of unequal gain and phase."""
+        kept = np.float32(10 ** (-self.line_loss_db / 20))
+        return ((kept * iq + self.leakage(radar)) * self.channels(radar)[:, :, None]).astype(np.complex64)
 
     def leakage(self, radar: Radar) -> NDArray[np.complex64]:
         """(T, R, N) of every pair, through the filter. So short a delay keeps no phase noise."""

@@ -5,9 +5,10 @@ keeps echoes beyond the unambiguous range from folding back. A beat frequency at
 folds into the band, so the stop band begins there; what lies between `pass_share` of that edge and the edge is the transition.
 
 Corner frequencies of the two stages, 175, 235, 350, 700 kHz and 350, 700, 1400, 2800 kHz, as numbered in rlProfileCfg_t (hpfCornerFreq1
-and hpfCornerFreq2) of TI's mmWaveLink. That the stages are of first order and that nine tenths of the band are usable is how TI describes
-the family (SWRA553 and the IWR1843 data sheet, SWRS228), from memory and not verified; the depth of the stop band and the shape of the
-transition are assumptions.
+and hpfCornerFreq2) of TI's mmWaveLink, as the comments of public mmWave Studio scripts repeat them. Both stages together are the "second
+order high pass filter" of the AWR2944P's data sheet (SWRS330), which names -6 dB corners as two equal first-order stages have. That nine
+tenths of the band are usable is how TI describes the family (SWRA553), from memory; the noise of two public captures falls off over the
+last tenth, by 8 to 10 dB at its middle. The depth of the stop band and the shape of the transition are assumptions.
 """
 
 from __future__ import annotations
