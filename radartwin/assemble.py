@@ -27,6 +27,7 @@ from radartwin.config import (
 )
 from radartwin.errors import ConfigError
 from radartwin.radar.chirp import Radar
+from radartwin.staging import check_course, furnished, read_course
 
 if TYPE_CHECKING:
     from radartwin.label.labelling import Wishes
@@ -140,16 +141,23 @@ def build_start(config: TrajectoryConfig, room: Scene) -> np.ndarray:
 
 
 def build_course(config: TrajectoryConfig, radar: Radar, start: np.ndarray, place: np.ndarray | None = None) -> Course:
-    """Poses of sensor and target over the frames of the trajectory that begins at `start`.
+    """Poses of sensor and target over the frames of the trajectory that begins at `start`, or where its file does.
 
     Args:
         place: (3,) where the target is; None: on the boresight of `start`.
     """
     from radartwin.scene import trajectory
 
-    target = trajectory.static(start, 1)
-    target[0, :3, 3] = start[:3, 3] + config.distance_m * start[:3, 0] if place is None else place
     rate = radar.frame_rate_hz
+    sensor = start[None]
+    if config.kind == "file":
+        track = read_course(config)
+        check_frames(config.frames or (track.duration_s - config.start_s) * rate)
+        sensor = track.frames(rate, config.frames, config.start_s)
+    target = trajectory.static(sensor[0], 1)
+    target[0, :3, 3] = sensor[0, :3, 3] + config.distance_m * sensor[0, :3, 0] if place is None else place
+    if config.kind == "file":
+        return Course(sensor, target)
     if config.kind == "turntable":
         frames = config.frames or round(config.period_s * rate)
         check_frames(frames)
@@ -160,6 +168,11 @@ def build_course(config: TrajectoryConfig, radar: Radar, start: np.ndarray, plac
         check_frames(frames)
         return Course(trajectory.static(start, frames), target)
     check_frames(config.length_m / config.speed_mps * rate)
+    if config.kind == "rail":
+        angle = np.radians(config.angle_deg)
+        away = np.cos(angle) * start[:3, 0] + np.sin(angle) * start[:3, 1]
+        carried = trajectory.sweep(target[0], away, config.length_m, config.speed_mps, rate)
+        return Course(start[None], carried[: config.frames])
     sweep = trajectory.depth_sweep if config.kind == "depth" else trajectory.lateral_sweep
     return Course(sweep(start, config.length_m, config.speed_mps, rate)[: config.frames], target)
 
@@ -197,6 +210,8 @@ def simulate_scene(config: Config, noise: bool = False) -> Recording:
     place = None if stands is None else np.array(stands) - foot
     course = build_course(config.trajectory, radar, build_start(config.trajectory, scene), place)
     motion = {TARGET: course.target_poses} if target else {}
+    scene = furnished(config.scene, scene, course.sensor_poses[0])
+    check_course(scene, radar, course.sensor_poses, course.target_poses)
     if config.scene.stand:
         scene = scene + rooms.support(course.target_poses[0, :3, 3] + foot - [0, 0, rooms.GAP])
     return simulate(

@@ -131,8 +131,12 @@ def _parser() -> argparse.ArgumentParser:
     label.add_argument("--concurrency", type=int, help="server: requests at once (default: 4)")
     label.add_argument("--timeout", type=float, metavar="SECONDS", dest="timeout_s", help="server: of one request (default: 120)")
 
-    view = _verb(verbs, "view", _view, "a standalone 3D page of a scene, coloured by material")
-    view.add_argument("scene", metavar="SCENE", type=Path)
+    view = _verb(verbs, "view", _view, "a standalone 3D page of a scene, coloured by material, segment, reflectivity or scan colour")
+    view.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; the page needs no server and no network")
+    colourings = ("material", "segment", "reflectivity", "colour")
+    view.add_argument("--by", choices=colourings, default="material", help="the colouring the page opens in (default: material)")
+    view.add_argument("--trajectory", metavar="FILE", type=Path, help="draw the radar's track: TUM or CSV text, or a ROS bag")
+    view.add_argument("--layout", metavar="FILE", type=Path, help="put a layout's objects into the scene, for this page only")
     view.add_argument("--out", metavar="FILE", type=Path, help="default: SCENE/view.html")
 
     dashboard = _verb(verbs, "dashboard", _dashboard, "the MLflow server on loopback")
@@ -282,7 +286,17 @@ def _view(options: argparse.Namespace) -> int:
     from radartwin.scene.view import view
 
     out = options.out or (options.scene if options.scene.is_dir() else options.scene.parent) / "view.html"
-    view(Scene.load(options.scene), out)
+    scene, poses = Scene.load(options.scene), None
+    if options.trajectory:
+        from radartwin.scene.trajectory_file import read_track
+
+        poses = read_track(options.trajectory).poses
+    if options.layout:
+        from radartwin.scene.layout import Layout
+        from radartwin.scene.layout_place import furnish
+
+        scene = furnish(scene, Layout.load(options.layout), None if poses is None else poses[0])
+    view(scene, out, poses, by=options.by)
     print(out)
     return 0
 

@@ -68,10 +68,6 @@ def _finite(key: str, *values: float) -> None:
 
 
 ROOMS = ("lab", "atrium", "squash_court")
-TARGETS = ("corner_reflector", "plate", "sphere", "none")
-
-
-ROOMS = ("lab", "atrium", "squash_court")
 ROOM_CHOICES = {"detail": ("shell", "furnished", "cluttered"), "back": ("solid", "glass")}
 TARGETS = ("corner_reflector", "plate", "sphere", "none")
 
@@ -313,7 +309,7 @@ class TrajectoryConfig:
             if not self.path:
                 raise ConfigError("trajectory=file needs the file: add trajectory.path=FILE")
             if self.position_m is not None:
-                raise ConfigError(f"trajectory.position_m={self.position_m} is not read by trajectory=file, whose file says where the radar is")
+                raise ConfigError(f"trajectory.position_m={self.position_m} is not read by trajectory=file, which has its own")
             if self.start_s < 0:
                 raise ConfigError(f"trajectory.start_s={self.start_s:g} must be zero or above")
             return

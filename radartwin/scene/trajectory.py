@@ -6,6 +6,8 @@ of rotation) to the world: vertices_world = pose @ vertices.
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -90,27 +92,62 @@ def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -
 def depth_sweep(start: np.ndarray, length_m: float = 1.0, speed_mps: float = 0.2, frame_rate_hz: float = 10.0) -> np.ndarray:
     """Sensor poses (F, 4, 4) driving forward along the boresight of `start` (negative length: backing off)."""
     start = np.asarray(start, dtype=np.float64)
-    return _sweep(start, start[:3, 0], length_m, speed_mps, frame_rate_hz)
+    return sweep(start, start[:3, 0], length_m, speed_mps, frame_rate_hz)
 
 
 def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 0.24, frame_rate_hz: float = 10.0) -> np.ndarray:
     """Sensor poses (F, 4, 4) driving to the left past `middle`, half the length before it and half behind."""
     middle = np.asarray(middle, dtype=np.float64)
-    out = _sweep(middle, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
+    out = sweep(middle, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
     out[:, :3, 3] += middle[:3, 3] - out[:, :3, 3].mean(axis=0)
     return out
 
 
-def _sweep(start: ArrayLike, direction: ArrayLike, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
-    """Constant speed from `start`: frame f is at f * speed / rate, the last within one step of the full length."""
+def sweep(start: ArrayLike, direction: ArrayLike, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
+    """Constant speed from `start` along a world direction: frame f is at f * speed / rate, the last within one step of the full length."""
     if not (speed_mps > 0 and rate_hz > 0 and length_m):
         raise PoseError("sweep: speed_mps and frame_rate_hz must be positive and length_m not zero")
     step = speed_mps / rate_hz
     frames = int(np.floor(abs(length_m) / step + 1e-9))
-    return rail(start, np.sign(length_m) * direction, step * max(frames - 1, 0), max(frames, 1))
+    return rail(start, np.sign(length_m) * np.asarray(direction, dtype=np.float64), step * max(frames - 1, 0), max(frames, 1))
 
 
 def _count(frames: int) -> int:
     if int(frames) != frames or frames < 1:
         raise PoseError(f"{frames} frames; give a whole number of at least 1")
     return int(frames)
+
+
+def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
+    """Refuse a sensor that is not between floor and ceiling.
+
+    Args:
+        poses: (F, 4, 4) sensor-to-world.
+    Raises:
+        PoseError: naming the first such frame and its height.
+    """
+    z = np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4)[:, 2, 3]
+    out = (z <= floor_m) | (z >= ceiling_m)
+    if out.any():
+        frame = int(np.argmax(out))
+        where = "under the floor" if z[frame] <= floor_m else "above the ceiling"
+        raise PoseError(
+            f"the sensor at frame {frame} is {where}: z = {z[frame]:.3g} m, and the room reaches from {floor_m:.3g} to {ceiling_m:.3g} m; "
+            "is z up, and are the poses in the axes that are said (sensor or optical)?"
+        )
+
+
+def check_speed(poses: np.ndarray, frame_rate_hz: float, limit_mps: float, what: str = "the sensor") -> None:
+    """Warn, once for all frames, of a speed that the radar's Doppler folds.
+
+    Args:
+        limit_mps: the speed at which Doppler folds, `Radar.max_velocity_mps`.
+    """
+    speed = np.linalg.norm(np.diff(np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4)[:, :3, 3], axis=0), axis=1) * frame_rate_hz
+    if speed.size and speed.max() > limit_mps:
+        count, frame = int((speed > limit_mps).sum()), int(np.argmax(speed))
+        warnings.warn(
+            f"{what} moves at up to {speed.max():.3g} m/s (frame {frame}), and the radar's Doppler folds at {limit_mps:.3g} m/s: "
+            f"{count} of {len(speed) + 1} frames alias; slow down or shorten the chirp interval",
+            stacklevel=2,
+        )

@@ -23,7 +23,7 @@ from radartwin.scene import view_colours as colours
 from radartwin.scene import view_lines
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.view_colours import material_label
-from radartwin.scene.view_mesh import MAX_FACES, PALE, shells, thinned, vertex_colours
+from radartwin.scene.view_mesh import MAX_FACES, PALE, pictures, shells, thinned, vertex_colours
 
 __all__ = ["COLOURINGS", "material_label", "view"]
 
@@ -62,7 +62,9 @@ def view(
 def describe(
     scene: Scene, poses: np.ndarray | None, title: str | None, by: str, max_faces: int
 ) -> tuple[dict[str, Any], Sequence[np.ndarray]]:
-    """What the page shows, as JSON, and its arrays: positions (V, 3), surface (V,), colours (V, 4), faces (T, 3)."""
+    """What the page shows, as JSON, and its arrays: positions (V, 3), surface (V,), colours (V, 4), places in
+    pictures (V, 3), faces (T, 3).
+    """
     if not len(scene):
         raise SceneError("the scene has no surfaces, so there is nothing to view")
     if by not in COLOURINGS:
@@ -77,6 +79,7 @@ def describe(
     labels = colours.material_colours([s.material for s in surfaces])
     levels = [colours.reflection_db(s.material, s.roughness_m) for s in surfaces]
     stops = colours.ramp()
+    shots, places = pictures(meshes)
     lines, marks, radar = view_lines.lines(scene, _poses(poses))
     low, high = scene.bounds
     content = {
@@ -106,8 +109,9 @@ def describe(
         "lines": lines,
         "marks": marks,
         "radar": radar,
+        "pictures": [f"data:image/jpeg;base64,{base64.b64encode(shot).decode()}" for shot in shots],
     }
-    return content, _arrays(meshes, painted)
+    return content, _arrays(meshes, painted, places)
 
 
 def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None, level: float | None, painted: bool) -> dict[str, Any]:
@@ -144,12 +148,13 @@ def _decibels(level: float) -> str:
     return f"{'0.0' if text == '−0.0' else text} dB"
 
 
-def _arrays(meshes: Sequence[trimesh.Trimesh], painted: Sequence[np.ndarray | None]) -> Sequence[np.ndarray]:
+def _arrays(meshes: Sequence[trimesh.Trimesh], painted: Sequence[np.ndarray | None], places: np.ndarray) -> Sequence[np.ndarray]:
     offsets = np.cumsum([0, *(len(m.vertices) for m in meshes)])
     return (
         np.vstack([m.vertices for m in meshes]).astype("<f4"),
         np.repeat(np.arange(len(meshes)), np.diff(offsets)).astype("<u2"),
         np.vstack([np.tile(PALE, (len(m.vertices), 1)) if p is None else p for m, p in zip(meshes, painted, strict=True)]).astype("u1"),
+        places.astype("<f4"),
         np.vstack([np.asarray(m.faces) + k for m, k in zip(meshes, offsets, strict=False)]).astype("<u4"),
     )
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
 
 from radartwin.scene.scene import Surface
 
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
 MAX_FACES = 300_000  # of a page; beyond it the picture is thinned, the scene is not
 SHELL_M2 = 0.5  # smaller surfaces hide nothing
 SHELL_BEHIND_M = 0.12  # how far a scan's wall may bulge behind its own mean plane and still be one
 SHELL_SHARE = 0.02  # of the rest of the room may lie behind a wall: what a scan saw through a window
+PICTURE_PX = 512  # side of the pictures of textures in a page
 PALE = np.array([0, 0, 0, 0], dtype=np.uint8)  # alpha 0: no colour of a scan
 
 
@@ -57,21 +63,40 @@ def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
 
 
 def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """(V, 4) uint8 colours of the vertices; a texture is read at the vertices, or as its mean on coarse meshes; None without any."""
+    """(V, 4) uint8 colours of the vertices, of a texture those at the vertices; None without any."""
     visual = mesh.visual
     if visual is None or not visual.defined:
         return None
     if visual.kind in ("vertex", "face"):
         colours = np.asarray(visual.vertex_colors, dtype=np.uint8)  # type: ignore[union-attr]
         return colours if len(colours) == len(mesh.vertices) else None
-    material = getattr(visual, "material", None)
-    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    if image is None:
+    if texture(mesh) is None:
         return None
-    if len(mesh.faces) > 1000:
-        return np.asarray(visual.to_color().vertex_colors, dtype=np.uint8)  # type: ignore[union-attr]
-    mean = np.asarray(image.convert("RGBA").resize((1, 1)), dtype=np.uint8).reshape(1, 4)
-    return np.repeat(mean, len(mesh.vertices), axis=0)
+    return np.asarray(visual.to_color().vertex_colors, dtype=np.uint8)  # type: ignore[union-attr]
+
+
+def pictures(meshes: Sequence[trimesh.Trimesh]) -> tuple[list[bytes], np.ndarray]:
+    """JPEG pictures of the meshes' textures, each once, and for every vertex (V, 3) its place in one: u, v (downwards) and its number,
+    -1 for none.
+    """
+    seen: dict[bytes, int] = {}
+    places = []
+    for mesh in meshes:
+        image, uv = texture(mesh), getattr(mesh.visual, "uv", None)
+        place = np.full((len(mesh.vertices), 3), -1.0)
+        if image is not None and uv is not None and len(uv) == len(mesh.vertices):
+            stream = io.BytesIO()
+            image.convert("RGB").resize((PICTURE_PX, PICTURE_PX)).save(stream, "JPEG", quality=85)
+            number = seen.setdefault(stream.getvalue(), len(seen))
+            place = np.column_stack([uv[:, 0], 1 - uv[:, 1], np.full(len(uv), float(number))])
+        places.append(place)
+    return list(seen), np.vstack(places)
+
+
+def texture(mesh: trimesh.Trimesh) -> Image | None:
+    """The picture a mesh is covered with."""
+    material = getattr(mesh.visual, "material", None)
+    return getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
 
 
 def shells(surfaces: Sequence[Surface]) -> list[dict[str, list[float]] | None]:

@@ -87,7 +87,7 @@ def test_an_experiment_by_what_is_no_name_is_refused(key: str) -> None:
 
 
 def test_every_shipped_option_composes_or_says_what_it_needs() -> None:
-    needs = {"scene=scan", "radar=file", "measured=recordings"}
+    needs = {"scene=scan", "radar=file", "trajectory=file", "measured=recordings"}
     for group, options in composer.groups().items():
         for option in options:
             override = f"{group}={option}"

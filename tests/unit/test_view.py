@@ -6,10 +6,12 @@ import re
 import numpy as np
 import pytest
 import trimesh
+from trimesh.visual import ColorVisuals, TextureVisuals
 
+from radartwin import cli
 from radartwin.errors import PoseError, SceneError
 from radartwin.materials import Layered
-from radartwin.scene import objects, trajectory, view_colours, view_mesh
+from radartwin.scene import objects, rooms, trajectory, view_colours, view_mesh
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.view import describe, view
 
@@ -83,7 +85,7 @@ def test_reflectivity_is_the_fresnel_value_and_its_colour_the_ramp():
 
 def test_arrays_hold_every_triangle_of_its_surface():
     thing = scene()
-    _, (positions, surface, colours, faces) = describe(thing, None, None, "material", 10**6)
+    _, (positions, surface, colours, _, faces) = describe(thing, None, None, "material", 10**6)
     assert len(positions) == len(surface) == len(colours)
     for k, one in enumerate(thing):
         mine = faces[surface[faces[:, 0]] == k]
@@ -107,7 +109,7 @@ def test_large_scene_is_thinned_for_the_picture_alone(tmp_path):
 
 def test_scan_colours_survive_thinning():
     mesh = grid(n=60)
-    mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.full((len(mesh.vertices), 4), [200, 40, 10, 255], np.uint8))
+    mesh.visual = ColorVisuals(mesh, vertex_colors=np.full((len(mesh.vertices), 4), [200, 40, 10, 255], np.uint8))
     thin, _ = view_mesh.thinned([mesh], 2000)
     colours = view_mesh.vertex_colours(thin[0])
     assert colours is not None
@@ -158,3 +160,36 @@ def test_mistakes_are_refused_and_nothing_is_written(tmp_path, change, error, wo
     with pytest.raises(error, match=word):
         view(**arguments)
     assert not (tmp_path / "page.html").exists()
+
+
+def test_a_texture_reaches_the_page_once_with_its_places():
+    room = rooms.lab(detail="shell")
+    content, (_, surface, _, places, _) = describe(room, None, None, "colour", 10**6)
+    assert 0 < len(content["pictures"]) <= len(room)
+    assert all(p.startswith("data:image/jpeg;base64,") for p in content["pictures"])
+    used = places[:, 2]
+    assert set(np.unique(used[used >= 0])) == set(range(len(content["pictures"])))
+    floor = room.names.index("floor")
+    mine = places[surface == floor]
+    visual = room.surfaces[floor].mesh.visual
+    assert isinstance(visual, TextureVisuals)
+    uv = np.asarray(visual.uv)
+    assert np.allclose(mine[:, :2], np.column_stack([uv[:, 0], 1 - uv[:, 1]]), atol=1e-5)
+
+
+def test_the_verb_draws_track_and_layout(tmp_path, capsys):
+    folder = rooms.lab(detail="shell").save(tmp_path / "lab")
+    (tmp_path / "drive.txt").write_text("0 1 0 0.4 0 0 0 1\n1 1.2 0 0.4 0 0 0 1\n")
+    (tmp_path / "layout.yaml").write_text(
+        "objects:\n  - object: mug\n    on: floor\n    relations: [{relation: in front of, anchor: radar}]\n"
+    )
+    options = ["--by", "reflectivity", "--trajectory", str(tmp_path / "drive.txt"), "--layout", str(tmp_path / "layout.yaml")]
+    assert cli.main(["view", str(folder), *options]) == 0
+    assert capsys.readouterr().out.strip() == str(folder / "view.html")
+    _, content = shown(folder / "view.html")
+    assert content["mode"] == "reflectivity"
+    assert content["radar"]["position"] == [1.0, 0.0, 0.4]
+    assert {"mug", "radar"} <= {mark["text"] for mark in content["marks"]}
+    assert not [s for s in Scene.load(folder) if s.name == "mug"]
+    assert cli.main(["view", str(folder), "--trajectory", str(tmp_path / "none.txt")]) == 2
+    assert "none.txt" in capsys.readouterr().err

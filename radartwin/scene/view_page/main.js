@@ -9,12 +9,21 @@ function array(Kind, text) {
   return new Kind(out.buffer);
 }
 
-function start() {
-  const [positions, surface, colours, indices] = document.getElementById("arrays").textContent.trim().split("\n");
+function loaded(address) {
+  const image = new Image();
+  return new Promise((done, failed) => {
+    image.onload = () => done(image);
+    image.onerror = () => failed(new Error("A picture of the scene's surfaces cannot be read."));
+    image.src = address;
+  });
+}
+
+function start(pictures) {
+  const [positions, surface, colours, places, indices] = document.getElementById("arrays").textContent.trim().split("\n");
   const mesh = { positions: array(Float32Array, positions), surface: array(Uint16Array, surface), colours: array(Uint8Array, colours),
-    indices: array(Uint32Array, indices) };
+    pictures: array(Float32Array, places), indices: array(Uint32Array, indices) };
   const canvas = document.getElementById("canvas");
-  const renderer = new Renderer(canvas, mesh, scene.surfaces.length, scene.lines);
+  const renderer = new Renderer(canvas, mesh, scene.surfaces.length, scene.lines, pictures);
   const camera = new Camera(...scene.frame);
   const hidden = new Set();
   const state = { mode: scene.mode, dollhouse: true, cut: Infinity, waiting: false };
@@ -148,9 +157,7 @@ function start() {
   addEventListener("resize", () => (shape(), redraw()));
 }
 
-try {
-  start();
-} catch (error) {
+Promise.all(scene.pictures.map(loaded)).then(start).catch((error) => {
   document.body.replaceChildren(element("p", { className: "failure", textContent: `The scene cannot be drawn. ${error.message}` }));
   throw error;
-}
+});

@@ -2,29 +2,31 @@
 // surface changes. The surface numbers also answer what lies under the pointer.
 
 const MESH_VERTEX = `#version 300 es
-in vec3 position; in vec4 paint; in uint surface;
+in vec3 position; in vec4 paint; in vec3 picture; in uint surface;
 uniform mat4 matrix; uniform vec3 eye;
-out vec3 toEye; out float height; out vec4 painted; flat out uint index;
+out vec3 toEye; out float height; out vec4 painted; out vec2 place; flat out float layer; flat out uint index;
 void main() {
   gl_Position = matrix * vec4(position, 1.0);
   toEye = eye - position; height = position.z; painted = paint; index = surface;
+  place = picture.xy; layer = picture.z;
 }`;
 
 // Normals come from the triangle itself: no mesh has to carry any, and both sides are lit.
 const MESH_FRAGMENT = `#version 300 es
-precision highp float; precision highp int; precision highp sampler2D;
-in vec3 toEye; in float height; in vec4 painted; flat in uint index;
-uniform sampler2D table; uniform float cut; uniform bool scanColours;
+precision highp float; precision highp int; precision highp sampler2D; precision highp sampler2DArray;
+in vec3 toEye; in float height; in vec4 painted; in vec2 place; flat in float layer; flat in uint index;
+uniform sampler2D table; uniform sampler2DArray pictures; uniform float cut; uniform bool scanColours;
 layout(location = 0) out vec4 colour; layout(location = 1) out vec4 number;
 void main() {
   ivec2 at = ivec2(int(index) % 1024, int(index) / 1024);
   vec4 entry = texelFetch(table, at, 0);
+  vec3 seen = texture(pictures, vec3(place, max(layer, 0.0))).rgb;
   if (entry.a < 0.25 || height > cut) discard;
   vec3 normal = normalize(cross(dFdx(toEye), dFdy(toEye)));
   vec3 look = normalize(toEye);
   if (dot(normal, look) < 0.0) normal = -normal;
   float light = 0.66 + 0.17 * max(dot(normal, normalize(vec3(-0.35, -0.6, 0.72))), 0.0) + 0.09 * normal.z + 0.1 * dot(normal, look);
-  vec3 base = scanColours && painted.a > 0.5 ? painted.rgb : entry.rgb;
+  vec3 base = !scanColours ? entry.rgb : layer >= 0.0 ? seen : painted.a > 0.5 ? painted.rgb : entry.rgb;
   colour = vec4(base * min(light, 1.06), 1.0);
   uint id = index + 1u;
   vec2 crease = entry.a > 0.75 ? normal.xy * 0.49 + 0.5 : vec2(0.5);
@@ -77,7 +79,7 @@ void main() {
 }`;
 
 class Renderer {
-  constructor(canvas, mesh, surfaces, lines) {
+  constructor(canvas, mesh, surfaces, lines, pictures) {
     const gl = canvas.getContext("webgl2", { antialias: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("This page draws with WebGL 2, which this browser does not offer or has switched off.");
     this.gl = gl;
@@ -90,12 +92,14 @@ class Renderer {
     gl.bindVertexArray(this.mesh);
     this.attribute(this.programs.mesh, "position", mesh.positions, 3, gl.FLOAT);
     this.attribute(this.programs.mesh, "paint", mesh.colours, 4, gl.UNSIGNED_BYTE);
+    this.attribute(this.programs.mesh, "picture", mesh.pictures, 3, gl.FLOAT);
     this.attribute(this.programs.mesh, "surface", mesh.surface, 1, gl.UNSIGNED_SHORT, 0, 0, true);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.indices, gl.STATIC_DRAW);
     this.setLines(lines);
     this.rows = Math.ceil(surfaces / 1024);
     this.table = gl.createTexture();
+    this.setPictures(pictures);
     this.screen = gl.createVertexArray();
     gl.enable(gl.DEPTH_TEST);
   }
@@ -140,6 +144,18 @@ class Renderer {
     this.attribute(program, "from", data, 3, gl.FLOAT, 44, 0, false, 1);
     for (const [name, size, offset] of [["to", 3, 12], ["paint", 4, 24], ["width", 1, 40]])
       this.attribute(program, name, null, size, gl.FLOAT, 44, offset, false, 1);
+  }
+
+  /** Square pictures of one size, a layer each; they repeat. */
+  setPictures(pictures) {
+    const gl = this.gl;
+    const side = pictures.length ? pictures[0].width : 1;
+    this.pictures = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.pictures);
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, Math.floor(Math.log2(side)) + 1, gl.RGBA8, side, side, Math.max(1, pictures.length));
+    pictures.forEach((picture, k) => gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, k, side, side, 1, gl.RGBA, gl.UNSIGNED_BYTE, picture));
+    gl.generateMipmap(gl.TEXTURE_2D_ARRAY);
+    gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
   }
 
   /** One RGBA entry a surface; alpha 0 hides it, 128 draws it without creases, 255 with them. */
@@ -192,6 +208,11 @@ class Renderer {
     const { mesh, line, screen } = this.programs;
     gl.useProgram(mesh);
     gl.bindTexture(gl.TEXTURE_2D, this.table);
+    gl.activeTexture(gl.TEXTURE2);
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.pictures);
+    gl.activeTexture(gl.TEXTURE0);
+    set(mesh, "table", "uniform1i", 0);
+    set(mesh, "pictures", "uniform1i", 2);
     set(mesh, "matrix", "uniformMatrix4fv", false, matrix);
     set(mesh, "eye", "uniform3fv", camera.eye);
     set(mesh, "cut", "uniform1f", cut);
@@ -221,14 +242,21 @@ class Renderer {
     gl.enable(gl.DEPTH_TEST);
   }
 
-  /** The surface at a pixel of the canvas counted from its top left, or -1. */
+  /** The surface at a pixel of the canvas counted from its top left, or -1; through a line, what is beside it. */
   pick(x, y) {
     const gl = this.gl;
-    const pixel = new Uint8Array(4);
+    const reach = 4 * this.grain;
+    const side = 2 * reach + 1;
+    const pixels = new Uint8Array(4 * side * side);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     gl.readBuffer(gl.COLOR_ATTACHMENT1);
-    gl.readPixels(x * this.grain, this.size[1] - 1 - y * this.grain, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-    const id = pixel[0] + 256 * pixel[1];
-    return id === 0 || pixel[1] === 255 ? -1 : id - 1;
+    gl.readPixels(x * this.grain - reach, this.size[1] - 1 - y * this.grain - reach, side, side, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    const at = (dx, dy) => {
+      const k = 4 * ((reach + dy) * side + reach + dx);
+      return pixels[k + 1] === 255 ? null : pixels[k] + 256 * pixels[k + 1] - 1;
+    };
+    for (let r = 0; r <= reach; r++)
+      for (const [dx, dy] of [[r, r], [-r, r], [r, -r], [-r, -r]]) if (at(dx, dy) !== null) return at(dx, dy);
+    return -1;
   }
 }

@@ -1,0 +1,202 @@
+"""The page of a scene in a real browser: it draws, switches, explains what is under the pointer, and says nothing on the console."""
+
+from __future__ import annotations
+
+import browser
+import numpy as np
+import pytest
+import trimesh
+from trimesh.visual import ColorVisuals
+
+from radartwin.materials import Layered
+from radartwin.scene import objects, rooms, trajectory
+from radartwin.scene.layout import Layout
+from radartwin.scene.layout_place import furnish
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.view import material_label, view
+from radartwin.scene.view_colours import material_colours
+
+WIDTH, HEIGHT, PANEL = 1280, 800, 330
+PAPER = (238, 242, 245)  # behind the scene
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory):
+    executable = browser.find()
+    if executable is None:
+        pytest.skip("no Chromium here to open the page in; on Debian or Ubuntu: apt-get install chromium")
+    with browser.browser(executable, tmp_path_factory.mktemp("profile")) as new:
+        yield new
+
+
+@pytest.fixture(scope="module")
+def lab():
+    layout = Layout.from_dict({"objects": [{"object": "corner reflector", "position_m": [3.0, 0.0]}]})
+    return furnish(rooms.lab(), layout)
+
+
+@pytest.fixture(scope="module")
+def opened(chromium, lab, tmp_path_factory):
+    """The lab's page, drawn."""
+    path = tmp_path_factory.mktemp("page") / "lab.html"
+    page = chromium()
+    page.open(view(lab, path, poses=trajectory.depth_sweep(rooms.lab_bench(0.4).sensor_pose)), WIDTH, HEIGHT)
+    return page
+
+
+def picture(page):
+    """What the window shows left of the panel."""
+    return page.screenshot()[:, : WIDTH - PANEL].astype(int)
+
+
+def changed(before, after):
+    """Share of pixels that differ."""
+    return float((np.abs(before - after).max(axis=2) > 12).mean())
+
+
+def legend(page):
+    return page.run("[...document.querySelectorAll('#legend .label')].map(n => n.textContent)")
+
+
+def test_the_room_fills_the_window_and_the_console_is_silent(opened):
+    drawn = np.abs(picture(opened) - PAPER).max(axis=2) > 12
+    assert 0.25 < drawn.mean() < 0.9
+    rows, columns = np.nonzero(drawn)
+    assert np.ptp(rows) > 0.6 * HEIGHT
+    assert np.ptp(columns) > 0.6 * (WIDTH - PANEL)
+    assert opened.messages == []
+
+
+def test_the_legend_lists_the_materials_in_their_colours(opened, lab):
+    opened.click("#mode-material")
+    wanted = material_colours([s.material for s in lab])
+    assert legend(opened) == list(wanted)
+    shown = opened.run("[...document.querySelectorAll('#legend .swatch')].map(n => getComputedStyle(n).backgroundColor)")
+    assert shown == [f"rgb({r}, {g}, {b})" for r, g, b in wanted.values()]
+
+
+def test_switching_the_colouring_changes_the_picture_and_back(opened, lab):
+    opened.click("#mode-material")
+    material = picture(opened)
+    assert changed(material, picture(opened)) == 0
+    opened.click("#mode-segment")
+    segment = picture(opened)
+    assert changed(material, segment) > 0.2
+    assert set(legend(opened)) == set(lab.names)
+    opened.click("#mode-reflectivity")
+    assert changed(segment, picture(opened)) > 0.2
+    assert "dB" in opened.run("document.querySelector('#bar').textContent")
+    opened.click("#mode-material")
+    assert changed(material, picture(opened)) == 0
+    assert opened.run("document.querySelector('#mode-colour').disabled") == (not has_colour(lab))
+
+
+def has_colour(scene):
+    return any(s.mesh.visual is not None and s.mesh.visual.defined for s in scene)
+
+
+def test_a_row_of_the_legend_hides_and_shows_its_surfaces(opened):
+    opened.click("#mode-segment")
+    before = picture(opened)
+    row = 1 + legend(opened).index("floor")
+    opened.click(f"#legend li:nth-child({row})")
+    assert changed(before, picture(opened)) > 0.1
+    opened.click(f"#legend li:nth-child({row})")
+    assert changed(before, picture(opened)) == 0
+
+
+def test_walls_are_hidden_from_outside_until_asked_for(opened):
+    opened.click("#view-overview")
+    inside = picture(opened)
+    opened.click("#dollhouse")
+    assert changed(inside, picture(opened)) > 0.2  # the ceiling and two walls are in the way
+    opened.click("#dollhouse")
+    assert changed(inside, picture(opened)) == 0
+
+
+def test_the_card_tells_of_the_surface_under_the_pointer(opened, lab):
+    opened.click("#view-top")
+    opened.click("#mode-material")
+    free = (WIDTH - PANEL) // 2
+    opened.hover(free, HEIGHT // 2)
+    name = opened.run("document.querySelector('#card h2').textContent")
+    surface = next(s for s in lab if s.name == name)
+    card = opened.run("document.querySelector('#card').innerText")
+    assert material_label(surface.material) in card
+    for fact in ("roughness", "reflects", "source", "kind"):
+        assert fact in card
+    opened.hover(free, 2)
+    opened.hover(20, HEIGHT // 2)
+    assert opened.run("document.querySelector('#card').hidden")
+    opened.click("#view-overview")
+
+
+def test_the_track_the_radar_and_placed_objects_are_marked(opened):
+    marks = opened.run("[...document.querySelectorAll('#labels span')].map(n => n.textContent)")
+    assert {"radar", "end, 0.98 m on", "corner_reflector", "x", "y", "z"} <= set(marks)
+    opened.click("#view-radar")
+    looking = picture(opened)
+    opened.click("#view-overview")
+    assert changed(looking, picture(opened)) > 0.3
+
+
+def test_dragging_turns_the_scene(opened):
+    opened.click("#view-overview")
+    before = picture(opened)
+    opened.drag((400, 400), (520, 430))
+    assert changed(before, picture(opened)) > 0.1
+    opened.click("#view-overview")
+    assert changed(before, picture(opened)) == 0
+    assert opened.messages == []
+
+
+def test_the_address_names_the_colouring_it_opens_in(chromium, lab, tmp_path):
+    page = chromium()
+    page.open(view(lab, tmp_path / "lab.html"), fragment="#mode=reflectivity")
+    assert page.run("document.body.dataset.mode") == "reflectivity"
+    page.open(view(lab, tmp_path / "other.html", by="segment"))
+    assert page.run("document.body.dataset.mode") == "segment"
+
+
+def coloured_grid(n):
+    """A level square of 2 n^2 triangles, red on one half and blue on the other."""
+    u = np.linspace(0, 3, n + 1)
+    x, y = np.meshgrid(u, u, indexing="ij")
+    index = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)])
+    z = 0.02 * np.sin(4 * x) * np.sin(4 * y)
+    mesh = trimesh.Trimesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces, process=False)
+    colours = np.where(mesh.vertices[:, :1] < 1.5, [[200, 30, 30, 255]], [[30, 30, 200, 255]]).astype(np.uint8)
+    mesh.visual = ColorVisuals(mesh, vertex_colors=colours)
+    return mesh
+
+
+def test_half_a_million_triangles_open_thinned_in_their_scan_colours(chromium, tmp_path):
+    mesh = coloured_grid(500)
+    scene = Scene([Surface(mesh, "concrete", "floor", role="room"), Surface(objects.box([1, 1, 0.1], [2, 2, 1]), "metal", "box")])
+    path = view(scene, tmp_path / "big.html", by="colour")
+    assert path.stat().st_size < 20e6
+    page = chromium()
+    page.open(path, WIDTH, HEIGHT)
+    page.click("#view-top")
+    shown = picture(page)
+    red = (shown[..., 0] > shown[..., 2] + 60).mean()
+    blue = (shown[..., 2] > shown[..., 0] + 60).mean()
+    assert red > 0.1
+    assert blue > 0.1
+    assert "thinned for this picture" in page.run("document.querySelector('#note').textContent")
+    assert "500,012 triangles" in page.run("document.querySelector('#note').textContent")
+    assert page.messages == []
+
+
+def test_names_and_stacks_reach_the_page_as_they_are(chromium, tmp_path):
+    name = 'a "wall" </script> & <b>more</b>'
+    glazing = Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)])
+    page = chromium()
+    page.open(view(Scene([Surface(coloured_grid(4), glazing, name)]), tmp_path / "page.html", title=name, by="segment"))
+    assert legend(page) == [name]
+    assert page.run("document.querySelector('h1').textContent") == name
+    page.click("#mode-material")
+    assert legend(page) == ["glass 4 mm | air 16 mm | glass 4 mm"]
+    assert page.messages == []
