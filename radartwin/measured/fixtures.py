@@ -114,7 +114,7 @@ def _fixture(name: str, mesh: trimesh.Trimesh, finish: str) -> Surface:
 def _turned_box(centre: list[float], size: list[float], yaw_deg: float) -> trimesh.Trimesh:
     half, angle = np.array(size) / 2, np.radians(yaw_deg)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-    return objects.box(-half, half).apply_transform(pose(centre, turn))
+    return objects.box((-half).tolist(), half.tolist()).apply_transform(pose(centre, turn))
 
 
 def _rod(one: np.ndarray, other: np.ndarray, radius_m: float) -> trimesh.Trimesh:

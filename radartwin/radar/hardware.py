@@ -94,7 +94,8 @@ class Hardware:
         if strength <= 0:
             return replace(
                 self, line_loss_db=0.0, coupling_db=-np.inf, gain_imbalance_db=0.0, phase_imbalance_deg=0.0, offset_dbfs=-np.inf,
-                channel_gain_db=0.0, channel_phase_deg=0.0, chirp_late_s=0.0, start_s=0.0, stamp_s=0.0, full_scale_db=None, if_filter=None, phase_noise=None,
+                channel_gain_db=0.0, channel_phase_deg=0.0, chirp_late_s=0.0, start_s=0.0, stamp_s=0.0, full_scale_db=None,
+                if_filter=None, phase_noise=None,
             )  # fmt: skip
         decibels = float(20 * np.log10(strength))
         spread = (
