@@ -13,7 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 from radartwin.materials import Layered, permittivity, reflection
+from radartwin.materials.itu import P2040
 from radartwin.materials.layers import stack_reflection
+from radartwin.materials.varied import split
 
 INCIDENCE_DEG = np.arange(0.0, 81.0, 2.0)
 SWEEP_HZ = np.linspace(77e9, 80.44e9, 33)
@@ -60,11 +62,10 @@ def closest(permittivity_there: complex, among: tuple[str, ...], frequency_hz: n
 
 def in_range(name: str, frequency_hz: float = 77e9) -> bool:
     """Whether a plain material has values of its own at a frequency, without a stand-in."""
-    from radartwin.materials import itu
-
-    if name in itu.P2040:
-        return any(fit.low_ghz * 1e9 <= frequency_hz <= fit.high_ghz * 1e9 for fit in itu.P2040[name])
-    permittivity(name, frequency_hz)
+    base = split(name)[0]
+    if base in P2040:
+        return any(fit.low_ghz * 1e9 <= frequency_hz <= fit.high_ghz * 1e9 for fit in P2040[base])
+    permittivity(name, frequency_hz)  # refuses what has no values there
     return True
 
 

@@ -1,0 +1,213 @@
+"""`radartwin label` from the outside: asking, exporting, importing, failing in one line, and going on after a kill."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+from numpy import eye
+
+from radartwin.cli import main
+from radartwin.scene import objects, rooms
+from radartwin.scene.scene import Scene, Surface
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A corner of a room, a shelf and what a scan found on it."""
+    x, y, z = eye(3)
+    parts = {
+        "floor": rooms.rectangle([0, 0, 0], x, y, (3, 3)),
+        "wall_1": rooms.rectangle([3, 3, 0], -y, z, (3, 2)),
+        "wall_2": rooms.rectangle([0, 3, 0], x, z, (3, 2)),
+        "plane_1": objects.box([2.0, 1.0, 0.01], [2.6, 2.2, 0.8]),
+        "part_1": objects.cylinder(0.06, 0.2).apply_translation([2.3, 1.6, 0.92]),
+    }
+    facts = {"source": "uniform", "planar": False, "segment": 3}
+    surfaces = [
+        Surface(mesh, "plasterboard", name, role="object" if "part" in name else "room", provenance=facts) for name, mesh in parts.items()
+    ]
+    return Scene(surfaces, {"source": "corner.glb"}).save(tmp_path / "scene")
+
+
+class Model:
+    """A chat server that calls everything wood, a can of water for objects; it can be slow, and counts."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.pause_s = 0.0
+        model = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self) -> None:
+                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+                time.sleep(model.pause_s)
+                answer = {"material": "wood", "confidence": 0.8, "reason": "grain"}
+                if "contents" in json.dumps(body["response_format"]):
+                    answer |= {"material": "plastic", "wall_thickness_mm": 1.0, "contents": "water-like liquid"}
+                model.asked.append(hashlib.sha256(json.dumps(body["messages"]).encode()).hexdigest())
+                text = json.dumps({"choices": [{"message": {"content": json.dumps(answer)}}]}).encode()
+                self.send_response(200)
+                self.send_header("Content-Length", str(len(text)))
+                self.end_headers()
+                self.wfile.write(text)
+
+            def log_message(self, *_: object) -> None: ...
+
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self._server.daemon_threads = True
+        self.url = f"http://127.0.0.1:{self._server.server_address[1]}/v1"
+        threading.Thread(target=self._server.serve_forever, args=(0.01,), daemon=True).start()
+
+    def stop(self) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+
+
+@pytest.fixture
+def model() -> Iterator[Model]:
+    one = Model()
+    yield one
+    one.stop()
+
+
+@pytest.fixture
+def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """The command line in this process, which has already imported everything: the same call and result as `radartwin`."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        words = [str(word) for word in arguments]
+        capsys.readouterr()
+        status = main(words)
+        said = capsys.readouterr()
+        return subprocess.CompletedProcess(words, status, said.out, said.err)
+
+    return call
+
+
+def manifest(folder: Path) -> dict[str, dict]:
+    return {entry["name"]: entry for entry in json.loads((folder / "manifest.json").read_text())["surfaces"]}
+
+
+def test_a_scene_is_labelled_by_a_server_and_its_manifest_round_trips(inside: Command, folder: Path, model: Model) -> None:
+    geometry = (folder / "scene.glb").read_bytes()
+    done = inside("label", folder, "--provider", "server", "--url", model.url, "--model", "tiny", "--views", "2")
+    assert done.returncode == 0, done.stderr
+    header, *rows, last = done.stdout.splitlines()
+    assert header.split() == ["surface", "material", "MINC", "confidence", "stand-in", "from"]
+    assert [row.split()[0] for row in rows] == ["floor", "wall_1", "wall_2", "plane_1", "part_1"]
+    assert last == "5 surfaces labelled, 1 with a stand-in, 0 without an answer, 0 without a valid one"
+    assert "asking server tiny: 5 done" in done.stderr
+    entries = manifest(folder)
+    assert entries["floor"]["material"] == {"layers": [["wood", 0.02]], "backing": "air"}
+    assert entries["part_1"]["material"] == {"layers": [["hdpe", 0.001]], "backing": "water"}
+    told = entries["floor"]["provenance"]
+    assert told | {"key": ""} == {
+        "planar": False, "segment": 3, "source": "vlm", "confidence": 0.8, "stand_in": False, "minc": "wood", "model": "tiny",
+        "reason": "grain", "provider": "server", "key": "",
+    }  # fmt: skip
+    assert (folder / "scene.glb").read_bytes() == geometry
+    scene = Scene.load(folder)
+    assert scene.surfaces[0].roughness_m > 0
+    assert scene.provenance["materials"] == "vlm"
+    again = inside("label", folder, "--model", "tiny", "--views", "2")
+    assert again.returncode == 0, again.stderr
+    assert len(model.asked) == 5, "the answers are recorded with the scene"
+
+
+def test_a_killed_labelling_goes_on_where_it_stopped(radartwin: Command, folder: Path, model: Model, tmp_path: Path) -> None:
+    before = (folder / "manifest.json").read_bytes()
+    model.pause_s = 0.4
+    asking = ["label", str(folder), "--provider", "server", "--url", model.url, "--model", "tiny", "--views", "1", "--concurrency", "1"]
+    process = subprocess.Popen([sys.executable, "-m", "radartwin", *asking], cwd=tmp_path, stderr=subprocess.DEVNULL)
+    journal = folder / "labels" / "answers.jsonl"
+    waiting = time.monotonic() + 60
+    while (not journal.exists() or journal.read_text().count("\n") < 2) and time.monotonic() < waiting:
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert (folder / "manifest.json").read_bytes() == before
+    kept = journal.read_text().count("\n")
+    assert 2 <= kept < 5
+    time.sleep(model.pause_s)  # what was under way when it died is answered to nobody
+    model.pause_s, already = 0.0, len(model.asked)
+    done = radartwin(*asking)
+    assert done.returncode == 0, done.stderr
+    assert f"{kept} of 5 answers are kept from before" in done.stderr
+    assert len(model.asked) - already == 5 - kept, "only the rest is asked"
+    assert {entry["provenance"]["source"] for entry in manifest(folder).values()} == {"vlm"}
+
+
+def test_questions_go_out_and_answers_come_back(inside: Command, folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    exported = inside("label", folder, "--export", out, "--views", "1")
+    assert exported.returncode == 0, exported.stderr
+    assert exported.stdout == f"{out}: 5 questions\n"
+    asked = [json.loads(line) for line in (out / "questions.jsonl").read_text().splitlines()]
+    lines = []
+    for question in asked:
+        answer = {"id": question["id"], "material": "stone", "confidence": 0.6, "reason": "grey"}
+        lines.append(answer | ({"wall_thickness_mm": None, "contents": "solid"} if question["kind"] == "object" else {}))
+    answers = tmp_path / "answers.jsonl"
+    answers.write_text("\n".join(map(json.dumps, lines)))
+    before = (folder / "manifest.json").read_bytes()
+    nameless = inside("label", folder, "--import", answers)
+    assert (nameless.returncode, nameless.stderr) == (
+        2,
+        "radartwin: --import needs --model NAME: the name of who answered is kept with the answers\n",
+    )
+    answers.write_text("\n".join(map(json.dumps, [*lines[:3], {**lines[3], "material": "cheese"}, {"id": "x"}])))
+    bad = inside("label", folder, "--import", answers, "--model", "someone", "--views", "1")
+    assert bad.returncode == 2
+    assert "mend 2 lines: line 4" in bad.stderr
+    answers.write_text("\n".join(map(json.dumps, lines[:3])))
+    partial = inside("label", folder, "--import", answers, "--model", "someone", "--views", "1")
+    assert partial.returncode == 2
+    assert "nobody answered for 2 of 5 surfaces" in partial.stderr
+    assert (folder / "manifest.json").read_bytes() == before
+    rest = inside("label", folder, "--import", answers, "--model", "someone", "--views", "1", "--missing", "uniform:concrete")
+    assert rest.returncode == 0, rest.stderr
+    assert "2 without an answer" in rest.stdout
+    sources = [(e["provenance"]["source"], e["provenance"].get("missing", False)) for e in manifest(folder).values()]
+    assert sorted(sources) == [("uniform", True)] * 2 + [("vlm", False)] * 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--missing", "concrete"], "give uniform:MATERIAL"),
+        (["--missing", "uniform:cheese"], "unknown material 'cheese'"),
+        (["--provider", "server", "--url", "nowhere"], "nowhere is not the address of a server"),
+        (["--provider", "local"], "--provider local needs --model"),
+        (["--import", "none.jsonl", "--model", "x"], "none.jsonl is not there"),
+        (["--views", "0"], "materials.views=0"),
+        ([], "no recorded answers for corner.glb"),
+    ],
+)
+def test_mistakes_are_one_line_and_change_nothing(inside: Command, folder: Path, arguments: list[str], words: str) -> None:
+    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    done = inside("label", folder, *arguments)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+
+
+def test_a_folder_that_is_no_scene_is_named(inside: Command, tmp_path: Path) -> None:
+    done = inside("label", tmp_path)
+    assert done.returncode == 2
+    assert "is not a scene folder" in done.stderr
+    assert "radartwin reconstruct" in done.stderr

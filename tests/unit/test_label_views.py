@@ -1,0 +1,207 @@
+"""Crops show the surface that is asked about, from photographs where they do, and always the same."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+from trimesh.visual import ColorVisuals, TextureVisuals
+
+from radartwin.errors import InputError, MissingError, PoseError
+from radartwin.label.photos import load_photos, save_photos
+from radartwin.label.questions import MEANINGS, facts, prompt, prompt_digest, questions
+from radartwin.label.raster import Camera, Drawing
+from radartwin.label.views import OUTLINE, Crop, Views, outlined
+from radartwin.materials.minc import CATEGORIES
+from radartwin.scene import objects, rooms
+from radartwin.scene.scene import Scene, Surface
+
+
+def box_room() -> Scene:
+    """A 4 x 3 x 2.5 m room: a floor, four walls and a red box before the wall at x = 4."""
+    x, y, z = np.eye(3)
+    walls = {
+        "floor": rooms.rectangle([0, 0, 0], x, y, (4, 3)),
+        "far": rooms.rectangle([4, 3, 0], -y, z, (3, 2.5)),
+        "near": rooms.rectangle([0, 0, 0], y, z, (3, 2.5)),
+        "left": rooms.rectangle([0, 3, 0], x, z, (4, 2.5)),
+        "right": rooms.rectangle([4, 0, 0], -x, z, (4, 2.5)),
+        "box": objects.box([3.0, 1.0, 0.0], [3.5, 2.0, 1.0]),
+    }
+    shades = {"floor": [120, 80, 40], "far": [230, 230, 230], "box": [200, 30, 30]}
+    surfaces = []
+    for name, mesh in walls.items():
+        mesh.visual = ColorVisuals(mesh, vertex_colors=np.tile([*shades.get(name, [180, 180, 200]), 255], (len(mesh.vertices), 1)))
+        surfaces.append(Surface(mesh, "concrete", name, role="room"))
+    return Scene(surfaces)
+
+
+def pixels(crop: Crop) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(crop.jpeg)))
+
+
+def eye_at(position: list[float], target: list[float], width: int = 640, height: int = 480) -> Camera:
+    square = Camera.looking(np.array(position), np.array(target), 70, width)
+    return square.part(-0.5, (width - height) / 2 - 0.5, width - 0.5, (width + height) / 2 - 0.5, width, height)
+
+
+def nearest(eye: np.ndarray, rays: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Ray parameters (N,) of the first triangles (T, 3, 3) met (T. Moeller, B. Trumbore 1997), inf where there is none."""
+    a, b, c = triangles.transpose(1, 0, 2)
+    first, second = b - a, c - a
+    out = np.full(len(rays), np.inf)
+    for k, ray in enumerate(rays):
+        across = np.cross(ray, second)
+        determinant = (first * across).sum(1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = ((eye - a) * across).sum(1) / determinant
+            other = np.cross(eye - a, first)
+            v = (other @ ray) / determinant
+            t = (other * second).sum(1) / determinant
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0.05)
+        out[k] = t[hit].min(initial=np.inf)
+    return out
+
+
+def test_depth_and_face_agree_with_rays_cast_by_another_tracer() -> None:
+    scene = rooms.lab(detail="furnished")
+    camera = Camera.looking(np.array([1.0, 0.3, 1.2]), np.array([5.0, -0.4, 0.9]), 70, 48)
+    seen = Drawing(scene).seen(camera)
+    rows, columns = np.indices(seen.depth.shape)
+    rays = np.stack([columns, rows, np.ones(seen.depth.shape)], -1).reshape(-1, 3) @ np.linalg.inv(camera.intrinsics).T
+    depth = nearest(camera.pose[:3, 3], rays @ camera.pose[:3, :3].T, np.concatenate([s.mesh.triangles for s in scene]))
+    same = np.isclose(depth.reshape(seen.depth.shape), seen.depth, atol=1e-4)
+    assert same.mean() > 0.995, "but for rays along edges"
+
+
+def test_a_triangle_behind_and_before_the_eye_is_cut_where_it_passes_it() -> None:
+    floor = Surface(rooms.rectangle([-50, -50, 0], np.eye(3)[0], np.eye(3)[1], (99, 99)), "concrete", "floor", role="room")
+    camera = Camera.looking(np.array([0, 0, 1.0]), np.array([1.0, 0, 1.0]), 90, 65)
+    depth = Drawing(Scene([floor])).seen(camera).depth
+    assert np.isinf(depth[:32]).all(), "above the horizon"
+    rows = np.arange(34, 65)
+    assert np.allclose(depth[rows, 32], 32.5 / (rows - 32.0)), "z = height focal / (row - middle)"
+
+
+def test_colours_of_vertices_faces_and_textures_are_drawn() -> None:
+    wall = rooms.rectangle([2, 1, 0], -np.eye(3)[1], np.eye(3)[2], (2, 2))
+    camera = Camera.looking(np.array([0, 0, 1.0]), np.array([2.0, 0, 1.0]), 60, 33)
+    uv = np.column_stack([(1 - wall.vertices[:, 1]) / 2, wall.vertices[:, 2] / 2])
+    image = Image.new("RGB", (2, 2))
+    image.putdata([(255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)])  # the top row first
+    looks = {
+        "vertex": ColorVisuals(wall, vertex_colors=np.tile([10, 200, 30, 255], (len(wall.vertices), 1))),
+        "face": ColorVisuals(wall, face_colors=np.tile([10, 200, 30, 255], (len(wall.faces), 1))),
+        "texture": TextureVisuals(uv, image=image),
+    }
+    for name, visual in looks.items():
+        mesh = wall.copy()
+        mesh.visual = visual
+        drawing = Drawing(Scene([Surface(mesh, "wood", "wall")]))
+        picture = drawing.picture(camera, drawing.seen(camera))
+        if name == "texture":
+            top_left, top_right, bottom_left = picture[8, 8], picture[8, 24], picture[24, 8]
+            assert top_left.argmax() == 0, picture[8, 8]
+            assert top_right.argmax() == 1
+            assert bottom_left.argmax() == 2
+        else:
+            assert np.allclose(picture[16, 16], [10, 200, 30], atol=4), name
+
+
+def test_every_surface_is_shown_thrice_with_its_outline_and_surroundings() -> None:
+    scene = box_room()
+    crops = Views(scene).of(range(len(scene)))
+    for index, found in crops.items():
+        name = scene.surfaces[index].name
+        assert len(found) == 3, name
+        assert len({crop.digest for crop in found}) == 3
+        for crop in found:
+            picture = pixels(crop).astype(int)
+            assert max(picture.shape[:2]) == 512
+            assert 0.02 < crop.share < 0.75, f"{name}: surroundings are shown"
+            magenta = (picture[..., 0] > 150) & (picture[..., 1] < 110) & (picture[..., 2] > 150)
+            assert magenta.sum() > 300, name
+    box = crops[5]
+    assert box[2].share < 0.5 * box[0].share, "the last is the wide one"
+
+
+def test_the_same_scene_gives_the_same_bytes() -> None:
+    first, second = (Views(box_room()).of([0, 5]) for _ in range(2))
+    assert [crop.jpeg for crops in first.values() for crop in crops] == [crop.jpeg for crops in second.values() for crop in crops]
+
+
+def test_photographs_come_first_and_only_where_nothing_hides_the_surface(tmp_path) -> None:
+    scene = box_room()
+    drawing = Drawing(scene)
+    low, high = eye_at([0.4, 1.5, 0.5], [4, 1.5, 0.5]), eye_at([0.4, 1.5, 1.6], [4, 1.5, 1.2])
+    shots = [(drawing.picture(camera, drawing.seen(camera)), camera.pose, camera.intrinsics) for camera in (low, high)]
+    shots.append((np.zeros((480, 640, 3), np.uint8), eye_at([-1, 1.5, 1.5], [-4, 1.5, 1.5]).pose, high.intrinsics))  # away
+
+    photos = save_photos(tmp_path, shots)
+    crops = Views(scene, photos, 2).of(range(len(scene)))
+    by_name = {scene.surfaces[index].name: found for index, found in crops.items()}
+    assert by_name["box"][0].origin == "photo"
+    assert [crop.origin for crop in by_name["near"]] == ["mesh", "mesh"], "no photograph shows the wall behind the camera"
+    box = pixels(by_name["box"][0]).reshape(-1, 3).astype(int)
+    assert ((box[:, 0] > 120) & (box[:, 1] < 80) & (box[:, 2] < 80)).mean() > 0.1, "the red box is in its crop"
+
+
+def test_an_outline_follows_the_mask_and_the_border() -> None:
+    mask = np.zeros((40, 60), bool)
+    mask[10:30, 20:60] = True
+    drawn = (outlined(np.zeros((40, 60, 3), np.uint8), mask) == OUTLINE).all(axis=2)
+    assert drawn[10:12, 22:58].all()
+    assert drawn[12:28, 58:60].all(), "where the surface leaves the picture"
+    assert not drawn[14:26, 24:56].any()
+    assert not drawn[:9].any()
+
+
+def test_photographs_survive_the_disk_and_bad_ones_are_named(tmp_path) -> None:
+    camera = eye_at([0, 0, 1], [1, 0, 1], 32, 24)
+    saved = save_photos(tmp_path, [(np.full((24, 32, 3), 100, np.uint8), camera.pose, camera.intrinsics)])
+    [loaded] = load_photos(tmp_path)
+    assert np.array_equal(loaded.pose, saved[0].pose)
+    assert np.array_equal(loaded.intrinsics, camera.intrinsics)
+    assert np.abs(loaded.pixels().astype(int) - 100).max() <= 1
+    assert load_photos(tmp_path / "none") == []
+    loaded.path.write_bytes(b"no picture")
+    with pytest.raises(InputError, match=r"00000\.jpg cannot be read"):
+        loaded.pixels()
+    loaded.path.unlink()
+    with pytest.raises(MissingError, match=r"is not there, though photos\.json names it"):
+        loaded.pixels()
+    with pytest.raises(PoseError, match="not a rigid"):
+        save_photos(tmp_path, [(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4)), np.eye(3))])
+    (tmp_path / "photos.json").write_text("{}")
+    with pytest.raises(InputError, match=r"photos\.json is not a radartwin-photos"):
+        load_photos(tmp_path)
+
+
+def test_a_question_tells_geometry_and_nothing_of_the_truth() -> None:
+    scene = Scene([s.replaced(name=f"secret_{s.name}", material="marble", provenance={"minc": "leather"}) for s in box_room()])
+    asked = questions(scene, views=1)
+    assert len(asked) == 6
+    for question in asked:
+        for word in ("secret", "marble", "concrete_"):
+            assert word not in question.text.replace("marble, granite", "")
+        assert len(question.id) == 12
+    texts = {scene.surfaces[q.surface].name: q.text for q in asked}
+    assert "4.0 m x 3.0 m, flat, level, facing up, its middle 0.0 m above" in texts["secret_floor"]
+    assert "3.0 m x 2.5 m, flat, upright, its middle 1.2 m above" in texts["secret_far"]
+    assert "1.0 m x 1.0 m x 50 cm, not flat" in texts["secret_box"]
+    assert len({q.key for q in asked}) == 6
+
+
+def test_prompt_names_all_categories_and_asks_objects_for_their_inside() -> None:
+    assert tuple(MEANINGS) == CATEGORIES
+    surface, thing = prompt("surface", "flat", ["photo"] * 3), prompt("object", "round", ["mesh"])
+    assert all(f"- {category}: " in surface for category in CATEGORIES)
+    assert "3 photographs" in surface
+    assert "a rendered picture" in thing
+    assert "wall_thickness_mm" in thing
+    assert "wall_thickness_mm" not in surface
+    assert len(prompt_digest()) == 64
+    can = Surface(objects.cylinder(0.033, 0.12), "metal", "can")
+    assert facts(can, 0.0).startswith("12 cm x 7 cm x 7 cm, not flat")
