@@ -3,7 +3,7 @@
 Every view's samples are compared with every other view that sees the same place: r = n . (q - x), x a sample with its normal n, q the other
 view's surface where x projects to (Chen and Medioni 1992, point to plane; all pairs at once as in Pulli 1999, Multiview registration for
 large data sets). The phone's own motion is kept as a prior between neighbours, gravity as a prior on roll and pitch. Outliers weigh
-little (Geman and McClure), by a scale that shrinks from the drift to the noise. The first view stays where it is.
+little (Geman and McClure), by a scale that shrinks from the drift to the noise. Where the whole is, the beginning of the walk says.
 
 Symbols: delta_i -> a turn and a shift of view i about `middle`, in the world.
 """
@@ -19,14 +19,16 @@ from radartwin.reconstruct.views import Views
 from radartwin.reconstruct.volume import View
 
 SAMPLE_STEP = 9  # pixels between samples: some 550 of a phone's map
-NORMAL_STEP = 4  # pixels to either side of a sample's normal
+NORMAL_STEP = 6  # pixels to either side of a sample's normal
 OVERLAP = 0.15  # share of a view's samples another must see for the two to be compared
-SCALES_M = (0.12, 0.12, 0.08, 0.05, 0.04, 0.03, 0.02, 0.02)  # of the outliers, one per iteration
+SCALES_M = (0.12, 0.12, 0.08, 0.05, 0.04, 0.03, 0.02, 0.02, 0.015, 0.015)  # of the outliers, one per iteration
 NOISE_M = 0.05  # of one residual; neighbours hang together, so it is several times a pixel's
-# Prior of the phone's motion: standard deviation after a metre, and of a standing phone.
-SHIFT_M, REST_M = 0.02, 0.002
-TURN_RAD, REST_RAD = np.radians(0.3), np.radians(0.05)
-LEVEL_RAD = np.radians(0.3)  # gravity, as phones know it
+# Prior of the phone's motion: standard deviation after a metre, and of a standing phone. The shift is ARKit's (Kim et al. 2022, Sensors
+# 22:9873: 0.02 m in three axes per second of walking); the turn, which they do not give, moves what is 3 m away by as much.
+SHIFT_M, REST_M = 0.012, 0.002
+TURN_RAD, REST_RAD = np.radians(0.2), np.radians(0.05)
+LEVEL_RAD = np.radians(0.2)  # gravity, as phones know it
+ANCHOR_M = 0.6  # of the walk's beginning, which says where the whole is
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,10 +73,30 @@ def align(views: Views) -> AlignmentReport:
         poses[:, :3, 3] = np.einsum("nij,nj->ni", turns, poses[:, :3, 3] - middle) + middle + delta[:, 3:]
         poses[:, :3, :3] = turns @ poses[:, :3, :3]
     _, after = _compared(poses, samples, depths, lenses, pairs, middle, SCALES_M[-1])
+    poses = _anchored(start, poses)
     views.poses[:] = poses
     turned = Rotation.from_matrix(poses[:, :3, :3] @ np.swapaxes(start[:, :3, :3], 1, 2)).magnitude()
     shift = np.linalg.norm(poses[:, :3, 3] - start[:, :3, 3], axis=1)
     return AlignmentReport(len(pairs), before, after, float(shift.max()), float(np.degrees(turned.max())))
+
+
+def _anchored(start: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """The whole turned and shifted, rigidly, to where the walk began, and to the level of all views.
+
+    Nothing else says where a scan is. Of the first view alone, its own noise would turn the whole.
+    """
+    from scipy.spatial.transform import Rotation
+
+    path = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(start[:, :3, 3], axis=0), axis=1))])
+    early = np.exp(-path / ANCHOR_M)
+    early /= early.sum()
+    turns = Rotation.from_matrix(poses[:, :3, :3] @ np.swapaxes(start[:, :3, :3], 1, 2)).as_rotvec()
+    back = Rotation.from_rotvec(-np.append(turns[:, :2].mean(axis=0), early @ turns[:, 2])).as_matrix()
+    out = poses.copy()
+    out[:, :3, :3] = back @ poses[:, :3, :3]
+    out[:, :3, 3] = poses[:, :3, 3] @ back.T
+    out[:, :3, 3] += early @ (start[:, :3, 3] - out[:, :3, 3])
+    return out
 
 
 def _lens(view: View) -> tuple[float, float, float, float]:

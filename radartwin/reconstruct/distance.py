@@ -27,7 +27,7 @@ class Nearest:
         self._tree = KDTree(samples, balanced_tree=False, compact_nodes=False)
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance (N,) metres and the mesh's index (N,) of the nearest point, for points (N, 3)."""
+        """Distance (N,) metres and the nearest triangle (N,) among `triangles`, for points (N, 3)."""
         points = np.asarray(points, dtype=np.float64)
         _, near = self._tree.query(points, k=min(NEIGHBOURS, self._tree.n), workers=-1)
         near = near.reshape(len(points), -1)
@@ -37,7 +37,7 @@ class Nearest:
             face = self._face[column]
             distance = triangle_distance(points, self.triangles[face])
             closer = distance < best
-            best[closer], which[closer] = distance[closer], self.mesh_of[face[closer]]
+            best[closer], which[closer] = distance[closer], face[closer]
         return best, which
 
 

@@ -18,7 +18,7 @@ from radartwin.reconstruct.scanner.sensor import Sensor, drifted, measured
 from radartwin.reconstruct.scanner.walk import Walk, walked
 from radartwin.scene.scene import Scene
 
-FRAMES = (100, 200)  # of a scan, by the area of the room's box
+FRAMES = (100, 300)  # of a scan, by the area of the room's box
 FRAMES_PER_M2 = 0.9
 
 
