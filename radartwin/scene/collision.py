@@ -21,8 +21,8 @@ _INSIDE = 500  # vertices that are asked whether they are inside a solid
 def overlap_m(a: trimesh.Trimesh, b: trimesh.Trimesh) -> float:
     """How deep two meshes reach into each other: 0 if they are apart or touch by less than CONTACT_M.
 
-    Between solids it is the narrowest side of the box around what both occupy. Through an open surface, such as a wall, it is how far
-    the one reaches beyond the other's mean plane where they cut, on the side where it reaches less.
+    It is the narrowest side of the box around what both occupy. What a solid and an open surface, such as a wall, have in common is
+    flat: then it is the next side of that box, or, if that is less, how far the one reaches beyond the other's mean plane.
     """
     low, high = np.maximum(a.bounds[0], b.bounds[0]), np.minimum(a.bounds[1], b.bounds[1])
     if (high - low < 0).any():
@@ -32,9 +32,13 @@ def overlap_m(a: trimesh.Trimesh, b: trimesh.Trimesh) -> float:
     points = np.vstack([*inside, _cuts(near_a, near_b), _cuts(near_b, near_a)])
     if not len(points):
         return 0.0
-    depth = float(np.ptp(points, axis=0).min())
-    if not (_closed(a) and _closed(b)):
-        depth = max(depth, _reach(a, near_b, points), _reach(b, near_a, points))
+    sides = np.sort(np.ptp(points, axis=0))
+    if sides[0] > CONTACT_M:
+        return float(sides[0])
+    if sides[1] <= CONTACT_M or (_closed(a) and _closed(b)):
+        return 0.0
+    reaches = [reach for one, other in ((a, near_b), (b, near_a)) if (reach := _reach(one, other, points)) > 0]
+    depth = min([float(sides[1]), *reaches])
     return depth if depth > CONTACT_M else 0.0
 
 

@@ -72,7 +72,7 @@ def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stoc
         _check(body, at, scene, name)
     elif item.position_m is not None:
         anchor = [_support(item.on, scene, sensor_pose)] if item.on is not None else [floor(scene)]
-        at, below = _standing(body, np.array(item.position_m), anchor[0], name), anchor[0].name
+        at, below = _standing(body, np.array(item.position_m), anchor[0], scene, name), anchor[0].name
         _check(body, at, scene, name)
     else:
         at, below = _related(item, body, scene, sensor_pose, name)
@@ -116,13 +116,13 @@ def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndar
     if z - top > FLOATING_M:
         remedy = f"put it at z = {top:.3f}, or say held: true if something that is not modelled carries it"
         raise LayoutError(f"'{name}' floats {z - top:.3f} m above {below.name}; {remedy}")
-    standing = _standing(body, np.array([x, y]), below, name, top + GAP_M)
+    standing = _standing(body, np.array([x, y]), below, scene, name, top + GAP_M)
     upright = np.allclose(standing[:3, :3], np.eye(3))
     return lift if upright and standing[2, 3] < lift[2, 3] else standing, below.name
 
 
-def _standing(body: Body, at: np.ndarray, support: Surface, name: str, limit_m: float = np.inf) -> np.ndarray:
-    """The pose of an object standing on a support at (x, y): upright, or along the slope of a tilted support."""
+def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: str, limit_m: float = np.inf) -> np.ndarray:
+    """The pose of an object standing on a support at (x, y): upright, or along the slope of a tilted support; on a rug that covers it."""
     heights = top_below(support.mesh, body.base[:, :2] + at, limit_m)
     carried = heights > heights.max(initial=-np.inf) - FLOATING_M
     tilt = _tilt(support, at, limit_m)
@@ -134,6 +134,9 @@ def _standing(body: Body, at: np.ndarray, support: Surface, name: str, limit_m: 
     out = pose([*at, 0.0]) if tilt is None else pose([*at, 0.0], tilt)
     base = body.base @ out[:3, :3].T + out[:3, 3]
     under = top_below(support.mesh, base[:, :2], limit_m)
+    if tilt is None:
+        covers = [top_below(s.mesh, base[:, :2], under.max() + FLOATING_M) for s in scene if s is not support]
+        under = np.max([under, *covers], axis=0)
     out[2, 3] = float((under - base[:, 2]).max()) + GAP_M
     return out
 
@@ -183,7 +186,7 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
     reason: LayoutError | None = None
     for spot in found[_spread(len(found))]:
         try:
-            at = _standing(body, spot, surface, name)
+            at = _standing(body, spot, surface, scene, name)
             _check(body, at, scene, name)
             return at, surface.name
         except LayoutError as error:

@@ -117,8 +117,8 @@ def _metres(phrase: re.Match[str]) -> float | None:
 
 
 def _plain(name: str) -> str:
-    """A name without numbers that are part of it: can_355, table 2."""
-    return re.sub(r"[a-z]_\d+|\b[a-z]+ \d+$", "", name)
+    """A name without numbers that are part of it: can_355_2, table 2."""
+    return re.sub(r"\b[a-z]\w*_\w*|\b[a-z]+ \d+$", "", name)
 
 
 def _check_subject(subject: str, sentence: str) -> None:

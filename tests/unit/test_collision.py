@@ -26,6 +26,7 @@ OVERLAPS = {
     "through a wall without thickness": (CAN.copy().apply_translation([1.01, 1, 1]), wall(), 0.03),
     "two spheres": (objects.sphere(0.1, 3), objects.sphere(0.1, 3).apply_translation([0.15, 0, 0]), 0.05),
     "a reflector in a box": (objects.trihedral(0.1).apply_translation([0.97, 0.5, 0.5]), UNIT, 0.03),
+    "a reflector's tips in a rug": (objects.trihedral(0.1), objects.box([-1, -1, -0.05], [1, 1, -0.035]), 0.0058),
     "face to face": (UNIT, objects.box([1, 0, 0], [2, 1, 1]), 0.0),
     "a millimetre of contact": (UNIT, objects.box([0.999, 0.2, 0.2], [2, 0.8, 0.8]), 0.0),
     "boxes meet, meshes do not": (objects.sphere(0.1, 3), objects.sphere(0.1, 3).apply_translation([0.15, 0.15, 0.0]), 0.0),

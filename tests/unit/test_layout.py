@@ -210,6 +210,13 @@ def test_a_wall_inside_the_room_is_in_the_way():
         placed(room(screen), position_m=[1.51, 1, 0])
 
 
+def test_a_rug_is_stood_on_and_not_in():
+    rug = Surface(objects.box([1.2, 0.5, 0.005], [1.9, 1.5, 0.017]), "wood", "rug", role="room")
+    bounds, on = placed(room(rug), position_m=[1.5, 1.0])
+    assert on == "floor"
+    assert bounds[0, 2] == pytest.approx(0.017 + GAP_M)
+
+
 def test_what_is_held_may_float_and_free_space_carries_nothing():
     assert placed(position_m=[1, 1, 0.9], held=True)[0][0, 2] == pytest.approx(0.9)
     assert placed(Scene(), position_m=[1, 1, 0.9])[0][0, 2] == pytest.approx(0.9)

@@ -22,7 +22,7 @@ SCENE = Scene([Surface(objects.box([0, 0, 0.7], [1, 1, 0.73]), "wood", "desk", r
 GOOD = {"objects": [{"object": "mug", "on": "desk", "name": None, "relations": None}]}
 
 
-def said(content: Any) -> tuple[int, Any, dict[str, str]]:
+def said(content: object) -> tuple[int, Any, dict[str, str]]:
     text = content if isinstance(content, str) else json.dumps(content)
     return 200, {"choices": [{"message": {"role": "assistant", "content": text}}]}, {}
 
@@ -48,7 +48,11 @@ def server(*answers: Any) -> Iterator[tuple[str, list[dict[str, Any]]]]:
         def log_message(self, format: str, *args: Any) -> None:
             pass
 
-    httpd = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    class Server(ThreadingHTTPServer):
+        def handle_error(self, request: Any, client_address: Any) -> None:
+            """A client that has stopped waiting is no error here."""
+
+    httpd = Server(("127.0.0.1", 0), Handler)
     thread = threading.Thread(target=httpd.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
     thread.start()
     try:

@@ -29,6 +29,7 @@ READ = {
         MUG | {"relations": [at("beside", "can")]},
     ],
     "the can_355 on table 2 turned by 45 degrees": [{"object": "can_355", "on": "table 2", "yaw_deg": 45.0}],
+    "a can_211_300 on the desk": [{"object": "can_211_300", "on": "desk"}],
     "a corner reflector 2 m in front of the radar 500 mm right of the cabinet": [
         {"object": "corner reflector", "relations": [at("in front of", "radar", 2.0), at("right of", "cabinet", 0.5)]}
     ],
