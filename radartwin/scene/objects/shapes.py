@@ -22,7 +22,7 @@ def plate(width_m: float, height_m: float) -> trimesh.Trimesh:
     """Flat rectangle centred at the origin, width along y, height along z, facing +x."""
     _positive(width_m=width_m, height_m=height_m)
     y, z = width_m / 2, height_m / 2
-    return _flat([[[0, -y, -z], [0, y, -z], [0, y, z], [0, -y, z]]])
+    return flat([[[0, -y, -z], [0, y, -z], [0, y, z], [0, -y, z]]])
 
 
 def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
@@ -31,7 +31,7 @@ def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
     d, z = face_m / np.sqrt(2), height_m / 2
     left = [[0, 0, -z], [d, d, -z], [d, d, z], [0, 0, z]]
     right = [[0, 0, -z], [0, 0, z], [d, -d, z], [d, -d, -z]]
-    return _flat([left, right])
+    return flat([left, right])
 
 
 def trihedral(leg_m: float, origin: Literal["apex", "aperture"] = "apex") -> trimesh.Trimesh:
@@ -49,7 +49,7 @@ def trihedral(leg_m: float, origin: Literal["apex", "aperture"] = "apex") -> tri
     azimuth = np.radians([90.0, 210.0, 330.0])
     legs = leg_m * np.stack([np.full(3, 1 / np.sqrt(3)), np.sqrt(2 / 3) * np.cos(azimuth), np.sqrt(2 / 3) * np.sin(azimuth)], axis=1)
     apex = np.zeros(3) if origin == "apex" else np.array([-leg_m / np.sqrt(3), 0, 0])
-    mesh = _flat([[apex, apex + legs[k], apex + legs[(k + 1) % 3]] for k in range(3)])
+    mesh = flat([[apex, apex + legs[k], apex + legs[(k + 1) % 3]] for k in range(3)])
     return mesh
 
 
@@ -123,7 +123,7 @@ def box(low_m: Sequence[float], high_m: Sequence[float]) -> trimesh.Trimesh:
     if not (high > low).all():
         raise MeshError(f"box: the corner {high.tolist()} is not above {low.tolist()}")
     (x0, y0, z0), (x1, y1, z1) = low, high
-    return _flat(
+    return flat(
         [
             [[x1, y0, z0], [x1, y1, z0], [x1, y1, z1], [x1, y0, z1]],
             [[x0, y1, z0], [x0, y0, z0], [x0, y0, z1], [x0, y1, z1]],
@@ -146,7 +146,7 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
     )
 
 
-def _flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]]]) -> trimesh.Trimesh:
+def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]) -> trimesh.Trimesh:
     """Convex planar polygons, counter-clockwise seen from their front, each a fan with its own vertices and normal."""
     vertices, faces, normals = [], [], []
     for polygon in polygons:

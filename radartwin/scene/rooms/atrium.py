@@ -18,6 +18,7 @@ from radartwin.scene.trajectory import pose
 
 CLUTTER = ("parcel", "laptop", "desk_vase", "magazines", "bag", "umbrella_stand", "litter_bin", "coffee_cup")
 FRAME_M = 0.06  # bars of door frames
+THIN_M = 0.012  # of boards, plates and rugs, see furniture
 
 
 def atrium(size_m: Sequence[float] = (12.0, 9.0, 5.0), detail: Detail = "furnished", skylight: bool = True, seed: int = 0) -> Scene:
@@ -85,11 +86,12 @@ def _fixtures(length: float, width: float, height: float, skylight: bool, seed: 
     ]
     desk = objects.box([length - 5.0, y - 2.0, GAP], [length - 2.6, y - 1.4, 1.0])
     counter = objects.box([length - 5.1, y - 2.1, 1.01], [length - 2.5, y - 1.3, 1.05])
-    kick = objects.box([length - 5.0, y - 2.02, 0.03], [length - 2.6, y - 2.0 - GAP, 0.15])
+    kick = objects.box([length - 5.0, y - 2.0 - GAP - THIN_M, 0.03], [length - 2.6, y - 2.0 - GAP, 0.15])
     rows = (-y + 1.5, y - 1.5)
     lamps = [objects.box([u - 0.6, v - 0.15, height - 0.1], [u + 0.6, v + 0.15, height - GAP]) for u in (2.5, length - 2.5) for v in rows]
+    handles = [objects.box([length - 0.08, v - 0.015, 0.8], [length - 0.05, v + 0.015, 1.4]) for v in (0.12, -0.12)]
     screen = objects.box([length - 2.3, y - 0.07, 1.4], [length - 1.1, y - GAP, 2.1])
-    bills = [objects.box([GAP, -0.4 + 0.75 * k, 1.2], [GAP + 0.006, 0.2 + 0.75 * k, 2.05]) for k in range(2)]
+    bills = [objects.box([GAP, -0.4 + 0.75 * k, 1.2], [GAP + THIN_M, 0.2 + 0.75 * k, 2.05]) for k in range(2)]
     return [
         *(surface(f"column_{k}", box, "concrete", seed=seed) for k, box in enumerate(boxes, 1)),
         surface("reception_desk", desk, "dark wood", seed=seed),
@@ -101,25 +103,20 @@ def _fixtures(length: float, width: float, height: float, skylight: bool, seed: 
         *(surface(f"poster_{k}", bill, "paper", fit=True, seed=seed + k) for k, bill in enumerate(bills, 1)),
         surface("extinguisher_cabinet", objects.box([1.2, y - 0.24, 0.8], [1.6, y - GAP, 1.5]), "red metal", seed=seed),
         surface("ceiling_lamps", objects.joined(lamps), "lamp", seed=seed),
-        surface("door_handles", _handles(length), "metal", role="object", seed=seed),
+        surface("door_handles", objects.joined(handles), "metal", seed=seed),
     ]
-
-
-def _handles(length: float):
-    bars = [objects.cylinder(0.016, 0.6, 24).apply_transform(pose([length - 0.06, y, 1.1])) for y in (0.12, -0.12)]
-    return objects.joined(bars)
 
 
 def _seats(length: float, width: float, seed: int) -> list[Surface]:
     y = width / 2
     x = length / 2 + 0.2  # where the seating group begins, along the right wall
-    rug = objects.box([x + 0.3, -y + 1.35, GAP], [x + 2.7, -y + 2.85, GAP + 0.008])
+    rug = objects.box([x + 0.3, -y + 1.35, GAP], [x + 2.7, -y + 2.85, GAP + THIN_M])
     return [
         *furniture.sofa("sofa", [x + 0.4, -y + 0.35], [x + 2.5, -y + 1.25], "-y", "fabric", seed),
         *furniture.sofa("armchair_1", [x + 3.0, -y + 1.5], [x + 3.9, -y + 2.4], "+x", "leather", seed),
         *furniture.sofa("armchair_2", [x - 0.8, -y + 1.5], [x + 0.1, -y + 2.4], "-x", "red fabric", seed),
         surface("rug", rug, "carpet", seed=seed),
-        *furniture.table("coffee_table", x + 0.9, -y + 1.7, 1.1, 0.6, 0.42, GAP + 0.008, "table top", "metal", seed),
+        *furniture.table("coffee_table", x + 0.9, -y + 1.7, 1.1, 0.6, 0.42, GAP + THIN_M, "table top", "metal", seed),
         *furniture.table("side_table", 1.6, y - 1.5, 1.4, 0.7, seed=seed),
         *furniture.planter("planter_1", length - 0.55, 2.3, seed=seed),
         *furniture.planter("planter_2", length - 0.55, -2.3, seed=seed),

@@ -1,7 +1,8 @@
 """Furniture of boxes: closed, outward, each part clear of its neighbours by a few millimetres.
 
 Faces in contact shadow each other at the tracer's ray offset (up to 1 mm at 10 m, see physics.md), so nothing touches:
-legs stop 5 mm under a top, and all stands `GAP` off floor and walls.
+legs stop 5 mm under a top, and all stands `GAP` off floor and walls. And nothing is thinner than 12 mm: narrower faces than 10 mm are no
+panels, and tubes of a wavelength then trace the whole thing.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ import trimesh
 from radartwin.scene import objects
 from radartwin.scene.rooms.parts import GAP, surface
 from radartwin.scene.scene import Surface
-from radartwin.scene.trajectory import pose
 
 JOINT = 0.005  # between parts of one piece, metres
 
@@ -98,32 +98,24 @@ def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.
         objects.box([x - h + t + JOINT, y + h - t, GAP], [x + h - t - JOINT, y + h, height]),
     ]
     soil = objects.box([x - h + t + JOINT, y - h + t + JOINT, GAP], [x + h - t - JOINT, y + h - t - JOINT, height - 0.05])
-    rng = np.random.default_rng(np.random.SeedSequence([seed, *name.encode()]))
     return [
         surface(name, objects.joined(walls), "brick", seed=seed),
         surface(f"{name}_soil", soil, "soil", seed=seed),
-        surface(f"{name}_shrub", shrub(rng, np.array([x, y, height]), tall, 0.75 * side), "foliage", role="object", seed=seed),
+        surface(f"{name}_shrub", shrub(np.array([x, y, height]), tall, 0.55 * side), "foliage", seed=seed),
     ]
 
 
-def shrub(rng: np.random.Generator, base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
-    """A stem on its base (3,) with thin ellipsoids as leaves around it."""
-    stem = objects.cylinder(0.012, height - 0.1, 24).apply_transform(pose([base[0], base[1], base[2] + (height - 0.1) / 2]))
-    leaves = [stem]
-    for k in range(26):
-        up = 0.06 + (height - 0.2) * ((k + 0.5) / 26)
-        turn = 2.4 * k + rng.uniform(-0.3, 0.3)  # radians: the golden angle keeps leaves from one another
-        out = spread * (0.35 + 0.45 * np.sin(np.pi * up / height)) * rng.uniform(0.8, 1.1)
-        leaf = objects.sphere(1.0, 2)
-        vertices = leaf.vertices * [0.11, 0.045, 0.012]
-        tilt = trimesh.transformations.rotation_matrix(-rng.uniform(0.2, 0.7), [0, 1, 0])
-        place = pose([*(base[:2] + out * np.array([np.cos(turn), np.sin(turn)])), base[2] + up])
-        spin = trimesh.transformations.rotation_matrix(turn, [0, 0, 1])
-        normals = leaf.vertices / [0.11, 0.045, 0.012]
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        one = trimesh.Trimesh(vertices, leaf.faces, vertex_normals=normals, process=False)
-        leaves.append(one.apply_transform(place @ spin @ tilt))
-    return objects.joined(leaves)
+def shrub(base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
+    """A shrub on its base (3,), clipped to a body of eight sides, widest at a third of its height.
+
+    Its edges bend by 30 degrees and more: it is made of panels, as the rest of the furniture.
+    """
+    turn = np.pi / 4 * np.arange(8) + np.pi / 8
+    around = np.stack([np.cos(turn), np.sin(turn), np.zeros(8)], axis=1)
+    tiers = ((0.03, 0.55 * spread), (0.36 * height, spread), (height - 0.15, 0.3 * spread))
+    rings = [base + [0, 0, z] + radius * around for z, radius in tiers]
+    sides = [[low[k], low[(k + 1) % 8], high[(k + 1) % 8], high[k]] for low, high in itertools.pairwise(rings) for k in range(8)]
+    return objects.flat([*sides, rings[0][::-1], rings[-1]])
 
 
 def railing(low: Sequence[float], high: Sequence[float], height: float = 1.0, posts: int = 5) -> trimesh.Trimesh:

@@ -131,14 +131,14 @@ def _fixtures(shell: Shell, back: Back, seed: int) -> list[Surface]:
         for y in (-width / 4, width / 4)
     ]
     grille = objects.box([GAP, -width / 2 + 0.6, 4.4], [0.05, -width / 2 + 1.6, 4.8])
-    handle = objects.cylinder(0.012, 0.2, 24).apply_transform(pose([0.04, 0.35, 1.05]))
+    handle = objects.box([0.03, 0.335, 0.95], [0.055, 0.36, 1.15])
     out = [
         surface("ceiling_lamps", objects.joined(lamps), "lamp", seed=seed),
         surface("ventilation_grille", grille, "metal", seed=seed),
-        surface("door_handle", handle, "metal", role="object", seed=seed),
+        surface("door_handle", handle, "metal", seed=seed),
     ]
     if back == "solid":
-        plate = objects.box([GAP, -0.42, 0.03], [GAP + 0.003, 0.42, 0.28])
+        plate = objects.box([GAP, -0.42, 0.03], [GAP + 0.012, 0.42, 0.28])
         out.append(surface("door_kick_plate", plate, "metal", seed=seed))
     return out
 
