@@ -12,7 +12,27 @@ from radartwin.errors import LayoutError
 from radartwin.scene.layout import SENSOR_NAMES
 from radartwin.scene.scene import Scene, Surface
 
-PARTS = {"top", "legs", "leg", "frame", "seat", "back", "handle", "body", "contents", "lid", "cap", "board", "boards", "side", "sides"}
+PARTS = {
+    "top",
+    "legs",
+    "leg",
+    "feet",
+    "foot",
+    "soil",
+    "shrub",
+    "frame",
+    "seat",
+    "back",
+    "handle",
+    "body",
+    "contents",
+    "lid",
+    "cap",
+    "board",
+    "boards",
+    "side",
+    "sides",
+}
 STANDS_ON_M2 = 0.002  # smaller level areas carry nothing
 FACING = 0.6  # share of a surface's area that must look one way for it to have a face
 _ARTICLES = {"the", "a", "an", "my", "this", "that"}

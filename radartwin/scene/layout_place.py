@@ -19,6 +19,7 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectory import pose
 
 FLOATING_M = 0.02  # higher above what is below, an object floats
+COVER_M = 0.03  # what lies this flat on a support, such as a rug, is stood on
 GAP_M = 0.005  # an object stands this high: faces in contact shadow each other at the tracer's ray offset, up to 1 mm at 10 m
 BASE_M = 0.005  # of an object's height that counts as its base
 TILT_DEG = (0.5, 15.0)  # below the first a support is level; above the second things slide: wood on wood holds to about 15 degrees
@@ -36,6 +37,7 @@ class Body:
     surfaces: tuple[Surface, ...]
     mesh: trimesh.Trimesh
     base: np.ndarray  # (N, 3), the lowest vertices
+    low: np.ndarray  # (N, 3) all over the lowest COVER_M of its faces
     radius_m: float  # of the base about the origin
 
     @classmethod
@@ -44,8 +46,9 @@ class Body:
         turned = tuple(s.moved(turn) for s in surfaces)
         mesh = trimesh.util.concatenate([trimesh.Trimesh(s.mesh.vertices, s.mesh.faces, process=False) for s in turned])
         vertices = np.asarray(mesh.vertices)  # type: ignore[union-attr]
-        base = vertices[vertices[:, 2] < vertices[:, 2].min() + BASE_M]
-        return cls(turned, mesh, base, float(np.linalg.norm(base[:, :2], axis=1).max()))  # type: ignore[arg-type]
+        bottom = vertices[:, 2].min()
+        base = vertices[vertices[:, 2] < bottom + BASE_M]
+        return cls(turned, mesh, base, _low(mesh, bottom + COVER_M), float(np.linalg.norm(base[:, :2], axis=1).max()))  # type: ignore[arg-type]
 
 
 def furnish(scene: Scene, layout: Layout, sensor_pose: np.ndarray | None = None, make: Stock = stock) -> Scene:
@@ -135,10 +138,26 @@ def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: 
     base = body.base @ out[:3, :3].T + out[:3, 3]
     under = top_below(support.mesh, base[:, :2], limit_m)
     if tilt is None:
-        covers = [top_below(s.mesh, base[:, :2], under.max() + FLOATING_M) for s in scene if s is not support]
-        under = np.max([under, *covers], axis=0)
-    out[2, 3] = float((under - base[:, 2]).max()) + GAP_M
+        near = [top_below(s.mesh, body.low[:, :2] + at, under.max() + COVER_M) for s in scene if s is not support]
+        cover = np.max([np.full(len(body.low), -np.inf), *near], axis=0)
+        out[2, 3] = float((cover - body.low[:, 2]).max())
+    else:
+        out[2, 3] = -np.inf
+    out[2, 3] = max(out[2, 3], float((under - base[:, 2]).max())) + GAP_M
     return out
+
+
+def _low(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
+    """Points (N, 3) of a mesh below a height, at most a centimetre apart on faces that have them."""
+    triangles = np.asarray(mesh.triangles)[np.asarray(mesh.triangles)[:, :, 2].min(axis=1) < limit_m]
+    points = [triangles.reshape(-1, 3)]
+    for triangle in triangles[np.ptp(triangles, axis=1).max(axis=1) > 0.01]:
+        count = int(np.ceil(np.ptp(triangle, axis=0).max() / 0.01))
+        i, j = np.triu_indices(count + 1)
+        weights = np.stack([i, j - i, count - j], axis=1) / count
+        points.append(weights @ triangle)
+    points = np.vstack(points)
+    return points[points[:, 2] < limit_m]
 
 
 def _tilt(support: Surface, at: np.ndarray, limit_m: float) -> np.ndarray | None:

@@ -211,10 +211,14 @@ def test_a_wall_inside_the_room_is_in_the_way():
 
 
 def test_a_rug_is_stood_on_and_not_in():
-    rug = Surface(objects.box([1.2, 0.5, 0.005], [1.9, 1.5, 0.017]), "wood", "rug", role="room")
+    rug = Surface(objects.box([1.2, 0.5, 0.01], [1.9, 1.5, 0.022]), "wood", "rug", role="room")
     bounds, on = placed(room(rug), position_m=[1.5, 1.0])
     assert on == "floor"
-    assert bounds[0, 2] == pytest.approx(0.017 + GAP_M)
+    assert bounds[0, 2] == pytest.approx(0.022 + GAP_M)
+    thin = Surface(objects.box([1.45, 0.5, 0.005], [1.46, 1.5, 0.012]), "wood", "cable", role="room")  # between a reflector's tips
+    layout = Layout.from_dict({"objects": [{"object": "corner_reflector", "position_m": [1.5, 1.0], "yaw_deg": 90}]})
+    reflector = furnish(room(thin), layout).surfaces[-1]
+    assert reflector.mesh.bounds[0, 2] > GAP_M
 
 
 def test_what_is_held_may_float_and_free_space_carries_nothing():

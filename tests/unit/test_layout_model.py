@@ -22,7 +22,7 @@ SCENE = Scene([Surface(objects.box([0, 0, 0.7], [1, 1, 0.73]), "wood", "desk", r
 GOOD = {"objects": [{"object": "mug", "on": "desk", "name": None, "relations": None}]}
 
 
-def said(content: object) -> tuple[int, Any, dict[str, str]]:
+def said(content: str | dict[str, Any]) -> tuple[int, Any, dict[str, str]]:
     text = content if isinstance(content, str) else json.dumps(content)
     return 200, {"choices": [{"message": {"role": "assistant", "content": text}}]}, {}
 
@@ -37,7 +37,7 @@ def server(*answers: Any) -> Iterator[tuple[str, list[dict[str, Any]]]]:
             body = json.loads(self.rfile.read(int(self.headers["content-length"])))
             requests.append({"path": self.path, "headers": dict(self.headers), **body})
             answer = answers[min(len(requests), len(answers)) - 1]
-            status, payload, headers = answer() if callable(answer) else answer
+            status, payload, headers = answer() if callable(answer) else answer  # type: ignore[misc]
             data = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
             self.send_response(status)
             for key, value in {"content-length": str(len(data)), **headers}.items():
