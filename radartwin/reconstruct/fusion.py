@@ -21,8 +21,8 @@ from radartwin.reconstruct.marching import extract, painted, vertex_colours
 from radartwin.reconstruct.views import Views
 from radartwin.reconstruct.volume import View, Volume
 
-VOXELS_ACROSS = 400  # along the room's diagonal: 2 cm for 8 m
-VOXEL_M = (0.01, 0.05)
+VOXELS_ACROSS = 450  # along the room's diagonal: 2 cm for 9 m
+VOXEL_M = (0.01, 0.03)
 TRUNCATION_VOXELS = 4
 MAX_RANGE_M = 5.0  # of phone LiDAR, as Apple states it
 MAX_FRAMES = 400  # more are thinned out evenly

@@ -4,9 +4,10 @@
     model = DepthModel.load("depth-anything/Depth-Anything-V2-Metric-Indoor-Small-hf")    # or a folder with the weights
     mesh, report = fuse(with_depth(frames, model), scale=model.scale)
 
-The weights are the user's choice; nothing is downloaded unless a name of the hub is given. Lengths come from the model, not from a measurement:
-metric models are off by several per cent, and by another factor for every camera, so the report says where the scale is from. Only torch and
-transformers are needed: pictures are resized and normalised here, because the library's own fast processors want torchvision.
+The weights are the user's choice; nothing is downloaded unless a name of the hub is given. Lengths come from the model, not from a
+measurement: metric models are off by several per cent, and by another factor for every camera, so the report says where the scale is
+from. Only torch and transformers are needed: pictures are resized and normalised here, because the library's fast processors want
+torchvision.
 """
 
 from __future__ import annotations
@@ -67,9 +68,7 @@ class DepthModel:
             _check_metric(config, str(name))
             network = AutoModelForDepthEstimation.from_pretrained(str(name)).eval()
         except OSError as error:
-            raise MissingError(
-                f"{name}: no depth model ({str(error).splitlines()[0]}); check the name, the folder or the network"
-            ) from error
+            raise MissingError(f"{name}: no depth model ({str(error).splitlines()[0]}); check name, folder and network") from error
         except ValueError as error:
             if isinstance(error, ScanError):
                 raise
@@ -141,9 +140,7 @@ def _sized(depth: np.ndarray) -> np.ndarray:
 def _check_metric(config: Any, name: str) -> None:
     metric = config.model_type in METRIC_TYPES or getattr(config, "depth_estimation_type", None) == "metric"
     if not metric:
-        raise ScanError(
-            f"{name}: a {config.model_type} model of relative depth, which has no scale; choose a metric one (Depth Anything V2 Metric)"
-        )
+        raise ScanError(f"{name}: {config.model_type} of relative depth has no scale; choose a metric model (Depth Anything V2 Metric)")
 
 
 def _processing(folder: Path) -> dict[str, Any]:

@@ -17,6 +17,9 @@ from radartwin.scene.scene import Scene, Surface
 
 LEVELS = 7  # of a texture, each half the size of the one before
 METAL_SHEEN, DIELECTRIC_SHEEN = 0.55, 0.04  # reflectance at normal incidence: brushed metal; glass and lacquer of index 1.5
+# What grew, or is woven or tanned of it, is bright at the laser's 0.94 um whatever its colour: leaves, wood and dyed cloth reflect 0.4 to 0.7
+# there (Kokaly et al. 2017, USGS Spectral Library Version 7, Data Series 1035).
+ORGANIC, ORGANIC_REFLECTANCE = {"wood", "fabric", "leather", "carpet", "paper", "foliage", "hair", "skin"}, 0.4
 GLOSSY = {"glass", "tile", "ceramic", "polishedstone", "plastic", "wood", "leather"}
 # sRGB of what has no texture, by the outermost material.
 PLAIN = {
@@ -35,7 +38,7 @@ class Look:
         triangles: (F, 3, 3) world. normals: (F, 3).
         surface: (F,) index in the scene.
         clear: (F,) light goes through. mirror: (F,) a mirror.
-        metal: (F,) bool. sheen: (F,) reflectance at normal incidence.
+        metal: (F,) bool. organic: (F,) bool, bright in the near infrared. sheen: (F,) reflectance at normal incidence.
         to_uv: (F, 2, 4) affine map from world to pixels of the texture's finest level.
         texture: (F,) which texture, -1 for none. tint: (F, 3) linear colour of a face without texture.
         pool: (P, 3) uint8 sRGB of all levels of all textures. levels: (T, LEVELS, 3) offset, width, height.
@@ -47,6 +50,7 @@ class Look:
     clear: np.ndarray
     mirror: np.ndarray
     metal: np.ndarray
+    organic: np.ndarray
     sheen: np.ndarray
     to_uv: np.ndarray
     texture: np.ndarray
@@ -104,6 +108,7 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
         "clear": np.full(count, is_clear(surface)),
         "mirror": np.full(count, minc == "mirror"),
         "metal": np.full(count, metal),
+        "organic": np.full(count, minc in ORGANIC or (not minc and outer in ("wood", "plywood", "chipboard", "floorboard"))),
         "sheen": np.full(count, sheen),
         "to_uv": to_uv,
         "texture": texture,

@@ -13,12 +13,12 @@ from radartwin.errors import SceneError
 from radartwin.reconstruct.frames import Frame, Frames, check_poses
 from radartwin.reconstruct.scanner.camera import NOT_SEEN, picture, sight
 from radartwin.reconstruct.scanner.light import light_of
-from radartwin.reconstruct.scanner.look import Look, look_of, to_linear
+from radartwin.reconstruct.scanner.look import ORGANIC_REFLECTANCE, Look, look_of, to_linear
 from radartwin.reconstruct.scanner.sensor import Sensor, drifted, measured
 from radartwin.reconstruct.scanner.walk import Walk, walked
 from radartwin.scene.scene import Scene
 
-FRAMES = (100, 300)  # of a scan, by the area of the room's box
+FRAMES = (100, 360)  # of a scan, by the area of the room's box
 FRAMES_PER_M2 = 0.9
 
 
@@ -112,11 +112,11 @@ def _frame_count(scene: Scene) -> int:
 
 
 def _reflectance(look: Look) -> np.ndarray:
-    """Mean luminance (F,) of each face's texture or tint: what stands for its reflectance in the near infrared."""
+    """Reflectance (F,) in the near infrared: the mean luminance of a face's texture or tint, more where it is organic."""
     weights = np.array([0.2126, 0.7152, 0.0722])
     bright = look.tint @ weights
     last = look.levels.shape[1] - 1
     for t in np.unique(look.texture[look.texture >= 0]):
         offset, width, height = look.levels[t, last]
         bright[look.texture == t] = (to_linear(look.pool[offset : offset + width * height]) @ weights).mean()
-    return np.clip(bright, 0.02, 1.0)
+    return np.clip(np.where(look.organic, np.maximum(bright, ORGANIC_REFLECTANCE), bright), 0.02, 1.0)

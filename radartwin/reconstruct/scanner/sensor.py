@@ -42,8 +42,9 @@ class Sensor:
             the vendor's mesh from 1 to 3.5 m, whose own error is in that; +-1 cm in [L21], 1 cm in [TY23].
         white_m: * standard deviation without neighbours [chair].
         unsure: * factors on the noise by confidence low, medium, high: residuals of 20 to 110, 12 to 43 and 8 mm at 68 % [chair].
-        medium_signal, high_signal: reflectance x cosine / range^2 at which half the pixels reach that confidence: with a reflectance of 0.4
-            half the pixels of [chair] are sure at 2.9 m and half are unsure at 3.4 m.
+        medium_signal, high_signal: reflectance x cosine / range^2 at which half the pixels reach that confidence. In [chair] half are
+            sure at 2.9 m and half are unsure at 3.4 m, on concrete in the shade, whose reflectance is taken as 0.2 and cosine as 0.7.
+        border: columns at the left edge of low, and of at most medium, confidence: the spots do not reach there [chair].
         signal_spread: standard deviation of the logarithm of the signal over a map (speckle, colour) [chair].
         edge_jump: relative step of depth within three pixels that makes an edge.
         flying: * share of edge pixels that lie between front and back. Edge pixels are high, medium, low in 19, 53 and 27 % [chair].
@@ -65,8 +66,9 @@ class Sensor:
     noise_per_m: float = 0.001
     white_m: float = 0.0007
     unsure: tuple[float, float, float] = (8.0, 3.0, 1.0)
-    medium_signal: float = 0.024
-    high_signal: float = 0.033
+    medium_signal: float = 0.012
+    high_signal: float = 0.017
+    border: tuple[int, int] = (12, 17)
     signal_spread: float = 0.35
     edge_jump: float = 0.05
     flying: float = 0.5
@@ -106,6 +108,10 @@ def measured(
     confidence = (signal > sensor.medium_signal).astype(np.uint8) + (signal > sensor.high_signal)
     grade = rng.random(shape)
     confidence = np.where(edge, np.minimum(confidence, np.where(grade < 0.27, 0, np.where(grade < 0.8, 1, 2))), confidence).astype(np.uint8)
+
+    low, medium = sensor.border
+    confidence[:, :low] = 0
+    confidence[:, low:medium] = np.minimum(confidence[:, low:medium], 1)
 
     sigma = strength * (sensor.noise_m + sensor.noise_per_m * truth) * np.array(sensor.unsure)[confidence]
     # Noise of unsure neighbours must not step with their confidence: the map is smooth.
