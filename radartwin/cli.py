@@ -109,12 +109,19 @@ def _parser() -> argparse.ArgumentParser:
     captures.add_argument("--radar", metavar="FILE", help="as for process (default: the .mmwave.json beside each capture)")
     captures.add_argument("--cut", action="store_true", help="leave out an incomplete frame at the end of a capture")
 
-    reconstruct = _verb(verbs, "reconstruct", _reconstruct, "a scanned mesh to a labelled scene folder")
-    reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh")
+    reconstruct = _verb(verbs, "reconstruct", _reconstruct, "a mesh or a folder of frames to a labelled scene folder")
+    reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh, or a folder of RGB-D frames with poses")
     reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True)
     reconstruct.add_argument("--material", default="plasterboard", help="of every surface (default: plasterboard)")
     reconstruct.add_argument("--unit", default="auto", help="unit of the scan: auto (metres), m, cm, mm, in or ft")
     reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto (found), x, y or z")
+    reconstruct.add_argument("--depth-model", metavar="WEIGHTS", help="monocular depth model, for frames without depth")
+    reconstruct.add_argument(
+        "--intrinsics", metavar=("FX", "FY", "CX", "CY"), nargs=4, type=float, help="of the depth pictures, where the folder does not say"
+    )
+    reconstruct.add_argument(
+        "--depth-unit", metavar="METRES", type=float, help="metres per count of the depth pictures (default: the layout's)"
+    )
 
     label = _verb(verbs, "label", _label, "a scene's materials from a vision-language model's answers: live, or as a batch file and back")
     label.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; its manifest takes the labels")
@@ -264,9 +271,14 @@ def _import(options: argparse.Namespace) -> int:
 
 
 def _reconstruct(options: argparse.Namespace) -> int:
-    from radartwin.reconstruct.build import reconstruct
+    from radartwin.progress import Progress
+    from radartwin.reconstruct.build import reconstruct, summary
 
-    scene = reconstruct(options.scan, options.out, material=options.material, unit=options.unit, up=options.up)
+    scene = reconstruct(
+        options.scan, options.out, material=options.material, unit=options.unit, up=options.up,
+        depth_model=options.depth_model, intrinsics=options.intrinsics, depth_unit_m=options.depth_unit, progress=Progress(),
+    )  # fmt: skip
+    print("\n".join(summary(scene)))
     print(f"{options.out}: {len(scene)} surfaces")
     return 0
 

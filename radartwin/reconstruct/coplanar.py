@@ -13,7 +13,7 @@ import numpy as np
 from radartwin.reconstruct.faces import Faces, members
 
 CELL_M = 0.05
-BEHIND_M = 0.12  # deeper behind the plane than noise and wall thickness of reveals
+BEHIND_M = 0.06  # deeper behind the plane than its noise
 CONTRADICTED = 0.2  # share of the gap through which something was seen
 NEAR_M = 0.15  # pieces this close are one without further evidence
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from radartwin.reconstruct.build import reconstruct, segment_names
-from radartwin.reconstruct.flatten import flattened
+from radartwin.reconstruct.build import reconstruct
+from radartwin.reconstruct.names import segment_names
 from radartwin.reconstruct.segment import PlanarRegionGrowing, Segment
 
 EDGE_M = 0.08  # phone LiDAR meshes have edges of 5 to 10 cm
@@ -128,28 +128,6 @@ def test_rooms_surfaces_get_the_names_geometry_gives_them():
     assert named["ceiling"].normal[2] < -0.99
     walls = [s.area_m2 for name, s in named.items() if name.startswith("wall_") and s.area_m2 > 10]
     assert sorted(round(a) for a in walls) == [14, 14, 17, 17]
-
-
-def test_flattening_puts_faces_on_their_planes_and_keeps_corners_joined():
-    mesh, _ = truth_room(0.005)
-    segments = [s for s in PlanarRegionGrowing()(mesh) if s.area_m2 > 10]
-    moved = flattened(mesh, segments)
-    for s in segments:
-        own = np.unique(mesh.faces[s.faces])
-        assert np.abs(moved[own] @ s.normal - s.offset_m).max() < 1e-9
-    assert np.linalg.norm(moved - mesh.vertices, axis=1).max() < 0.05
-    untouched = np.setdiff1d(np.arange(len(moved)), np.unique(mesh.faces[np.concatenate([s.faces for s in segments])]))
-    assert np.array_equal(moved[untouched], mesh.vertices[untouched])
-
-
-def test_nearly_parallel_planes_do_not_throw_vertices_away():
-    mesh = trimesh.Trimesh([[0, 0, 0], [1, 0, 0.0], [0, 1, 0], [1, 1, 0.05]], [[0, 1, 2], [1, 3, 2]], process=False)
-    tilted = np.array([0.02, 0, 1.0]) / np.linalg.norm([0.02, 0, 1.0])
-    segments = [
-        Segment(np.array([0]), 0.5, np.array([0, 0, 1.0]), 0.01),
-        Segment(np.array([1]), 0.5, tilted, 0.0),
-    ]
-    assert np.linalg.norm(flattened(mesh, segments) - mesh.vertices, axis=1).max() < 0.1
 
 
 def test_another_segmenter_can_be_plugged_in(tmp_path):

@@ -1,0 +1,111 @@
+"""What a depth sensor missed of a plane: behind furniture the wall goes on, in an empty frame there is glass.
+
+A gap in a plane is one of four things. Through an opening something was seen behind the plane; it stays open. In front of a hidden
+part stands something; the plane goes on behind it. An empty frame showed nothing although nothing hid it, as glass and mirrors do; it
+becomes a pane of its own. What is small is noise and is filled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.reconstruct.grid import Grid, closed
+from radartwin.reconstruct.visibility import Sight
+
+BEHIND_M = 0.10  # deeper than noise and the reveal of a window
+BEFORE_M = 0.04  # what stands in front is farther than noise
+CLOSE_M = 0.25  # what is nearer than this hides it from everywhere, lines of sight need not tell
+HIDES_M = 1.2  # ... and no farther than this: a chair two metres away hides only what it moves along
+OPEN_SHARE = 0.35  # of a gap through which something was seen
+HIDDEN_SHARE = 0.3  # of a gap in front of which something stands
+SMALL_M2 = 0.12  # gaps below this are filled
+PANE_M2 = (0.12, 25.0)
+RECTANGULAR = 0.6  # share of its bounding rectangle that a pane fills
+VISIBLE, FROM, SAMPLES = 0.6, 3, 150  # share of a pane seen from so many places, of so many samples
+
+
+@dataclass(frozen=True, eq=False)
+class Completed:
+    """Masks of a grid: what the plane covers after completion, and panes apart; areas in m2."""
+
+    mask: np.ndarray
+    panes: list[np.ndarray]
+    filled_m2: float
+    open_m2: float
+
+
+def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray | None = None, sight: Sight | None = None) -> Completed:
+    """Gaps of a plane decided.
+
+    Args:
+        mask: cells that the plane was seen in.
+        points: (N, 3) of the whole scan, some cells apart.
+        frame: cells that the plane could cover, as the rectangle a wall spans; only holes are looked at without it.
+        sight: what could be seen of the gaps; without it no frame holds a pane, as none of a floor's does.
+    """
+    from scipy.ndimage import binary_fill_holes, label
+
+    holes = binary_fill_holes(mask) & ~mask
+    gaps = holes if frame is None else (holes | (frame & ~mask))
+    if not gaps.any():
+        return Completed(mask, [], 0.0, 0.0)
+    depth = grid.depth(points)
+    behind = closed(grid.cells(points[(depth < -BEHIND_M) & (depth > -3.0)]), 0.05, grid.cell_m)
+    before = closed(grid.cells(points[(depth > BEFORE_M) & (depth < HIDES_M)]), 0.05, grid.cell_m)
+    beside = closed(grid.cells(points[(depth > BEFORE_M) & (depth < CLOSE_M)]), 0.05, grid.cell_m)
+    out, found = mask.copy(), []
+    filled = opened = 0.0
+    parts, count = label(gaps)
+    for k in range(1, count + 1):
+        gap = parts == k
+        area = grid.area(gap)
+        enclosed = bool((gap & holes).any())
+        if area >= SMALL_M2 and behind[gap].mean() > OPEN_SHARE:
+            opened += area
+            continue
+        pane = sight is not None and PANE_M2[0] <= area <= PANE_M2[1] and _fills_rectangle(gap) and (enclosed or _framed(gap, mask))
+        if pane and beside[gap].mean() <= HIDDEN_SHARE and sight is not None and _visible(grid, gap, sight):
+            found.append(gap)
+        elif enclosed or area < SMALL_M2 or before[gap].mean() > HIDDEN_SHARE:
+            out |= gap
+            filled += area
+    return Completed(out, found, filled, opened)
+
+
+def spanned(grid: Grid, mask: np.ndarray, least: float = 0.6) -> np.ndarray | None:
+    """The rectangle along the grid's axes that a plane spans, or None if it covers less than `least` of it."""
+    x, y = (np.flatnonzero(mask.any(axis=1 - k)) for k in range(2))
+    if not x.size:
+        return None
+    frame = np.zeros_like(mask)
+    frame[x[0] : x[-1] + 1, y[0] : y[-1] + 1] = True
+    return frame if mask.sum() >= least * frame.sum() else None
+
+
+def _visible(grid: Grid, gap: np.ndarray, sight: Sight) -> bool:
+    """Whether most of a gap could be seen from several places: what hides it is not furniture."""
+    cells = np.argwhere(gap)
+    cells = cells[:: max(1, len(cells) // SAMPLES)]
+    seen = sight.seen(grid.to_space(grid.low + (cells + 0.5) * grid.cell_m), grid.normal)
+    return bool((seen >= min(FROM, max(1, len(sight.viewpoints) // 4))).mean() > VISIBLE)
+
+
+def _fills_rectangle(gap: np.ndarray) -> bool:
+    x, y = (np.flatnonzero(gap.any(axis=1 - k)) for k in range(2))
+    return bool(gap.sum() >= RECTANGULAR * (x[-1] - x[0] + 1) * (y[-1] - y[0] + 1))
+
+
+def _framed(gap: np.ndarray, mask: np.ndarray) -> bool:
+    """Whether the plane stands on three sides of a gap, as it does round a glass door."""
+    x, y = (np.flatnonzero(gap.any(axis=1 - k)) for k in range(2))
+    cells = 3
+    sides = (
+        mask[max(x[0] - cells, 0) : x[0], y[0] : y[-1] + 1],
+        mask[x[-1] + 1 : x[-1] + 1 + cells, y[0] : y[-1] + 1],
+        mask[x[0] : x[-1] + 1, max(y[0] - cells, 0) : y[0]],
+        mask[x[0] : x[-1] + 1, y[-1] + 1 : y[-1] + 1 + cells],
+    )
+    beside = [side.any(axis=axis).mean() > 0.6 if side.size else False for side, axis in zip(sides, (0, 0, 1, 1), strict=True)]
+    return sum(beside) >= 3

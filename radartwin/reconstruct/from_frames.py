@@ -1,0 +1,44 @@
+"""A folder of frames becomes a mesh: fused from its depth, or from the depth a monocular model sees in its pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import trimesh
+
+from radartwin.progress import Progress
+from radartwin.reconstruct.frames import Frames
+
+
+def fused(
+    path: Path,
+    up: str,
+    depth_model: str | Path | None,
+    progress: Progress,
+    intrinsics: Sequence[float] | None = None,
+    depth_unit_m: float | None = None,
+) -> tuple[trimesh.Trimesh, dict[str, Any], list[str], Frames]:
+    """The mesh, its report as plain values and for people, and the frames at the poses the mesh was fused with.
+
+    Raises:
+        MissingError, ScanError, PoseError: the folder or its frames, see `Frames.load`.
+    """
+    from radartwin.reconstruct.fusion import fuse
+    from radartwin.reconstruct.mesh_file import inside_out
+
+    axis = None if up == "auto" else up
+    frames = Frames.load(path, intrinsics, depth_unit_m, axis, colour_only=depth_model is not None)
+    scale = "measured"
+    if depth_model is not None:
+        from radartwin.reconstruct import monocular
+
+        frames, scale = monocular.with_depth(frames, depth_model)
+    with progress.task(f"fusing {len(frames)} frames") as advance:
+        mesh, report = fuse(frames, scale=scale, progress=lambda _, __: advance())
+    if inside_out(mesh):
+        mesh.invert()
+    if len(report.poses) != len(frames):  # more than fusion takes were thinned out evenly
+        frames = frames[:: -(-len(frames) // len(report.poses))]
+    return mesh, report.to_dict(), report.lines(), frames.with_poses(report.poses)

@@ -1,0 +1,82 @@
+"""Whether a place could be seen: from where the camera stood, or might have stood, through what is known to be solid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+VOXEL_M = 0.06
+EYE_M = 1.5  # above the floor, where a phone is held
+CLEAR_M = 0.3  # a person keeps from things
+SHORT_M = 0.18  # of its goal a line of sight ends: the surface itself is no obstacle
+RANGE_M = 5.0  # of phone LiDAR
+GRAZING = np.cos(np.radians(75.0))
+VIEWPOINTS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Occupied voxels of a scan and places it was, or may have been, taken from.
+
+    Attributes:
+        occupied: (X, Y, Z) mask; low: (3,) its corner.
+        viewpoints: (V, 3).
+    """
+
+    occupied: np.ndarray
+    low: np.ndarray
+    viewpoints: np.ndarray
+
+    @classmethod
+    def of(cls, points: np.ndarray, viewpoints: np.ndarray | None = None) -> Sight:
+        """From points (N, 3) on the scan; free places at eye height stand in for unknown viewpoints."""
+        low = points.min(axis=0) - VOXEL_M
+        index = ((points - low) / VOXEL_M).astype(int)
+        occupied = np.zeros(tuple(index.max(axis=0) + 2), dtype=bool)
+        occupied[tuple(index.T)] = True
+        places = _standing(occupied, low) if viewpoints is None else np.asarray(viewpoints, dtype=float)
+        step = max(1, -(-len(places) // VIEWPOINTS))
+        return cls(occupied, low, places[::step])
+
+    def seen(self, places: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """How many viewpoints see each place (N, 3) of a plane that faces `normal`, within the sensor's range."""
+        count = np.zeros(len(places), dtype=int)
+        for eye in self.viewpoints:
+            way = eye - places
+            length = np.linalg.norm(way, axis=1)
+            possible = (way @ normal > GRAZING * length) & (length < RANGE_M) & (length > 2 * SHORT_M)
+            if possible.any():
+                count[possible] += ~self._blocked(places[possible], way[possible], length[possible])
+        return count
+
+    def _blocked(self, places: np.ndarray, way: np.ndarray, length: np.ndarray) -> np.ndarray:
+        steps = int(np.ceil(length.max() / (VOXEL_M * 0.7)))
+        along = np.linspace(0, 1, steps)[None] * (1 - SHORT_M / length)[:, None] + (SHORT_M / length)[:, None]
+        at = places[:, None] + along[..., None] * way[:, None]
+        index = ((at - self.low) / VOXEL_M).astype(int)
+        inside = ((index >= 0) & (index < self.occupied.shape)).all(axis=2)
+        index = np.where(inside[..., None], index, 0)
+        return (self.occupied[index[..., 0], index[..., 1], index[..., 2]] & inside).any(axis=1)
+
+
+def thinned(points: np.ndarray, spacing_m: float = 0.03) -> np.ndarray:
+    """One of the points (N, 3) for each cube of that edge."""
+    key = np.floor((points - points.min(axis=0)) / spacing_m).astype(np.int64)
+    size = key.max(axis=0) + 1
+    _, first = np.unique((key[:, 0] * size[1] + key[:, 1]) * size[2] + key[:, 2], return_index=True)
+    return points[np.sort(first)]
+
+
+def _standing(occupied: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """Free places (V, 3) at eye height over something solid, away from everything at that height."""
+    from scipy.ndimage import distance_transform_edt
+
+    level = min(int((EYE_M + VOXEL_M) / VOXEL_M), occupied.shape[2] - 1)
+    body = occupied[:, :, level // 2 : level + 1].any(axis=2)
+    floor = occupied[:, :, : max(1, level // 4)].any(axis=2)
+    free = (distance_transform_edt(~body, sampling=VOXEL_M) > CLEAR_M) & floor
+    x, y = np.nonzero(free)
+    every = max(1, int(0.5 / VOXEL_M))
+    kept = (x % every == 0) & (y % every == 0)
+    return np.column_stack([low[:2] + (np.column_stack([x, y])[kept] + 0.5) * VOXEL_M, np.full(kept.sum(), low[2] + VOXEL_M + EYE_M)])
