@@ -118,13 +118,16 @@ def _some(points: np.ndarray, count: int) -> np.ndarray:
 def seen_points(points: np.ndarray, surface: np.ndarray, truth: ScanTruth, frames: Frames) -> np.ndarray:
     """Which points (N,) of surfaces (N,) some pixel of the scan measured."""
     seen = np.zeros(len(points), dtype=bool)
+    height, width = truth.depth_m.shape[1:]
     for i, pose in enumerate(truth.poses):
         k = frames[i].intrinsics
-        local = (points - pose[:3, 3]) @ pose[:3, :3]
-        z = np.maximum(local[:, 2], 1e-6)
+        left = np.flatnonzero(~seen)
+        left = left[(points[left] - pose[:3, 3]) @ pose[:3, 2] > 0.1]
+        local = (points[left] - pose[:3, 3]) @ pose[:3, :3]
+        z = local[:, 2]
         u, v = np.rint(k[0, 0] * local[:, 0] / z + k[0, 2]).astype(int), np.rint(k[1, 1] * local[:, 1] / z + k[1, 2]).astype(int)
-        height, width = truth.depth_m.shape[1:]
-        at = np.flatnonzero((local[:, 2] > 0.1) & (u >= 0) & (v >= 0) & (u < width) & (v < height) & ~seen)
-        same = np.abs(truth.depth_m[i, v[at], u[at]] - local[at, 2]) < SAME_M + 0.02 * local[at, 2]
-        seen[at[same & (truth.surface[i, v[at], u[at]] == surface[at])]] = True
+        inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+        left, u, v, z = left[inside], u[inside], v[inside], z[inside]
+        same = (np.abs(truth.depth_m[i, v, u] - z) < SAME_M + 0.02 * z) & (truth.surface[i, v, u] == surface[left])
+        seen[left[same]] = True
     return seen

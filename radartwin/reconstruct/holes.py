@@ -35,8 +35,9 @@ def holes(mesh: trimesh.Trimesh) -> Holes:
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    edges = np.asarray(mesh.edges_sorted)
-    unique, uses = np.unique(edges, axis=0, return_counts=True)
+    edges = np.asarray(mesh.edges_sorted, dtype=np.int64)
+    key, uses = np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1], return_counts=True)
+    unique = np.stack(np.divmod(key, len(mesh.vertices)), axis=1)
     boundary = unique[uses == 1]
     if not len(boundary):
         return Holes(0, 0.0, 0.0, 0.0)

@@ -36,7 +36,7 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
         if not seen.any() or near.min() > 0 or near.max() < 0:
             continue
         try:
-            corners, triangles, _, _ = marching_cubes(values, 0.0, mask=seen, gradient_direction="ascent", allow_degenerate=False)
+            corners, triangles, _, _ = marching_cubes(values, 0.0, mask=seen, gradient_direction="descent", allow_degenerate=False)
         except RuntimeError:  # what scikit-image says where the mask leaves no crossing
             continue
         vertices.append(corners + piece * PIECE * SIDE)

@@ -17,8 +17,8 @@ from radartwin.scene.scene import Scene, Surface
 
 LEVELS = 7  # of a texture, each half the size of the one before
 METAL_SHEEN, DIELECTRIC_SHEEN = 0.55, 0.04  # reflectance at normal incidence: brushed metal; glass and lacquer of index 1.5
-# What grew, or is woven or tanned of it, is bright at the laser's 0.94 um whatever its colour: leaves, wood and dyed cloth reflect 0.4 to 0.7
-# there (Kokaly et al. 2017, USGS Spectral Library Version 7, Data Series 1035).
+# What grew, or is woven or tanned of it, is bright at the laser's 0.94 um whatever its colour: leaves, wood and dyed cloth reflect
+# 0.4 to 0.7 there (Kokaly et al. 2017, USGS Spectral Library Version 7, Data Series 1035).
 ORGANIC, ORGANIC_REFLECTANCE = {"wood", "fabric", "leather", "carpet", "paper", "foliage", "hair", "skin"}, 0.4
 GLOSSY = {"glass", "tile", "ceramic", "polishedstone", "plastic", "wood", "leather"}
 # sRGB of what has no texture, by the outermost material.
