@@ -1,16 +1,25 @@
-"""Reading mesh files through trimesh, without its silent repairs."""
+"""Reading mesh files through trimesh, without its silent repairs. Textures and colours are kept; a texture that is not there is told."""
 
 from __future__ import annotations
 
+import json
+import struct
+import warnings
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 import trimesh
+from trimesh.visual import ColorVisuals
 
 from radartwin.errors import MeshError, MissingError
 
 MESH_SUFFIXES = (".glb", ".ply", ".obj")
+HEAD_BYTES = 65_536  # of an .obj, where it names its materials
+
+
+class TextureWarning(UserWarning):
+    """A mesh whose picture is not there, and which is shown in its plain colour."""
 
 
 def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, name: str | Path | None = None) -> dict[str, trimesh.Trimesh]:
@@ -22,6 +31,8 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
     Raises:
         MissingError: no such file.
         MeshError: not one of the three formats, or not readable as what its suffix says.
+    Warns:
+        TextureWarning: it names pictures that are not there; what should wear them keeps the colour of its material.
     """
     label = str(name if name is not None else source)
     if file_type is None:
@@ -39,6 +50,9 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
             loaded = trimesh.load_scene(source, file_type=file_type, process=False)
     except Exception as error:  # trimesh's readers raise whatever their parsing runs into
         raise MeshError(f"{label} cannot be read as {file_type}: {_one_line(error)}; export it again") from error
+    if isinstance(source, Path) and (gone := missing_textures(source)):
+        text = f"{label} names the texture {gone[0]}, which is not beside it; the surfaces keep their plain colours"
+        warnings.warn(text, TextureWarning, stacklevel=2)
     meshes: dict[str, trimesh.Trimesh] = {}
     for node in loaded.graph.nodes_geometry:
         transform, key = loaded.graph[node]
@@ -46,8 +60,51 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
         if isinstance(geometry, trimesh.Trimesh):
             if not np.array_equal(transform, np.eye(4)):
                 geometry = geometry.copy().apply_transform(transform)
+            _plain_without_picture(geometry)
             meshes[node if node not in meshes else f"{node}_{len(meshes)}"] = geometry
     return meshes
+
+
+def missing_textures(path: Path) -> list[str]:
+    """Pictures and material files that a .glb or .obj names and that are not where it says; empty for all else."""
+    if path.suffix.lower() == ".glb":
+        named = _named_by_glb(path)
+    elif path.suffix.lower() == ".obj":
+        with path.open("rb") as stream:
+            libraries = _named(stream.read(HEAD_BYTES), "mtllib")
+        there = [path.parent / name for name in libraries if (path.parent / name).is_file()]
+        named = libraries + [name for library in there for name in _named(library.read_bytes(), "map_Kd")]
+    else:
+        return []
+    return [name for name in named if not (path.parent / name).is_file()]
+
+
+def _named_by_glb(path: Path) -> list[str]:
+    with path.open("rb") as stream:
+        head = stream.read(20)
+        if len(head) < 20 or head[:4] != b"glTF" or head[16:20] != b"JSON":
+            return []
+        try:
+            images = json.loads(stream.read(struct.unpack("<I", head[12:16])[0])).get("images", [])
+        except ValueError:  # whatever is wrong with it, the reader has said
+            return []
+    return [uri for image in images if (uri := image.get("uri", "data:")) and not uri.startswith("data:")]
+
+
+def _named(text: bytes, word: str) -> list[str]:
+    """What follows a word at the start of a line of a Wavefront file: the last item, after any options."""
+    lines = [line.split(None, 1) for line in text.decode("utf-8", "replace").splitlines()]
+    return [line[1].strip() for line in lines if len(line) == 2 and line[0] == word]
+
+
+def _plain_without_picture(mesh: trimesh.Trimesh) -> None:
+    """Vertex colours of the material in place of a texture that has no picture."""
+    visual: Any = mesh.visual
+    if visual.kind != "texture":
+        return
+    material = visual.material
+    if getattr(material, "baseColorTexture", None) is None and getattr(material, "image", None) is None:
+        mesh.visual = ColorVisuals(mesh, vertex_colors=np.tile(material.main_color, (len(mesh.vertices), 1)))
 
 
 def _one_line(error: Exception) -> str:

@@ -49,13 +49,13 @@ def from_mesh(
         raise MeshError(f"{path} holds no triangles; give a mesh, not a point cloud")
     turn = UP[up] @ np.diag([UNITS[unit]] * 3 + [1.0])
     moved = [mesh.copy().apply_transform(turn) for mesh in meshes]
-    for mesh in moved:
-        check_mesh(mesh, str(path))
     low = np.min([mesh.bounds[0] for mesh in moved], axis=0)
     high = np.max([mesh.bounds[1] for mesh in moved], axis=0)
     extent = float((high - low).max())
-    if not SMALLEST_M <= extent <= LARGEST_M:
+    if np.isfinite(extent) and not SMALLEST_M <= extent <= LARGEST_M:
         raise MeshError(f"{path} is {extent:.4g} m long in unit={unit}; objects measure 1 cm to 1 m.{_guess(extent / UNITS[unit])}")
+    for mesh in moved:
+        check_mesh(mesh, str(path))
     shift = -np.append((low + high)[:2] / 2, low[2])
     provenance = {"source": "given", "confidence": None, "stand_in": False, "minc": minc, "file": Path(path).name}
     return tuple(

@@ -39,7 +39,9 @@ CONCRETE_WALL = Layered([("concrete", 0.20)])
 SPRUNG_FLOOR = Layered([("wood", 0.022), ("air", 0.05)], backing="concrete")  # 22 mm beech on battens
 TOUGHENED_GLASS = Layered([("glass", 0.012)])
 CORRUGATED_BOARD = Layered([("wood", 0.004)])  # closest to thin wood
-UPHOLSTERY = Layered([("wood", 0.004)])  # cloth over foam, which is nearly air: closest to thin, light wood
+CLOTH = Layered([("wood", 0.0005)])  # textile of 2.0 over foam, which is nearly air; sources of this and the next two: materials.minc
+HIDE = Layered([("plasterboard", 0.0012)])
+LEAF = Layered([("detergent", 0.0003)])
 
 
 class Finish(NamedTuple):
@@ -81,11 +83,11 @@ FINISHES: dict[str, Finish] = {
     "red metal": Finish("metal", "metal", "metal", "red_metal"),
     "lamp": Finish("metal", "metal", "metal", "lamp"),
     "screen": Finish("glass", "glass", "glass", "monitor"),
-    "fabric": Finish(UPHOLSTERY, "fabric", "fabric", "fabric", stand_in=True),
-    "red fabric": Finish(UPHOLSTERY, "fabric", "fabric", "red_fabric", stand_in=True),
-    "leather": Finish(UPHOLSTERY, "leather", "leather", "leather", stand_in=True),
+    "fabric": Finish(CLOTH, "fabric", "fabric", "fabric", stand_in=True),
+    "red fabric": Finish(CLOTH, "fabric", "fabric", "red_fabric", stand_in=True),
+    "leather": Finish(HIDE, "leather", "leather", "leather", stand_in=True),
     "carpet": Finish(Layered([("wood", 0.008)]), "carpet", "carpet", "carpet", stand_in=True),  # as P.2040's carpet tile at 77 GHz
-    "foliage": Finish(Layered([("wood", 0.002)]), "foliage", "foliage", "foliage", stand_in=True),
+    "foliage": Finish(LEAF, "foliage", "foliage", "foliage", stand_in=True),
     "brick": Finish("floorboard", "brick", "brick", "brick", stand_in=True),  # P.2040's brick ends at 40 GHz, see materials.itu
     "soil": Finish("concrete", "other", "food", "soil", stand_in=True),
     "paper": Finish(Layered([("wood", 0.001)]), "paper", "paper", "poster", stand_in=True),
