@@ -81,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     _output(tables)
 
     simulate = _verb(verbs, "simulate", _simulate, "a scene to a DCA1000 recording")
-    _overrides(simulate, "scene=lab|empty|plate|scan [radar=...] [trajectory=...] [key=value ...]")
+    _overrides(simulate, "scene=lab|atrium|squash_court|void|empty|plate|scan [radar=...] [trajectory=...] [key=value ...]")
     simulate.add_argument("--out", metavar="PATH", type=Path, help="recording without suffix (default: OUTPUT/recordings/SCENE)")
     simulate.add_argument("--noise", action="store_true", help="add the receiver's thermal noise")
 

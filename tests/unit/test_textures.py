@@ -80,8 +80,8 @@ def test_colours_of_vertices_and_faces_survive_the_disk(tmp_path):
     sides = trimesh.Trimesh(box.vertices, box.faces, face_colors=np.repeat(colours[:6], 2, axis=0), process=False)
     Scene([Surface(painted, "wood", "vertices"), Surface(sides, "wood", "faces"), Surface(box, "wood", "none")]).save(tmp_path)
     vertices, faces, none = Scene.load(tmp_path)
-    assert np.array_equal(verticevisual(s.mesh).vertex_colors, colours)
-    assert np.array_equal(facevisual(s.mesh).vertex_colors, np.repeat(colours[:6], 4, axis=0))
+    assert np.array_equal(visual(vertices.mesh).vertex_colors, colours)
+    assert np.array_equal(visual(faces.mesh).vertex_colors, np.repeat(colours[:6], 4, axis=0))
     assert visual(none.mesh).kind != "texture"
     Scene.load(tmp_path).save(tmp_path / "again")
     assert (tmp_path / "again" / "scene.glb").read_bytes() == (tmp_path / "scene.glb").read_bytes()
