@@ -17,7 +17,7 @@ SAMPLE_M = 0.04  # between points compared
 COVERED_M = 0.05  # a point of the truth with the mesh this near is shown
 SAME_M = 0.03  # the true depth at a point's pixel, when that point is what the pixel saw
 ALIGN_STEPS, ALIGN_GATE_M = 15, 0.15
-FIT_POINTS, COMPARED_POINTS = 20_000, 200_000  # taken at random of the mesh's samples
+FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # taken at random of the mesh's samples
 
 
 @dataclasses.dataclass(frozen=True)

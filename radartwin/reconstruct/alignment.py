@@ -18,8 +18,8 @@ from radartwin.compiled import compiled, shared_out
 from radartwin.reconstruct.views import Views
 from radartwin.reconstruct.volume import View
 
-SAMPLE_STEP = 9  # pixels between samples: some 550 of a phone's map
-NORMAL_STEP = 6  # pixels to either side of a sample's normal
+SAMPLES_ACROSS = 28  # a view: some 550 of a phone's map, about as many as it has laser spots
+NORMALS_ACROSS = 43  # a view's width over the pixels to either side of a sample that give its normal: 6 of a phone's map
 OVERLAP = 0.15  # share of a view's samples another must see for the two to be compared
 SCALES_M = (0.12, 0.12, 0.08, 0.05, 0.04, 0.03, 0.02, 0.02, 0.015, 0.015)  # of the outliers, one per iteration
 NOISE_M = 0.05  # of one residual; neighbours hang together, so it is several times a pixel's
@@ -107,7 +107,8 @@ def _lens(view: View) -> tuple[float, float, float, float]:
 def _samples(view: View) -> np.ndarray:
     """Points and normals in the camera's frame, and weights: (S, 7)."""
     h, w = view.depth.shape
-    v, u = (n.ravel() for n in np.mgrid[NORMAL_STEP : h - NORMAL_STEP : SAMPLE_STEP, NORMAL_STEP : w - NORMAL_STEP : SAMPLE_STEP])
+    step, reach = max(round(w / SAMPLES_ACROSS), 1), max(round(w / NORMALS_ACROSS), 1)
+    v, u = (n.ravel() for n in np.mgrid[reach : h - reach : step, reach : w - reach : step])
     fx, fy, cx, cy = _lens(view)
 
     def at(dv: int, du: int) -> tuple[np.ndarray, np.ndarray]:
@@ -115,7 +116,7 @@ def _samples(view: View) -> np.ndarray:
         return np.stack([(u + du - cx) / fx * depth, (v + dv - cy) / fy * depth, depth], axis=1), view.weight[v + dv, u + du] > 0
 
     point, sure = at(0, 0)
-    (a, sa), (b, sb), (c, sc), (d, sd) = at(0, -NORMAL_STEP), at(0, NORMAL_STEP), at(-NORMAL_STEP, 0), at(NORMAL_STEP, 0)
+    (a, sa), (b, sb), (c, sc), (d, sd) = at(0, -reach), at(0, reach), at(-reach, 0), at(reach, 0)
     normal = np.cross(b - a, d - c)
     length = np.linalg.norm(normal, axis=1)
     # On a plane the middle of two neighbours is the sample itself; at an edge it is not.
