@@ -14,9 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from radartwin.label.answers import CONTENTS, Kind, schema
+from radartwin.label.crops import Crop
 from radartwin.label.photos import Photo
 from radartwin.label.place import Place, place_of
-from radartwin.label.views import Crop, Views
+from radartwin.label.views import Views
 from radartwin.scene.scene import Scene, Surface
 
 VERSION = 1
@@ -137,14 +138,10 @@ def _question(index: int, surface: Surface, crops: tuple[Crop, ...], floor_m: fl
 
 
 def prompt(kind: Kind, measured: str, origins: Sequence[str]) -> str:
-    """The prompt about a surface of which `measured` is known, shown in pictures of these origins ("photo" or "mesh")."""
+    """The prompt about a surface of which `measured` is known, shown in pictures of one origin, "photo" or "mesh"."""
     count = len(origins)
-    if set(origins) == {"photo"}:
-        pictures = "a photograph" if count == 1 else f"{count} photographs"
-    elif set(origins) == {"mesh"}:
-        pictures = "a rendered picture" if count == 1 else f"{count} rendered pictures"
-    else:
-        pictures = f"{count} pictures, photographs first and then rendered ones,"
+    what_kind = "photograph" if "photo" in origins else "rendered picture"
+    pictures = f"a {what_kind}" if count == 1 else f"{count} {what_kind}s"
     categories = "\n".join(f"- {name}: {meaning}" for name, meaning in MEANINGS.items())
     example: dict[str, object] = {"material": "...", "confidence": 0.0, "reason": "..."}
     if kind == "object":

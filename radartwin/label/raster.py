@@ -65,24 +65,20 @@ class Seen:
     depth: np.ndarray
 
 
-class Drawing:
-    """A scene as arrays that can be drawn: vertices (V, 3), faces (F, 3), surface (F,) and each surface's colours."""
+class Triangles:
+    """The triangles of several surfaces: vertices (V, 3), faces (F, 3) sorted by surface, surface (F,) and the first face of each."""
 
-    def __init__(self, scene: Scene) -> None:
-        meshes = [surface.mesh for surface in scene]
-        starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
-        self.vertices = np.vstack([np.asarray(mesh.vertices, float) for mesh in meshes])
-        self.faces = np.vstack([np.asarray(mesh.faces, np.int64) + start for mesh, start in zip(meshes, starts, strict=False)])
-        self.surface = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
-        self.first_face = np.cumsum([0] + [len(mesh.faces) for mesh in meshes])
-        corners = self.vertices[self.faces]
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray, surfaces: int) -> None:
+        self.vertices, self.faces, self.surface = vertices, faces, surface
+        self.first_face = np.searchsorted(surface, np.arange(surfaces + 1))
+        corners = vertices[faces]
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self.area = np.linalg.norm(cross, axis=1) / 2
         self.normal = cross / np.maximum(2 * self.area, 1e-300)[:, None]
-        looks = [_looks(mesh) for mesh in meshes]
-        self._corner_colour = np.concatenate([colours for colours, _, _ in looks])
-        self._textures = {index: texture for index, (_, texture, _) in enumerate(looks) if texture is not None}
-        self._least_shade = np.repeat(np.array([shade for _, _, shade in looks]), np.diff(self.first_face))
+
+    def of(self, index: int) -> slice:
+        """The faces of a surface."""
+        return slice(self.first_face[index], self.first_face[index + 1])
 
     def seen(self, camera: Camera) -> Seen:
         """Which triangle each pixel of the camera shows."""
@@ -95,6 +91,52 @@ class Drawing:
     def surfaces(self, seen: Seen) -> np.ndarray:
         """Surface index of each pixel (h, w), -1 where there is none."""
         return np.where(seen.face >= 0, self.surface[np.maximum(seen.face, 0)], -1)
+
+    def facing(self, camera: Camera, seen: Seen, mask: np.ndarray) -> np.ndarray:
+        """Cosine (N,) of the pixels' rays with their triangles' normals where the mask (h, w) holds; below zero: seen from the front."""
+        rows, columns = np.nonzero(mask)
+        rays = np.column_stack([columns, rows, np.ones(rows.size)]) @ np.linalg.inv(camera.intrinsics).T @ camera.pose[:3, :3].T
+        return np.einsum("ij,ij->i", rays, self.normal[seen.face[rows, columns]]) / np.linalg.norm(rays, axis=1)
+
+    def coarser(self, cell_m: float) -> Triangles:
+        """The same surfaces with the vertices of each in a cell of a grid as one, less what collapses; a surface never vanishes."""
+        owner = np.zeros(len(self.vertices), np.int64)
+        owner[self.faces] = self.surface[:, None]
+        # Walls tend to lie at round numbers: an irrational offset keeps their noise within one layer of cells.
+        key = np.column_stack([owner, np.floor(self.vertices / cell_m + np.sqrt(0.2)).astype(np.int64)])
+        _, first, cell = np.unique(key, axis=0, return_index=True, return_inverse=True)
+        faces = cell.reshape(-1)[self.faces]
+        kept = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+        once = np.zeros(len(faces), bool)
+        once[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]] = True
+        kept &= once
+        gone = ~np.isin(self.surface, self.surface[kept])
+        vertices = np.concatenate([self.vertices[first], self.vertices])
+        faces = np.where(gone[:, None], self.faces + len(first), faces)
+        kept |= gone
+        return Triangles(vertices if gone.any() else vertices[: len(first)], faces[kept], self.surface[kept], len(self.first_face) - 1)
+
+    def _local(self, camera: Camera) -> np.ndarray:
+        world_to_camera = np.linalg.inv(camera.pose)
+        return self.vertices @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
+
+
+class Drawing(Triangles):
+    """The triangles of a scene with the colours of their surfaces."""
+
+    def __init__(self, scene: Scene) -> None:
+        meshes = [surface.mesh for surface in scene]
+        starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+        super().__init__(
+            np.vstack([np.asarray(mesh.vertices, float) for mesh in meshes]),
+            np.vstack([np.asarray(mesh.faces, np.int64) + start for mesh, start in zip(meshes, starts, strict=False)]),
+            np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
+            len(meshes),
+        )
+        looks = [_looks(mesh) for mesh in meshes]
+        self._corner_colour = np.concatenate([colours for colours, _, _ in looks])
+        self._textures = {index: texture for index, (_, texture, _) in enumerate(looks) if texture is not None}
+        self._least_shade = np.repeat(np.array([shade for _, _, shade in looks]), np.diff(self.first_face))
 
     def picture(self, camera: Camera, seen: Seen) -> np.ndarray:
         """The picture in the surfaces' colours under a lamp at the camera, (h, w, 3) uint8; white where there is nothing."""
@@ -109,10 +151,6 @@ class Drawing:
                 own = (seen.face >= self.first_face[index]) & (seen.face < self.first_face[index + 1])
                 out[own] *= texture.at(seen.face[own] - self.first_face[index], weights[own])  # painted white until here
         return np.clip(np.rint(out), 0, 255).astype(np.uint8)
-
-    def _local(self, camera: Camera) -> np.ndarray:
-        world_to_camera = np.linalg.inv(camera.pose)
-        return self.vertices @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
 
 
 class _Texture:
@@ -193,17 +231,24 @@ def _rasterise(points, faces, intrinsics, rays, depth, face):
         ax, ay, az = points[faces[f, 0], 0], points[faces[f, 0], 1], points[faces[f, 0], 2]
         bx, by, bz = points[faces[f, 1], 0], points[faces[f, 1], 1], points[faces[f, 1], 2]
         gx, gy, gz = points[faces[f, 2], 0], points[faces[f, 2], 1], points[faces[f, 2], 2]
-        nearest, farthest = min(az, bz, gz), max(az, bz, gz)
-        if farthest <= NEAR_M:
+        if max(az, bz, gz) <= NEAR_M:
             continue
-        left, right, top, bottom = 0, width - 1, 0, height - 1
-        if nearest > NEAR_M:
-            ua, ub, ug = (fx * ax + skew * ay) / az + cx, (fx * bx + skew * by) / bz + cx, (fx * gx + skew * gy) / gz + cx
-            va, vb, vg = fy * ay / az + cy, fy * by / bz + cy, fy * gy / gz + cy
-            if max(ua, ub, ug) < 0 or min(ua, ub, ug) > width - 1 or max(va, vb, vg) < 0 or min(va, vb, vg) > height - 1:
-                continue
-            left, right = max(0, int(np.ceil(min(ua, ub, ug)))), min(width - 1, int(np.floor(max(ua, ub, ug))))
-            top, bottom = max(0, int(np.ceil(min(va, vb, vg)))), min(height - 1, int(np.floor(max(va, vb, vg))))
+        # Bounds of the part before the eye: its corners, and where its edges pass the near plane.
+        low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
+        for edge in range(3):
+            p, q = points[faces[f, edge]], points[faces[f, (edge + 1) % 3]]
+            if p[2] > NEAR_M:
+                u, v = (fx * p[0] + skew * p[1]) / p[2] + cx, fy * p[1] / p[2] + cy
+                low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
+            if (p[2] > NEAR_M) != (q[2] > NEAR_M):
+                s = (NEAR_M - p[2]) / (q[2] - p[2])
+                x, y = p[0] + s * (q[0] - p[0]), p[1] + s * (q[1] - p[1])
+                u, v = (fx * x + skew * y) / NEAR_M + cx, fy * y / NEAR_M + cy
+                low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
+        if high_u < 0 or low_u > width - 1 or high_v < 0 or low_v > height - 1:
+            continue
+        left, right = int(np.ceil(max(low_u, 0.0))), int(np.floor(min(high_u, width - 1.0)))
+        top, bottom = int(np.ceil(max(low_v, 0.0))), int(np.floor(min(high_v, height - 1.0)))
         # Cross products b x c, c x a, a x b: each ray's dot product with them says on which side of an edge it passes.
         e0x, e0y, e0z = by * gz - bz * gy, bz * gx - bx * gz, bx * gy - by * gx
         e1x, e1y, e1z = gy * az - gz * ay, gz * ax - gx * az, gx * ay - gy * ax
@@ -216,12 +261,12 @@ def _rasterise(points, faces, intrinsics, rays, depth, face):
             for u in range(left, right + 1):
                 x = rays[0, 0] * u + rays[0, 1] * v + rays[0, 2]
                 y = rays[1, 0] * u + rays[1, 1] * v + rays[1, 2]
-                p = sign * (x * e0x + y * e0y + e0z)
-                q = sign * (x * e1x + y * e1y + e1z)
-                r = sign * (x * e2x + y * e2y + e2z)
-                if p < 0.0 or q < 0.0 or r < 0.0:
+                first = sign * (x * e0x + y * e0y + e0z)
+                second = sign * (x * e1x + y * e1y + e1z)
+                third = sign * (x * e2x + y * e2y + e2z)
+                if first < 0.0 or second < 0.0 or third < 0.0:
                     continue
-                total = p + q + r
+                total = first + second + third
                 if total <= 0.0:
                     continue
                 z = sign * volume / total

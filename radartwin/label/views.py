@@ -2,45 +2,30 @@
 
 Where photographs show it, crops of photographs; otherwise pictures of the mesh from places chosen around it. In both what hides what is
 tested against the scene itself, and views are ranked by how much of the surface they show, how squarely, how sharply; each further one
-must add another direction. The same scene gives the same bytes.
+must add another direction, and the last one is wide. The same scene gives the same bytes.
 """
 
 from __future__ import annotations
 
 import functools
-import hashlib
-import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from radartwin.label.crops import SIZE, Crop, jpeg, outlined, resized, window
 from radartwin.label.photos import Photo
-from radartwin.label.raster import Camera, Drawing, Seen
+from radartwin.label.raster import Camera, Drawing, Triangles
 from radartwin.scene.scene import Scene
 
-SIZE = 512  # pixels of a crop's longer side
-QUALITY = 88
-OUTLINE, HALO = (255, 0, 255), (0, 0, 0)
 SCOUT = 64  # pixels of the pictures that rank places
 FIELD_DEG, WIDE_FIELD_DEG = 60.0, 90.0
 MARGIN, WIDE_MARGIN = 0.35, 1.5  # of the surface's own size, kept around it on every side; the last view is the wide one
-LEAST_PIXELS = 120  # of the surface in a view's scouting picture of 256 x 192; fewer show nothing
+LEAST_PIXELS = 24  # of the surface in a photograph scaled to a width of 256; fewer show nothing
+LEAST_SHARE = 0.01  # of a picture of the mesh, likewise, unless nothing better is found
 LARGE_M = 2.5
+MANY_FACES, CELL_M = 50_000, 0.08  # finer meshes are looked about in with cells of this size: pictures of 64 pixels show no more
 OTHER_WAY_DEG = 20.0  # between the directions of two views of one surface
-
-
-@dataclass(frozen=True, eq=False)
-class Crop:
-    """A picture of a surface: JPEG bytes, from a "photo" or the "mesh", and the share of its pixels that are the surface."""
-
-    jpeg: bytes
-    origin: str
-    share: float
-
-    @property
-    def digest(self) -> str:
-        return hashlib.sha256(self.jpeg).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +33,7 @@ class _View:
     camera: Camera
     score: float
     direction: np.ndarray  # from the surface to the camera
+    share: float
     photo: Photo | None = None
 
 
@@ -63,9 +49,11 @@ class Views:
     photos: Sequence[Photo] = ()
     count: int = 3
     _drawing: Drawing = field(init=False, repr=False)
+    _coarse: Triangles = field(init=False, repr=False)  # for looking about
 
     def __post_init__(self) -> None:
         self._drawing = Drawing(self.scene)
+        self._coarse = self._drawing if len(self._drawing.faces) < MANY_FACES else self._drawing.coarser(CELL_M)
 
     def of(self, wanted: Iterable[int], step: Callable[[], None] = lambda: None) -> dict[int, list[Crop]]:
         """Crops of the surfaces with these indices; a surface that nothing shows has none.
@@ -78,14 +66,19 @@ class Views:
         read = functools.lru_cache(maxsize=16)(Photo.pixels)  # some 8 MB each
         out = {}
         for index in wanted:
-            chosen = _spread(found[index], self.count)
-            if len(chosen) < self.count:
-                chosen += _spread(self._around(index), self.count - len(chosen), chosen)
-            wide = [len(chosen) > 1 and k == len(chosen) - 1 for k in range(len(chosen))]
-            crops = (self._crop(index, view, read, last) for view, last in zip(chosen, wide, strict=True))
+            crops = (self._crop(index, view, read, wide) for view, wide in self._chosen(found[index] or self._around(index)))
             out[index] = [crop for crop in crops if crop is not None]
             step()
         return out
+
+    def _chosen(self, views: list[_View]) -> list[tuple[_View, bool]]:
+        """The views to be shown, each with whether it is shown wide: close ones, and the last or best one wide."""
+        chosen = _spread(views, self.count)
+        if self.count == 1 or not chosen:
+            return [(view, False) for view in chosen]
+        if len(chosen) < self.count:
+            chosen = [*chosen, chosen[0]]
+        return [(view, k == len(chosen) - 1) for k, view in enumerate(chosen)]
 
     def _in_photos(self, wanted: Sequence[int]) -> dict[int, list[_View]]:
         """Views of each surface in the photographs, scored on a picture of 256 pixels' width."""
@@ -102,24 +95,22 @@ class Views:
             for index, count in zip(present, counts, strict=True):
                 if index in views and count >= LEAST_PIXELS:
                     mask = labels == index
-                    squareness = self._squareness(small, seen, mask)
+                    squareness = float(np.abs(self._drawing.facing(small, seen, mask)).mean())
                     score = np.sqrt(count / mask.size) * (0.3 + 0.7 * squareness) * (0.5 + 0.5 * float(sharpness[mask].mean()))
-                    views[index].append(_View(full, float(score), self._direction(int(index), photo.pose[:3, 3]), photo))
+                    views[index].append(
+                        _View(full, float(score), self._direction(int(index), photo.pose[:3, 3]), float(mask.mean()), photo)
+                    )
         return views
 
-    def _squareness(self, camera: Camera, seen: Seen, mask: np.ndarray) -> float:
-        rows, columns = np.nonzero(mask)
-        rays = np.column_stack([columns, rows, np.ones(rows.size)]) @ np.linalg.inv(camera.intrinsics).T @ camera.pose[:3, :3].T
-        normal = self._drawing.normal[seen.face[rows, columns]]
-        return float(np.mean(np.abs(np.einsum("ij,ij->i", rays, normal)) / np.linalg.norm(rays, axis=1)))
-
-    def _faces(self, index: int) -> slice:
-        return slice(self._drawing.first_face[index], self._drawing.first_face[index + 1])
-
     def _centre(self, index: int) -> np.ndarray:
-        part = self._faces(index)
+        """Where to look: the middle of the surface, or its triangle nearest to that if it is scattered about an empty middle."""
+        part = self._drawing.of(index)
         centres = self._drawing.vertices[self._drawing.faces[part]].mean(axis=1)
-        return np.average(centres, axis=0, weights=np.maximum(self._drawing.area[part], 1e-12))
+        middle = np.average(centres, axis=0, weights=np.maximum(self._drawing.area[part], 1e-12))
+        away = np.linalg.norm(centres - middle, axis=1)
+        area = self._drawing.area[part]
+        empty = away.min() > max(0.1, 2 * float(np.sqrt(area[away.argmin()])))
+        return centres[away.argmin()] if empty else middle
 
     def _direction(self, index: int, eye: np.ndarray) -> np.ndarray:
         away = eye - self._centre(index)
@@ -127,7 +118,7 @@ class Views:
 
     def _around(self, index: int) -> list[_View]:
         """Places around a surface from which the mesh shows it, near and far, square and oblique, scored on small pictures."""
-        part = self._faces(index)
+        part = self._drawing.of(index)
         centre = self._centre(index)
         corners = self._drawing.vertices[self._drawing.faces[part]].reshape(-1, 3)
         extent = float(np.linalg.norm(np.ptp(corners, axis=0)))
@@ -136,32 +127,28 @@ class Views:
         views = []
         for direction in _directions(normal if flat else None, steep=extent > LARGE_M):
             free = self._free(index, centre, direction)
-            for distance in np.unique(np.clip(extent * np.array([0.6, 1.2, 2.4]), 0.35, max(0.35, min(6.0, free)))):
+            for distance in np.unique(np.clip(extent * np.array([0.25, 0.6, 1.2, 2.4]), 0.35, max(0.35, min(6.0, free)))):
                 camera = Camera.looking(centre + distance * direction, centre, FIELD_DEG, SCOUT)
-                seen = self._drawing.seen(camera)
-                mask = self._drawing.surfaces(seen) == index
+                seen = self._coarse.seen(camera)
+                mask = self._coarse.surfaces(seen) == index
                 share = float(mask.mean())
-                if share < 0.01:
+                if share == 0:
                     continue
+                # Triangles seen from behind: the eye is outside the room, or inside a thing.
+                backs = float((self._coarse.facing(camera, seen, seen.face >= 0) > 0).mean())
+                squareness = float(np.abs(self._coarse.facing(camera, seen, mask)).mean())
                 surroundings = float((seen.face >= 0).mean())
-                squareness = self._squareness(camera, seen, mask)
-                backs = self._shown_backs(camera, seen)
                 size = np.sqrt(min(share, 0.3)) * (1 - 0.9 * max(0.0, share - 0.35))
                 score = size * (0.3 + 0.7 * squareness) * surroundings * (1 - 0.8 * backs)
-                views.append(_View(Camera.looking(camera.pose[:3, 3], centre, FIELD_DEG, SIZE), float(score), direction))
-        return views
+                views.append(_View(Camera.looking(camera.pose[:3, 3], centre, FIELD_DEG, SIZE), float(score), direction, share))
+        clear = [view for view in views if view.share >= LEAST_SHARE]
+        return clear or views
 
     def _free(self, index: int, centre: np.ndarray, direction: np.ndarray) -> float:
         """How far an eye may go from the surface before something else is between, metres."""
         camera = Camera.looking(centre, centre + direction, 2.0, 1)
-        seen = self._drawing.seen(camera)
-        return 0.9 * float(seen.depth[0, 0]) if self._drawing.surfaces(seen)[0, 0] != index else np.inf
-
-    def _shown_backs(self, camera: Camera, seen: Seen) -> float:
-        """Share of the picture that shows triangles from behind: the eye is outside the room or inside a thing."""
-        rows, columns = np.nonzero(seen.face >= 0)
-        rays = np.column_stack([columns, rows, np.ones(rows.size)]) @ np.linalg.inv(camera.intrinsics).T @ camera.pose[:3, :3].T
-        return float((np.einsum("ij,ij->i", rays, self._drawing.normal[seen.face[rows, columns]]) > 0).mean())
+        seen = self._coarse.seen(camera)
+        return 0.9 * float(seen.depth[0, 0]) if self._coarse.surfaces(seen)[0, 0] != index else np.inf
 
     def _crop(self, index: int, view: _View, read: Callable[[Photo], np.ndarray], wide: bool) -> Crop | None:
         """The rectangle around the surface with its outline drawn, as JPEG."""
@@ -170,7 +157,7 @@ class Views:
         mask = self._drawing.surfaces(self._drawing.seen(scout)) == index
         if not mask.any():
             return None
-        left, top, right, bottom = _window(mask, scout, whole, WIDE_MARGIN if wide else MARGIN)
+        left, top, right, bottom = window(mask, scout, whole, WIDE_MARGIN if wide else MARGIN)
         scale = SIZE / max(right - left, bottom - top)
         camera = whole.part(left, top, right, bottom, max(1, round((right - left) * scale)), max(1, round((bottom - top) * scale)))
         seen = self._drawing.seen(camera)
@@ -178,23 +165,8 @@ class Views:
         if view.photo is None:
             pixels = self._drawing.picture(camera, seen)
         else:
-            pixels = _resized(read(view.photo), (left, top, right, bottom), camera)
-        return Crop(_jpeg(outlined(pixels, mask)), "mesh" if view.photo is None else "photo", float(mask.mean()))
-
-
-def outlined(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """The picture (h, w, 3) with the edge of the mask (h, w) drawn over it; where the surface leaves the picture, along the border."""
-    from scipy.ndimage import binary_dilation, binary_erosion, binary_opening
-
-    cleaned = binary_opening(mask, iterations=1)
-    if np.count_nonzero(cleaned) > 0.7 * np.count_nonzero(mask):
-        mask = np.asarray(cleaned)  # without the specks of a ragged mesh, unless it is all specks
-    edge = mask & np.logical_not(binary_erosion(mask, iterations=2))
-    halo = np.logical_and(binary_dilation(edge, iterations=1), np.logical_not(edge))
-    out = pixels.copy()
-    out[halo] = HALO
-    out[edge] = OUTLINE
-    return out
+            pixels = resized(read(view.photo), (left, top, right, bottom), camera)
+        return Crop(jpeg(outlined(pixels, mask)), "mesh" if view.photo is None else "photo", float(mask.mean()))
 
 
 def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
@@ -216,44 +188,20 @@ def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
     return np.concatenate([np.cos(t) * axis + np.sin(t) * around for t in tilt])
 
 
-def _spread(views: list[_View], count: int, taken: Sequence[_View] = ()) -> list[_View]:
+def _spread(views: list[_View], count: int) -> list[_View]:
     """The best views, each from another direction than those before it."""
-    kept = list(taken)
+    kept: list[_View] = []
     for view in sorted(views, key=lambda v: -v.score):
-        if len(kept) - len(taken) == count:
+        if len(kept) == count:
             break
         if all(view.direction @ other.direction < np.cos(np.radians(OTHER_WAY_DEG)) for other in kept):
             kept.append(view)
-    return kept[len(taken) :]
-
-
-def _window(mask: np.ndarray, scout: Camera, camera: Camera, margin_of_size: float) -> tuple[float, float, float, float]:
-    """Rectangle (left, top, right, bottom) of the camera's picture around the surface, in its pixels, never narrower than 1:2."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    per_pixel = camera.width / scout.width
-    low = np.array([columns[0], rows[0]]) * per_pixel - 0.5
-    high = (np.array([columns[-1], rows[-1]]) + 1) * per_pixel - 0.5
-    size = high - low
-    margin = np.maximum(margin_of_size * size, 0.12 * size.max() + 0.03 * camera.width)
-    middle, half = (low + high) / 2, size / 2 + margin
-    half = np.maximum(half, half.max() / 2)
-    edge = np.array([camera.width - 0.5, camera.height - 0.5])
-    low, high = np.maximum(middle - half, -0.5), np.minimum(middle + half, edge)
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+    return kept
 
 
 def _scaled(camera: Camera, width: int) -> Camera:
     height = max(1, round(width * camera.height / camera.width))
     return camera.part(-0.5, -0.5, camera.width - 0.5, camera.height - 0.5, width, height)
-
-
-def _resized(pixels: np.ndarray, window: tuple[float, float, float, float], camera: Camera) -> np.ndarray:
-    from PIL import Image
-
-    left, top, right, bottom = (edge + 0.5 for edge in window)
-    return np.asarray(
-        Image.fromarray(pixels).resize((camera.width, camera.height), Image.Resampling.LANCZOS, box=(left, top, right, bottom))
-    )
 
 
 def _sharpness(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
@@ -265,11 +213,3 @@ def _sharpness(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
     rows = np.linspace(0, len(grey) - 1, height).round().astype(int)
     columns = np.linspace(0, len(grey[0]) - 1, width).round().astype(int)
     return np.clip(local[np.ix_(rows, columns)] / 8.0, 0, 1)
-
-
-def _jpeg(pixels: np.ndarray) -> bytes:
-    from PIL import Image
-
-    stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "JPEG", quality=QUALITY, subsampling=0)
-    return stream.getvalue()

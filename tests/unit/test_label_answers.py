@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 from pathlib import Path
 
@@ -13,10 +14,21 @@ from radartwin.errors import LabelError, MissingError, SceneError
 from radartwin.label.answers import Answer, interior, material_of, read_answer, schema
 from radartwin.label.batch import export, read_answers
 from radartwin.label.journal import Journal, Record
+from radartwin.label.labelling import apply, load, prepare
 from radartwin.label.labels import answer_label
 from radartwin.label.place import Place, matches, place_of
 from radartwin.label.questions import Question, questions
-from radartwin.label.recorded import Recorded, load_records, records_for, save_records, shipped
+from radartwin.label.recorded import (
+    JOURNAL,
+    SHIPPED,
+    Recorded,
+    load_records,
+    records_for,
+    save_records,
+    ship,
+    shipped,
+    shipped_rooms,
+)  # fmt: skip
 from radartwin.label.score import accuracy_table, confusion_table, distance_table, judge, wilson
 from radartwin.label.sources import material_source
 from radartwin.materials import Layered, reflection
@@ -170,6 +182,31 @@ def test_a_room_without_recorded_answers_is_named(tmp_path: Path) -> None:
         shipped("nowhere")
     with pytest.raises(MissingError, match="no recorded answers for nowhere; use materials=uniform"):
         records_for(Scene([], {"room": "nowhere"}), tmp_path)
+
+
+def test_shipped_answers_are_those_of_the_manifest_and_their_digest_is_source(tmp_path: Path) -> None:
+    surface = Surface(rooms.rectangle([0, 0, 0], np.eye(3)[0], np.eye(3)[1], (2, 2)), "wood", "floor", role="room")
+    folder = Scene([surface]).save(tmp_path / "scene")
+    with pytest.raises(MissingError, match="is not labelled by answers of its own"):
+        ship(folder, "den", tmp_path)
+    asked = prepare(folder, load(folder), views=1)
+    stale = dataclasses.replace(record(asked.questions[0]), key="0" * 64)
+    journal = Journal(folder / JOURNAL)
+    journal.append(stale)
+    journal.append(record(asked.questions[0]))
+    apply(asked, {0: record(asked.questions[0])})
+    path = ship(folder, "den", tmp_path / "to")
+    assert [r.key for r in load_records(path)] == [asked.questions[0].key], "of the two kept, the one that labels the scene"
+    found: dict = {}
+    exec((tmp_path / "to" / "digests.py").read_text(), found)
+    assert found["DIGESTS"] == {"den": hashlib.sha256(path.read_bytes()).hexdigest()}
+
+
+def test_every_room_that_ships_is_whole_and_known_by_its_digest() -> None:
+    folders = {path.parent.name for path in SHIPPED.glob("*/answers.json")}
+    assert folders == set(shipped_rooms())
+    for room in shipped_rooms():
+        assert all(r.prompt and r.images and r.model for r in shipped(room))
 
 
 # --- batch

@@ -8,6 +8,7 @@ in `ROOM/answers.json` beside this file.
 from __future__ import annotations
 
 import functools
+import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,10 +19,12 @@ from radartwin.files import write_atomically
 from radartwin.label.journal import Journal, Record
 from radartwin.label.place import Place, matches
 from radartwin.label.questions import Question
+from radartwin.label.recorded.digests import DIGESTS
 from radartwin.scene.scene import Scene
 
 SHIPPED = Path(__file__).resolve().parent
 FORMAT, VERSION = "radartwin-answers", 1
+ANSWERS = "answers.json"  # of a room
 JOURNAL = Path("labels") / "answers.jsonl"  # in a scene folder
 
 
@@ -71,7 +74,7 @@ def room_of(scene: Scene) -> str | None:
 
 def shipped_rooms() -> list[str]:
     """Rooms whose answers come with the package."""
-    return sorted(path.parent.name for path in SHIPPED.glob("*/answers.json"))
+    return sorted(DIGESTS)
 
 
 @functools.cache
@@ -80,13 +83,38 @@ def shipped(room: str) -> tuple[Record, ...]:
 
     Raises:
         MissingError: none do.
-        LabelError: they are damaged.
+        LabelError: they are damaged, or not the ones that were shipped.
     """
-    path = SHIPPED / room / "answers.json"
-    if room not in shipped_rooms():
+    if room not in DIGESTS:
         rooms = ", ".join(shipped_rooms()) or "no room"
         raise MissingError(f"there are no recorded answers for {room}; they ship for {rooms}")
+    path = SHIPPED / room / ANSWERS
+    if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != DIGESTS[room]:
+        raise LabelError(f"{path} is not the file that ships with this version; install radartwin again, or ship it anew after a change")
     return tuple(load_records(path))
+
+
+def ship(folder: Path, room: str, to: Path = SHIPPED) -> Path:
+    """Make the answers that label a scene folder the ones that ship for a room: those its manifest names, and their digest.
+
+    Args:
+        folder: a scene folder labelled by `radartwin label`.
+        to: where the rooms' folders and digests.py lie.
+    Returns:
+        The answers.json.
+    Raises:
+        MissingError: the folder has no answers that its manifest names.
+    """
+    named = {surface.provenance.get("key") for surface in Scene.load(folder)}
+    records = [record for record in Journal(folder / JOURNAL).records if record.key[:12] in named]
+    if not records:
+        raise MissingError(f"{folder} is not labelled by answers of its own; run radartwin label on it first")
+    path = save_records(to / room / ANSWERS, room, records)
+    digests = {p.parent.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(to.glob(f"*/{ANSWERS}"))}
+    text = (SHIPPED / "digests.py").read_text().partition("\nDIGESTS")[0]
+    entries = "".join(f'    "{name}": "{digest}",\n' for name, digest in digests.items())
+    write_atomically(to / "digests.py", f"{text}\nDIGESTS: dict[str, str] = {{\n{entries}}}\n")
+    return path
 
 
 def load_records(path: Path) -> list[Record]:
