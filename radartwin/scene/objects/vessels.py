@@ -5,6 +5,7 @@ All stand on z = 0 with their axis on z, closed and outward, and carry smooth ve
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,20 @@ from radartwin.scene.objects.shapes import SMOOTH_RAD, revolution
 AROUND = 128  # facets of a body of revolution; the tracer bends them back by their vertex normals
 QUADRANT = 24  # facets of a quarter of an oval
 RING_M = 0.004  # between rings of an oval
+
+
+def held(profile_m: Sequence[tuple[float, float]], least_m: float = 0.005, rim_m: float = 0.0003) -> list[tuple[float, float]]:
+    """A profile whose straight stretches of `least_m` and more stay straight: a point is put `rim_m` inside each of their ends.
+
+    A long facet whose vertex normals lean, because its neighbour bends, is a curve to the tracer, from end to end.
+    """
+    out = [profile_m[0]]
+    for start, stop in itertools.pairwise(np.asarray(profile_m, float)):
+        length = float(np.linalg.norm(stop - start))
+        if length >= least_m:
+            out += [tuple(start + (stop - start) * share) for share in (rim_m / length, 1 - rim_m / length)]
+        out.append(tuple(stop))
+    return out
 
 
 def smoothed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -50,7 +65,7 @@ def drink_can(diameter_m: float, height_m: float, end_m: float = 0.054, around: 
     bend = np.linspace(0, 1, 9)
     neck = [(wall - (wall - end + 0.0015) * float(3 * t**2 - 2 * t**3), height_m - 0.0025 - 0.0165 * float(1 - t)) for t in bend]
     seam = [(end, height_m - 0.0022), (end, height_m), (end - 0.002, height_m), (end - 0.003, height_m - 0.006), (0, height_m - 0.006)]
-    return revolution([*dome, *low, *neck, *seam], around)
+    return revolution(held([*dome, *low, *neck, *seam]), around)
 
 
 def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, ring_m: float = RING_M) -> trimesh.Trimesh:
@@ -121,7 +136,7 @@ def mug(diameter_m: float, height_m: float, around: int = AROUND) -> trimesh.Tri
     radius = diameter_m / 2
     foot = [(radius - 0.006 + 0.006 * np.sin(t), 0.006 - 0.006 * np.cos(t)) for t in np.linspace(0, np.pi / 2, 7)]
     lip = [(radius - 0.002 + 0.002 * np.cos(t), height_m - 0.002 + 0.002 * np.sin(t)) for t in np.linspace(0, np.pi / 2, 5)]
-    return revolution([(0, 0), *foot, *lip, (0, height_m)], around)
+    return revolution(held([(0, 0), *foot, *lip, (0, height_m)]), around)
 
 
 def handle(
