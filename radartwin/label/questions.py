@@ -22,36 +22,36 @@ from radartwin.scene.scene import Scene, Surface
 
 VERSION = 1
 
+# What counts as which. No examples of things: those that happen to stand in a room would be answered by the prompt.
 MEANINGS = {
     "brick": "bare brickwork",
-    "carpet": "carpet, rug, carpet tile",
-    "ceramic": "porcelain or earthenware things: washbasin, toilet, mug, vase (glazed wall or floor tiles are tile)",
-    "fabric": "cloth: curtain, upholstery, clothes, mattress",
+    "carpet": "carpet",
+    "ceramic": "porcelain or earthenware (glazed tiles are tile)",
+    "fabric": "cloth",
     "foliage": "leaves, plants",
     "food": "food without its packing",
-    "glass": "window, glass door, glass pane, the front of a screen, drinking glass, glass bottle",
+    "glass": "glass, clear or frosted",
     "hair": "hair, fur",
     "leather": "leather or imitation leather",
-    "metal": "metal of any kind, also under paint or enamel: radiator, filing cabinet, steel door, lamp post, can",
+    "metal": "metal of any kind, also under paint or enamel",
     "mirror": "mirror",
     "other": "none of these, or impossible to tell",
-    "painted": "painted plaster, plasterboard, concrete or masonry: ordinary walls and ceilings",
-    "paper": "paper or cardboard: book, poster, box",
-    "plastic": "plastic of any kind: housing, bin, bottle, vinyl floor",
-    "polishedstone": "polished or cut stone: marble, granite, terrazzo",
+    "painted": "painted plaster, plasterboard, concrete or masonry",
+    "paper": "paper or cardboard",
+    "plastic": "plastic of any kind",
+    "polishedstone": "polished or cut stone",
     "skin": "human skin",
     "sky": "sky",
     "stone": "rough stone, bare concrete, cement",
-    "tile": "ceramic tiles on a wall or floor",
-    "wallpaper": "wallpaper on a wall",
+    "tile": "ceramic tiles",
+    "wallpaper": "wallpaper",
     "water": "open water",
-    "wood": "wood and boards of wood: furniture, panelling, parquet, plywood, chipboard, also varnished or laminated",
+    "wood": "wood and boards made of wood, also varnished or laminated",
 }
 
 _TASK = """You see {pictures} of one place in a scanned room. In each picture the same {what} is outlined in magenta, with its surroundings.
 What is it made of? Decide by its look, its shape, what it is and where it is: name the material that a radio wave would meet, under any
-paint or varnish. A thing that is built of metal is metal whatever its colour; "painted" is for walls and ceilings of plaster,
-plasterboard, concrete or masonry. Think of what such a thing is commonly built of. What the outline leaves out does not count: other
+paint or varnish, and think of what such a thing is commonly built of. What the outline leaves out does not count: other
 things stand in front.
 
 Choose exactly one of these categories:

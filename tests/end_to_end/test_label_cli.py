@@ -194,7 +194,7 @@ def test_questions_go_out_and_answers_come_back(inside: Command, folder: Path, t
         (["--provider", "local"], "--provider local needs --model"),
         (["--import", "none.jsonl", "--model", "x"], "none.jsonl is not there"),
         (["--views", "0"], "materials.views=0"),
-        ([], "no recorded answers for corner.glb"),
+        ([], "no recorded answers for corner;"),
     ],
 )
 def test_mistakes_are_one_line_and_change_nothing(inside: Command, folder: Path, arguments: list[str], words: str) -> None:

@@ -65,11 +65,10 @@ class Recorded:
 
 
 def room_of(scene: Scene) -> str | None:
-    """The name under which answers for a scene would ship: the room it is, or is a scan of."""
-    for key in ("room", "scan_of"):
-        if isinstance(name := scene.provenance.get(key), str):
-            return name
-    return None
+    """The name under which answers for a scene ship, or would: the room it is, is said to be a scan of, or the name of its scan."""
+    names = [scene.provenance.get(key) for key in ("room", "scan_of", "source")]
+    known = [Path(name).stem for name in names if isinstance(name, str) and name]
+    return next((name for name in known if name in DIGESTS), known[0] if known else None)
 
 
 def shipped_rooms() -> list[str]:
@@ -150,9 +149,8 @@ def records_for(scene: Scene, folder: Path | None) -> list[Record]:
     if room in shipped_rooms():
         kept += shipped(str(room))
     if not kept:
-        where = room or scene.provenance.get("source", "this scene")
         raise MissingError(
-            f"materials=vlm has no recorded answers for {where}; use materials=uniform, void or true, or ask a model: "
+            f"materials=vlm has no recorded answers for {room or 'this scene'}; use materials=uniform, void or true, or ask a model: "
             "radartwin label SCENE --provider server"
         )
     return kept
