@@ -153,7 +153,9 @@ class MaterialsConfig:
         for name in (f.name for f in fields(self) if f.name != "source"):
             value = getattr(self, name)
             if name not in read and value is not None:
-                raise ConfigError(f"materials.{name}={value} is not read by materials={self.source}; leave it out, or choose the source by its option")
+                raise ConfigError(
+                    f"materials.{name}={value} is not read by materials={self.source}; leave it out, or choose the source by its option"
+                )
         if self.p is not None and not 0 <= self.p <= 1:
             raise ConfigError(f"materials.p={self.p:g} must be from 0 to 1")
         for name, options in (("among", ("room", "all")), ("provider", ("recorded", "server", "local"))):
@@ -399,6 +401,8 @@ class ProfileConfig:
     frames: int = 60  # per recording
     repeats: int = 3  # independent recordings per condition
     resamples: int = 1000  # bootstrap
+    scan_rooms: list[str] = field(default_factory=lambda: ["lab"])  # scanned by the virtual phone
+    scan_strengths: list[float] = field(default_factory=lambda: [1.0])  # of its errors
 
     def __post_init__(self) -> None:
         for name in ("frames", "repeats", "resamples"):
