@@ -43,25 +43,22 @@ def test_floor_is_where_the_vendor_has_it(chair, vendor):
     assert heights[0] == pytest.approx(heights[1], abs=0.02)
 
 
-def brightness(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Detail of the picture at a sixth of its size, and the factor to it."""
+def brightness(frame: Frame) -> np.ndarray:
+    """Detail of the picture at a sixth of its size."""
     assert frame.colour is not None
     grey = frame.colour[: frame.colour.shape[0] // 6 * 6, : frame.colour.shape[1] // 6 * 6].mean(axis=2)
     small = grey.reshape(grey.shape[0] // 6, 6, -1, 6).mean(axis=(1, 3))
-    return small - ndimage.gaussian_filter(small, 10), np.array([1 / 6, 1 / 6])
+    return small - ndimage.gaussian_filter(small, 10)
 
 
 def agreement(first: Frame, second: Frame) -> float:
     """Correlation of what two pictures show at the places that the first one's depth says are the same."""
-    assert first.colour_intrinsics is not None
-    assert second.colour_intrinsics is not None
     sure = (first.confidence == 2) & (first.depth_m > 0)
     place = points(first)[sure]
     values = []
     for frame in (first, second):
         local = (place - frame.pose[:3, 3]) @ frame.pose[:3, :3]
-        picture, _ = brightness(frame)
-        k = frame.colour_intrinsics
+        picture, k = brightness(frame), np.asarray(frame.colour_intrinsics)
         row = ((k[1, 1] * local[:, 1] / local[:, 2] + k[1, 2]) + 0.5) / 6 - 0.5
         column = ((k[0, 0] * local[:, 0] / local[:, 2] + k[0, 2]) + 0.5) / 6 - 0.5
         d = frame.intrinsics

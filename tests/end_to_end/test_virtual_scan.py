@@ -33,7 +33,7 @@ def test_rooms_lie_within_the_goal(room, strength):
     gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(
         f"{room:13s} x{strength}: median {1000 * score.median_m:.1f} mm, 95 % {1000 * score.p95_m:.1f} mm, as placed "
-        f"{1000 * score.placed_median_m:.1f} and {1000 * score.placed_p95_m:.1f} mm; {100 * score.coverage:.1f} % of what was seen covered; "
+        f"{1000 * score.placed_median_m:.1f} and {1000 * score.placed_p95_m:.1f} mm; {100 * score.coverage:.1f} % of the seen covered; "
         f"{report.frames} frames, voxels {1000 * report.voxel_m:.0f} mm, {seconds:.0f} core-seconds, peak {gigabytes:.1f} GB"
     )
     allowed = max(strength, 1.0)

@@ -10,6 +10,7 @@ from radartwin.reconstruct.distance import Nearest, to_mesh
 from radartwin.reconstruct.frames import Frame, Frames
 from radartwin.reconstruct.fusion import fuse
 from radartwin.reconstruct.holes import holes
+from radartwin.reconstruct.marching import painted, vertex_colours
 from radartwin.reconstruct.scanner.walk import look_along
 
 LENS = np.array([[70.0, 0, 47.5], [0, 70, 35.5], [0, 0, 1]])
@@ -85,7 +86,7 @@ def test_triangles_face_the_free_space(clean):
 
 def test_colours_stay_with_their_surface(clean):
     mesh, report = clean
-    points, colours = np.asarray(mesh.vertices), np.asarray(mesh.visual.vertex_colors)[:, :3].astype(int)
+    points, colours = np.asarray(mesh.vertices), vertex_colours(mesh).astype(int)
     ball = np.linalg.norm(points - BALL, axis=1) < RADIUS + 0.01
     wall = np.linalg.norm(points - BALL, axis=1) > RADIUS + 0.3
     assert np.median(np.abs(colours[ball] - (220, 40, 40)).max(axis=1)) <= 2
@@ -156,7 +157,7 @@ def test_refinement_leaves_true_poses_nearly_alone():
 def test_same_frames_same_mesh():
     first, second = (fuse(frames(0.005, 12), voxel_m=0.04)[0] for _ in range(2))
     assert np.array_equal(first.vertices, second.vertices)
-    assert np.array_equal(first.visual.vertex_colors, second.visual.vertex_colors)
+    assert np.array_equal(vertex_colours(first), vertex_colours(second))
 
 
 def test_simplified_mesh_keeps_place_and_colour(clean):
@@ -164,17 +165,19 @@ def test_simplified_mesh_keeps_place_and_colour(clean):
     few = fusion.simplified(mesh, 4000)
     assert len(few.faces) <= 4000
     assert np.quantile(to_truth(np.asarray(few.vertices)), 0.95) < 0.015
-    assert len(few.visual.vertex_colors) == len(few.vertices)
+    assert len(vertex_colours(few)) == len(few.vertices)
 
 
 def test_small_parts_go_and_the_largest_stays():
     ball, crumb = trimesh.creation.icosphere(2, 0.5), trimesh.creation.icosphere(1, 0.02)
     crumb.apply_translation([1, 0, 0])
-    both = trimesh.util.concatenate([ball, crumb])
-    both.visual.vertex_colors = np.full((len(both.vertices), 4), 7, np.uint8)
+    corners = np.vstack([ball.vertices, crumb.vertices])
+    both = trimesh.Trimesh(corners, np.vstack([ball.faces, np.asarray(crumb.faces) + len(ball.vertices)]), process=False)
+    both = painted(both, np.full((len(corners), 3), 7, np.uint8))
     kept, along, gone = fusion.without_small_parts(both, np.arange(len(both.vertices)))
     assert gone == 1
     assert len(kept.vertices) == len(ball.vertices) == len(along)
+    crumb = painted(crumb, np.zeros((len(crumb.vertices), 3), np.uint8))
     assert fusion.without_small_parts(crumb, np.arange(len(crumb.vertices)))[2] == 0
 
 

@@ -78,6 +78,7 @@ def look_along(positions: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, roll: 
 def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
     """Points (M, 2) of a smooth round tour through the free floor."""
     from scipy import ndimage
+    from skimage.measure import label
 
     low, high = scene.bounds
     shape = tuple(np.ceil((high - low)[:2] / CELL_M).astype(int) + 1)
@@ -86,10 +87,11 @@ def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
         points, _ = covered(np.asarray(surface.mesh.triangles), 0.5 * CELL_M)
         standing = points[(points[:, 2] > low[2] + LOWEST_M) & (points[:, 2] < low[2] + HIGHEST_M)]
         blocked[tuple(np.round((standing[:, :2] - low[:2]) / CELL_M).astype(int).T)] = True
-    blocked[[0, -1], :] = blocked[:, [0, -1]] = True
-    clear = ndimage.distance_transform_edt(~blocked) * CELL_M
-    parts, count = ndimage.label(clear >= walk.clearance_m)
-    if not count:
+    blocked[[0, -1], :] = True
+    blocked[:, [0, -1]] = True
+    clear = CELL_M * np.asarray(ndimage.distance_transform_edt(~blocked))
+    parts = np.asarray(label(clear >= walk.clearance_m, connectivity=1))
+    if not parts.any():
         raise SceneError(f"nowhere to stand {walk.clearance_m} m clear of everything; pass a path, or a walk with less clearance_m")
     largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
     free = parts == largest
@@ -122,8 +124,8 @@ def _tour(stops: np.ndarray, free: np.ndarray, clear: np.ndarray) -> np.ndarray:
     rows, columns, costs = [], [], []
     for step in ((0, 1), (1, 0), (1, 1), (1, -1)):
         other = cells + step
-        inside = ((other >= 0) & (other < free.shape)).all(axis=1)
-        inside[inside] = free[tuple(other[inside].T)]
+        inside = np.flatnonzero(((other >= 0) & (other < free.shape)).all(axis=1))
+        inside = inside[free[tuple(other[inside].T)]]
         rows.append(number[tuple(cells[inside].T)])
         columns.append(number[tuple(other[inside].T)])
         costs.append(np.hypot(*step) / np.minimum(clear[tuple(cells[inside].T)], 1.0))
