@@ -11,8 +11,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
-from radartwin.reconstruct.faces import Faces
+from radartwin.reconstruct.faces import Faces, thinned
 
 if TYPE_CHECKING:
     from radartwin.reconstruct.segment import Segment
@@ -24,6 +26,7 @@ SHELL_AREA_M2 = 1.0
 LEVEL = np.cos(np.radians(15.0))
 UPRIGHT = np.sin(np.radians(15.0))
 CONTACT_M = 0.08  # shorter seams are no contact
+APART_M = 0.06
 
 
 def shell(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
@@ -73,21 +76,30 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
 
 
 def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, float, bool]]:
-    """Pairs of segments that touch: (i, j, length of the seam in metres, whether two planes meet convexly)."""
+    """Pairs of segments that touch, or end APART_M from each other, since scanners miss edges.
+
+    Returns:
+        (i, j, length of the seam in metres, whether two planes meet convexly), longest first.
+    """
     owner = np.full(len(faces.area), -1)
     for k, segment in enumerate(segments):
         owner[segment.faces] = k
-    coo = faces.adjacency.tocoo()
-    a, b = owner[coo.row], owner[coo.col]
-    seam = (a >= 0) & (b >= 0) & (a < b)
-    face, other = coo.row[seam], coo.col[seam]
-    step = np.sqrt(faces.area[face])  # about an edge's length
-    pairs, which = np.unique(np.stack([a[seam], b[seam]], axis=1), axis=0, return_inverse=True)
-    length = np.bincount(which.reshape(-1), step, minlength=len(pairs))
-    if not len(pairs):
+    chosen = np.flatnonzero(owner >= 0)
+    chosen = chosen[thinned(faces.centre[chosen], APART_M / 2)]
+    edge = float(np.sqrt(2 * np.median(faces.area)))
+    near = cKDTree(faces.centre[chosen]).query_pairs(max(APART_M, min(2.5 * edge, 0.12)), output_type="ndarray")
+    coo = sp.triu(faces.adjacency).tocoo()
+    first, second = (np.concatenate([chosen[near[:, k]], link]) for k, link in enumerate((coo.row, coo.col)))
+    a, b = owner[first], owner[second]
+    seam = (a >= 0) & (b >= 0) & (a != b)
+    first, second, a, b = first[seam], second[seam], a[seam], b[seam]
+    if not len(a):
         return []
-    middle = np.stack([np.bincount(which.reshape(-1), faces.centre[face, k] + faces.centre[other, k], len(pairs)) for k in range(3)], 1)
-    middle /= 2 * np.maximum(np.bincount(which.reshape(-1), minlength=len(pairs)), 1)[:, None]
+    pairs, which = np.unique(np.sort(np.stack([a, b], axis=1), axis=1), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    place = (faces.centre[first] + faces.centre[second]) / 2
+    middle = np.stack([np.bincount(which, place[:, k], len(pairs)) for k in range(3)], axis=1) / np.bincount(which)[:, None]
+    length = np.array([_length(place[which == k]) for k in range(len(pairs))])
     centre = np.array([np.average(faces.centre[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
     out = []
     for (i, j), metres, seam_at in zip(pairs.tolist(), length, middle, strict=True):
@@ -97,3 +109,9 @@ def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, 
             convex = bool((centre[j] - seam_at) @ n < 0 and (centre[i] - seam_at) @ m < 0)
         out.append((i, j, float(metres), convex))
     return sorted(out, key=lambda c: -c[2])
+
+
+def _length(points: np.ndarray) -> float:
+    """About the length of a line that points (N, 3) lie along: cells of CONTACT_M / 4 that they fall in."""
+    cells = np.unique(np.floor(points / (CONTACT_M / 4)).astype(np.int64), axis=0)
+    return len(cells) * CONTACT_M / 4

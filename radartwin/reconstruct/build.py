@@ -21,6 +21,7 @@ from radartwin.reconstruct.parts import simplified
 from radartwin.reconstruct.scan_folder import save_reconstruction
 from radartwin.reconstruct.segment import PlanarRegionGrowing, Segment, Segmenter
 from radartwin.reconstruct.surfaces import Flat, flattened
+from radartwin.reconstruct.visibility import Cameras
 from radartwin.scene.scene import Scene, Surface
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ def _surfaces(
     statistics: dict[str, Any] = {"flattening_rms_m": 0.0, "flattening_max_m": 0.0}
     if flatten:
         with progress.task("outlining planes", sum(s.normal is not None for s in segments)) as advance:
-            done = flattened(mesh, segments, None if scan.frames is None else scan.frames.poses[:, :3, 3], advance)
+            done = flattened(mesh, segments, None if scan.frames is None else _cameras(scan.frames), advance)
         flats, segments, statistics = done.flats, done.segments, done.statistics
     names = segment_names(mesh, segments)
     of_segment = {f.segment: f for f in flats if f.segment >= 0}
@@ -192,6 +193,13 @@ def _surfaces(
         surfaces.append(Surface(flat.mesh, material, f"pane_{number}", role="room", provenance=facts))
     statistics |= {"parts_error_m": max(errors), "fragments_m2": round(dropped, 4), "panes": sum(f.segment < 0 for f in flats)}
     return surfaces, owner, statistics
+
+
+def _cameras(frames: Frames) -> Cameras:
+    """The depth pictures' cameras; those of one scan are alike."""
+    first = frames[0]
+    height, width = first.depth_m.shape
+    return Cameras(frames.poses, first.intrinsics, (width, height))
 
 
 def _facts(planar: bool, planes: int, segment: int) -> dict[str, Any]:

@@ -15,7 +15,9 @@ import trimesh
 from radartwin.reconstruct.coplanar import in_plane
 
 LIGHTNESS = 0.6  # weight of L* against a* and b*
-NEAR_CELLS = (1, 5)  # a step is measured between cells this far from the edge on either side
+DEEP_M, BESIDE_M = 0.3, 0.25  # a piece is told from its surroundings by the colours so far from its edge, inside and outside
+EDGE = 0.4  # of the least step that two cells may differ by, two cells apart, inside one area
+MOSTLY = 0.6  # of a piece's cells that differ from those outside
 ROUNDS = 12  # divisions tried per plane
 
 
@@ -26,16 +28,16 @@ class ColourSplit:
     Attributes:
         cell_m: of the picture; about the scan's resolution.
         step: least colour difference across its edge (weighted L*a*b*; 2 is just visible beside each other).
-        contrast: and at least this many standard deviations of the colours beside the edge.
+        contrast: and at least this many times what the surroundings differ by beside the edge.
         width_m: narrower pieces (painted lines, frames) stay with what they are on.
         area_m2: so do smaller ones.
     """
 
     cell_m: float = 0.02
-    step: float = 9.0
-    contrast: float = 1.5
+    step: float = 7.0
+    contrast: float = 2.0
     width_m: float = 0.12
-    area_m2: float = 0.08
+    area_m2: float = 0.12
 
     def pieces(self, centre: np.ndarray, area: np.ndarray, lab: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Piece number of each face (K,), 0 for the main one.
@@ -58,7 +60,7 @@ class ColourSplit:
         nearest = distance_transform_edt(~seen, return_distances=False, return_indices=True)
         picture = picture[tuple(nearest)]
         smooth = np.stack([median_filter(picture[..., k], size=5, mode="nearest") for k in range(3)], axis=-1)
-        known = distance_transform_edt(~seen, sampling=cell) < 0.08
+        known = distance_transform_edt(~seen) < 1.5
         label = np.where(known, 0, -1)
         self._divide(label, smooth, cell)
         return np.maximum(label.reshape(-1)[index], 0)
@@ -79,40 +81,68 @@ class ColourSplit:
                 todo.append(current)
 
     def _pieces_of(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-        from scipy.ndimage import binary_closing, binary_dilation, binary_opening
+        """Pieces that differ from the rest of a region by a step, from the first way of dividing that finds any."""
+        if region.sum() * cell**2 < 2 * self.area_m2:
+            return []
+        for candidates in (self._between_edges, self._of_two_colours):
+            found = [self._refined(piece, region, picture, cell) for piece in candidates(region, picture, cell)]
+            found = [piece for piece in found if self.area_m2 <= piece.sum() * cell**2]
+            if found:
+                return found
+        return []
+
+    def _between_edges(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
+        """What edges of colour part from the largest even area: gradients of light have no edges, posters have little else."""
+        from scipy.ndimage import binary_dilation, binary_opening
         from scipy.ndimage import label as connected
 
-        values = picture[region]
-        if len(values) * cell**2 < 2 * self.area_m2:
+        strength = np.zeros(region.shape)
+        for axis in range(2):
+            step = np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1)
+            strength = np.maximum(strength, step)
+        parts, count = connected(binary_opening(region & (strength < EDGE * self.step), _disc(1)))
+        if not count:
             return []
+        main = parts == int(np.argmax(np.bincount(parts.ravel())[1:])) + 1
+        # An edge is blurred over two cells, of which the nearer is the main area's.
+        others = region & ~binary_dilation(main, iterations=2)
+        pieces, count = connected(_opened(others, _disc(max(1, int(np.ceil(self.width_m / 2 / cell))))))
+        return [binary_dilation(pieces == k, iterations=2, mask=region & ~main) for k in range(1, count + 1)]
+
+    def _of_two_colours(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
+        """Connected areas of the rarer of the region's two colours."""
+        from scipy.ndimage import binary_closing, binary_dilation
+        from scipy.ndimage import label as connected
+
         minor = np.zeros(region.shape, dtype=bool)
-        minor[region] = _two_means(values)
-        disc = _disc(max(1, round(self.width_m / 2 / cell)))
-        minor = binary_opening(np.pad(minor, len(disc), mode="edge"), disc)[len(disc) : -len(disc), len(disc) : -len(disc)]
-        minor = binary_closing(minor, _disc(2)) | minor
-        minor &= region
+        minor[region] = _two_means(picture[region])
+        minor = _opened(minor, _disc(max(1, round(self.width_m / 2 / cell))))
+        minor = (binary_closing(minor, _disc(2)) | minor) & region
         parts, count = connected(minor)
-        found = []
-        for k in range(1, count + 1):
-            piece = binary_dilation(parts == k, _disc(1)) & minor
-            if self.area_m2 <= piece.sum() * cell**2 and self._is_step(piece, region & ~minor, picture):
-                found.append(piece)
-        return found
+        return [binary_dilation(parts == k, _disc(1)) & minor for k in range(1, count + 1)]
 
-    def _is_step(self, piece: np.ndarray, rest: np.ndarray, picture: np.ndarray) -> bool:
-        from scipy.ndimage import distance_transform_edt
+    def _refined(self, piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float) -> np.ndarray:
+        """The piece with its border where colours change, or nothing where they do not by a step."""
+        from scipy.ndimage import binary_closing, binary_dilation, distance_transform_edt
 
-        near, far = NEAR_CELLS
+        none = np.zeros_like(piece)
+        rest = region & ~piece
+        if self.area_m2 > piece.sum() * cell**2 or not rest.any():
+            return none
         to_rest, to_piece = distance_transform_edt(~rest), distance_transform_edt(~piece)
-        inside = picture[piece & (to_rest > near) & (to_rest <= far)]
-        outside = picture[rest & (to_piece > near) & (to_piece <= far)]
+        inside = picture[piece & (to_rest > 1) & (to_rest * cell <= DEEP_M)]
+        outside = picture[rest & (to_piece > 2) & (to_piece * cell <= BESIDE_M)]
         if min(len(inside), len(outside)) < 8:
-            return False
-        step = np.median(inside, axis=0) - np.median(outside, axis=0)
-        size = float(np.linalg.norm(step))
-        along = step / max(size, 1e-12)
-        spread = max(float((inside @ along).std()), float((outside @ along).std()))
-        return size >= self.step and size >= self.contrast * spread
+            return none
+        usual = np.median(outside, axis=0)
+        spread = float(np.median(np.linalg.norm(outside - usual, axis=1)))
+        least = max(self.step, self.contrast * spread)
+        if (np.linalg.norm(inside - usual, axis=1) > least).mean() < MOSTLY:
+            return none
+        zone = binary_dilation(piece, iterations=3, mask=region)
+        other = zone & (np.linalg.norm(picture - usual, axis=-1) > 0.6 * least)
+        other = _opened(binary_closing(other, _disc(2)) & zone, _disc(max(1, round(self.width_m / 3 / cell))))
+        return other if other.sum() > 0.3 * piece.sum() else none
 
 
 def face_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
@@ -154,6 +184,14 @@ def _two_means(values: np.ndarray) -> np.ndarray:
             break
         second = again
     return second if second.sum() * 2 <= len(second) else ~second
+
+
+def _opened(mask: np.ndarray, disc: np.ndarray) -> np.ndarray:
+    """Binary opening that takes the picture to go on beyond its border."""
+    from scipy.ndimage import binary_opening
+
+    pad = len(disc)
+    return binary_opening(np.pad(mask, pad, mode="edge"), disc)[pad:-pad, pad:-pad]
 
 
 def _otsu(values: np.ndarray) -> float:

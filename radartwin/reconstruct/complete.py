@@ -7,6 +7,7 @@ becomes a pane of its own. What is small is noise and is filled.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,8 +22,9 @@ HIDES_M = 1.2  # ... and no farther than this: a chair two metres away hides onl
 OPEN_SHARE = 0.35  # of a gap through which something was seen
 HIDDEN_SHARE = 0.3  # of a gap in front of which something stands
 SMALL_M2 = 0.12  # gaps below this are filled
-PANE_M2 = (0.12, 25.0)
-RECTANGULAR = 0.6  # share of its bounding rectangle that a pane fills
+PANE_M2 = (0.2, 25.0)
+RECTANGULAR = 0.85  # share of its bounding rectangle that a pane fills
+OUTLYING = 0.3  # of the usual row that a row at the edge holds at least
 VISIBLE, FROM, SAMPLES = 0.6, 3, 150  # share of a pane seen from so many places, of so many samples
 
 
@@ -65,23 +67,54 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
         if area >= SMALL_M2 and behind[gap].mean() > OPEN_SHARE:
             opened += area
             continue
-        pane = sight is not None and PANE_M2[0] <= area <= PANE_M2[1] and _fills_rectangle(gap) and (enclosed or _framed(gap, mask))
+        pane = (
+            sight is not None
+            and PANE_M2[0] <= area <= PANE_M2[1]
+            and _fills_rectangle(gap)
+            and (enclosed or (sight.cameras is not None and _framed(gap, mask)))
+        )
         if pane and beside[gap].mean() <= HIDDEN_SHARE and sight is not None and _visible(grid, gap, sight):
             found.append(gap)
-        elif enclosed or area < SMALL_M2 or before[gap].mean() > HIDDEN_SHARE:
+        elif enclosed or area < SMALL_M2 or before[gap].mean() > HIDDEN_SHARE or not _walled_off(gap, mask, before):
             out |= gap
             filled += area
     return Completed(out, found, filled, opened)
 
 
-def spanned(grid: Grid, mask: np.ndarray, least: float = 0.6) -> np.ndarray | None:
-    """The rectangle along the grid's axes that a plane spans, or None if it covers less than `least` of it."""
-    x, y = (np.flatnonzero(mask.any(axis=1 - k)) for k in range(2))
-    if not x.size:
+def spanned(mask: np.ndarray, least: float) -> np.ndarray | None:
+    """The rectangle along the grid's axes that a plane spans, or None if it covers less than `least` of it.
+
+    Rows and columns that are nearly empty, as noise beyond an edge is, do not count.
+    """
+    if not mask.any():
         return None
+    sides = []
+    for k in range(2):
+        counts = mask.sum(axis=1 - k)
+        sides.append(np.flatnonzero(counts > OUTLYING * np.median(counts[counts > 0])))
+    x, y = sides
     frame = np.zeros_like(mask)
     frame[x[0] : x[-1] + 1, y[0] : y[-1] + 1] = True
-    return frame if mask.sum() >= least * frame.sum() else None
+    return frame if (mask & frame).sum() >= least * frame.sum() else None
+
+
+def within(grid: Grid, frame: np.ndarray, mask: np.ndarray, walls: Sequence[tuple[np.ndarray, float]]) -> np.ndarray:
+    """The frame less what lies behind walls (normal, offset) that hardly any of the plane lies behind."""
+    x, y = np.indices(mask.shape)
+    places = grid.to_space(grid.low + (np.stack([x, y], axis=-1) + 0.5) * grid.cell_m)
+    for normal, offset in walls:
+        behind = places @ normal < offset
+        if (mask & behind).sum() < OUTLYING / 10 * mask.sum():
+            frame = frame & ~behind
+    return frame
+
+
+def _walled_off(gap: np.ndarray, mask: np.ndarray, before: np.ndarray) -> bool:
+    """Whether something stands all along the border between a gap and the plane, as walls do where a room has a corner less."""
+    from scipy.ndimage import binary_dilation
+
+    border = binary_dilation(gap, iterations=2) & mask
+    return bool(border.any() and binary_dilation(before, iterations=4)[border].mean() > 0.6)
 
 
 def _visible(grid: Grid, gap: np.ndarray, sight: Sight) -> bool:

@@ -26,19 +26,17 @@ class Tolerances:
         angle_deg: between the planes.
         offset_m: of either piece's centre from the plane of both.
         gap_m: widest gap that is bridged.
+        gap_sizes: and in multiples of the smaller piece's side, the root of its area.
     """
 
     angle_deg: float = 6.0
     offset_m: float = 0.03
     gap_m: float = 3.0
+    gap_sizes: float = 2.0
 
 
-def merge(faces: Faces, label: np.ndarray, how: Tolerances, blocked: np.ndarray | None = None) -> np.ndarray:
-    """Labels (F,) with coplanar pieces joined, largest first, numbered 0..P-1 without gaps.
-
-    Args:
-        blocked: (F,) faces that are no evidence against a gap, e.g. of pieces too small to trust.
-    """
+def merge(faces: Faces, label: np.ndarray, how: Tolerances) -> np.ndarray:
+    """Labels (F,) with coplanar pieces joined, largest first, numbered 0..P-1 without gaps."""
     while True:
         groups = members(label)
         normal, offset = faces.planes(label)
@@ -48,7 +46,7 @@ def merge(faces: Faces, label: np.ndarray, how: Tolerances, blocked: np.ndarray 
         for i, j in _pairs(normal, offset, centre, area, how):
             if joined[i] != i or joined[j] != j or not _coplanar(faces, groups[i], groups[j], how):
                 continue
-            if _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), how.gap_m):
+            if _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), min(how.gap_m, how.gap_sizes * area[j] ** 0.5)):
                 joined[j] = i
         if (joined == np.arange(len(groups))).all():
             return label

@@ -98,3 +98,10 @@ def components(mesh: trimesh.Trimesh, which: np.ndarray) -> int:
     size = int(index.max(initial=-1)) + 1
     graph = sp.coo_matrix((np.ones(len(links)), links.T), shape=(size, size))
     return int(connected_components(graph, directed=False)[0]) if size else 0
+
+
+def thinned(points: np.ndarray, spacing_m: float = 0.03) -> np.ndarray:
+    """Indices, ascending, of one of the points (N, 3) for each cube of that edge."""
+    key = np.floor((points - points.min(axis=0)) / spacing_m).astype(np.int64)
+    size = key.max(axis=0) + 1
+    return np.sort(np.unique((key[:, 0] * size[1] + key[:, 1]) * size[2] + key[:, 2], return_index=True)[1])

@@ -25,7 +25,7 @@ from radartwin.scene.scene import Scene, Surface
 
 SPACING_M = 0.04  # of the points on scan and truth
 REACH_M = 0.12  # a point farther from every true surface belongs to none
-AGREEING = 0.7  # |cosine| of normals that agree
+AGREEING = 0.7  # cosine of normals that agree: the floor is not the underside of what stands on it
 APART_M = 0.05  # parts of a true surface with a wider gap are surfaces of their own
 MIN_AREA_M2 = 0.25
 CLEAR = ("glass", "mirror")  # MINC categories that depth sensors see through
@@ -218,7 +218,7 @@ def _nearest(tree: cKDTree, unit: np.ndarray, true_normals: np.ndarray, points: 
     distance, near = tree.query(points, k=10, distance_upper_bound=REACH_M, workers=-1)
     known = np.isfinite(distance)
     index = np.where(known, near, 0)
-    agrees = np.abs(np.einsum("nki,ni->nk", true_normals[index], normals)) > AGREEING
+    agrees = np.einsum("nki,ni->nk", true_normals[index], normals) > AGREEING
     rank = np.where(known, distance + np.where(agrees, 0.0, 0.05), np.inf)
     best = rank.argmin(axis=1)
     rows = np.arange(len(points))

@@ -86,8 +86,9 @@ class PlanarRegionGrowing:
         if lab is not None:
             label = self._cut(faces, label, lab)
         planes = [plane_segment(faces, which) for which in members(label) if which.size]
-        segments = sorted(planes, key=lambda s: -s.area_m2) + self._parts(faces, np.flatnonzero(label < 0))
-        return with_bodies(faces, segments, lab) if self.bodies else segments
+        parts, fragments = self._parts(faces, np.flatnonzero(label < 0))
+        segments = sorted(planes, key=lambda s: -s.area_m2) + parts
+        return (with_bodies(faces, segments, lab) if self.bodies else segments) + fragments
 
     def _cut(self, faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
         """Labels with planes cut along their colours."""
@@ -101,18 +102,17 @@ class PlanarRegionGrowing:
             count += int(piece.max())
         return np.unique(out, return_inverse=True)[1] - int(out.min() < 0)
 
-    def _parts(self, faces: Faces, left: np.ndarray) -> list[Segment]:
+    def _parts(self, faces: Faces, left: np.ndarray) -> tuple[list[Segment], list[Segment]]:
+        """Connected leftovers, largest first, and the fragments among them as one or none."""
         if left.size == 0:
-            return []
+            return [], []
         count, part = connected_components(faces.adjacency[left][:, left], directed=False)
         area = np.bincount(part, faces.area[left], count)
         pieces = members(np.where(area[part] >= self.min_part_m2, part, -1))
         parts = [Segment(left[which], float(faces.area[left[which]].sum())) for which in pieces if which.size]
         parts.sort(key=lambda s: -s.area_m2)
         fragments = left[area[part] < self.min_part_m2]
-        if fragments.size:
-            parts.append(Segment(fragments, float(faces.area[fragments].sum())))
-        return parts
+        return parts, [Segment(fragments, float(faces.area[fragments].sum()))] if fragments.size else []
 
 
 def plane_segment(faces: Faces, which: np.ndarray) -> Segment:

@@ -14,13 +14,13 @@ import trimesh
 
 from radartwin.reconstruct import outline
 from radartwin.reconstruct.bodies import contacts, shell
-from radartwin.reconstruct.complete import complete, spanned
+from radartwin.reconstruct.complete import complete, spanned, within
 from radartwin.reconstruct.distance import covered
-from radartwin.reconstruct.faces import Faces
+from radartwin.reconstruct.faces import Faces, thinned
 from radartwin.reconstruct.flatten import regular
 from radartwin.reconstruct.grid import Grid, closed
 from radartwin.reconstruct.segment import Segment
-from radartwin.reconstruct.visibility import Sight, thinned
+from radartwin.reconstruct.visibility import Cameras, Sight
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -30,6 +30,7 @@ CLOSING_M = 0.06  # gaps of noise narrower than twice this are closed
 SEAM_M = 0.1  # shorter seams are no neighbours
 COPLANAR = np.cos(np.radians(4.0))
 COPLANAR_M = 0.03
+LEAST_SHELL, LEAST_THING = 0.6, 0.85  # of the rectangle it spans that a plane covers before the rest is thought to be there
 
 _Room = tuple[float, np.ndarray, Sight]  # main direction, thinned points, lines of sight
 
@@ -63,19 +64,19 @@ class Flattened:
 
 
 def flattened(
-    mesh: trimesh.Trimesh, segments: Sequence[Segment], viewpoints: np.ndarray | None = None, step: Callable[[], None] = lambda: None
+    mesh: trimesh.Trimesh, segments: Sequence[Segment], cameras: Cameras | None = None, step: Callable[[], None] = lambda: None
 ) -> Flattened:
     """Polygons for the planar segments.
 
     Args:
-        viewpoints: (V, 3) where the camera was, if that is known.
+        cameras: where the pictures were taken, if that is known.
         step: called after every plane.
     """
     faces = Faces.of(mesh, 0.0)
     bounds = shell(faces, segments)
     segments, main = regular(mesh, segments)
-    points = thinned(faces.centre)
-    sight = Sight.of(points, viewpoints)
+    points = faces.centre[thinned(faces.centre)]
+    sight = Sight.of(points, cameras)
     touching = [(i, j) for i, j, length, _ in contacts(faces, segments) if length >= SEAM_M]
     out = Flattened(segments=list(segments))
     distance: list[np.ndarray] = []
@@ -150,7 +151,12 @@ def _outlined(
     masks = {k: closed(grid.cells(p), radius, cell) for k, p in samples.items()}
     whole = closed(np.any(list(masks.values()), axis=0), radius, cell)
     limits = bool(bounds[group[0]])
-    done = complete(grid, whole, points, spanned(grid, whole) if limits else None, sight if limits and root.normal[2] < 0.5 else None)
+    frame = spanned(whole, LEAST_SHELL if limits else LEAST_THING)
+    if limits and frame is not None:
+        walls = [(s.normal, s.offset_m) for k, s in enumerate(segments) if bounds[k] and k not in group and s.normal is not None]
+        frame = within(grid, frame, whole, walls)
+        whole &= frame
+    done = complete(grid, whole, points, frame, sight if limits and root.normal[2] < 0.5 else None)
 
     members = set(group)
     around = {j if i in members else i for i, j in touching if (i in members) != (j in members)}

@@ -16,39 +16,61 @@ VIEWPOINTS = 60
 
 
 @dataclass(frozen=True, eq=False)
+class Cameras:
+    """Where pictures were taken: poses (V, 4, 4) camera-to-world, OpenCV axes; intrinsics (3, 3) of all; size (width, height)."""
+
+    poses: np.ndarray
+    intrinsics: np.ndarray
+    size: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
 class Sight:
     """Occupied voxels of a scan and places it was, or may have been, taken from.
 
     Attributes:
         occupied: (X, Y, Z) mask; low: (3,) its corner.
         viewpoints: (V, 3).
+        cameras: what stood at the viewpoints, or None where that is not known.
     """
 
     occupied: np.ndarray
     low: np.ndarray
     viewpoints: np.ndarray
+    cameras: Cameras | None = None
 
     @classmethod
-    def of(cls, points: np.ndarray, viewpoints: np.ndarray | None = None) -> Sight:
-        """From points (N, 3) on the scan; free places at eye height stand in for unknown viewpoints."""
+    def of(cls, points: np.ndarray, cameras: Cameras | None = None) -> Sight:
+        """From points (N, 3) on the scan; free places at eye height stand in for unknown cameras."""
         low = points.min(axis=0) - VOXEL_M
         index = ((points - low) / VOXEL_M).astype(int)
         occupied = np.zeros(tuple(index.max(axis=0) + 2), dtype=bool)
         occupied[tuple(index.T)] = True
-        places = _standing(occupied, low) if viewpoints is None else np.asarray(viewpoints, dtype=float)
-        step = max(1, -(-len(places) // VIEWPOINTS))
-        return cls(occupied, low, places[::step])
+        if cameras is not None:
+            return cls(occupied, low, cameras.poses[:, :3, 3], cameras)
+        places = _standing(occupied, low)
+        return cls(occupied, low, places[:: max(1, -(-len(places) // VIEWPOINTS))])
 
     def seen(self, places: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """How many viewpoints see each place (N, 3) of a plane that faces `normal`, within the sensor's range."""
         count = np.zeros(len(places), dtype=int)
-        for eye in self.viewpoints:
+        for number, eye in enumerate(self.viewpoints):
             way = eye - places
             length = np.linalg.norm(way, axis=1)
             possible = (way @ normal > GRAZING * length) & (length < RANGE_M) & (length > 2 * SHORT_M)
+            if self.cameras is not None:
+                possible &= self._in_picture(number, places)
             if possible.any():
                 count[possible] += ~self._blocked(places[possible], way[possible], length[possible])
         return count
+
+    def _in_picture(self, number: int, places: np.ndarray) -> np.ndarray:
+        assert self.cameras is not None
+        pose, (width, height) = self.cameras.poses[number], self.cameras.size
+        x, y, z = ((places - pose[:3, 3]) @ pose[:3, :3]).T
+        k, far = self.cameras.intrinsics, np.maximum(z, 1e-9)
+        u, v = k[0, 0] * x / far + k[0, 2], k[1, 1] * y / far + k[1, 2]
+        return (z > 0) & (u > 0) & (u < width - 1) & (v > 0) & (v < height - 1)
 
     def _blocked(self, places: np.ndarray, way: np.ndarray, length: np.ndarray) -> np.ndarray:
         steps = int(np.ceil(length.max() / (VOXEL_M * 0.7)))
@@ -58,14 +80,6 @@ class Sight:
         inside = ((index >= 0) & (index < self.occupied.shape)).all(axis=2)
         index = np.where(inside[..., None], index, 0)
         return (self.occupied[index[..., 0], index[..., 1], index[..., 2]] & inside).any(axis=1)
-
-
-def thinned(points: np.ndarray, spacing_m: float = 0.03) -> np.ndarray:
-    """One of the points (N, 3) for each cube of that edge."""
-    key = np.floor((points - points.min(axis=0)) / spacing_m).astype(np.int64)
-    size = key.max(axis=0) + 1
-    _, first = np.unique((key[:, 0] * size[1] + key[:, 1]) * size[2] + key[:, 2], return_index=True)
-    return points[np.sort(first)]
 
 
 def _standing(occupied: np.ndarray, low: np.ndarray) -> np.ndarray:
