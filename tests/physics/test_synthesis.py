@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
+from radartwin import compiled
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
-from radartwin.simulation import compiled, gridding
+from radartwin.simulation import gridding
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.synthesis import planar_phase, synthesize, thermal_noise
 
