@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from radartwin.reconstruct.faces import Faces, thinned
 
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 ALIKE = 14.0  # weighted L*a*b* within which sides of one thing may differ: light falls on them differently
 SAME = 7.0  # ... and within which even what meets concavely, as the boards of a shelf, is one
-SHELL_HEIGHT = 0.7  # of the scan's height that a wall spans at least
+OUTER_HEIGHT, INNER_HEIGHT = 0.4, 0.85  # of the scan's height that a wall spans at least, one with nothing behind it or any
+BEHIND_M, NOTHING = 0.15, 0.02  # deeper than noise; share of the scan that is nothing
 SHELL_AREA_M2 = 1.0
 LEVEL = np.cos(np.radians(15.0))
 UPRIGHT = np.sin(np.radians(15.0))
@@ -30,7 +31,8 @@ APART_M = 0.06
 
 
 def shell(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
-    """Which segments (S,) bound the room: the floor, the ceiling, and upright planes from nearly the one to the other."""
+    """Which segments (S,) bound the room: the floor, the ceiling, and upright planes from the one to the other or behind everything."""
+    places = faces.centre[thinned(faces.centre, 0.1)]
     low, high = np.quantile(faces.centre[:, 2], [0.002, 0.998])
     out = np.zeros(len(segments), dtype=bool)
     for k, segment in enumerate(segments):
@@ -38,7 +40,9 @@ def shell(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
             continue
         z = faces.centre[segment.faces, 2]
         if abs(segment.normal[2]) < UPRIGHT:
-            out[k] = np.quantile(z, 0.99) - np.quantile(z, 0.01) > SHELL_HEIGHT * (high - low)
+            height = (np.quantile(z, 0.99) - np.quantile(z, 0.01)) / (high - low)
+            outer = height > OUTER_HEIGHT and (places @ segment.normal < segment.offset_m - BEHIND_M).mean() < NOTHING
+            out[k] = outer or height > INNER_HEIGHT
         elif segment.normal[2] > LEVEL:
             out[k] = np.median(z) < low + 0.15
         elif segment.normal[2] < -LEVEL:
@@ -87,7 +91,7 @@ def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, 
     chosen = np.flatnonzero(owner >= 0)
     chosen = chosen[thinned(faces.centre[chosen], APART_M / 2)]
     edge = float(np.sqrt(2 * np.median(faces.area)))
-    near = cKDTree(faces.centre[chosen]).query_pairs(max(APART_M, min(2.5 * edge, 0.12)), output_type="ndarray")
+    near = KDTree(faces.centre[chosen]).query_pairs(max(APART_M, min(2.5 * edge, 0.12)), output_type="ndarray")
     coo = sp.triu(faces.adjacency).tocoo()
     first, second = (np.concatenate([chosen[near[:, k]], link]) for k, link in enumerate((coo.row, coo.col)))
     a, b = owner[first], owner[second]

@@ -8,10 +8,12 @@ lightness scaled down, since shading changes lightness first.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
 
+from radartwin.reconstruct import masks
 from radartwin.reconstruct.coplanar import in_plane
 
 LIGHTNESS = 0.6  # weight of L* against a* and b*
@@ -45,7 +47,7 @@ class ColourSplit:
         Args:
             centre: (K, 3) of the plane's faces; area: (K,); lab: (K, 3) from `face_colours`; normal: (3,).
         """
-        from scipy.ndimage import distance_transform_edt, median_filter
+        from scipy.ndimage import median_filter
 
         points = centre @ in_plane(normal).T
         # A picture finer than its faces is full of holes.
@@ -57,10 +59,9 @@ class ColourSplit:
         seen = weight > 0
         picture = np.stack([np.bincount(index, area * lab[:, k], minlength=weight.size).reshape(shape) for k in range(3)], axis=-1)
         picture /= np.maximum(weight, 1e-12)[..., None]
-        nearest = distance_transform_edt(~seen, return_distances=False, return_indices=True)
-        picture = picture[tuple(nearest)]
+        picture = picture[masks.nearest(seen)]
         smooth = np.stack([median_filter(picture[..., k], size=5, mode="nearest") for k in range(3)], axis=-1)
-        known = distance_transform_edt(~seen) < 1.5
+        known = masks.distance(seen) < 1.5
         label = np.where(known, 0, -1)
         self._divide(label, smooth, cell)
         return np.maximum(label.reshape(-1)[index], 0)
@@ -72,7 +73,10 @@ class ColourSplit:
             if not todo:
                 return
             current = todo.pop()
-            found = self._pieces_of(label == current, picture, cell)
+            region = label == current
+            # What has been taken out must not show at the borders of the rest, where colours are blurred.
+            inner = region & (masks.distance(~region) > 1.5)
+            found = self._pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell)
             for piece in found:
                 label[piece] = count
                 todo.append(count)
@@ -93,55 +97,48 @@ class ColourSplit:
 
     def _between_edges(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
         """What edges of colour part from the largest even area: gradients of light have no edges, posters have little else."""
-        from scipy.ndimage import binary_dilation, binary_opening
-        from scipy.ndimage import label as connected
-
         strength = np.zeros(region.shape)
         for axis in range(2):
             step = np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1)
             strength = np.maximum(strength, step)
-        parts, count = connected(binary_opening(region & (strength < EDGE * self.step), _disc(1)))
-        if not count:
+        even = masks.pieces(masks.opened(region & (strength < EDGE * self.step), 1))
+        if not even:
             return []
-        main = parts == int(np.argmax(np.bincount(parts.ravel())[1:])) + 1
+        main = max(even, key=np.sum)
         # An edge is blurred over two cells, of which the nearer is the main area's.
-        others = region & ~binary_dilation(main, iterations=2)
-        pieces, count = connected(_opened(others, _disc(max(1, int(np.ceil(self.width_m / 2 / cell))))))
-        return [binary_dilation(pieces == k, iterations=2, mask=region & ~main) for k in range(1, count + 1)]
+        others = region & ~masks.dilated(main, 2)
+        wide = masks.opened(others, np.ceil(self.width_m / 2 / cell))
+        return [masks.dilated(piece, 2, region & ~main) for piece in masks.pieces(wide)]
 
     def _of_two_colours(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
         """Connected areas of the rarer of the region's two colours."""
-        from scipy.ndimage import binary_closing, binary_dilation
-        from scipy.ndimage import label as connected
-
         minor = np.zeros(region.shape, dtype=bool)
         minor[region] = _two_means(picture[region])
-        minor = _opened(minor, _disc(max(1, round(self.width_m / 2 / cell))))
-        minor = (binary_closing(minor, _disc(2)) | minor) & region
-        parts, count = connected(minor)
-        return [binary_dilation(parts == k, _disc(1)) & minor for k in range(1, count + 1)]
+        minor = masks.opened(minor, self.width_m / 2 / cell)
+        minor = masks.closed(minor, 2) & region
+        return [masks.dilated(piece, 1, minor) for piece in masks.pieces(minor)]
 
     def _refined(self, piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float) -> np.ndarray:
         """The piece with its border where colours change, or nothing where they do not by a step."""
-        from scipy.ndimage import binary_closing, binary_dilation, distance_transform_edt
-
         none = np.zeros_like(piece)
         rest = region & ~piece
         if self.area_m2 > piece.sum() * cell**2 or not rest.any():
             return none
-        to_rest, to_piece = distance_transform_edt(~rest), distance_transform_edt(~piece)
-        inside = picture[piece & (to_rest > 1) & (to_rest * cell <= DEEP_M)]
-        outside = picture[rest & (to_piece > 2) & (to_piece * cell <= BESIDE_M)]
-        if min(len(inside), len(outside)) < 8:
+        to_rest, to_piece = masks.distance(rest), masks.distance(piece)
+        beside = rest & (to_piece > 2) & (to_piece * cell <= BESIDE_M)
+        inside = piece & (to_rest > 1) & (to_rest * cell <= DEEP_M)
+        if min(beside.sum(), inside.sum()) < 8:
             return none
-        usual = np.median(outside, axis=0)
-        spread = float(np.median(np.linalg.norm(outside - usual, axis=1)))
+        # Light changes along the edge, so each cell is compared with the nearest one outside.
+        difference = np.linalg.norm(picture - picture[masks.nearest(beside)], axis=-1)
+        spread = float(np.median(np.linalg.norm(picture[beside] - _local_mean(picture, beside, cell)[beside], axis=-1)))
         least = max(self.step, self.contrast * spread)
-        if (np.linalg.norm(inside - usual, axis=1) > least).mean() < MOSTLY:
+        if (difference[inside] > least).mean() < MOSTLY:
             return none
-        zone = binary_dilation(piece, iterations=3, mask=region)
-        other = zone & (np.linalg.norm(picture - usual, axis=-1) > 0.6 * least)
-        other = _opened(binary_closing(other, _disc(2)) & zone, _disc(max(1, round(self.width_m / 3 / cell))))
+        zone = masks.dilated(piece, 3, region)
+        other = zone & (difference > max(0.6 * least, 0.3 * float(np.median(difference[inside]))))
+        zone = masks.dilated(piece, 3, region)
+        other = masks.opened(masks.closed(other, 2) & zone, self.width_m / 3 / cell)
         return other if other.sum() > 0.3 * piece.sum() else none
 
 
@@ -162,7 +159,7 @@ def weighted_lab(rgb: np.ndarray) -> np.ndarray:
 
 def face_rgb(mesh: trimesh.Trimesh) -> np.ndarray | None:
     """sRGB of every face (F, 3), 0..255 floats, or None for a mesh without colours."""
-    visual = mesh.visual
+    visual: Any = mesh.visual
     if visual.kind == "vertex":
         return np.asarray(visual.vertex_colors)[:, :3][np.asarray(mesh.faces)].mean(axis=1)
     if visual.kind == "face":
@@ -186,12 +183,14 @@ def _two_means(values: np.ndarray) -> np.ndarray:
     return second if second.sum() * 2 <= len(second) else ~second
 
 
-def _opened(mask: np.ndarray, disc: np.ndarray) -> np.ndarray:
-    """Binary opening that takes the picture to go on beyond its border."""
-    from scipy.ndimage import binary_opening
+def _local_mean(picture: np.ndarray, where: np.ndarray, cell: float) -> np.ndarray:
+    """Mean colour of the cells of a mask within BESIDE_M of each cell."""
+    from scipy.ndimage import gaussian_filter
 
-    pad = len(disc)
-    return binary_opening(np.pad(mask, pad, mode="edge"), disc)[pad:-pad, pad:-pad]
+    sigma = BESIDE_M / 2 / cell
+    weight = gaussian_filter(where.astype(float), sigma)
+    mean = [gaussian_filter(np.where(where, picture[..., k], 0.0), sigma) for k in range(3)]
+    return np.stack(mean, axis=-1) / np.maximum(weight, 1e-9)[..., None]
 
 
 def _otsu(values: np.ndarray) -> float:
@@ -204,8 +203,3 @@ def _otsu(values: np.ndarray) -> float:
     mean_below = sums / np.maximum(below, 1)
     mean_above = (sums[-1] - sums) / np.maximum(above, 1)
     return float(edges[1:][np.argmax(below * above * (mean_below - mean_above) ** 2)])
-
-
-def _disc(radius: int) -> np.ndarray:
-    x, y = np.mgrid[-radius : radius + 1, -radius : radius + 1]
-    return x * x + y * y <= radius * radius + 0.5 * radius

@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radartwin.reconstruct.grid import Grid, closed
+from radartwin.reconstruct import masks
+from radartwin.reconstruct.grid import Grid
 from radartwin.reconstruct.visibility import Sight
 
 BEHIND_M = 0.10  # deeper than noise and the reveal of a window
 BEFORE_M = 0.04  # what stands in front is farther than noise
 CLOSE_M = 0.25  # what is nearer than this hides it from everywhere, lines of sight need not tell
 HIDES_M = 1.2  # ... and no farther than this: a chair two metres away hides only what it moves along
+STANDS_M = 2.6  # ... but what stands on a floor hides it however high its top is
 OPEN_SHARE = 0.35  # of a gap through which something was seen
 HIDDEN_SHARE = 0.3  # of a gap in front of which something stands
 SMALL_M2 = 0.12  # gaps below this are filled
@@ -47,21 +49,19 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
         frame: cells that the plane could cover, as the rectangle a wall spans; only holes are looked at without it.
         sight: what could be seen of the gaps; without it no frame holds a pane, as none of a floor's does.
     """
-    from scipy.ndimage import binary_fill_holes, label
-
-    holes = binary_fill_holes(mask) & ~mask
+    holes = masks.filled(mask) & ~mask
     gaps = holes if frame is None else (holes | (frame & ~mask))
     if not gaps.any():
         return Completed(mask, [], 0.0, 0.0)
     depth = grid.depth(points)
-    behind = closed(grid.cells(points[(depth < -BEHIND_M) & (depth > -3.0)]), 0.05, grid.cell_m)
-    before = closed(grid.cells(points[(depth > BEFORE_M) & (depth < HIDES_M)]), 0.05, grid.cell_m)
-    beside = closed(grid.cells(points[(depth > BEFORE_M) & (depth < CLOSE_M)]), 0.05, grid.cell_m)
+    behind = masks.closed(grid.cells(points[(depth < -BEHIND_M) & (depth > -3.0)]), 0.05 / grid.cell_m)
+    before = masks.closed(
+        grid.cells(points[(depth > BEFORE_M) & (depth < (STANDS_M if grid.normal[2] > 0.9 else HIDES_M))]), 0.05 / grid.cell_m
+    )
+    beside = masks.closed(grid.cells(points[(depth > BEFORE_M) & (depth < CLOSE_M)]), 0.05 / grid.cell_m)
     out, found = mask.copy(), []
     filled = opened = 0.0
-    parts, count = label(gaps)
-    for k in range(1, count + 1):
-        gap = parts == k
+    for gap in masks.pieces(gaps):
         area = grid.area(gap)
         enclosed = bool((gap & holes).any())
         if area >= SMALL_M2 and behind[gap].mean() > OPEN_SHARE:
@@ -111,10 +111,8 @@ def within(grid: Grid, frame: np.ndarray, mask: np.ndarray, walls: Sequence[tupl
 
 def _walled_off(gap: np.ndarray, mask: np.ndarray, before: np.ndarray) -> bool:
     """Whether something stands all along the border between a gap and the plane, as walls do where a room has a corner less."""
-    from scipy.ndimage import binary_dilation
-
-    border = binary_dilation(gap, iterations=2) & mask
-    return bool(border.any() and binary_dilation(before, iterations=4)[border].mean() > 0.6)
+    border = masks.dilated(gap, 2) & mask
+    return bool(border.any() and masks.dilated(before, 4)[border].mean() > 0.6)
 
 
 def _visible(grid: Grid, gap: np.ndarray, sight: Sight) -> bool:

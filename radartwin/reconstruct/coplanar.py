@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from radartwin.reconstruct import masks
 from radartwin.reconstruct.faces import Faces, members
 
 CELL_M = 0.05
@@ -82,7 +83,6 @@ def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray, how: Toleranc
 
 
 def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tuple[np.ndarray, float], gap_m: float) -> bool:
-    from scipy.ndimage import distance_transform_edt
     from shapely import MultiPoint, contains_xy
 
     normal, offset = plane
@@ -99,7 +99,7 @@ def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tup
         return mask
 
     of_a, of_b = cells(a), cells(b)
-    from_a, from_b = (distance_transform_edt(~mask, sampling=CELL_M) for mask in (of_a, of_b))
+    from_a, from_b = (CELL_M * masks.distance(mask) for mask in (of_a, of_b))
     gap = float(from_a[of_b].min())
     if gap <= NEAR_M:
         return True

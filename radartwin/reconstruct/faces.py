@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 import trimesh
-from scipy.sparse.csgraph import connected_components
 
 FEW = 12  # so few faces fit noise better than the plane; their mean normal is taken
 
@@ -88,16 +87,6 @@ def members(label: np.ndarray) -> list[np.ndarray]:
     count = int(label.max(initial=-1)) + 1
     bounds = np.searchsorted(label[order], np.arange(count + 1))
     return [order[a:b] for a, b in itertools.pairwise(bounds)]
-
-
-def components(mesh: trimesh.Trimesh, which: np.ndarray) -> int:
-    """How many pieces, joined through vertices, some faces of a mesh form."""
-    _, index = np.unique(np.asarray(mesh.faces)[which], return_inverse=True)
-    index = index.reshape(-1, 3)
-    links = np.vstack([index[:, :2], index[:, 1:]])
-    size = int(index.max(initial=-1)) + 1
-    graph = sp.coo_matrix((np.ones(len(links)), links.T), shape=(size, size))
-    return int(connected_components(graph, directed=False)[0]) if size else 0
 
 
 def thinned(points: np.ndarray, spacing_m: float = 0.03) -> np.ndarray:

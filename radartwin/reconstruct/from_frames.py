@@ -32,9 +32,10 @@ def fused(
     frames = Frames.load(path, intrinsics, depth_unit_m, axis, colour_only=depth_model is not None)
     scale = "measured"
     if depth_model is not None:
-        from radartwin.reconstruct import monocular
+        from radartwin.reconstruct.monocular import DepthModel, with_depth
 
-        frames, scale = monocular.with_depth(frames, depth_model)
+        model = DepthModel.load(depth_model)
+        frames, scale = with_depth(frames, model), model.scale
     with progress.task(f"fusing {len(frames)} frames") as advance:
         mesh, report = fuse(frames, scale=scale, progress=lambda _, __: advance())
     if inside_out(mesh):

@@ -56,19 +56,3 @@ class Grid:
     def to_space(self, flat: np.ndarray) -> np.ndarray:
         """Points (N, 3) of in-plane coordinates (N, 2)."""
         return np.asarray(flat) @ self.axes + self.offset_m * self.normal
-
-
-def disc(radius_m: float, cell_m: float) -> np.ndarray:
-    """Structuring element of a radius; never smaller than one cell's neighbours."""
-    r = max(1, round(radius_m / cell_m))
-    x, y = np.mgrid[-r : r + 1, -r : r + 1]
-    return x * x + y * y <= r * r + 0.5 * r
-
-
-def closed(mask: np.ndarray, radius_m: float, cell_m: float) -> np.ndarray:
-    """Binary closing that does not eat the border."""
-    from scipy.ndimage import binary_closing
-
-    element = disc(radius_m, cell_m)
-    pad = len(element)
-    return binary_closing(np.pad(mask, pad), element)[pad:-pad, pad:-pad] | mask

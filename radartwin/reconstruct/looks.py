@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from radartwin.reconstruct.grid import Grid
+from radartwin.reconstruct.masks import nearest
 
 LARGEST_PX = 1024
 
@@ -18,7 +19,6 @@ def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarr
         grid: of the plane. points: (N, 3) on it; rgb: (N, 3) their colours, 0..255.
     """
     from PIL import Image
-    from scipy.ndimage import distance_transform_edt
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
@@ -29,8 +29,7 @@ def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarr
     index = at[:, 0] * shape[1] + at[:, 1]
     count = np.bincount(index, minlength=shape[0] * shape[1])
     picture = np.stack([np.bincount(index, rgb[:, k], minlength=count.size) for k in range(3)], axis=-1) / np.maximum(count, 1)[:, None]
-    nearest = distance_transform_edt((count == 0).reshape(shape), return_distances=False, return_indices=True)
-    picture = np.rint(picture).astype(np.uint8).reshape(*shape, 3)[tuple(np.asarray(nearest))]
+    picture = np.rint(picture).astype(np.uint8).reshape(*shape, 3)[nearest((count > 0).reshape(shape))]
     uv = (np.asarray(mesh.vertices) @ grid.axes.T - grid.low) / (cell * np.array(shape))
     image = Image.fromarray(np.ascontiguousarray(picture.transpose(1, 0, 2)[::-1]))
     material = PBRMaterial(baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0)
@@ -41,7 +40,7 @@ def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarr
 
 def coloured(mesh: trimesh.Trimesh, points: np.ndarray, rgb: np.ndarray) -> trimesh.Trimesh:
     """A mesh whose vertices take the mean colour of the nearest points (N, 3) with colours (N, 3)."""
-    _, near = cKDTree(points).query(np.asarray(mesh.vertices), k=min(16, len(points)))
+    _, near = KDTree(points).query(np.asarray(mesh.vertices), k=min(16, len(points)))
     near = np.asarray(near).reshape(len(mesh.vertices), -1)
     mean = np.rint(rgb[near].mean(axis=1)).astype(np.uint8)
     rgba = np.column_stack([mean, np.full(len(mean), 255, np.uint8)])

@@ -107,7 +107,8 @@ def load_scan(path: str | Path, unit: Unit = "auto", up: Axis = "auto") -> tuple
     if len(mesh.faces) == 0:
         raise ScanError(f"{path}: all {len(faces)} faces are degenerate; export the scan again")
     axis = _up_axis(mesh, path) if up == "auto" else up
-    colours = mesh.visual.vertex_colors if mesh.visual.defined else None
+    visual: Any = mesh.visual
+    colours = visual.vertex_colors if visual.defined else None
     mesh = trimesh.Trimesh(np.asarray(mesh.vertices) @ TO_Z_UP[axis].T, mesh.faces, vertex_colors=colours, process=False)
     turned = inside_out(mesh)
     if turned:

@@ -26,17 +26,19 @@ SMALLEST_M2 = 0.004
 Line = tuple[np.ndarray, np.ndarray]  # a point (2,) and a unit direction (2,)
 
 
-def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), angle: float = 0.0) -> BaseGeometry:
+def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), angle: float = 0.0, edge: float = -0.5) -> BaseGeometry:
     """Polygon or polygons, with holes, in plane coordinates.
 
     Args:
         mask: cells that are covered.
         lines: where neighbouring planes cut this one.
         angle: main direction in the plane, radians from its first axis; the other is square to it.
+        edge: cells by which the border lies outside the cells. One that is covered in part counts in full, so what was seen ends half
+            a cell inside, and what was not half a cell outside.
     """
     from shapely import Polygon, unary_union
 
-    raw = _traced(grid, mask)
+    raw = _traced(grid, mask).buffer(edge * grid.cell_m, join_style="mitre").simplify(1.2 * grid.cell_m)
     pieces = []
     for piece in getattr(raw, "geoms", [raw]):
         if piece.is_empty or piece.area < SMALLEST_M2:
@@ -94,7 +96,7 @@ def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
 
     c = grid.cell_m
     shape = affine_transform(shape, [c, 0, 0, c, grid.low[0] - c / 2, grid.low[1] - c / 2])
-    return shape.simplify(1.2 * c)
+    return shape
 
 
 def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line], angle: float) -> np.ndarray:

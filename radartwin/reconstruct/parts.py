@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import trimesh
 
@@ -49,8 +51,9 @@ def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimes
 def _decimated(smooth: np.ndarray, index: np.ndarray, target: int, points: np.ndarray) -> tuple[trimesh.Trimesh, float]:
     import fast_simplification
 
-    out, triangles = fast_simplification.simplify(smooth.astype(np.float32), index.astype(np.int32), target_count=target)
-    mesh = trimesh.Trimesh(np.asarray(out, dtype=float), triangles, process=False)
+    triangles: Any = index
+    out: Any = fast_simplification.simplify(smooth, triangles, target_count=target)
+    mesh = trimesh.Trimesh(np.asarray(out[0], dtype=float), out[1], process=False)
     if not len(mesh.faces):
         return trimesh.Trimesh(points, index, process=False), 0.0
     return mesh, float(np.quantile(to_mesh(points[:: max(1, len(points) // 4000)], mesh), 0.95))

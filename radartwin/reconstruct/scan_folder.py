@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from trimesh.exchange.ply import export_ply
 
 from radartwin.errors import OutputError
 from radartwin.files import make_folder, sweep, write_atomically
@@ -33,7 +34,7 @@ def save_reconstruction(
     """
     make_folder(folder)
     sweep(folder)
-    scan = bytes(trimesh.exchange.ply.export_ply(mesh, encoding="binary", vertex_normal=False))
+    scan = bytes(export_ply(mesh, encoding="binary", vertex_normal=False))
     faces = io.BytesIO()
     np.save(faces, owner.astype(np.int32))
     try:

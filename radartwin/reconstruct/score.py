@@ -1,10 +1,10 @@
 """How good a segmentation is, against a room whose truth is known.
 
-Points spread evenly over the scan belong to the true surface nearest to them whose normal agrees, and to the segment they lie on; what
-the scan did not see is nobody's. A true surface in pieces that lie apart, like the legs of a table, is scored piece by piece. A true surface's segment is the one that holds most of it. Recall is the share of the surface in its
-segment, precision the share of the segment on the surface, IoU their intersection over union. Boundary error is the distance from where
-segments end to the nearest edge of a true surface. Glass and mirrors, which depth sensors miss, are scored apart and over their true
-area, seen or not.
+Points spread evenly over the scan belong to the true surface nearest to them whose normal agrees, and to the segment they lie on;
+what the scan did not see is nobody's. A true surface in pieces that lie apart, like the legs of a table, is scored piece by piece.
+A true surface's segment is the one that holds most of it. Recall is the share of the surface in its segment, precision the share
+of the segment on the surface, IoU their intersection over union. Boundary error is the distance from where segments end to the
+nearest edge of a true surface. Glass and mirrors, which depth sensors miss, are scored apart and over their true area, seen or not.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 import trimesh
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from radartwin.errors import SceneError
 from radartwin.reconstruct.distance import covered
@@ -71,14 +71,15 @@ class Score:
         """The table for people, one surface a line, and the means."""
         head = f"{'surface':24} {'m2':>7} {'segment':>14} {'recall':>7} {'precision':>9} {'IoU':>6} {'edge mm':>8}"
         rows = [
-            f"{s.name[:24]:24} {s.area_m2:7.2f} {s.segment[:14]:>14} {s.recall:7.3f} {s.precision:9.3f} {s.iou:6.3f} {1000 * s.boundary_m:8.1f}"
-            + ("  glass or mirror" if s.clear else "")
+            f"{s.name[:24]:24} {s.area_m2:7.2f} {s.segment[:14]:>14} {s.recall:7.3f} {s.precision:9.3f} {s.iou:6.3f} "
+            f"{1000 * s.boundary_m:8.1f}" + ("  glass or mirror" if s.clear else "")
             for s in [*self.surfaces, *self.clear]
         ]
         return [
             head,
             *rows,
-            f"precision {self.precision:.3f}, recall {self.recall:.3f}, IoU {self.mean_iou:.3f}, found {self.found:.3f}, right {self.right:.3f}, "
+            f"precision {self.precision:.3f}, recall {self.recall:.3f}, IoU {self.mean_iou:.3f}, found {self.found:.3f}, "
+            f"right {self.right:.3f}",
             f"edges within {1000 * self.boundary_median_m:.0f} mm (median) and {1000 * self.boundary_p95_m:.0f} mm (95 %)",
         ]
 
@@ -137,7 +138,7 @@ def _score(samples, edges: tuple[np.ndarray, np.ndarray], names: list[str], trut
     seen = np.bincount(unit[unit >= 0], minlength=len(truth)) * SPACING_M**2
     area = np.where(clear, [s.mesh.area for s in truth], seen)
 
-    away = cKDTree(np.concatenate([outline_points(s.mesh) for s in truth])).query(edges[0], workers=-1)[0] if len(edges[0]) else np.zeros(0)
+    away = KDTree(np.concatenate([outline_points(s.mesh) for s in truth])).query(edges[0], workers=-1)[0] if len(edges[0]) else np.zeros(0)
     rows = []
     for k in np.argsort(-area, kind="stable"):
         if area[k] < MIN_AREA_M2:
@@ -150,7 +151,7 @@ def _score(samples, edges: tuple[np.ndarray, np.ndarray], names: list[str], trut
                 truth.surfaces[k].name,
                 float(area[k]),
                 names[best] if shared > 0 else "-",
-                min(shared / area[k], 1.0),
+                min(shared / float(area[k]), 1.0),
                 shared / segment_area[best] if shared > 0 else 0.0,
                 shared / max(area[k] + segment_area[best] - shared, 1e-12) if shared > 0 else 0.0,
                 float(np.median(mine)) if mine.size and shared > 0 else float("nan"),
@@ -183,7 +184,7 @@ def pieces(surface: Surface) -> list[Surface]:
     mesh = surface.mesh.copy()
     mesh.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=6)
     points, face = covered(np.asarray(mesh.triangles, dtype=float), APART_M / 2)
-    pairs = cKDTree(points).query_pairs(APART_M, output_type="ndarray")
+    pairs = KDTree(points).query_pairs(APART_M, output_type="ndarray")
     links = np.vstack([face[pairs], np.asarray(mesh.face_adjacency).reshape(-1, 2)])
     count, part = connected_components(sp.coo_matrix((np.ones(len(links)), links.T), shape=(len(mesh.faces),) * 2), directed=False)
     if count == 1:
@@ -210,10 +211,10 @@ def _truth_points(truth: Scene):
     samples = [covered(np.asarray(s.mesh.triangles, dtype=float), SPACING_M) for s in truth]
     unit = np.repeat(np.arange(len(truth)), [len(p) for p, _ in samples])
     normals = np.concatenate([np.asarray(s.mesh.face_normals)[face] for s, (_, face) in zip(truth, samples, strict=True)])
-    return cKDTree(np.concatenate([p for p, _ in samples]), balanced_tree=False), unit, normals
+    return KDTree(np.concatenate([p for p, _ in samples]), balanced_tree=False), unit, normals
 
 
-def _nearest(tree: cKDTree, unit: np.ndarray, true_normals: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def _nearest(tree: KDTree, unit: np.ndarray, true_normals: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """True surface (N,) of each point, -1 for none: the nearest whose normal agrees, or else the nearest."""
     distance, near = tree.query(points, k=10, distance_upper_bound=REACH_M, workers=-1)
     known = np.isfinite(distance)

@@ -30,6 +30,7 @@ class Segment:
         normal: (3,) of the fitted plane on the side the faces show, or None for a part that is not planar.
         offset_m: the plane is normal . x = offset_m.
         body: segments with the same number >= 0 are sides of one thing; -1 is one by itself.
+        noise: fragments gathered from all over, no surface.
     """
 
     faces: np.ndarray
@@ -37,6 +38,7 @@ class Segment:
     normal: np.ndarray | None = None
     offset_m: float = 0.0
     body: int = -1
+    noise: bool = False
 
 
 class Segmenter(Protocol):
@@ -112,7 +114,7 @@ class PlanarRegionGrowing:
         parts = [Segment(left[which], float(faces.area[left[which]].sum())) for which in pieces if which.size]
         parts.sort(key=lambda s: -s.area_m2)
         fragments = left[area[part] < self.min_part_m2]
-        return parts, [Segment(fragments, float(faces.area[fragments].sum()))] if fragments.size else []
+        return parts, [Segment(fragments, float(faces.area[fragments].sum()), noise=True)] if fragments.size else []
 
 
 def plane_segment(faces: Faces, which: np.ndarray) -> Segment:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import trimesh
 
-from radartwin.reconstruct import outline
+from radartwin.reconstruct import masks, outline
 from radartwin.reconstruct.bodies import contacts, shell
 from radartwin.reconstruct.complete import complete, spanned, within
 from radartwin.reconstruct.distance import covered
 from radartwin.reconstruct.faces import Faces, thinned
 from radartwin.reconstruct.flatten import regular
-from radartwin.reconstruct.grid import Grid, closed
+from radartwin.reconstruct.grid import Grid
 from radartwin.reconstruct.segment import Segment
 from radartwin.reconstruct.visibility import Cameras, Sight
 
@@ -148,8 +148,8 @@ def _outlined(
     if turn:
         grid = Grid.around(np.vstack(list(samples.values())), root.normal, root.offset_m, cell, turn)
     radius = max(CLOSING_M, 1.5 * cell)
-    masks = {k: closed(grid.cells(p), radius, cell) for k, p in samples.items()}
-    whole = closed(np.any(list(masks.values()), axis=0), radius, cell)
+    parts = {k: masks.closed(grid.cells(p), radius / cell) for k, p in samples.items()}
+    whole = masks.closed(np.any(list(parts.values()), axis=0), radius / cell)
     limits = bool(bounds[group[0]])
     frame = spanned(whole, LEAST_SHELL if limits else LEAST_THING)
     if limits and frame is not None:
@@ -169,13 +169,13 @@ def _outlined(
     rest = outline.polygon(grid, done.mask, lines)
     flats: list[Flat] = []
     for pane in done.panes:
-        shape = outline.polygon(grid, closed(pane, cell, cell), lines)
+        shape = outline.polygon(grid, masks.closed(pane, 1), lines, edge=0.5)
         piece = outline.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(-1, piece, grid, group[0], float(shape.area)))
             rest = rest.difference(shape)
     for k in group[1:]:
-        shape = outline.polygon(grid, masks[k], lines).intersection(rest)
+        shape = outline.polygon(grid, parts[k], lines).intersection(rest)
         piece = outline.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(k, piece, grid))
@@ -196,7 +196,10 @@ def _turn(grid: Grid, normal: np.ndarray, main: float, points: np.ndarray, limit
         return room
     from shapely import MultiPoint
 
-    box = np.array(MultiPoint(points @ grid.axes.T).minimum_rotated_rectangle.exterior.coords)
+    rectangle: Any = MultiPoint(points @ grid.axes.T).minimum_rotated_rectangle
+    if rectangle.geom_type != "Polygon":
+        return room
+    box = np.array(rectangle.exterior.coords)
     side = box[1] - box[0]
     own = float(np.arctan2(side[1], side[0]))
     apart = (own - room + np.pi / 4) % (np.pi / 2) - np.pi / 4

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from radartwin.reconstruct.masks import distance
+
 VOXEL_M = 0.06
 EYE_M = 1.5  # above the floor, where a phone is held
 CLEAR_M = 0.3  # a person keeps from things
@@ -77,19 +79,17 @@ class Sight:
         along = np.linspace(0, 1, steps)[None] * (1 - SHORT_M / length)[:, None] + (SHORT_M / length)[:, None]
         at = places[:, None] + along[..., None] * way[:, None]
         index = ((at - self.low) / VOXEL_M).astype(int)
-        inside = ((index >= 0) & (index < self.occupied.shape)).all(axis=2)
+        inside = np.all((index >= 0) & (index < np.array(self.occupied.shape)), axis=2)
         index = np.where(inside[..., None], index, 0)
-        return (self.occupied[index[..., 0], index[..., 1], index[..., 2]] & inside).any(axis=1)
+        return np.any(self.occupied[index[..., 0], index[..., 1], index[..., 2]] & inside, axis=1)
 
 
 def _standing(occupied: np.ndarray, low: np.ndarray) -> np.ndarray:
     """Free places (V, 3) at eye height over something solid, away from everything at that height."""
-    from scipy.ndimage import distance_transform_edt
-
     level = min(int((EYE_M + VOXEL_M) / VOXEL_M), occupied.shape[2] - 1)
-    body = occupied[:, :, level // 2 : level + 1].any(axis=2)
+    body = np.asarray(occupied[:, :, level // 2 : level + 1].any(axis=2))
     floor = occupied[:, :, : max(1, level // 4)].any(axis=2)
-    free = (distance_transform_edt(~body, sampling=VOXEL_M) > CLEAR_M) & floor
+    free = (VOXEL_M * distance(body) > CLEAR_M) & floor
     x, y = np.nonzero(free)
     every = max(1, int(0.5 / VOXEL_M))
     kept = (x % every == 0) & (y % every == 0)

@@ -45,7 +45,8 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
     try:
         if isinstance(source, Path):
             with source.open("rb") as stream:
-                loaded = trimesh.load_scene(stream, file_type=file_type, process=False, maintain_order=True)
+                beside = trimesh.resolvers.FilePathResolver(str(source))  # where an .obj keeps its materials and textures
+                loaded = trimesh.load_scene(stream, file_type=file_type, resolver=beside, process=False, maintain_order=True)
         else:
             loaded = trimesh.load_scene(source, file_type=file_type, process=False)
     except Exception as error:  # trimesh's readers raise whatever their parsing runs into
