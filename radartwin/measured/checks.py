@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 # A judgement: one value in a thousand at full scale is more than a glint now and then, and its harmonics are no longer small.
 CLIPPED_SHARE = 1e-3
+EDGE_FRAMES = 16  # that say together whether I and Q are exchanged: one frame of few chirps errs by a decibel or two
 LOST_SHARE = 0.01  # of frames with samples lost on the way, above which a log entry does not excuse them
 
 
@@ -127,7 +128,8 @@ def samples(recording: Recording, row: Row, card: Card | None = None) -> tuple[l
             notes.append(text)
         else:
             problems.append(f"{text}; record again with a larger packet delay")
-    edge = 0.0 if recording.radar.real_sampling else band_edge_db(recording.iq[recording.num_frames // 2])
+    spread = np.unique(np.linspace(0, recording.num_frames - 1, EDGE_FRAMES).round().astype(int))
+    edge = 0.0 if recording.radar.real_sampling else float(np.mean([band_edge_db(recording.iq[frame]) for frame in spread]))
     if edge < -EDGE_DB:
         flag = str(not recording.iq_swapped).lower()
         problems.append(f"I and Q look exchanged: noise is {-edge:.1f} dB lower above zero beat than below; set iq_swapped to {flag}")
