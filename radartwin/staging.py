@@ -44,10 +44,20 @@ def check_course(scene: Scene, radar: Radar, sensor_poses: np.ndarray, target_po
 
     room = scene.only("room")
     if len(room):
-        trajectory.check_height(sensor_poses, *room.bounds[:, 2])
+        trajectory.check_height(sensor_poses, room.bounds[0, 2], _ceiling(room))
     check_path(scene, sensor_poses)
     for what, poses in (("the sensor", sensor_poses), ("the target", target_poses)):
         trajectory.check_speed(poses, radar.frame_rate_hz, radar.max_velocity_mps, what)
+
+
+def _ceiling(room: Scene) -> float:
+    """Height (m) of the level surface that closes the room; infinite where a scan has none."""
+    top = room.bounds[1, 2]
+    footprint = np.prod(np.ptp(room.bounds[:, :2], axis=0))
+    meshes = [surface.mesh for surface in room]
+    level = [(abs(m.face_normals[:, 2]) > 0.9) & (m.triangles_center[:, 2] > top - 0.5) for m in meshes]
+    covered = sum(m.area_faces[at].sum() for m, at in zip(meshes, level, strict=True))
+    return float(top) if covered > 0.2 * footprint else np.inf
 
 
 def furnished(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Scene:

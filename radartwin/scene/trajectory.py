@@ -123,6 +123,7 @@ def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
 
     Args:
         poses: (F, 4, 4) sensor-to-world.
+        ceiling_m: infinite where nothing closes the room.
     Raises:
         PoseError: naming the first such frame and its height.
     """
@@ -131,8 +132,9 @@ def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
     if out.any():
         frame = int(np.argmax(out))
         where = "under the floor" if z[frame] <= floor_m else "above the ceiling"
+        top = f"to {ceiling_m:.3g} m" if np.isfinite(ceiling_m) else "up and has no ceiling"
         raise PoseError(
-            f"the sensor at frame {frame} is {where}: z = {z[frame]:.3g} m, and the room reaches from {floor_m:.3g} to {ceiling_m:.3g} m; "
+            f"the sensor at frame {frame} is {where}: z = {z[frame]:.3g} m, and the room reaches from {floor_m:.3g} {top}; "
             "is z up, and are the poses in the axes that are said (sensor or optical)?"
         )
 

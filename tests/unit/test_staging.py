@@ -9,6 +9,7 @@ from radartwin.assemble import build_course, build_radar, build_room, build_star
 from radartwin.compose import compose
 from radartwin.errors import ConfigError, LayoutError, MissingError, PoseError
 from radartwin.scene import trajectory
+from radartwin.scene.scene import Scene
 from radartwin.staging import check_course, furnished
 
 
@@ -73,6 +74,15 @@ def test_a_drive_through_a_wall_or_under_the_floor_is_refused(tmp_path):
         checked("trajectory=file", written(tmp_path, (0, 0, -0.5)))
     with pytest.raises(PoseError, match="above the ceiling"):
         checked("trajectory=file", written(tmp_path, (0, 0, 5)))
+
+
+def test_a_scan_without_a_ceiling_ends_nowhere_above(tmp_path):
+    config, room, found = course("trajectory=file", written(tmp_path, (0, 0, 5)))
+    open_above = Scene([s for s in room if "ceiling" not in s.name and s.mesh.bounds[1, 2] < 2.0])
+    check_course(open_above, build_radar(config.radar), found.sensor_poses, found.target_poses)
+    _, _, below = course("trajectory=file", written(tmp_path, (0, 0, -0.5)))
+    with pytest.raises(PoseError, match="has no ceiling"):
+        check_course(open_above, build_radar(config.radar), below.sensor_poses, below.target_poses)
 
 
 def test_too_fast_for_the_radar_is_warned_of_once():
