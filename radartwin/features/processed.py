@@ -1,0 +1,152 @@
+"""What every feature is read from: range profiles, azimuth channels and Doppler of each frame, of a recording of either domain.
+
+Symbols: s_fcv(r) -> range profile of frame f, chirp c and virtual channel v (Hann window over the samples). Kept of it:
+power P(f, r) = mean_v |mean_c s_fcv(r)|^2, chirps coherently and channels in power; channels A_fv(r) = mean_c s_fcv(r) of the azimuth
+row; Doppler D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2, Hann window over the chirps. An echo of amplitude a on the
+centre of its bins reads a^2 in P and D, and a in A. Bins reach from 0 to MAX_RANGE_M: rooms are larger, but no feature looks farther.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin import files
+from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.radar.chirp import Radar
+from radartwin.radar.processing import azimuth_row, doppler_fft, range_fft, velocity_axis
+from radartwin.radar.recording import Recording, read_json
+
+MAX_RANGE_M = 6.0
+_ARRAYS, _RADAR = "processed.npz", "processed.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Processed:
+    """Range, azimuth and Doppler of F frames in B range bins.
+
+    Attributes:
+        range_m: (B,) bin centres.
+        power: (F, B) float32, in squared amplitude units.
+        channels: (F, A, B) complex64, the A channels of `azimuth_row` in its order.
+        doppler: (F, C, B) float32 over `velocity_mps` (C,), ascending and receding positive; None where it was not asked for.
+    """
+
+    radar: Radar
+    range_m: NDArray[np.float64]
+    power: NDArray[np.float32]
+    channels: NDArray[np.complex64]
+    doppler: NDArray[np.float32] | None
+    velocity_mps: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        frames, bins = len(self.power), len(self.range_m)
+        expected = {"power": (frames, bins), "channels": (frames, len(azimuth_row(self.radar)), bins)}
+        if self.doppler is not None:
+            expected["doppler"] = (frames, len(self.velocity_mps), bins)
+        for name, shape in expected.items():
+            if getattr(self, name).shape != shape:
+                raise InputError(f"processed recording: {name} must be {shape}, not {getattr(self, name).shape}")
+        if not frames:
+            raise InputError("processed recording: it has zero frames; give at least one")
+
+    @property
+    def num_frames(self) -> int:
+        return len(self.power)
+
+    def frames(self, chosen: slice | NDArray) -> Processed:
+        """The chosen frames, as a view where `chosen` is a slice."""
+        doppler = None if self.doppler is None else self.doppler[chosen]
+        return Processed(self.radar, self.range_m, self.power[chosen], self.channels[chosen], doppler, self.velocity_mps)
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Processed]) -> Processed:
+        """Parts of one recording in their order. Raises InputError for none, or parts of different radars or contents."""
+        if not parts:
+            raise InputError("processed recording: there are no parts to put together")
+        first = parts[0]
+        for part in parts:
+            if part.radar != first.radar or (part.doppler is None) != (first.doppler is None) or part.range_m.shape != first.range_m.shape:
+                raise InputError("processed recording: the parts are of different radars, ranges or contents")
+        cubes = [part.doppler for part in parts if part.doppler is not None]
+        return cls(
+            first.radar,
+            first.range_m,
+            np.concatenate([part.power for part in parts]),
+            np.concatenate([part.channels for part in parts]),
+            np.concatenate(cubes) if cubes else None,
+            first.velocity_mps,
+        )
+
+    def save(self, folder: str | Path) -> None:
+        """Write it into the folder; the arrays come last, so a killed save leaves nothing that loads."""
+        folder = Path(folder)
+        arrays = {"range_m": self.range_m, "power": self.power, "channels": self.channels, "velocity_mps": self.velocity_mps}
+        if self.doppler is not None:
+            arrays["doppler"] = self.doppler
+        stream = io.BytesIO()
+        np.savez(stream, allow_pickle=False, **arrays)
+        files.write_atomically(folder / _RADAR, json.dumps({"radar": self.radar.to_dict()}, indent=1, allow_nan=False) + "\n")
+        files.write_atomically(folder / _ARRAYS, stream.getvalue())
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Processed:
+        """What `save` wrote.
+
+        Raises:
+            MissingError: either file is missing.
+            RecordingError: a file that is damaged or of another radar.
+        """
+        folder = Path(folder)
+        for name in (_RADAR, _ARRAYS):
+            if not (folder / name).is_file():
+                raise MissingError(f"{folder / name}: no such file; a processed recording is {_ARRAYS} with {_RADAR} beside it")
+        try:
+            radar = Radar.from_dict(read_json(folder / _RADAR)["radar"])
+            with (folder / _ARRAYS).open("rb") as stream, np.load(stream, allow_pickle=False) as data:
+                doppler = data.get("doppler")
+                return cls(radar, data["range_m"], data["power"], data["channels"], doppler, data["velocity_mps"])
+        except (KeyError, BadZipFile, EOFError, ValueError, OSError) as error:
+            raise RecordingError(f"{folder}: not a processed recording ({error}); remove it and process the recording again") from error
+
+
+def process(recording: Recording, doppler: bool = True) -> Processed:
+    """Transform a recording block by block, so that memory holds its samples and no second copy of them.
+
+    Args:
+        doppler: keep the range-Doppler power too, C times the size of `power`.
+    Raises:
+        RecordingError: samples that are NaN or infinite.
+    """
+    radar, row = recording.radar, azimuth_row(recording.radar)
+    power, channels, cubes = [], [], []
+    range_m = np.zeros(0)
+    for block in recording.frame_blocks():
+        iq = recording.iq[block]
+        profiles, axis = range_fft(iq if doppler else iq.mean(axis=1, keepdims=True), radar)
+        near = axis <= MAX_RANGE_M
+        range_m, profiles = axis[near], profiles[..., near]
+        coherent = profiles.mean(axis=1)
+        coherent = coherent.reshape(len(coherent), -1, len(range_m))
+        if not np.isfinite(coherent).all():
+            raise RecordingError("recording holds NaN or infinite samples; record or simulate it again")
+        power.append((np.abs(coherent) ** 2).mean(axis=1, dtype=np.float64).astype(np.float32))
+        channels.append(coherent[:, row].astype(np.complex64))
+        if doppler:
+            spectra, _ = doppler_fft(profiles, radar)
+            cubes.append((np.abs(spectra) ** 2).mean(axis=(2, 3)).astype(np.float32))
+    return Processed(
+        radar,
+        range_m,
+        np.concatenate(power),
+        np.concatenate(channels),
+        np.concatenate(cubes) if doppler else None,
+        velocity_axis(radar, radar.num_chirps),
+    )
