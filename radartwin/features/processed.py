@@ -4,6 +4,8 @@ Symbols: s_fcv(r) -> range profile of frame f, chirp c and virtual channel v (Ha
 power P(f, r) = mean_v |mean_c s_fcv(r)|^2, chirps coherently and channels in power; channels A_fv(r) = mean_c s_fcv(r) of the azimuth
 row; Doppler D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2, Hann window over the chirps. An echo of amplitude a on the
 centre of its bins reads a^2 in P and D, and a in A. Bins reach from 0 to MAX_RANGE_M: rooms are larger, but no feature looks farther.
+Noise N(r), what P reads without echoes: the mean over frames of D at the speed that is farthest from rest, where nothing indoors moves,
+brought to P's bandwidth: N = D / (C sum_c w_c^2). A slow echo leaks there by less than -60 dB of itself.
 """
 
 from __future__ import annotations
@@ -21,10 +23,11 @@ from numpy.typing import NDArray
 from radartwin import files
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.radar.chirp import Radar
-from radartwin.radar.processing import azimuth_row, doppler_fft, range_fft, velocity_axis
+from radartwin.radar.processing import azimuth_row, doppler_fft, range_fft, velocity_axis, window
 from radartwin.radar.recording import Recording, read_json
 
 MAX_RANGE_M = 6.0
+LEAST_CHIRPS = 8  # with fewer, the farthest Doppler bin is too near to rest to hold noise alone
 _ARRAYS, _RADAR = "processed.npz", "processed.json"
 
 
@@ -37,6 +40,7 @@ class Processed:
         power: (F, B) float32, in squared amplitude units.
         channels: (F, A, B) complex64, the A channels of `azimuth_row` in its order.
         doppler: (F, C, B) float32 over `velocity_mps` (C,), ascending and receding positive; None where it was not asked for.
+        noise: (B,) float32, the noise in `power`; None where it is not known (fewer than LEAST_CHIRPS chirps), and taken as zero.
     """
 
     radar: Radar
@@ -45,12 +49,15 @@ class Processed:
     channels: NDArray[np.complex64]
     doppler: NDArray[np.float32] | None
     velocity_mps: NDArray[np.float64]
+    noise: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         frames, bins = len(self.power), len(self.range_m)
         expected = {"power": (frames, bins), "channels": (frames, len(azimuth_row(self.radar)), bins)}
         if self.doppler is not None:
             expected["doppler"] = (frames, len(self.velocity_mps), bins)
+        if self.noise is not None:
+            expected["noise"] = (bins,)
         for name, shape in expected.items():
             if getattr(self, name).shape != shape:
                 raise InputError(f"processed recording: {name} must be {shape}, not {getattr(self, name).shape}")
@@ -61,10 +68,15 @@ class Processed:
     def num_frames(self) -> int:
         return len(self.power)
 
+    @property
+    def noise_floor(self) -> NDArray[np.float64]:
+        """(B,): `noise`, or zeros where it is not known."""
+        return np.zeros(len(self.range_m)) if self.noise is None else self.noise.astype(np.float64)
+
     def frames(self, chosen: slice | NDArray) -> Processed:
         """The chosen frames, as a view where `chosen` is a slice."""
         doppler = None if self.doppler is None else self.doppler[chosen]
-        return Processed(self.radar, self.range_m, self.power[chosen], self.channels[chosen], doppler, self.velocity_mps)
+        return Processed(self.radar, self.range_m, self.power[chosen], self.channels[chosen], doppler, self.velocity_mps, self.noise)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Processed]) -> Processed:
@@ -73,9 +85,11 @@ class Processed:
             raise InputError("processed recording: there are no parts to put together")
         first = parts[0]
         for part in parts:
-            if part.radar != first.radar or (part.doppler is None) != (first.doppler is None) or part.range_m.shape != first.range_m.shape:
+            same = part.radar == first.radar and part.range_m.shape == first.range_m.shape
+            if not same or (part.doppler is None) != (first.doppler is None) or (part.noise is None) != (first.noise is None):
                 raise InputError("processed recording: the parts are of different radars, ranges or contents")
         cubes = [part.doppler for part in parts if part.doppler is not None]
+        floors = [part.noise * np.float32(part.num_frames) for part in parts if part.noise is not None]
         return cls(
             first.radar,
             first.range_m,
@@ -83,14 +97,14 @@ class Processed:
             np.concatenate([part.channels for part in parts]),
             np.concatenate(cubes) if cubes else None,
             first.velocity_mps,
+            (np.sum(floors, axis=0) / sum(part.num_frames for part in parts)).astype(np.float32) if floors else None,
         )
 
     def save(self, folder: str | Path) -> None:
         """Write it into the folder; the arrays come last, so a killed save leaves nothing that loads."""
         folder = Path(folder)
         arrays = {"range_m": self.range_m, "power": self.power, "channels": self.channels, "velocity_mps": self.velocity_mps}
-        if self.doppler is not None:
-            arrays["doppler"] = self.doppler
+        arrays |= {name: value for name in ("doppler", "noise") if (value := getattr(self, name)) is not None}
         stream = io.BytesIO()
         np.savez(stream, allow_pickle=False, **arrays)
         files.write_atomically(folder / _RADAR, json.dumps({"radar": self.radar.to_dict()}, indent=1, allow_nan=False) + "\n")
@@ -111,8 +125,8 @@ class Processed:
         try:
             radar = Radar.from_dict(read_json(folder / _RADAR)["radar"])
             with (folder / _ARRAYS).open("rb") as stream, np.load(stream, allow_pickle=False) as data:
-                doppler = data.get("doppler")
-                return cls(radar, data["range_m"], data["power"], data["channels"], doppler, data["velocity_mps"])
+                range_m, power, channels, velocity_mps = (data[name] for name in ("range_m", "power", "channels", "velocity_mps"))
+                return cls(radar, range_m, power, channels, data.get("doppler"), velocity_mps, data.get("noise"))
         except (KeyError, BadZipFile, EOFError, ValueError, OSError) as error:
             raise RecordingError(f"{folder}: not a processed recording ({error}); remove it and process the recording again") from error
 
@@ -126,22 +140,23 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
         RecordingError: samples that are NaN or infinite.
     """
     radar, row = recording.radar, azimuth_row(recording.radar)
-    power, channels, cubes = [], [], []
+    taps = window("hann", radar.num_chirps)
+    fastest = (taps * (-1.0) ** np.arange(radar.num_chirps)).astype(np.float32)  # Doppler at the speed where it folds
+    power, channels, cubes, noise = [], [], [], []
     range_m = np.zeros(0)
     for block in recording.frame_blocks():
         iq = recording.iq[block]
-        profiles, axis = range_fft(iq if doppler else iq.mean(axis=1, keepdims=True), radar)
-        near = axis <= MAX_RANGE_M
-        range_m, profiles = axis[near], profiles[..., near]
-        coherent = profiles.mean(axis=1)
-        coherent = coherent.reshape(len(coherent), -1, len(range_m))
+        sums, range_m = _profiles(np.stack([iq.mean(axis=1), np.tensordot(iq, fastest, (1, 0))], axis=1), radar)
+        coherent = sums[:, 0].reshape(len(iq), -1, len(range_m))
         if not np.isfinite(coherent).all():
             raise RecordingError("recording holds NaN or infinite samples; record or simulate it again")
         power.append((np.abs(coherent) ** 2).mean(axis=1, dtype=np.float64).astype(np.float32))
         channels.append(coherent[:, row].astype(np.complex64))
+        noise.append((np.abs(sums[:, 1]) ** 2).mean(axis=(1, 2), dtype=np.float64))
         if doppler:
-            spectra, _ = doppler_fft(profiles, radar)
+            spectra, _ = doppler_fft(_profiles(iq, radar)[0], radar)
             cubes.append((np.abs(spectra) ** 2).mean(axis=(2, 3)).astype(np.float32))
+    floor = np.concatenate(noise).mean(axis=0) / (radar.num_chirps * np.sum(taps**2))
     return Processed(
         radar,
         range_m,
@@ -149,4 +164,12 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
         np.concatenate(channels),
         np.concatenate(cubes) if doppler else None,
         velocity_axis(radar, radar.num_chirps),
+        floor.astype(np.float32) if radar.num_chirps >= LEAST_CHIRPS else None,
     )
+
+
+def _profiles(iq: NDArray[np.complexfloating], radar: Radar) -> tuple[NDArray[np.complexfloating], NDArray[np.float64]]:
+    """Range profiles up to MAX_RANGE_M, and their axis."""
+    profiles, range_m = range_fft(iq, radar)
+    near = range_m <= MAX_RANGE_M
+    return profiles[..., near], range_m[near]

@@ -4,34 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from echoes import BIN_M, RADAR, echoes
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.features.processed import MAX_RANGE_M, Processed, process
-from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import azimuth_row
 from radartwin.radar.recording import Recording
 
-RADAR = Radar.iwr1843("isotropic")
-
-
-def echoes(frames: int, points: list[tuple[float, float, float]], azimuth_deg: float = 0.0) -> Recording:
-    """Point echoes (amplitude, range at the start in m, speed in m/s) in one far-field direction, frame by frame and chirp by chirp."""
-    time = np.arange(frames)[:, None, None] / RADAR.frame_rate_hz + RADAR.chirp_times()[None]
-    frequency = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * np.arange(RADAR.num_samples) / RADAR.sample_rate_hz
-    towards = np.array([np.cos(np.deg2rad(azimuth_deg)), np.sin(np.deg2rad(azimuth_deg)), 0.0])
-    iq = np.zeros((frames, RADAR.num_chirps, RADAR.num_tx, RADAR.num_rx, RADAR.num_samples), complex)
-    for amplitude, start_m, speed in points:
-        length = 2 * (start_m + speed * time)[..., None] - (RADAR.tx_positions @ towards)[:, None] - RADAR.rx_positions @ towards
-        iq += amplitude * np.exp(2j * np.pi * frequency * length[..., None] / SPEED_OF_LIGHT)
-    return Recording(iq, RADAR)
-
 
 def test_an_echo_on_a_bin_reads_its_power_in_every_product():
-    bin_m = RADAR.range_resolution_m
-    made = process(echoes(3, [(2e-3, 30 * bin_m, 0.0)]))
+    made = process(echoes(3, [(2e-3, 30 * BIN_M)]))
     assert made.power.shape == (3, 138)
-    assert made.range_m[-1] <= MAX_RANGE_M < made.range_m[-1] + bin_m
+    assert made.range_m[-1] <= MAX_RANGE_M < made.range_m[-1] + BIN_M
     assert made.power[:, 30] == pytest.approx(4e-6, rel=1e-4)
     assert np.abs(made.channels[:, :, 30]) == pytest.approx(2e-3, rel=1e-4)
     assert made.doppler is not None
@@ -40,7 +25,7 @@ def test_an_echo_on_a_bin_reads_its_power_in_every_product():
 
 
 def test_the_azimuth_row_turns_by_the_sine_of_the_direction():
-    made = process(echoes(1, [(1.0, 20 * RADAR.range_resolution_m, 0.0)], azimuth_deg=30.0), doppler=False)
+    made = process(echoes(1, [(1.0, 20 * BIN_M, 30.0)]), doppler=False)
     y = RADAR.virtual_positions[azimuth_row(RADAR), 1]
     phase = np.unwrap(np.angle(made.channels[0, np.argsort(y), 20]))
     step = np.diff(np.sort(y))[0]
@@ -50,14 +35,28 @@ def test_the_azimuth_row_turns_by_the_sine_of_the_direction():
 
 def test_a_receding_echo_lies_in_its_velocity_bin():
     speed = 2 * RADAR.velocity_resolution_mps
-    made = process(echoes(1, [(1.0, 1.5, speed)]))
+    made = process(echoes(1, [(1.0, lambda t: 1.5 + speed * t)]))
     assert made.doppler is not None
     velocity, _ = np.unravel_index(made.doppler[0].argmax(), made.doppler[0].shape)
     assert made.velocity_mps[velocity] == pytest.approx(speed)
 
 
+@pytest.mark.parametrize("doppler", [True, False])
+def test_noise_is_told_from_echoes_at_rest_and_slow_ones(doppler):
+    sigma = 1e-3
+    # Hann over the samples has a mean square of 1.5 times that of no window; the chirps are averaged coherently.
+    expected = 1.5 * sigma**2 / RADAR.num_samples / RADAR.num_chirps
+    made = process(echoes(40, [(3e-3, 1.0), (3e-3, lambda t: 2.0 - 0.2 * t)], noise=sigma), doppler)
+    assert made.noise_floor.mean() == pytest.approx(expected, rel=0.03)
+    assert made.noise_floor == pytest.approx(expected, rel=0.35)  # 320 samples of an exponential in each bin: 6 sigma
+    assert made.power[:, made.range_m > 3].mean() == pytest.approx(expected, rel=0.03)
+    strong = process(echoes(3, [(1.0, 1.0), (1.0, lambda t: 2.0 - 0.2 * t)]), doppler)
+    assert strong.noise_floor.max() < 1e-6 * strong.power.max()
+
+
 def test_saved_and_loaded_and_cut_in_parts_it_is_the_same(tmp_path):
-    made = process(echoes(5, [(1e-3, 1.0, 0.1), (1e-4, 3.0, 0.0)]))
+    recording = echoes(5, [(1e-3, lambda t: 1.0 + 0.1 * t), (1e-4, 3.0)], noise=1e-5)
+    made = process(recording)
     made.save(tmp_path / "kept")
     again = Processed.load(tmp_path / "kept")
     joined = Processed.concatenate([made.frames(slice(0, 2)), made.frames(np.array([2, 3, 4]))])
@@ -65,6 +64,9 @@ def test_saved_and_loaded_and_cut_in_parts_it_is_the_same(tmp_path):
         assert other.radar == made.radar
         for name in ("range_m", "power", "channels", "doppler", "velocity_mps"):
             assert np.array_equal(getattr(other, name), getattr(made, name))
+    assert np.array_equal(again.noise_floor, made.noise_floor)
+    parts = [process(Recording(recording.iq[cut], RADAR)) for cut in (slice(0, 2), slice(2, 5))]
+    assert Processed.concatenate(parts).noise_floor == pytest.approx(made.noise_floor, rel=1e-5)
     first = (tmp_path / "kept" / "processed.npz").read_bytes()
     made.save(tmp_path / "again")
     assert (tmp_path / "again" / "processed.npz").read_bytes() == first
@@ -73,7 +75,7 @@ def test_saved_and_loaded_and_cut_in_parts_it_is_the_same(tmp_path):
 def test_damaged_or_missing_files_are_named(tmp_path):
     with pytest.raises(MissingError, match=r"processed\.json"):
         Processed.load(tmp_path)
-    made = process(echoes(2, [(1.0, 1.0, 0.0)]), doppler=False)
+    made = process(echoes(2, [(1.0, 1.0)]), doppler=False)
     made.save(tmp_path)
     assert Processed.load(tmp_path).doppler is None
     (tmp_path / "processed.npz").write_bytes((tmp_path / "processed.npz").read_bytes()[:200])
@@ -82,7 +84,7 @@ def test_damaged_or_missing_files_are_named(tmp_path):
 
 
 def test_parts_of_different_radars_or_shapes_are_refused():
-    made = process(echoes(1, [(1.0, 1.0, 0.0)]))
+    made = process(echoes(1, [(1.0, 1.0)]))
     other = Processed(replace(RADAR, name="other"), made.range_m, made.power, made.channels, made.doppler, made.velocity_mps)
     with pytest.raises(InputError, match="different"):
         Processed.concatenate([made, other])
@@ -93,7 +95,7 @@ def test_parts_of_different_radars_or_shapes_are_refused():
 
 
 def test_samples_that_are_not_numbers_are_refused():
-    recording = echoes(2, [(1.0, 1.0, 0.0)])
+    recording = echoes(2, [(1.0, 1.0)])
     recording.iq[1, 0, 0, 0, 0] = np.nan
     with pytest.raises(RecordingError, match="NaN"):
         process(recording)
