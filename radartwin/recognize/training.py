@@ -1,0 +1,179 @@
+"""Training of the contrastive encoder on a split: AdamW on InfoNCE, stopped by simulated recordings held out of it.
+
+One root seed draws the initial weights, the recordings held out and the order of the rows, from NumPy; torch computes on one thread, so
+the same seed gives the same bytes whatever else runs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.errors import InputError
+from radartwin.recognize.encoder import DEFAULTS, WEIGHTS, Encoder, Settings
+from radartwin.recognize.samples import MEASURED, SIMULATED, Samples
+from radartwin.recognize.split import Split
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """An encoder, the epochs it took, and the loss on the rows held out after each (empty where none were)."""
+
+    encoder: Encoder
+    epochs: int
+    held_out_loss: tuple[float, ...]
+
+
+def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAULTS, seed: int = 0) -> Trained:
+    """Train on the split's rows, whose features are on comparable scales.
+
+    With simulated rows in training, one simulated recording per class is held out first, and training stops where its loss is least; it is
+    then trained anew on everything for as many epochs. Without them it takes `settings.epochs`.
+
+    Args:
+        anchors: unit text vector (T,) of every class in training.
+    Raises:
+        InputError: a class without an anchor, or a paired term without labelled measured recordings.
+    """
+    train = split.train
+    if missing := [label for label in train.classes if label not in anchors]:
+        raise InputError(f"encoder: {missing[0]} has no text anchor; describe it")
+    labelled = split.labelled
+    if settings.paired and not len(labelled):
+        raise InputError("encoder.paired needs labelled measured recordings; use supervision=few_shot, or encoder.paired=0")
+    held = held_out(split.simulated, seed)
+    losses: tuple[float, ...] = ()
+    epochs = settings.epochs
+    if held:
+        mask = np.isin(train.recording, list(held))
+        losses = _train(train.take(~mask), train.take(mask), anchors, settings, seed, settings.epochs)[1]
+        epochs = int(np.argmin(losses)) + 1
+    encoder, _ = _train(train, None, anchors, settings, seed, epochs)
+    return Trained(encoder, epochs, losses)
+
+
+def held_out(simulated: Samples, seed: int) -> frozenset[str]:
+    """One simulated recording of each class that has several, drawn by the seed."""
+    rng = np.random.default_rng([seed, 0xE5])
+    drawn = []
+    for label in simulated.classes:
+        recordings = np.unique(simulated.recording[simulated.label == label])
+        if len(recordings) > 1:
+            drawn.append(str(rng.choice(recordings)))
+    return frozenset(drawn)
+
+
+def _train(
+    rows: Samples, held: Samples | None, anchors: Mapping[str, NDArray], settings: Settings, seed: int, epochs: int
+) -> tuple[Encoder, tuple[float, ...]]:
+    """(encoder after the last epoch, loss on the held-out rows after each epoch)."""
+    import torch
+
+    rng = np.random.default_rng([seed, 0xEC])
+    classes = sorted({*rows.classes, *(held.classes if held is not None else ())})
+    texts = torch.from_numpy(np.stack([anchors[label] for label in classes]).astype(np.float32))
+    index = {label: number for number, label in enumerate(classes)}
+    x, y = _tensors(rows, index)
+    weight = torch.bincount(y, minlength=len(classes)).float().reciprocal()
+    weight = torch.where(torch.isfinite(weight), weight, 0.0)  # a frequent class counts no more than a rare one
+    cases = _cases(rows) if settings.paired else []
+    losses: list[float] = []
+    with _one_thread():
+        layers = _layers(rng, x.shape[1], settings.hidden, texts.shape[1])
+        optimiser = torch.optim.AdamW(layers, lr=settings.learning_rate, weight_decay=settings.weight_decay)
+        for _ in range(epochs):
+            order = torch.from_numpy(rng.permutation(len(x)))
+            for batch in order.split(settings.batch):
+                z = _forward(layers, x[batch])
+                loss = _to_text(z, y[batch], texts, weight, settings)
+                if cases:
+                    pairs = np.array([[rng.choice(ours), rng.choice(theirs)] for ours, theirs in cases])
+                    loss = loss + settings.paired * _to_pairs(*(_forward(layers, x[column]) for column in pairs.T), settings.temperature)
+                optimiser.zero_grad()
+                loss.backward()
+                optimiser.step()
+            if held is not None:
+                with torch.no_grad():
+                    hx, hy = _tensors(held, index)
+                    losses.append(float(_to_text(_forward(layers, hx), hy, texts, torch.ones_like(weight), settings)))
+                if len(losses) - 1 - int(np.argmin(losses)) >= settings.patience:
+                    break
+        arrays = [layer.detach().numpy().copy() for layer in layers]
+    return Encoder(dict(zip(WEIGHTS, arrays, strict=True))), tuple(losses)
+
+
+def _tensors(rows: Samples, index: Mapping[str, int]):
+    import torch
+
+    return torch.from_numpy(rows.values.astype(np.float32)), torch.tensor([index[label] for label in rows.label])
+
+
+def _layers(rng: np.random.Generator, size: int, hidden: int, out: int):
+    """Weights and biases of both layers, uniform within one over the root of the layer's inputs, as torch.nn.Linear draws them."""
+    import torch
+
+    layers = []
+    for inputs, outputs in ((size, hidden), (hidden, out)):
+        bound = inputs**-0.5
+        for shape in ((outputs, inputs), (outputs,)):
+            layers.append(torch.from_numpy(rng.uniform(-bound, bound, shape).astype(np.float32)).requires_grad_())
+    return layers
+
+
+def _forward(layers, x):
+    import torch
+    from torch.nn.functional import linear, normalize
+
+    return normalize(linear(torch.relu(linear(x, layers[0], layers[1])), layers[2], layers[3]), dim=1)
+
+
+def _to_text(z, y, texts, weight, settings: Settings):
+    """InfoNCE of rows against the texts of all classes; symmetric: and of each text against the rows of the batch."""
+    import torch
+    from torch.nn.functional import cross_entropy
+
+    logits = z @ texts.T / settings.temperature
+    loss = cross_entropy(logits, y, weight=weight)
+    if not settings.symmetric:
+        return loss
+    own = torch.nn.functional.one_hot(y, len(texts)).T.float()
+    own, logits = own[own.sum(dim=1) > 0], logits.T[own.sum(dim=1) > 0]
+    to_rows = -(own * logits.log_softmax(dim=1)).sum(dim=1) / own.sum(dim=1)
+    return (loss + to_rows.mean()) / 2
+
+
+def _to_pairs(simulated, measured, temperature: float):
+    """InfoNCE both ways between the two rows of each pair."""
+    import torch
+    from torch.nn.functional import cross_entropy
+
+    logits = simulated @ measured.T / temperature
+    own = torch.arange(len(logits))
+    return (cross_entropy(logits, own) + cross_entropy(logits.T, own)) / 2
+
+
+def _cases(rows: Samples) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Indices of the simulated and the measured rows of each object and stratum that has both."""
+    found = []
+    for label, stratum in sorted(set(zip(rows.label, rows.stratum, strict=True))):
+        here = (rows.label == label) & (rows.stratum == stratum)
+        ours, theirs = (np.flatnonzero(here & (rows.domain == domain)) for domain in (SIMULATED, MEASURED))
+        if len(ours) and len(theirs):
+            found.append((ours, theirs))
+    return found
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

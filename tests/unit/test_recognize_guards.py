@@ -1,0 +1,99 @@
+"""Who may be learned from: splits that refuse a measured label, a shared recording, or a scored calibration object."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather, join
+from radartwin.recognize.split import LeakError, Split, as_domains, draw_shots, label_free, mixed_domains, shuffled
+
+OBJECTS = ("can", "mug", "reflector")
+
+
+def recordings(domain: str, each: int = 4, frames: int = 5, seed: int = 0) -> Samples:
+    rng = np.random.default_rng(seed)
+    parts = [
+        Part(f"{domain} {label} {number}", label, domain, rng.normal(size=(frames, 2)), f"{number % 2} m")
+        for label in OBJECTS
+        for number in range(each)
+    ]
+    return gather(("a", "b"), parts)
+
+
+def test_a_measured_label_cannot_be_learned_from_without_labels():
+    """However it is smuggled in: alone, or a single recording among simulated ones, at either level without labels."""
+    simulated, measured = recordings(SIMULATED), recordings(MEASURED)
+    one = measured.take(measured.recording == measured.recording[0])
+    rest = measured.take(measured.recording != measured.recording[0])
+    for train in (one, join(simulated, one)):
+        with pytest.raises(LeakError, match="is among those to learn from"):
+            Split("label_free", train, rest)
+        with pytest.raises(LeakError, match="is among those to learn from"):
+            Split("calibrated", train, rest.without("reflector"), calibration_object="reflector")
+
+
+def test_what_training_sees_of_the_rows_to_score_has_no_labels():
+    split = label_free(recordings(SIMULATED), recordings(MEASURED))
+    assert not hasattr(split.unlabelled, "label")
+    assert np.array_equal(split.unlabelled.values, split.test.values)
+
+
+def test_few_shot_takes_its_number_of_recordings_and_no_more():
+    simulated, measured = recordings(SIMULATED), recordings(MEASURED)
+    known, rest = draw_shots(measured, 2, seed=3)
+    split = Split("few_shot", join(simulated, known), rest, shots=2)
+    assert {label: len(set(split.labelled.recording[split.labelled.label == label])) for label in OBJECTS} == dict.fromkeys(OBJECTS, 2)
+    with pytest.raises(LeakError, match=r"shots is 1"):
+        Split("few_shot", join(simulated, known), rest, shots=1)
+
+
+def test_frames_of_a_recording_never_part():
+    measured = recordings(MEASURED)
+    with pytest.raises(LeakError, match="split by recording, never by frame"):
+        Split("few_shot", measured.take(np.arange(0, len(measured), 2)), measured.take(np.arange(1, len(measured), 2)), shots=9)
+    known, rest = draw_shots(measured, 1, seed=0)
+    assert not set(known.recording) & set(rest.recording)
+
+
+def test_the_calibration_object_is_not_scored():
+    simulated, measured = recordings(SIMULATED), recordings(MEASURED)
+    with pytest.raises(LeakError, match="reflector was recorded for calibration"):
+        Split("calibrated", simulated, measured, calibration_object="reflector")
+    assert "reflector" not in Split("calibrated", simulated, measured.without("reflector"), calibration_object="reflector").test.classes
+
+
+def test_a_simulated_recording_is_not_scored():
+    with pytest.raises(LeakError, match="score measured recordings alone"):
+        Split("label_free", recordings(SIMULATED, seed=1), recordings(SIMULATED))
+
+
+def test_a_recording_has_one_label_and_one_domain():
+    simulated = recordings(SIMULATED)
+    labels = simulated.label.copy()
+    labels[0] = "mug"
+    with pytest.raises(ValueError, match="has two labels or two domains"):
+        Samples(simulated.names, simulated.values, simulated.recording, simulated.stratum, simulated.domain, labels)
+
+
+def test_the_order_of_files_does_not_matter():
+    rng = np.random.default_rng(0)
+    parts = [Part(f"r{number:02d}", "can", MEASURED, rng.normal(size=(3, 2))) for number in range(12)]
+    one, two = gather(("a", "b"), parts), gather(("a", "b"), [parts[i] for i in rng.permutation(len(parts))])
+    assert np.array_equal(one.values, two.values)
+    assert np.array_equal(one.recording, two.recording)
+
+
+def test_shuffled_labels_stay_with_their_recordings_and_keep_their_numbers():
+    samples = recordings(SIMULATED, each=6)
+    dealt = shuffled(samples, seed=1)
+    assert sorted(dealt.per_recording().label) == sorted(samples.per_recording().label)
+    assert (dealt.label != samples.label).any()
+    domains = mixed_domains(join(recordings(SIMULATED), recordings(MEASURED)), seed=1)
+    assert set(domains.classes) == {SIMULATED, MEASURED}
+    assert (domains.label != as_domains(domains).label).any()
+
+
+def test_a_value_that_is_not_finite_is_named():
+    with pytest.raises(ValueError, match=r"b of recording r1 is not finite"):
+        gather(("a", "b"), [Part("r1", "can", MEASURED, np.array([[0.0, np.nan]]))])
