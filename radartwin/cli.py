@@ -147,7 +147,7 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument("--out", metavar="FILE", type=Path, help="default: SCENE/view.html")
 
     dashboard = _verb(verbs, "dashboard", _dashboard, "the MLflow server on loopback")
-    dashboard.add_argument("--port", type=_port, default=5000, help="default: 5000")
+    dashboard.add_argument("--port", type=_port, help="default: 5000, or a free one if it is taken")
     _output(dashboard)
 
     report = _verb(verbs, "report", _report, "the static report from the tables already written")
@@ -198,9 +198,13 @@ def _given(options: argparse.Namespace) -> list[str]:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from radartwin import run
+    if options.multirun:
+        from radartwin.sweep import sweep
 
-    return (run.sweep if options.multirun else run.run)(_given(options), options.config_dir)
+        return sweep(_given(options), options.config_dir)
+    from radartwin.run import run
+
+    return run(_given(options), options.config_dir)
 
 
 def _tables(options: argparse.Namespace) -> int:
@@ -315,7 +319,7 @@ def _view(options: argparse.Namespace) -> int:
 
 def _dashboard(options: argparse.Namespace) -> int:
     from radartwin.compose import compose
-    from radartwin.tracking import dashboard
+    from radartwin.dashboard import dashboard
 
     return dashboard(compose().tracking, options.output, options.port)
 

@@ -7,6 +7,7 @@ wrong, where, and what would have been right. Hydra is imported on use: it costs
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import difflib
 import re
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
 CONFIG_NAME = "config"
+LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # option to the extra that brings it
 
 
 def conf_dir() -> Path:
@@ -41,7 +43,8 @@ def register() -> None:
 
 def groups() -> dict[str, list[str]]:
     """Options of each group as shipped: {"scene": ["empty", "lab", ...], ...}."""
-    return {d.name: sorted(f.stem for f in d.glob("*.yaml")) for d in sorted(conf_dir().iterdir()) if d.is_dir()}
+    folders = sorted(d for d in conf_dir().iterdir() if d.is_dir() and d.name != "hydra")
+    return {d.name: sorted(f.stem for f in d.glob("*.yaml")) for d in folders}
 
 
 def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> Config:
@@ -52,19 +55,37 @@ def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> 
     Raises:
         ConfigError: a wrong key, option, type or combination, in one line.
     """
-    import hydra
-    from hydra.core.global_hydra import GlobalHydra
+    return Composer(config_dirs).compose(overrides)
+
+
+class Composer:
+    """Composes any number of configurations from the same folders."""
+
+    def __init__(self, config_dirs: Sequence[Path] = ()) -> None:
+        self._searched = search_override(config_dirs)
+
+    def compose(self, overrides: Sequence[str]) -> Config:
+        """As `compose`."""
+        import hydra
+        from hydra.core.global_hydra import GlobalHydra
+
+        register()
+        overrides = quoted(overrides)
+        GlobalHydra.instance().clear()
+        with composing(overrides):
+            with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
+                composed = hydra.compose(CONFIG_NAME, overrides=[*overrides, *self._searched])
+            return typed(composed)
+
+
+@contextlib.contextmanager
+def composing(overrides: Sequence[str]) -> Iterator[None]:
+    """What Hydra and OmegaConf find wrong with the overrides, as one ConfigError line."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    register()
-    overrides = quoted(overrides)
-    searched = search_override(config_dirs)
-    GlobalHydra.instance().clear()
     try:
-        with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            composed = hydra.compose(CONFIG_NAME, overrides=[*overrides, *searched])
-        return typed(composed)
+        yield
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(explain(error)) from error
     except ConfigError:
@@ -181,6 +202,8 @@ def _first_line(error: BaseException) -> str:
 
 def _unknown_option(config_file: str, options: Sequence[str]) -> str:
     group, _, option = config_file.removesuffix(".yaml").rpartition("/")
+    if group == "hydra/launcher" and (extra := LAUNCHER_EXTRAS.get(option)):
+        return f"hydra/launcher={extra} needs an extra: pip install 'radartwin[{extra}]'"
     if not group:
         return f"there is no configuration '{option}'"
     known = ", ".join(sorted(options))

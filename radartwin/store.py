@@ -4,25 +4,28 @@
     output/cache/KIND/KEY.tmp/      while it is being built, under a lock; left by a killed process, swept at a start
 
 The key of a product is the digest of three things (radartwin/digest.py): the specification, the source of the modules
-that compute it, and the content of its input files. A finished key is not computed again while its files have the
-sizes that meta.json recorded; a failed, killed or damaged one is.
+that compute it, and the content of its input files. A finished key is not computed again while its files are
+what meta.json recorded (size and SHA-256); a failed, killed or damaged one is.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
+import hashlib
 import json
 import re
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radartwin import __version__, files
 from radartwin.digest import canonical, source_digest, spec_digest
+from radartwin.errors import OutputError, UserError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 KEY_LENGTH = 32  # 128 bits of the digest name the folder
 SHORT = 8
 META = "meta.json"
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 RUN = "run"  # the kind of a scored experiment
 
 
@@ -93,6 +97,7 @@ class Store:
         self.root = files.make_folder(Path(root).absolute())
         self.counts = Counts()
         self._say = say
+        self._sound: set[Path] = set()
         for work in sorted(self.root.glob(f"*/*{files.TEMPORARY}")):
             if re.fullmatch(rf"[0-9a-f]{{{KEY_LENGTH}}}", work.name.removesuffix(files.TEMPORARY)) and work.is_dir():
                 files.drop_abandoned(work)
@@ -120,12 +125,20 @@ class Store:
         """
         roots = list(roots)
         key = self.key(kind, spec, roots, inputs)
+        with _room_told(self.root):
+            return self._fetch(kind, key, spec, roots, build)
+
+    def holds(self, kind: str, spec: Mapping[str, Any], roots: Iterable[str], inputs: Mapping[str, str] | None = None) -> bool:
+        """Whether the product is in the cache, whole. Computes nothing."""
+        return self._whole(self.root / kind / self.key(kind, spec, list(roots), inputs))
+
+    def _fetch(self, kind: str, key: str, spec: Mapping[str, Any], roots: list[str], build: Callable[[Path], None]) -> Product:
         final, work = self.root / kind / key, self.root / kind / f"{key}{files.TEMPORARY}"
-        if _whole(final):
+        if self._whole(final):
             return self._count(kind, Product(final, key, reused=True))
         try:
             with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
-                if _whole(final):
+                if self._whole(final):
                     return self._count(kind, Product(final, key, reused=True))
                 if final.is_dir():
                     self._say(f"{kind} {key[:SHORT]} in the cache is damaged (its files are not as they were written); building it again")
@@ -149,7 +162,7 @@ class Store:
         shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed here
         folder.mkdir()
         try:
-            started = time.time()
+            started = time.monotonic()
             build(folder)
             meta = {
                 "kind": kind,
@@ -158,8 +171,9 @@ class Store:
                 "modules": roots,
                 "radartwin": __version__,
                 "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-                "seconds": round(time.time() - started, 3),
+                "seconds": round(time.monotonic() - started, 3),
                 "bytes": _sizes(folder),
+                "sha256": {name: _digest(folder / name) for name in _sizes(folder)},
             }
             save_json(folder, META.removesuffix(".json"), meta)
             files.sync(folder)
@@ -167,6 +181,13 @@ class Store:
             files.sync(final.parent, deep=False)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+    def _whole(self, product: Path) -> bool:
+        """Whether a finished product is as it was written: its content is read once, then its sizes are compared."""
+        verified = _verified(product, content=product not in self._sound)
+        if verified:
+            self._sound.add(product)
+        return verified
 
     def _count(self, kind: str, product: Product) -> Product:
         self.counts.add(kind, product.reused)
@@ -177,13 +198,36 @@ def _sizes(folder: Path) -> dict[str, int]:
     return {path.relative_to(folder).as_posix(): path.stat().st_size for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-def _whole(product: Path) -> bool:
-    """Whether a finished product still has every file at the size its meta.json recorded; others may lie beside them."""
+def _verified(product: Path, content: bool) -> bool:
+    """Whether every file has the size, and the content, that meta.json recorded; others may lie beside them."""
     try:
-        recorded = json.loads((product / META).read_text(encoding="utf-8"))["bytes"]
-        return recorded.items() <= _sizes(product).items()
+        meta = json.loads((product / META).read_text(encoding="utf-8"))
+        if not meta["bytes"].items() <= _sizes(product).items():
+            return False
+        return not content or all(_digest(product / name) == digest for name, digest in meta.get("sha256", {}).items())
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return False
+
+
+def _digest(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+@contextlib.contextmanager
+def _room_told(root: Path) -> Iterator[None]:
+    """A disk that is full, or can only be read, is the user's to mend: one line instead of a traceback."""
+    try:
+        yield
+    except UserError:
+        raise
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        where = error.filename or root
+        raise OutputError(
+            f"{where}: {error.strerror}; free some space or choose another output, then run the same command again"
+        ) from error
 
 
 def save_arrays(folder: Path, arrays: Mapping[str, np.ndarray], name: str = "arrays") -> None:

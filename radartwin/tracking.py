@@ -8,12 +8,12 @@ run is written in three short visits: created, one batch of metrics and tags, en
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import logging
 import os
 import sqlite3
-import subprocess
-import sys
 import time
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from radartwin import __version__, files
 from radartwin.config import TrackingConfig
-from radartwin.errors import BackendError, ConfigError
+from radartwin.errors import BackendError, OutputError, UserError
 from radartwin.provenance import commit
 
 if TYPE_CHECKING:
@@ -89,53 +89,69 @@ class Tracker:
         if self.off:
             yield record
             return
-        with self._exclusive():
-            client = self._connect()
+        with self._visit() as client:
             experiment_id = self._experiment(client, table)
             self._bury(client, experiment_id, key)
             record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", tags(table, key), self.parent_run_id)
+        began, clock = int(time.time() * 1000), time.monotonic()
+        status, error = "FINISHED", ""
         try:
             yield record
-        except BaseException as error:
-            self._end(record, params, "KILLED" if isinstance(error, KeyboardInterrupt) else "FAILED", str(error)[:500])
+        except BaseException as raised:
+            status, error = "KILLED" if isinstance(raised, KeyboardInterrupt) else "FAILED", str(raised)[:500]
             raise
-        self._end(record, params, "FINISHED")
+        finally:
+            ended = began + int((time.monotonic() - clock) * 1000)  # the wall clock may have been set meanwhile
+            try:
+                self._end(record, params, status, error, ended)
+            except (BackendError, OutputError) as lost:
+                warnings.warn(f"run {key[:8]} is not in MLflow as it ended: {lost}; what it computed is kept", stacklevel=1)
 
     def sweep(self, table: str, name: str) -> str | None:
-        """Open the parent run of a sweep and return its id for the jobs; None when tracking is off."""
+        """Open the parent run of a sweep and return its id for the jobs; None when tracking is off.
+
+        The same sweep, started again, goes on under the parent it had.
+        """
         if self.off:
             return None
-        with self._exclusive():
-            client = self._connect()
-            return self._create(client, self._experiment(client, table), name, tags(table, "sweep"), None)
+        sweep_key = hashlib.sha256(f"{table} {name}".encode()).hexdigest()[:32]
+        with self._visit() as client:
+            experiment_id = self._experiment(client, table)
+            before = client.search_runs([experiment_id], filter_string=f"tags.`sweep_key` = '{sweep_key}'", max_results=1)
+            if before:
+                client.update_run(before[0].info.run_id, status="RUNNING")
+                return before[0].info.run_id
+            return self._create(client, experiment_id, name, {**tags(table, "sweep"), "sweep_key": sweep_key}, None)
 
     def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"]) -> None:
         if run_id is not None:
-            with self._exclusive():
-                self._connect().set_terminated(run_id, status)
+            with self._visit() as client:
+                client.set_terminated(run_id, status)
 
     def known(self, table: str, key: str) -> bool:
         """Whether a finished run of this key is recorded."""
         if self.off:
             return True
-        with self._exclusive():
-            client = self._connect()
+        with self._visit() as client:
             found = self._of_key(client, self._experiment(client, table), key)
         return any(run.info.status == "FINISHED" for run in found)
+
+    @contextlib.contextmanager
+    def _visit(self) -> Iterator[MlflowClient]:
+        """The store, under its lock; what goes wrong with it in the meantime is a BackendError."""
+        with self._exclusive():
+            client = self._connect()
+            with _told(self.uri):
+                yield client
 
     def _connect(self) -> MlflowClient:
         if self._client is None:
             quieten()
-            from mlflow import MlflowClient
-            from mlflow.exceptions import MlflowException
-            from sqlalchemy.exc import SQLAlchemyError
+            with _told(self.uri), _impatient():
+                from mlflow import MlflowClient
 
-            try:
-                with _impatient():
-                    client = MlflowClient(tracking_uri=self.uri)
-                    client.search_experiments(max_results=1)  # SQLite: creates the tables
-            except (MlflowException, SQLAlchemyError, ImportError) as error:
-                raise _unusable(self.uri, _one_line(error)) from error
+                client = MlflowClient(tracking_uri=self.uri)
+                client.search_experiments(max_results=1)  # SQLite: creates the tables
             self._client = client
         return self._client
 
@@ -161,26 +177,26 @@ class Tracker:
             run_tags["mlflow.parentRunId"] = parent
         return client.create_run(experiment_id, run_name=name, tags=run_tags).info.run_id
 
-    def _end(self, record: Record, params: Mapping[str, str], status: str, error: str = "") -> None:
+    def _end(self, record: Record, params: Mapping[str, str], status: str, error: str, ended_ms: int) -> None:
         from mlflow.entities import Metric, Param, RunTag
 
         if len(record.metrics) > MAX_METRICS:
             raise ValueError(f"{len(record.metrics)} metrics in one run; keep {MAX_METRICS} and write the rest as an artifact")
-        now = int(time.time() * 1000)
-        client = self._connect()
-        for path in record.artifacts:
-            if path.is_dir():
-                client.log_artifacts(record.run_id, str(path), path.name)
-            else:
-                client.log_artifact(record.run_id, str(path))
-        with self._exclusive():
+        with _told(self.uri):
+            client = self._connect()
+            for path in record.artifacts:
+                if path.is_dir():
+                    client.log_artifacts(record.run_id, str(path), path.name)
+                else:
+                    client.log_artifact(record.run_id, str(path))
+        with self._visit() as client:
             client.log_batch(
                 record.run_id,
-                metrics=[Metric(name, float(value), now, 0) for name, value in record.metrics.items()],
+                metrics=[Metric(name, float(value), ended_ms, 0) for name, value in record.metrics.items()],
                 params=[Param(name, value) for name, value in params.items()],
                 tags=[RunTag("error", error)] if error else [],
             )
-            client.set_terminated(record.run_id, status)
+            client.set_terminated(record.run_id, status, ended_ms)
 
     @contextlib.contextmanager
     def _exclusive(self) -> Iterator[None]:
@@ -205,19 +221,6 @@ def quieten() -> None:
     logging.getLogger("alembic").setLevel(logging.WARNING)
 
 
-def dashboard(config: TrackingConfig, output: Path, port: int) -> int:
-    """Serve MLflow's pages on loopback until interrupted; the exit status of the server."""
-    tracker = Tracker(config, output)
-    if tracker.artifacts is None:
-        raise ConfigError(f"tracking.uri={tracker.uri} is a server of its own; open it in a browser")
-    tracker.prepare()
-    command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", "127.0.0.1"]
-    command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
-    with contextlib.suppress(KeyboardInterrupt):
-        return subprocess.run(command, check=False).returncode
-    return 0
-
-
 def _check_database(path: Path) -> None:
     """Refuse at once what mlflow would retry for minutes, saying so each time."""
     if signs := [sign for sign in "?#%" if sign in str(path)]:
@@ -232,6 +235,20 @@ def _check_database(path: Path) -> None:
             connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
     except sqlite3.Error as error:
         raise _unusable(path, "it is not a file" if path.is_dir() else _one_line(error)) from error
+
+
+@contextlib.contextmanager
+def _told(uri: str) -> Iterator[None]:
+    """Errors of the store as one line that names it."""
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        yield
+    except UserError:
+        raise
+    except (MlflowException, SQLAlchemyError, ImportError, OSError) as error:
+        raise _unusable(uri, _one_line(error)) from error
 
 
 @contextlib.contextmanager

@@ -90,11 +90,11 @@ def test_a_sweep_survives_a_refused_and_a_failed_job_and_resumes(radartwin: Comm
     assert swept.returncode == 2
     assert "refused  materials=vlm: materials=vlm has no recorded answers" in swept.stdout
     assert "done     materials=uniform" in swept.stdout
-    assert "sweep: 2 done, 0 failed, 1 refused" in swept.stdout
+    assert "sweep: 2 done, 0 cached, 0 failed, 1 refused" in swept.stdout
     assert "Traceback" not in swept.stderr
     again = radartwin(*own, "-m", "materials=uniform,void", "seed=0,13")
     assert again.returncode == 1
-    assert "sweep: 2 done, 2 failed, 0 refused" in again.stdout
+    assert "sweep: 0 done, 2 cached, 2 failed, 0 refused" in again.stdout
     assert "materials=void,seed=0: run" in again.stdout
     assert "the solver broke" in again.stderr
     with closing(sqlite3.connect(tmp_path / "outputs" / "mlflow.db")) as connection:

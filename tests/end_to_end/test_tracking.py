@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 from radartwin.config import TrackingConfig
+from radartwin.dashboard import dashboard
 from radartwin.errors import BackendError, ConfigError, OutputError
-from radartwin.tracking import ARTIFACTS, DATABASE, Tracker, dashboard
+from radartwin.tracking import ARTIFACTS, DATABASE, Tracker
 
 # SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")

@@ -15,7 +15,7 @@ from radartwin.config import Config, GapConfig
 from radartwin.errors import ConfigError, MissingError
 from radartwin.experiment import load
 from radartwin.radar.chirp import Radar
-from radartwin.run import plan
+from radartwin.sweep import combinations
 
 MISTAKES = {
     "a key that does not exist": (["scene.nme=x"], ("scene.nme", "did you mean name", "target_size_m")),
@@ -135,7 +135,7 @@ def test_a_users_folder_adds_options(tmp_path: Path) -> None:
 def test_a_path_survives_whatever_signs_it_has(name: str, tmp_path: Path) -> None:
     overrides = [composer.path_override("output", tmp_path / name)]
     assert compose(overrides).output == str(tmp_path / name)
-    assert compose(plan(overrides)[0]).output == str(tmp_path / name), "as a job of a sweep"
+    assert compose(combinations(overrides)[0]).output == str(tmp_path / name), "as a job of a sweep"
 
 
 @pytest.mark.parametrize("name", ["a b, 'c' = {d}", "[x],y=z"])
