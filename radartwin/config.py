@@ -379,11 +379,37 @@ class FeaturesConfig:
 
 
 @dataclass
+class EncoderConfig:
+    """The contrastive encoder; what each setting is, and where its default comes from: radartwin/recognize/encoder.py."""
+
+    hidden: int = 128
+    temperature: float = 0.07
+    epochs: int = 200  # at most
+    patience: int = 20
+    batch: int = 128
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-4
+    symmetric: bool = False  # InfoNCE from text to radar too
+    paired: float = 0.0  # few_shot: weight of the term between simulated and measured rows of the same case
+
+    def __post_init__(self) -> None:
+        for name in ("hidden", "temperature", "epochs", "patience", "batch", "learning_rate"):
+            _positive(f"supervision.encoder.{name}", getattr(self, name))
+        for name in ("weight_decay", "paired"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ConfigError(f"supervision.encoder.{name}={getattr(self, name)} must be zero or above, and finite")
+
+
+@dataclass
 class SupervisionConfig:
-    """What is known of the measured domain: nothing, one unlabelled reflector recording, or some labelled ones."""
+    """What is known of the measured domain: nothing, one unlabelled reflector recording, or some labelled ones; and how is learned."""
 
     mode: str = "label_free"  # label_free | calibrated | few_shot
     shots: int = 0  # few_shot: labelled recordings per class
+    seeds: int = 5  # trainings that are averaged
+    copies: int = 30  # with noise, of each simulated recording
+    trees: int = 300  # of a forest
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
 
     def __post_init__(self) -> None:
         _one_of("supervision.mode", self.mode, ("label_free", "calibrated", "few_shot"))
@@ -391,6 +417,11 @@ class SupervisionConfig:
             raise ConfigError(f"supervision=few_shot needs supervision.shots of at least 1, not {self.shots}")
         if self.mode != "few_shot" and self.shots != 0:
             raise ConfigError(f"supervision.shots={self.shots} contradicts supervision.mode={self.mode}; use supervision=few_shot")
+        if self.mode != "few_shot" and self.encoder.paired:
+            unread = f"supervision.encoder.paired={self.encoder.paired:g} needs labelled measured recordings"
+            raise ConfigError(f"{unread}; use supervision=few_shot, or leave it out")
+        for name in ("seeds", "copies", "trees"):
+            _positive(f"supervision.{name}", getattr(self, name))
 
 
 @dataclass
