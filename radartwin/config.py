@@ -26,6 +26,7 @@ SIMULATOR_FIELDS: dict[str, dict[str, tuple[str, ...]]] = {
         "cross_section": ("table", "sphere"), "points": ("centre", "box"), "room": ("images", "void"), "step_deg": (),
         "rays_per_wavelength2": (),
     },
+    "sionna": {"max_bounces": (), "rays": (), "diffuse": (), "separation_m": ()},
 }  # fmt: skip
 
 # What each material source reads, with its default.
@@ -182,16 +183,16 @@ class SimulatorConfig:
     A field that the chosen simulator does not read is null; `elements` belongs to the signal and is read with all of them.
     """
 
-    backend: str = "mitsuba"  # mitsuba | rfgenesis | points
+    backend: str = "mitsuba"  # mitsuba | rfgenesis | points | sionna
     variant: str = _unkeyed("auto")  # auto | llvm | cuda
     elements: str = "exact"  # exact | planar | auto: distances over each antenna element, or a plane wave across the array
     room: str | None = "auto"  # mitsuba: panels by images, tubes, or auto (panels where the room is flat); points: images | void
     # mitsuba
-    max_bounces: int | None = 4
-    rays: int | None = None  # per frame; null: by the width rule
+    max_bounces: int | None = 4  # sionna: too
+    rays: int | None = None  # per frame; null: by the width rule; sionna: its samples
     rays_per_wavelength2: float | None = 1.0  # on objects; points: of its table
     coupling: bool | None = True  # paths between objects and room, by mirrored sensors
-    diffuse: bool | None = True  # scatter of rough surfaces, by a cloud fixed in the world
+    diffuse: bool | None = True  # scatter of rough surfaces, by a cloud fixed in the world; sionna: its own, which adds coherently
     # rfgenesis
     version: str | None = None  # shipped | columns | corrected (radartwin/simulation/rfgenesis.py)
     grid: int | None = None  # pixels along each side
@@ -200,6 +201,8 @@ class SimulatorConfig:
     cross_section: str | None = None  # table: far field by aspect | sphere: one of the object's size
     points: str | None = None  # centre | box: of the bounding box, or of its faces
     step_deg: float | None = None  # of the table
+    # sionna
+    separation_m: float | None = None  # of the receiver while paths are looked for, so that corners are seen into
 
     def __post_init__(self) -> None:
         _one_of("simulator.backend", self.backend, tuple(SIMULATOR_FIELDS))
@@ -221,6 +224,8 @@ class SimulatorConfig:
                 _one_of(f"simulator.{name}", str(getattr(self, name)), options)
         if self.fov_deg is not None and not self.fov_deg < 180:
             raise ConfigError(f"simulator.fov_deg={self.fov_deg:g} must be below 180")
+        if self.separation_m is not None and not 0 <= self.separation_m <= 1:
+            raise ConfigError(f"simulator.separation_m={self.separation_m:g} must be from 0 to 1")
         if self.step_deg is not None and self.step_deg > 90:
             raise ConfigError(f"simulator.step_deg={self.step_deg:g} must be at most 90")
 

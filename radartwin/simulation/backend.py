@@ -16,7 +16,7 @@ from radartwin.scene.scene import Scene
 from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
 
-SIMULATORS = ("mitsuba", "rfgenesis", "points")
+SIMULATORS = ("mitsuba", "rfgenesis", "points", "sionna")
 
 
 class Backend(Protocol):
@@ -94,9 +94,11 @@ def settings_of(name: str) -> frozenset[str]:
 def _kinds() -> dict[str, tuple[Any, Any]]:
     from radartwin.simulation.rfgenesis import RFGenesisBackend, RFGenesisSettings
     from radartwin.simulation.scatterers import PointBackend, PointSettings
+    from radartwin.simulation.sionna import SionnaBackend, SionnaSettings
 
     return {
         "mitsuba": (MitsubaBackend, TraceSettings),
         "rfgenesis": (RFGenesisBackend, RFGenesisSettings),
         "points": (PointBackend, PointSettings),
+        "sionna": (SionnaBackend, SionnaSettings),
     }

@@ -63,11 +63,12 @@ def has_cuda() -> bool:
 
 
 @functools.cache
-def activate(preference: str = "auto") -> str:
+def activate(preference: str = "auto", light: str = "rgb") -> str:
     """Set the Mitsuba variant, once per process, and return its name.
 
     Args:
         preference: "auto" (CUDA where a device is found, else LLVM), "llvm" or "cuda".
+        light: how the variant represents it: "rgb", or what another program needs.
     Raises:
         BackendError: no device for "cuda"; no LLVM of at least version 17 for the CPU.
     """
@@ -85,7 +86,7 @@ def activate(preference: str = "auto") -> str:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
     import mitsuba as mi
 
-    name = "cuda_ad_rgb" if cuda else "llvm_ad_rgb"
+    name = f"{'cuda' if cuda else 'llvm'}_ad_{light}"
     if mi.variant() is not None and mi.variant() != name:
         raise BackendError(f"Mitsuba already runs as {mi.variant()!r} in this process; {name!r} needs a process of its own")
     mi.set_variant(name)

@@ -1,0 +1,71 @@
+"""A Sionna radio material that looks reflection up in a table, by surface and angle.
+
+Sionna's own material is one homogeneous slab in air. Walls here are stacks, so what is looked up is `radartwin.materials.reflection`
+on an even grid of cosines, interpolated linearly: exact to 2e-3 of the incident field from grazing to normal incidence (tested), and for
+a slab in air what Sionna computes itself (tested too). Everything else, polarisation, diffuse pattern and probabilities, stays Sionna's.
+One material serves all surfaces, because Dr.Jit records every material's code on each call. Import only in the worker process, once its
+Mitsuba variant is active.
+"""
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from sionna.rt import RadioMaterial
+
+
+class TabulatedMaterial(RadioMaterial):
+    """Reflection by table.
+
+    Args:
+        surface: (F,) index of each face's surface in the tables.
+        scattering: (S,) Sionna's scattering coefficient of each surface, 0 to 1: the square root of the share of the reflected power that
+            is scattered.
+    """
+
+    def __init__(self, surface: np.ndarray, scattering: np.ndarray) -> None:
+        # what Sionna samples interactions by: a metal, so that no angle is without a reflection
+        super().__init__(name="tabulated", conductivity=1e7)
+        self._surface = mi.UInt(np.ascontiguousarray(surface, np.uint32))
+        self._scattering = mi.Float(np.ascontiguousarray(scattering, np.float32))
+        self._table: list[Any] = []
+        self._cosines = 0
+        self._row: Any = None
+        dr.make_opaque(self._surface, self._scattering)
+
+    def use(self, te: np.ndarray, tm: np.ndarray) -> None:
+        """Take tables (S, C) complex on an even grid of cosines from 0 to 1."""
+        self._cosines = te.shape[1]
+        parts = (np.real(te), np.imag(te), np.real(tm), np.imag(tm))
+        self._table = [mi.Float(np.ascontiguousarray(part, np.float32).ravel()) for part in parts]
+        dr.make_opaque(self._table)
+
+    def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> Any:
+        self._meet(si)
+        return super().sample(ctx, si, sample1, sample2, active)
+
+    def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        self._meet(si)
+        return super().eval(ctx, si, wo, active)
+
+    def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        self._meet(si)
+        return super().pdf(ctx, si, wo, active)
+
+    def _meet(self, si: Any) -> None:
+        """Which surface is asked about; its scattering coefficient stands in the attribute that Sionna reads."""
+        self._row = dr.gather(mi.UInt, self._surface, si.prim_index)
+        self._s = dr.gather(mi.Float, self._scattering, self._row)
+
+    def _specular_reflection_transmission_matrix(
+        self, to_world: Any, ki_local: Any, ko_local: Any, reflection: Any, r_te: Any, r_tm: Any, t_te: Any, t_tm: Any
+    ) -> Any:
+        """Sionna's Jones matrix with the table's coefficients in place of r_te and r_tm."""
+        place = dr.clip(-ki_local.z, 0, 1) * (self._cosines - 1)
+        below = dr.minimum(mi.UInt(place), self._cosines - 2)
+        share, index = place - mi.Float(below), below + self._row * self._cosines
+        values = [dr.lerp(dr.gather(mi.Float, part, index), dr.gather(mi.Float, part, index + 1), share) for part in self._table]
+        pair: Any = mi.Complex2f
+        te, tm = pair(values[0], values[1]), pair(values[2], values[3])
+        return super()._specular_reflection_transmission_matrix(to_world, ki_local, ko_local, reflection, te, tm, t_te, t_tm)
