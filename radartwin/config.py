@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from radartwin.errors import ConfigError
+from radartwin.features.names import families
 
 # What each simulator reads besides backend, variant and elements; and the choices of what is chosen by name.
 SIMULATOR_FIELDS: dict[str, dict[str, tuple[str, ...]]] = {
@@ -377,10 +378,13 @@ class MeasuredConfig:
 
 @dataclass
 class FeaturesConfig:
-    name: str = "raw"
+    """What is read from a recording: the set that its motion exposes (radartwin/features/names.py), less what a claim leaves out."""
+
+    name: str = "raw"  # rotation | depth | lateral | raw
+    without: list[str] = field(default_factory=list)  # families left out, such as brightness where a claim is about shape
 
     def __post_init__(self) -> None:
-        _one_of("features.name", self.name, ("raw",))
+        families(self.name, self.without)
 
 
 @dataclass

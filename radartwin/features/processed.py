@@ -3,9 +3,10 @@
 Symbols: s_fcv(r) -> range profile of frame f, chirp c and virtual channel v (Hann window over the samples). Kept of it:
 power P(f, r) = mean_v |mean_c s_fcv(r)|^2, chirps coherently and channels in power; channels A_fv(r) = mean_c s_fcv(r) of the azimuth
 row; Doppler D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2, Hann window over the chirps. An echo of amplitude a on the
-centre of its bins reads a^2 in P and D, and a in A. Bins reach from 0 to MAX_RANGE_M: rooms are larger, but no feature looks farther.
-Noise N(r), what P reads without echoes: the mean over frames of D at the speed that is farthest from rest, where nothing indoors moves,
-brought to P's bandwidth: N = D / (C sum_c w_c^2). A slow echo leaks there by less than -60 dB of itself.
+centre of its bins reads a^2 in P and D, and a in A; one that moves reads less in P and A, 0.7 dB at 0.2 m/s. Bins reach from 0 to
+MAX_RANGE_M: rooms are larger, but no feature looks farther. Noise N(r), what P reads without echoes: the mean over frames of D at the
+speed that is farthest from rest, where nothing indoors moves, brought to P's bandwidth: N = D / (C sum_c w_c^2). A slow echo leaks there
+by less than -60 dB of itself.
 """
 
 from __future__ import annotations

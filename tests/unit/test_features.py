@@ -1,0 +1,400 @@
+"""Every feature on recordings of point echoes for which its value is known in closed form, and what must not move it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from echoes import BIN_M, RADAR, echoes
+
+from radartwin.errors import ConfigError, InputError
+from radartwin.features import brightness, doppler, envelope, extent, sets, signature, track, window
+from radartwin.features.names import SETS, families
+from radartwin.features.processed import Processed, process
+from radartwin.radar.recording import Recording
+
+AXIS_M = 24 * BIN_M  # on a bin, about 1.05 m
+FRAMES = 64
+TURN_HZ = RADAR.frame_rate_hz / FRAMES  # one revolution in FRAMES frames
+
+
+@dataclass(frozen=True)
+class Log:
+    frame_rate_hz: float
+    distance_m: np.ndarray
+    angle_rad: np.ndarray | None = None
+
+
+def turning(
+    amplitude: Callable[[np.ndarray], np.ndarray], turns: float = 1.0, start: float = 0.0, at_m: float = AXIS_M, **noise
+) -> Processed:
+    """A point whose amplitude follows the turntable's angle."""
+    frames = round(turns * FRAMES)
+    return process(echoes(frames, [(lambda t: amplitude(2 * np.pi * TURN_HZ * t + start), at_m)], **noise))
+
+
+def angle(turns: float = 1.0) -> np.ndarray:
+    return 2 * np.pi * np.arange(round(turns * FRAMES)) / FRAMES
+
+
+def at_rest(frames: int, distance_m: float, turns: float | None = None) -> Log:
+    return Log(RADAR.frame_rate_hz, np.full(frames, distance_m), None if turns is None else angle(turns))
+
+
+def lobes(theta: np.ndarray) -> np.ndarray:
+    """Amplitude whose power is 1 + 0.8 cos(2 theta) + 0.2 cos(5 theta): |P_2| / |P_0| = 0.4, |P_5| / |P_0| = 0.1."""
+    return 1e-3 * np.sqrt(1 + 0.8 * np.cos(2 * theta) + 0.2 * np.cos(5 * theta))
+
+
+def ratio(processed: Processed, turns: float = 1.0, at_m: float = AXIS_M) -> float:
+    return envelope.harmonic_ratio(envelope.revolution(envelope.target_energy(processed, at_m), angle(turns)))
+
+
+# Harmonics of the envelope
+
+
+def test_harmonics_of_a_modulated_echo_are_those_of_its_power() -> None:
+    shown = envelope.revolution(envelope.target_energy(turning(lobes), AXIS_M), angle())
+    assert envelope.harmonics(shown) == pytest.approx([0, 0.4, 0, 0, 0.1, 0], abs=1e-3)
+    assert ratio(turning(lobes)) == pytest.approx(0.17, abs=1e-3)
+    assert envelope.harmonic_ratio(shown, 3, 12) == pytest.approx(0.01, abs=2e-4)
+
+
+def test_a_steady_echo_has_no_harmonics_and_a_glint_has_them_all() -> None:
+    assert ratio(turning(lambda theta: np.full_like(theta, 1e-3))) < 1e-9
+    assert envelope.harmonic_ratio(np.eye(1, FRAMES)[0]) == pytest.approx(6.0)
+
+
+def test_the_harmonic_ratio_keeps_under_scale_start_angle_distance_and_number_of_turns() -> None:
+    expected = ratio(turning(lobes))
+    assert ratio(turning(lambda theta: 30 * lobes(theta))) == pytest.approx(expected, rel=1e-5)
+    assert ratio(turning(lobes, start=1.234)) == pytest.approx(expected, abs=1e-3)
+    assert ratio(turning(lobes, at_m=2 * AXIS_M), at_m=2 * AXIS_M) == pytest.approx(expected, rel=1e-3)
+    assert ratio(turning(lobes, turns=2.6), 2.6) == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_noise_floor_is_taken_out_of_the_harmonic_ratio() -> None:
+    """Noise of half the target's energy would lower the ratio to (2/3)^2 = 0.44 of it if it stayed in the mean."""
+    sigma = 1e-3 * np.sqrt(0.5 / (7 * 1.5 / RADAR.num_samples / RADAR.num_chirps) * 1.5)  # gate of 7 bins; the echo fills 1.5 of one
+    assert ratio(turning(lobes, turns=3, noise=sigma), 3) == pytest.approx(0.17, rel=0.15)
+
+
+def test_frames_between_the_steps_of_a_revolution_are_interpolated() -> None:
+    theta = 2 * np.pi * np.arange(150) / 59.6  # a revolution of 59.6 frames, two and a half of them
+    energy = 1 + 0.8 * np.cos(2 * theta + 0.3)
+    shown = envelope.revolution(energy, -theta)  # turning the other way
+    assert len(shown) == 60
+    assert envelope.harmonics(shown)[1] == pytest.approx(0.4, rel=0.01)
+
+
+def test_crest_factor_and_entropy_of_a_gate_that_opens_for_a_quarter() -> None:
+    quarter = np.where(np.arange(FRAMES) < FRAMES // 4, 1.0, 0.0)
+    assert envelope.crest_factor(quarter) == pytest.approx(2.0)  # 1 / sqrt(1/4)
+    assert envelope.entropy(quarter) == pytest.approx(np.log(FRAMES // 4) / np.log(FRAMES))
+    for feature in (envelope.crest_factor, envelope.entropy):
+        assert feature(7 * np.roll(quarter, 9)) == pytest.approx(feature(quarter))
+
+
+def test_an_envelope_that_says_nothing_is_refused() -> None:
+    with pytest.raises(InputError, match="above the noise"):
+        envelope.harmonics(np.full(64, -1.0))
+    with pytest.raises(InputError, match="do not show 6 cycles"):
+        envelope.harmonics(np.ones(12))
+    with pytest.raises(InputError, match="not a revolution"):
+        envelope.revolution(np.ones(32), angle()[:32])
+    with pytest.raises(InputError, match="go one way"):
+        envelope.revolution(np.ones(128), np.concatenate([angle(), angle()]))
+
+
+# Range
+
+
+def test_the_track_follows_an_approach_to_a_millimetre_at_any_scale() -> None:
+    frames = 50
+    along = 1.5 - 0.2 * np.arange(frames) / RADAR.frame_rate_hz
+    for scale in (1.0, 1e-4):
+        made = process(echoes(frames, [(scale, lambda t: 1.5 - 0.2 * t)]))
+        found = track.around(made, along, RADAR.frame_rate_hz)
+        assert found == pytest.approx(along, abs=1e-3)
+        assert track.excursion(found) == pytest.approx(0.98, abs=2e-3)
+
+
+def test_the_track_is_weighted_by_power_between_two_echoes_in_one_gate() -> None:
+    # Two bins apart in quadrature of time: their mean range is that of their energies, here 4 to 1.
+    made = process(echoes(1, [(2e-3, AXIS_M), (1e-3, AXIS_M + 40 * BIN_M)]))
+    near, far = made.power[0], np.roll(made.power[0], -38)
+    mixed = Processed(
+        RADAR, made.range_m, (near * (made.range_m < 2) + far * (made.range_m < 2))[None], made.channels, None, made.velocity_mps
+    )
+    assert track.track(mixed, 0.8, 1.3, RADAR.frame_rate_hz)[0] == pytest.approx(AXIS_M + 2 * BIN_M / 5, abs=1e-3)
+
+
+def test_the_track_stays_with_the_target_while_it_fades_and_leaves_a_brighter_flash_aside() -> None:
+    frames = 40
+
+    def fading(t: np.ndarray) -> np.ndarray:
+        return np.where((t > 1.5) & (t < 1.8), 1e-4, 1e-3)
+
+    def flash(t: np.ndarray) -> np.ndarray:
+        return np.where((t > 1.55) & (t < 1.75), 3e-3, 0.0)
+
+    made = process(echoes(frames, [(fading, lambda t: 1.2 + 0.1 * t), (flash, 1.65)], noise=1e-4))
+    along = 1.2 + 0.1 * np.arange(frames) / RADAR.frame_rate_hz
+    found = track.track(made, 0.9, 1.9, RADAR.frame_rate_hz)
+    assert np.abs(found - along).max() < 0.05
+    alone = made.range_m[np.where((made.range_m > 0.9) & (made.range_m < 1.9), made.power, 0).argmax(axis=1)]
+    assert np.abs(alone - along).max() > 0.2  # the brightest bin of each frame jumps
+
+
+def test_a_search_where_there_are_no_bins_is_refused() -> None:
+    made = process(echoes(2, [(1.0, 1.0)]))
+    with pytest.raises(InputError, match="frame 1 is searched"):
+        track.track(made, np.array([0.5, 5.8]), np.array([1.0, 6.0]), 10.0)
+
+
+def test_the_window_holds_the_energy_of_echoes_at_their_distance_from_the_target() -> None:
+    # An echo on a bin fills 1.5 bins' worth of power; the second is 10 dB lower, half a metre behind.
+    second = AXIS_M + 11 * BIN_M
+    made = process(echoes(3, [(1e-3, AXIS_M), (1e-3 / np.sqrt(10), second)]))
+    levels = window.window_db(made, np.full(3, AXIS_M))
+    assert levels.shape == (3, window.BINS)
+    linear = 10 ** (levels[0] / 10)
+    assert linear.sum() == pytest.approx(1.5e-6 * 1.1, rel=0.01)
+    about = np.abs(window.CENTRES_M - (second - AXIS_M)) < 0.15
+    assert linear[about].sum() == pytest.approx(1.5e-7, rel=0.02)
+    assert levels.min() == pytest.approx(10 * np.log10(1.65e-6) - window.FLOOR_DB, abs=0.1)
+
+
+def test_the_window_moves_with_the_target_and_its_levels_with_the_scale() -> None:
+    def shown(scale: float, at_m: float) -> np.ndarray:
+        made = process(echoes(1, [(scale, at_m), (0.3 * scale, at_m + 8 * BIN_M)]))
+        return window.window_db(made, np.array([at_m]))[0]
+
+    assert shown(1e-3, 2 * AXIS_M) == pytest.approx(shown(1e-3, AXIS_M), abs=0.01)
+    assert shown(1e-2, AXIS_M) == pytest.approx(shown(1e-3, AXIS_M) + 20, abs=0.01)
+
+
+def test_the_window_holds_nothing_of_the_antenna_coupling_and_no_less_than_noise() -> None:
+    made = process(echoes(20, [(3e-3, 0.1), (1e-3, 14 * BIN_M)], noise=1e-3))
+    levels = window.window_db(made, np.full(20, 14 * BIN_M))
+    before = window.CENTRES_M + 14 * BIN_M < 0.3 - 0.1
+    assert before.sum() >= 4
+    assert np.ptp(levels[:, before]) == 0  # the same floor in every frame
+    assert levels[:, before].max() < levels[:, ~before].min() + 1e-9
+
+
+# Level
+
+
+def test_brightness_has_the_range_law_taken_out_and_keeps_the_scale() -> None:
+    def read(scale: float, bins: int) -> float:
+        at_m = bins * BIN_M
+        made = process(echoes(4, [(scale / at_m**2, at_m)]))
+        return brightness.brightness_db(envelope.target_energy(made, at_m), np.full(4, at_m))
+
+    assert read(1e-3, 24) == pytest.approx(-60 + 10 * np.log10(1.5), abs=0.01)  # Hann spreads an echo over 1.5 bins of power
+    assert read(1e-3, 48) == pytest.approx(read(1e-3, 24), abs=0.01)
+    assert read(1e-2, 24) == pytest.approx(read(1e-3, 24) + 20, abs=0.01)
+
+
+def test_brightness_in_noise_is_that_without() -> None:
+    clean = envelope.target_energy(process(echoes(60, [(1e-4, AXIS_M)])), AXIS_M)
+    noisy = envelope.target_energy(process(echoes(60, [(1e-4, AXIS_M)], noise=2e-3)), AXIS_M)  # as much noise as target in the gate
+    where = np.full(60, AXIS_M)
+    assert brightness.brightness_db(noisy, where) == pytest.approx(brightness.brightness_db(clean, where), abs=0.4)
+    with pytest.raises(InputError, match="not above the noise"):
+        brightness.brightness_db(-clean, where)
+
+
+# Angle
+
+
+def test_the_extent_of_a_point_is_that_of_the_array_factor() -> None:
+    """Spread of |sin(4 psi) / (8 sin(psi / 2))|^2, psi = pi sin(phi) f / f0, integrated over azimuth apart from the beamformer."""
+    phi = np.deg2rad(np.arange(-90.0, 91.0))
+    spacing = np.diff(np.sort(RADAR.virtual_positions[:, 1]))[0]
+    psi = 2 * np.pi * spacing * RADAR.center_frequency_hz / 299792458.0 * np.sin(phi)
+    with np.errstate(invalid="ignore"):
+        factor = np.where(np.abs(psi) < 1e-9, 1.0, (np.sin(4 * psi) / (8 * np.sin(psi / 2))) ** 2)
+    expected = np.sqrt(np.sum(factor * phi**2) / factor.sum())
+    made = process(echoes(2, [(1e-3, AXIS_M)]))
+    assert extent.angular_extent(made, AXIS_M) == pytest.approx(expected, rel=0.01)
+    assert expected == pytest.approx(0.25, abs=0.01)
+
+
+def test_two_points_look_wider_than_one_by_their_separation() -> None:
+    one = extent.angular_extent(process(echoes(1, [(1e-3, AXIS_M)])), AXIS_M)[0]
+    # In neighbouring bins their echoes add in power, each with its own beam.
+    apart = 30.0
+    pair = extent.angular_extent(
+        process(echoes(1, [(1e-3, AXIS_M - 2 * BIN_M, apart), (1e-3, AXIS_M + 2 * BIN_M, -apart)])), AXIS_M, bins=4
+    )[0]
+    assert pair == pytest.approx(np.hypot(one, np.deg2rad(apart)), rel=0.1)
+
+
+def test_the_extent_keeps_under_scale_and_range_and_noise() -> None:
+    def read(scale: float, at_m: float, noise: float = 0.0) -> float:
+        made = process(echoes(20, [(scale, at_m, 10.0), (0.7 * scale, at_m + BIN_M, -12.0)], noise=noise))
+        return float(np.median(extent.angular_extent(made, at_m)))
+
+    expected = read(1e-3, AXIS_M)
+    assert read(1e-6, AXIS_M) == pytest.approx(expected, rel=1e-3)
+    assert read(1e-3, 2 * AXIS_M) == pytest.approx(expected, rel=0.05)
+    assert read(1e-3, AXIS_M, noise=3e-3) == pytest.approx(expected, rel=0.1)
+
+
+# Doppler
+
+
+def test_radial_velocity_is_read_far_finer_than_a_doppler_bin() -> None:
+    def back_and_forth(t: np.ndarray) -> np.ndarray:
+        return 1.0 + 0.2 * np.where(t < 2, t, 4 - t)
+
+    made = process(echoes(40, [(1e-3, back_and_forth)], noise=1e-4))
+    time = np.arange(40) / RADAR.frame_rate_hz
+    found = doppler.radial_velocity(made, back_and_forth(time))
+    assert found[time < 1.95] == pytest.approx(0.2, abs=0.01)
+    assert found[time > 2.0] == pytest.approx(-0.2, abs=0.01)
+    tracked = track.around(made, back_and_forth(time), RADAR.frame_rate_hz)
+    agreed = doppler.consistency(found, doppler.range_rate(tracked, RADAR.frame_rate_hz))
+    assert agreed.correlation > 0.95
+    assert agreed.rms_mps < 0.06  # the line through nine frames rounds the turn
+
+
+def test_velocity_does_not_depend_on_scale_range_or_phase() -> None:
+    for scale, at_m in ((1e-6, 1.0), (1e-3, 2.0), (1e-3, 2.0013)):
+        made = process(echoes(2, [(scale, lambda t, at_m=at_m: at_m + 0.9 * t)]))
+        assert doppler.radial_velocity(made, at_m) == pytest.approx(0.9, rel=0.01)
+
+
+def test_a_range_rate_is_the_slope_and_no_motion_has_no_correlation() -> None:
+    assert doppler.range_rate(0.3 * np.arange(12) / 10, 10.0) == pytest.approx(0.3)
+    still = doppler.consistency(np.zeros(5), np.zeros(5))
+    assert still.rms_mps == 0
+    assert np.isnan(still.correlation)
+    with pytest.raises(InputError, match="without Doppler"):
+        doppler.radial_velocity(process(echoes(1, [(1.0, 1.0)]), doppler=False), 1.0)
+
+
+# Range-Doppler signature of a revolution
+
+
+def test_the_signature_of_an_echo_that_recedes_steadily_is_one_line() -> None:
+    # 8 Doppler cells away from rest; it moves by 8 half wavelengths, 15 mm, in the revolution.
+    step_m = 8 * 299792458.0 / RADAR.center_frequency_hz / 2 * TURN_HZ
+    made = process(echoes(FRAMES, [(1e-3, lambda t: AXIS_M + step_m * t)]))
+    shown = signature.signature(made, angle(), RADAR.frame_rate_hz, AXIS_M)
+    line, place = np.unravel_index(shown.level.argmax(), shown.level.shape)
+    assert shown.doppler_hz[line] == pytest.approx(8 * TURN_HZ)
+    assert shown.range_m[place] == pytest.approx(AXIS_M)
+    assert shown.level.max() == 1
+    assert shown.level.min() == 0
+    assert np.abs(shown.range_m - AXIS_M).max() <= 0.5
+
+
+def test_the_signature_keeps_under_start_angle_scale_and_distance() -> None:
+    def orbit(theta: np.ndarray) -> np.ndarray:
+        return 0.004 * np.cos(theta)
+
+    def shown(start: float = 0.0, scale: float = 1.0, bins: int = 24, turns: int = 1) -> np.ndarray:
+        at_m = bins * BIN_M
+
+        def moving(t: np.ndarray) -> np.ndarray:
+            return at_m + orbit(2 * np.pi * TURN_HZ * t + start)
+
+        def pulsing(t: np.ndarray) -> np.ndarray:
+            return scale * lobes(2 * np.pi * TURN_HZ * t + start)
+
+        made = process(echoes(turns * FRAMES, [(pulsing, moving)]))
+        return signature.signature(made, angle(turns), RADAR.frame_rate_hz, at_m).level
+
+    first = shown()
+    assert np.ptp(first) == 1
+    for other in (shown(scale=100.0), shown(turns=2)):
+        assert other == pytest.approx(first, abs=1e-3)
+    assert shown(start=2 * np.pi * 17 / FRAMES) == pytest.approx(first, abs=0.02)  # chirps drift over a frame
+    assert shown(bins=48) == pytest.approx(first, abs=0.02)
+
+
+# Sets
+
+
+def test_a_set_is_its_families_in_order_with_names_for_all_values() -> None:
+    made, log = turning(lobes, noise=1e-4), at_rest(FRAMES, AXIS_M, 1.0)
+    names, values = sets.vector(made, log, "rotation")
+    assert names == [
+        "harmonic_ratio", *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad", "brightness_db",
+    ]  # fmt: skip
+    assert dict(zip(names, values, strict=True))["harmonic_ratio"] == pytest.approx(0.17, rel=0.02)
+    shape, fewer = sets.vector(made, log, "rotation", without=["brightness"])
+    assert shape == names[:-1]
+    assert np.array_equal(fewer, values[:-1])
+
+
+@pytest.mark.parametrize("name", ["rotation", "depth", "lateral", "raw"])
+def test_frames_have_the_recordings_features_row_by_row(name: str) -> None:
+    made, log = turning(lobes, noise=1e-4), at_rest(FRAMES, AXIS_M, 1.0)
+    names, matrix = sets.frames(made, log, name)
+    whole, values = sets.vector(made, log, name)
+    assert matrix.shape == (FRAMES, len(names))
+    assert np.isfinite(matrix).all()
+    assert np.isfinite(values).all()
+    assert len(values) == len(whole)
+    for feature in ("harmonic_3", "crest_factor"):
+        if feature in names:
+            assert set(matrix[:, names.index(feature)]) == {values[whole.index(feature)]}
+
+
+def test_depth_features_of_an_approach_are_those_of_its_geometry() -> None:
+    frames = 40
+    nominal = 1.5 - 0.2 * np.arange(frames) / RADAR.frame_rate_hz
+    front = 0.03  # the object's front is nearer than its axis
+    made = process(echoes(frames, [(lambda t: 1e-3 / (1.5 - 0.2 * t - front) ** 2, lambda t: 1.5 - 0.2 * t - front), (3e-4, 4.0)]))
+    names, values = sets.vector(made, Log(RADAR.frame_rate_hz, nominal), "depth")
+    found = dict(zip(names, values, strict=True))
+    assert found["excursion_m"] == pytest.approx(0.78, abs=2e-3)
+    assert found["track_offset_m"] == pytest.approx(-front, abs=1e-3)
+    assert found["track_spread_m"] < 1e-3
+    # The chirps of a frame, added coherently, turn against each other while the target moves: 0.7 dB.
+    turn = 2 * np.pi * 0.2 / RADAR.max_velocity_mps / 2
+    lost = (np.sin(RADAR.num_chirps * turn / 2) / (RADAR.num_chirps * np.sin(turn / 2))) ** 2
+    target = lost * np.mean(1e-6 / (nominal - front) ** 4)
+    assert found["multipath_share"] == pytest.approx(9e-8 / (9e-8 + target), rel=0.02)
+    assert found["brightness_db"] == pytest.approx(-60 + 10 * np.log10(1.5 * lost * np.mean((nominal / (nominal - front)) ** 4)), abs=0.1)
+
+
+def test_shape_features_of_a_pass_do_not_depend_on_scale() -> None:
+    def passing(scale: float) -> tuple[list[str], np.ndarray]:
+        across = np.hypot(0.24 * (np.arange(50) / 10 - 2.5), 1.0)
+        made = process(echoes(50, [(lambda t: scale * np.exp(-((t - 2.5) ** 2)), lambda t: np.hypot(0.24 * (t - 2.5), 1.0))]))
+        return sets.vector(made, Log(RADAR.frame_rate_hz, across), "lateral", without=["brightness", "window"])
+
+    names, values = passing(1e-3)
+    assert "harmonic_ratio" in names
+    assert passing(1e-5)[1] == pytest.approx(values, rel=1e-3)
+
+
+def test_a_target_that_drowns_in_noise_still_has_features() -> None:
+    made = process(Recording(echoes(FRAMES, [], noise=1e-3).iq, RADAR))
+    quiet = Processed(
+        RADAR, made.range_m, made.power, made.channels, made.doppler, made.velocity_mps, (1.5 * made.noise_floor).astype(np.float32)
+    )
+    for name in SETS:
+        assert np.isfinite(sets.vector(quiet, at_rest(FRAMES, AXIS_M, 1.0), name)[1]).all()
+        assert np.isfinite(sets.frames(quiet, at_rest(FRAMES, AXIS_M, 1.0), name)[1]).all()
+
+
+def test_unknown_sets_and_families_and_logs_that_do_not_fit_are_named() -> None:
+    made = process(echoes(3, [(1.0, 1.0)]))
+    with pytest.raises(ConfigError, match=r"features\.name=spin is not known; options: rotation, depth, lateral, raw"):
+        sets.vector(made, at_rest(3, 1.0), "spin")
+    with pytest.raises(ConfigError, match="track is not in features=rotation"):
+        families("rotation", ["track"])
+    with pytest.raises(ConfigError, match="leaves nothing"):
+        families("raw", ["profile"])
+    with pytest.raises(InputError, match="3 frames"):
+        sets.vector(made, at_rest(4, 1.0), "depth")
+    with pytest.raises(InputError, match="no turntable angle"):
+        sets.vector(made, at_rest(3, 1.0), "rotation")
