@@ -42,7 +42,7 @@ $(VENV)/.ready-test: $(VENV)/.ready
 
 $(VENV)/.ready: $(PY) pyproject.toml constraints.txt
 	@echo "setting up: pinned dependencies, about 1 GB, one to three minutes"
-	@$(PIP) -e .
+	@$(PIP) -e '.[sionna]'
 	@touch $@
 
 # The first Python that runs and is of a supported version; a name on the PATH may be a shim of one that is not there.
