@@ -74,6 +74,10 @@ def _parser() -> argparse.ArgumentParser:
     _overrides(run, "experiment=NAME [group=option ...] [key=value ...]")
     run.epilog = f"Experiments: {', '.join(_experiments())}."
     run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
+    run.add_argument("--search", metavar="METRIC", help="search: 'trajectory.height_m=interval(0.5,1.5)' is tried where METRIC may be best")
+    run.add_argument("--trials", metavar="N", type=int, default=20, help="of a search, in all (default: 20)")
+    run.add_argument("--direction", choices=("maximize", "minimize"), default="maximize", help="of a search (default: maximize)")
+    run.add_argument("--at-once", metavar="N", type=int, default=1, help="trials at once, for hydra/launcher=joblib or slurm (default: 1)")
 
     tables = _verb(verbs, "tables", _tables, "run what is missing, write tables, figures and the report")
     tables.add_argument("--profile", choices=("quick", "paper"), default="quick", help="how much is computed (default: quick)")
@@ -198,6 +202,11 @@ def _given(options: argparse.Namespace) -> list[str]:
 
 
 def _run(options: argparse.Namespace) -> int:
+    if options.search:
+        from radartwin.search import Wish, search
+
+        wish = Wish(options.search, options.trials, options.direction, options.at_once)
+        return search(_given(options), options.config_dir, wish)
     if options.multirun:
         from radartwin.sweep import sweep
 

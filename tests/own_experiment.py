@@ -1,0 +1,63 @@
+"""A user's experiment for tests of sweeps: tiny, deterministic, and made to misbehave by files in its folder.
+
+HOLD_n     the job of seed n waits while this file exists
+BREAK_n    ... fails with a defect
+KILL_n     ... kills its own process, as the kernel does when memory runs out
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+MODULE = """
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+
+from radartwin.experiment import Result
+from radartwin.store import save_arrays
+
+HERE = Path(os.environ["OWN_EXPERIMENT"])
+
+
+def run(config, store, progress):
+    seed = config.seed
+    while (HERE / f"HOLD_{seed}").exists():
+        time.sleep(0.05)
+    if (HERE / f"BREAK_{seed}").exists():
+        raise RuntimeError("the solver broke")
+    if (HERE / f"KILL_{seed}").exists():
+        os.kill(os.getpid(), signal.SIGKILL)
+    product = store.fetch("recording", {"seed": seed % 5}, ["radartwin.constants"], lambda f: save_arrays(f, {"iq": np.ones(3)}))
+    peak = -((config.trajectory.height_m - 1.2) ** 2)
+    row = {
+        "run_keys": product.key, "metric": "correlation", "paper": "0.42", "value": seed / 1000,
+        "low": 0.0, "high": 1.0, "n": 3, "domain": "testbed", "verdict": "holds",
+    }
+    return Result("mine", [row], {}, {"correlation": row["value"], "peak": peak}, [product.key])
+"""
+YAML = "# @package _global_\nexperiment:\n  name: mine\n  module: my_experiment\n"
+SAME = ("job", "run_key", "correlation", "peak")  # columns of the table of jobs that no launcher and no kill may change
+
+
+def write(folder: Path) -> tuple[list[str], dict[str, str]]:
+    """Arguments of `radartwin` that run the experiment, and the environment that it needs."""
+    (folder / "experiment").mkdir(parents=True)
+    (folder / "experiment" / "mine.yaml").write_text(YAML)
+    (folder / "my_experiment.py").write_text(MODULE)
+    return ["run", "experiment=mine", "--config-dir", str(folder)], {"OWN_EXPERIMENT": str(folder)}
+
+
+def tables(output: Path) -> list[list[dict[str, str]]]:
+    """The tables of jobs of an output folder's sweeps, oldest first."""
+    written = sorted((output / "sweeps").glob("*/jobs.csv"), key=lambda path: path.stat().st_mtime_ns)
+    return [list(csv.DictReader(path.read_text().splitlines())) for path in written]
+
+
+def same(table: list[dict[str, str]]) -> list[tuple[str, ...]]:
+    """What a table says of the science, in its order."""
+    return [tuple(row[column] for column in SAME) for row in table]
