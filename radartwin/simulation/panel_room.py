@@ -26,11 +26,25 @@ SINGLE_RAYS = 1_200_000  # ... from a sensor that stays where it is
 DISCOVERY_PRUNE = 1e-3  # of the strongest path; from one of several places, which find for one another
 SINGLE_PRUNE = 1e-4
 KEY_SPACING_M = 0.3  # between places where sequences are looked for
+NEIGHBOURS = 4  # places of a track that lend a pose their sequences
 NEAR = 2.0  # key places within so many spacings lend a pose their sequences: what one missed another has found
 EARLY = 0.3  # of the last prune: what is less before anything stands in its way is not looked at further
 MAX_PANELS = 1500  # beyond them a room is tubes' work; sequences hold 4094 labels
 FLAT_SHARE = 0.98  # of a room's area that must be panels
 PATHS_AT_ONCE = 200_000  # bounds the fields of one evaluation to a few hundred megabytes
+
+
+@dataclass(frozen=True)
+class Scouted:
+    """Panel sequences that matter along a track: places (P, 3) of the sensor, and of each its sequences."""
+
+    places: np.ndarray
+    chains: list[set[tuple[int, ...]]]
+
+    def near(self, points: np.ndarray) -> list[np.ndarray]:
+        """Of points (F, 3) the places that lend them their sequences."""
+        away = np.linalg.norm(points[:, None] - self.places[None], axis=2)
+        return [np.argsort(row, kind="stable")[:NEIGHBOURS] for row in away]
 
 
 @dataclass(frozen=True)
@@ -104,33 +118,61 @@ class PanelRoom:
                     found[place].add(chain)
         return found
 
-    def paths(self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Paths:
+    def paths(
+        self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float, scouted: Scouted | None = None
+    ) -> Paths:
         """Paths sensor - panels - sensor.
 
         Args:
             poses: (F, 4, 4) sensor to world; velocity: (F, 3) of the sensor, m/s.
             prune: leave out what is below this share of a pose's strongest path, element pattern included.
+            scouted: what matters around here; looked for unless given.
         """
+        return self._found(poses, velocity, radar, max_bounces, prune, scouted)[0]
+
+    def scouted(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Scouted:
+        """The sequences that matter along a track of places (P, 4, 4) a few centimetres apart; `prune` well below that of the paths."""
+        paths, which, known = self._found(poses, np.zeros((len(poses), 3)), radar, max_bounces, prune, None)
+        chains: list[set[tuple[int, ...]]] = [set() for _ in poses]
+        for pose, index in zip(paths.pose.tolist(), which.tolist(), strict=True):
+            chains[pose].add(known[index])
+        return Scouted(poses[:, :3, 3], chains)
+
+    def _found(
+        self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float, scouted: Scouted | None
+    ) -> tuple[Paths, np.ndarray, list[tuple[int, ...]]]:
+        """Paths (N), which sequence each is over (N,), and the sequences."""
         place, axis = poses[:, :3, 3], poses[:, :3, 2]
-        keys, near = key_places(place)
-        how = (SINGLE_PRUNE, SINGLE_RAYS) if len(keys) == 1 else (DISCOVERY_PRUNE, DISCOVERY_RAYS)
-        chains = self.chains(place[keys], place[keys], axis[keys], max_bounces, *how)
+        if scouted is None:
+            keys, near = key_places(place)
+            how = (SINGLE_PRUNE, SINGLE_RAYS) if len(keys) == 1 else (DISCOVERY_PRUNE, DISCOVERY_RAYS)
+            chains = self.chains(place[keys], place[keys], axis[keys], max_bounces, *how)
+        else:
+            chains, near = scouted.chains, scouted.near(place)
         known = sorted(set().union(*chains, *({chain[::-1] for chain in found} for found in chains)))
+        number = {chain: i for i, chain in enumerate(known)}
         prepared = images.prepare(self.panels, self.things, known, place, place)
-        of_key = [np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains]
+        of_key = [np.isin(prepared.chain, [number[chain] for chain in found]) for found in chains]
         active = np.array([np.logical_or.reduce([of_key[k] for k in keys_]) for keys_ in near])
-        first = np.where(prepared.order == 1)[0]
+        single = active & (prepared.order == 1)
         pruner = Pruner(radar, prune, len(poses))
-        pose, which = (x.ravel() for x in np.meshgrid(np.arange(len(poses)), first, indexing="ij"))
-        parts = [pruner.add(self._evaluated(pose, which, prepared, poses, velocity, radar, 0.0))]
+        pose, which = np.nonzero(single)
+        one, over = self._evaluated(pose, which, prepared, poses, velocity, radar, 0.0)
+        keep = pruner.worth(one)
+        parts, overs = [one.where(keep)], [over[keep]]
         active &= prepared.order > 1
-        active |= active[:, prepared.reverse]
+        active |= active[:, prepared.reverse] & (prepared.order > 1)
         together = max(1, PATHS_AT_ONCE // max(1, active.sum(axis=1).max(initial=0)))
         for low in range(0, len(poses), together):
             pose, which = np.nonzero(active[low : low + together])
             pose += low
-            parts.append(self._evaluated(pose, which, prepared, poses, velocity, radar, EARLY * prune * pruner.strongest[pose]))
-        return pruner.add(Paths.concatenate(parts))
+            one, over = self._evaluated(pose, which, prepared, poses, velocity, radar, EARLY * prune * pruner.strongest[pose])
+            parts.append(one)
+            overs.append(over)
+        every, over = Paths.concatenate(parts), np.concatenate(overs)
+        over = over[np.argsort(np.concatenate([part.pose for part in parts]), kind="stable")]
+        keep = pruner.worth(every)
+        return every.where(keep), prepared.chain[over[keep]], known
 
     def _evaluated(
         self,
@@ -141,7 +183,8 @@ class PanelRoom:
         velocity: np.ndarray,
         radar: Radar,
         least: np.ndarray | float,
-    ) -> Paths:
+    ) -> tuple[Paths, np.ndarray]:
+        """Paths over prepared sequences `which` (N,) at poses (N,), and the sequence of each that there is."""
         rotation = poses[pose, :3, :3]
         place, axis = poses[pose, :3, 3], poses[pose, :3, 2]
         wavelength = SPEED_OF_LIGHT / self.table.frequencies_hz
@@ -160,10 +203,11 @@ class PanelRoom:
         rate = -np.einsum("ni,ni->n", one.departure[lit] + one.arrival[lit], velocity[pose[lit]])
         mirror = np.swapaxes(rotation[lit], 1, 2) @ prepared.mirror[which[lit]] @ rotation[lit]
         half = one.length_m[lit] / 2
-        return Paths(
+        found = Paths(
             len(poses), pose[lit], prepared.order[which[lit]], amplitude, self.table.frequencies_hz, half, half, departure, arrival, rate,
             mirror,
         )  # fmt: skip
+        return found, which[lit]
 
 
 def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:

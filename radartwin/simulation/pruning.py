@@ -24,9 +24,13 @@ class Pruner:
 
     def add(self, paths: Paths) -> Paths:
         """Those that stand out of all paths so far."""
+        return paths.where(self.worth(paths))
+
+    def worth(self, paths: Paths) -> np.ndarray:
+        """(N,) mask of those."""
         one = level(paths, self._radar)
         np.maximum.at(self.strongest, paths.pose, one)
-        return paths.where((one >= self._share * self.strongest[paths.pose]) & (one > 0))
+        return (one >= self._share * self.strongest[paths.pose]) & (one > 0)
 
 
 def pruned(parts: Sequence[Paths], radar: Radar, share: float) -> list[Paths]:
