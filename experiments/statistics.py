@@ -1,7 +1,33 @@
-"""Intervals shared by the tables."""
+"""Figures with their intervals, p values and n, as the tables print them.
+
+Library functions compute what they have (scipy: rank and product correlation, bootstrap; scikit-image: SSIM; exact shares as recognition
+scores them); the Mantel test is a permutation test over objects. Every random draw comes from the seed it is given. Intervals are 95 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
-from scipy.stats import bootstrap
+from numpy.typing import ArrayLike, NDArray
+
+from radartwin.errors import InputError
+
+LEVEL = 0.95
+Alternative = Literal["greater", "less", "two-sided"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A figure: low <= value <= high, from n items; p against no effect, or NaN where nothing is tested."""
+
+    value: float
+    low: float
+    high: float
+    n: int
+    p: float = float("nan")
 
 
 def bootstrap_mean(samples: np.ndarray, resamples: int, seed: int) -> tuple[float, float, float]:
@@ -10,11 +36,152 @@ def bootstrap_mean(samples: np.ndarray, resamples: int, seed: int) -> tuple[floa
     >>> bootstrap_mean(np.array([2.0]), 100, 0)
     (2.0, 2.0, 2.0)
     """
+    from scipy.stats import bootstrap
+
     samples = np.asarray(samples, float)
     mean = float(samples.mean())
     if len(samples) < 2 or np.ptp(samples) == 0:
         return mean, mean, mean
-    interval = bootstrap(
+    interval: Any = bootstrap(
         (samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed)
     ).confidence_interval
     return min(float(interval.low), mean), mean, max(float(interval.high), mean)
+
+
+def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
+    """Mean with its bootstrap interval."""
+    samples = np.asarray(samples, float)
+    low, value, high = bootstrap_mean(samples, resamples, seed)
+    return Estimate(value, low, high, len(samples))
+
+
+def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
+    """Rank correlation over items, with a bootstrap over items and the exact p of all (or 9,999 drawn) pairings.
+
+    Raises:
+        InputError: as `pearson`.
+    """
+    from scipy.stats import rankdata
+
+    first, second = _pair(first, second)
+    return _correlation(first, second, lambda x: rankdata(x, axis=-1), resamples, seed, alternative)
+
+
+def pearson(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
+    """Product correlation over items; interval and p as `spearman`. Neighbouring frames are no independent items: test nothing
+    there (alternative=None).
+
+    Raises:
+        InputError: fewer than three items, or one of the two is constant.
+    """
+    first, second = _pair(first, second)
+    return _correlation(first, second, lambda x: x, resamples, seed, alternative)
+
+
+def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) -> Estimate:
+    """Mantel test: correlation of two distance matrices over the same objects.
+
+    The p value counts the permutations of the objects, out of `permutations` drawn, that correlate at least as well (the identity
+    included), so it is never below 1 / (permutations + 1); N. Mantel, Cancer Research 27, 1967. The interval bootstraps objects, pairs of
+    an object with itself left out.
+
+    Args:
+        first, second: (n, n), symmetric.
+    Raises:
+        InputError: matrices that are no distances of the same three or more objects, or constant.
+    """
+    first, second = (np.asarray(matrix, float) for matrix in (first, second))
+    count = len(first)
+    if first.shape != (count, count) or second.shape != first.shape or count < 3:
+        raise InputError(f"Mantel test: give two square matrices of the same three or more objects, not {first.shape} and {second.shape}")
+    if not all(np.isfinite(m).all() and np.allclose(m, m.T) for m in (first, second)):
+        raise InputError("Mantel test: a distance matrix must be finite and symmetric")
+    upper = np.triu_indices(count, 1)
+    value = float(_r(first[upper], second[upper]))
+    if np.isnan(value):
+        raise InputError("Mantel test: all distances of one matrix are equal")
+    rng = np.random.default_rng(seed)
+    shuffled = [rng.permutation(count) for _ in range(permutations)]
+    as_good = sum(bool(_r(first[upper], second[np.ix_(order, order)][upper]) >= value - 1e-12) for order in shuffled)
+    drawn = []
+    for _ in range(permutations):
+        chosen = rng.integers(count, size=count)
+        a, b = chosen[upper[0]], chosen[upper[1]]
+        drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
+    low, high = _quantiles(np.array(drawn), value)
+    return Estimate(value, low, high, count, (as_good + 1) / (permutations + 1))
+
+
+def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
+    """Share of successes with its exact interval, and the exact binomial p of as many or more at `chance`.
+
+    >>> round(share(9, 9).p, 6)
+    0.001953
+    """
+    from radartwin.recognize import score
+
+    if not 0 <= successes <= trials or trials < 1:
+        raise InputError(f"a share needs one trial or more: {successes} of {trials}")
+    found = score.share(np.arange(trials) < successes, chance)
+    return Estimate(found.value, found.low, found.high, trials, found.p)
+
+
+def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
+    """Standard deviation (n - 1) over the mean, of positive values, with a bootstrap interval."""
+    samples = np.asarray(samples, float)
+    if len(samples) < 2 or not (samples > 0).all():
+        raise InputError("a coefficient of variation needs two or more positive values")
+    value = float(samples.std(ddof=1) / samples.mean())
+    drawn = samples[np.random.default_rng(seed).integers(len(samples), size=(resamples, len(samples)))]
+    low, high = _quantiles(drawn.std(axis=1, ddof=1) / drawn.mean(axis=1), value)
+    return Estimate(value, low, high, len(samples))
+
+
+def ssim(first: NDArray, second: NDArray) -> float:
+    """Structural similarity of two maps with levels from 0 to 1; a window of seven cells, smaller where a map is."""
+    from skimage.metrics import structural_similarity
+
+    size = min(7, *(side - 1 + side % 2 for side in first.shape))
+    similarity: Any = structural_similarity(first, second, data_range=1.0, win_size=size)
+    return float(similarity)
+
+
+def _pair(first: ArrayLike, second: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    first, second = np.asarray(first, float), np.asarray(second, float)
+    if first.shape != second.shape or first.ndim != 1 or len(first) < 3 or not (np.isfinite(first).all() and np.isfinite(second).all()):
+        raise InputError(f"a correlation needs three or more finite pairs, not {first.shape} and {second.shape}")
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
+        raise InputError("a correlation needs values that differ; one of the two is constant")
+    return first, second
+
+
+def _correlation(first: NDArray, second: NDArray, change: Callable, resamples: int, seed: int, alternative: Alternative | None) -> Estimate:
+    from scipy.stats import permutation_test
+
+    rng = np.random.default_rng(seed)
+    value = float(_r(change(first), change(second)))
+    chosen = rng.integers(len(first), size=(resamples, len(first)))
+    low, high = _quantiles(_r(change(first[chosen]), change(second[chosen])), value)
+    if alternative is None:
+        return Estimate(value, low, high, len(first))
+    fixed = change(second)
+    tested: Any = permutation_test(
+        (change(first),), lambda x, axis: _r(x, fixed), permutation_type="pairings", vectorized=True, alternative=alternative, rng=rng
+    )
+    return Estimate(value, low, high, len(first), float(tested.pvalue))
+
+
+def _r(first: NDArray, second: NDArray) -> NDArray:
+    """Pearson's r along the last axis; NaN where one of the two is constant."""
+    first, second = first - first.mean(axis=-1, keepdims=True), second - second.mean(axis=-1, keepdims=True)
+    norm = np.sqrt(np.sum(first**2, axis=-1) * np.sum(second**2, axis=-1))
+    return np.divide(np.sum(first * second, axis=-1), norm, out=np.full(np.shape(norm), np.nan), where=norm > 0)[()]
+
+
+def _quantiles(drawn: NDArray, value: float) -> tuple[float, float]:
+    """Percentile interval over the draws in which the figure exists, widened to hold the value."""
+    drawn = drawn[np.isfinite(drawn)]
+    if not len(drawn):
+        return value, value
+    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return min(float(low), value), max(float(high), value)
