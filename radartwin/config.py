@@ -393,10 +393,10 @@ class EncoderConfig:
 
     hidden: int = 128
     temperature: float = 0.07
-    epochs: int = 200  # at most
-    patience: int = 20
-    batch: int = 128
-    learning_rate: float = 1e-3
+    epochs: int = 100  # at most
+    patience: int = 10
+    batch: int = 512
+    learning_rate: float = 3e-3
     weight_decay: float = 1e-4
     symmetric: bool = False  # InfoNCE from text to radar too
     paired: float = 0.0  # few_shot: weight of the term between simulated and measured rows of the same case
@@ -417,7 +417,7 @@ class SupervisionConfig:
     shots: int = 0  # few_shot: labelled recordings per class
     seeds: int = 5  # trainings that are averaged
     copies: int = 30  # with noise, of each simulated recording
-    trees: int = 300  # of a forest
+    trees: int = 100  # of a forest
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
 
     def __post_init__(self) -> None:
