@@ -14,7 +14,7 @@ from radartwin.errors import InputError
 from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.split import Split
 
-TREES = 300
+TREES = 100
 
 
 def leave_one_out_centroid(recordings: Samples, stratified: bool = False) -> NDArray[np.str_]:
@@ -23,28 +23,31 @@ def leave_one_out_centroid(recordings: Samples, stratified: bool = False) -> NDA
     Args:
         recordings: one row per recording, features on comparable scales.
     Raises:
-        InputError: several rows of one recording, or fewer than two recordings.
+        InputError: several rows of one recording, or a stratum with recordings of one class only.
     """
-    from sklearn.model_selection import LeaveOneOut, cross_val_predict
-    from sklearn.neighbors import NearestCentroid
-
     if np.unique(recordings.recording).size != len(recordings):
         raise InputError("leave-one-out: give one row per recording, or its other rows would tell its label")
     answer = np.empty(len(recordings), dtype=recordings.label.dtype)
     for stratum in np.unique(recordings.stratum) if stratified else [None]:
         rows = np.flatnonzero(recordings.stratum == stratum) if stratum is not None else np.arange(len(recordings))
-        if len(rows) < 2 or np.unique(recordings.label[rows]).size < 2:
+        if np.unique(recordings.label[rows]).size < 2:
             raise InputError(f"leave-one-out: stratum {stratum!r} needs recordings of two classes")
-        one = recordings.take(rows)
-        answer[rows] = cross_val_predict(NearestCentroid(), one.values, one.label, cv=LeaveOneOut())
+        for row in rows:
+            others = recordings.take(rows[rows != row])
+            answer[row] = nearest_centroid(others, recordings.take([row]))[0]
     return answer
 
 
 def nearest_centroid(train: Samples, test: Unlabelled) -> NDArray[np.str_]:
-    """The nearest class centroid of the training rows, for each row."""
-    from sklearn.neighbors import NearestCentroid
+    """The nearest class centroid of the training rows (Euclidean), for each row; of equally near ones the first by name.
 
-    return NearestCentroid().fit(train.values, train.label).predict(test.values)
+    Not scikit-learn's NearestCentroid, which divides by zero where every class has one row.
+    """
+    classes, inverse = np.unique(train.label, return_inverse=True)
+    centroids = np.zeros((len(classes), train.values.shape[1]))
+    np.add.at(centroids, inverse, train.values)
+    centroids /= np.bincount(inverse)[:, None]
+    return classes[((test.values[:, None] - centroids) ** 2).sum(axis=2).argmin(axis=1)]
 
 
 def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:

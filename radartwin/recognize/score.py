@@ -59,9 +59,9 @@ def share(right: NDArray[np.bool_], chance: float) -> Share:
 
     if not len(right):
         raise InputError("there is no answer to score; give at least one recording")
-    test = binomtest(int(right.sum()), len(right), chance, alternative="greater")
-    interval = test.proportion_ci(method="exact") if chance <= 0 else binomtest(int(right.sum()), len(right)).proportion_ci(method="exact")
-    return Share(int(right.sum()), len(right), float(interval.low), float(interval.high), float(test.pvalue))
+    hits = int(right.sum())
+    low, _, high = exact_interval(hits / len(right), len(right))
+    return Share(hits, len(right), low, high, float(binomtest(hits, len(right), chance, alternative="greater").pvalue))
 
 
 @dataclass(frozen=True)
@@ -87,16 +87,18 @@ def paired(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> Paired:
     return Paired(one, two, float(binomtest(one, one + two).pvalue) if one + two else 1.0)
 
 
-def seed_mean(right: NDArray[np.bool_], cells: NDArray, resamples: int, seed: int) -> tuple[float, float, float]:
+def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int) -> tuple[float, float, float]:
     """(low, mean, high) of a share over several seeds, 95 %, by a bootstrap over cells of recordings.
 
     Recordings of one object in one place share its simulation and are right or wrong together, so whole cells are drawn, not recordings;
     seeds are no new recordings and are averaged.
 
     Args:
-        right: (seeds, N). cells: (N,) which recordings belong together.
+        right: (seeds, N), or (N,); NaN where a seed did not score a recording. cells: (N,) which recordings belong together.
     """
-    per_recording = np.atleast_2d(right).mean(axis=0)
+    right = np.atleast_2d(np.asarray(right, dtype=np.float64))
+    scored = ~np.isnan(right).all(axis=0)
+    per_recording, cells = np.nanmean(right[:, scored], axis=0), cells[scored]
     _, cell = np.unique(cells, return_inverse=True)
     sums, sizes = np.bincount(cell, per_recording), np.bincount(cell)
     mean = float(per_recording.mean())
@@ -104,6 +106,21 @@ def seed_mean(right: NDArray[np.bool_], cells: NDArray, resamples: int, seed: in
     means = sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
     low, high = np.percentile(means, [2.5, 97.5])
     return min(float(low), mean), mean, max(float(high), mean)
+
+
+def exact_interval(value: float, n: int) -> tuple[float, float, float]:
+    """(low, value, high) of a share over n independent draws, 95 %, Clopper-Pearson; n * value need not be whole.
+
+    >>> low, _, high = exact_interval(0.0, 36)
+    >>> low, round(high, 3)
+    (0.0, 0.097)
+    """
+    from scipy.stats import beta
+
+    right = value * n
+    low = float(beta.ppf(0.025, right, n - right + 1)) if right > 0 else 0.0
+    high = float(beta.ppf(0.975, right + 1, n - right)) if right < n else 1.0
+    return low, value, high
 
 
 def confusion(truth: NDArray, answer: NDArray, classes: tuple[str, ...]) -> NDArray[np.float64]:

@@ -1,0 +1,148 @@
+"""What recognition reads off a campaign: feature rows per recording, frame or noise-augmented copy, with the keys of the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from radartwin.features import envelope, sets, track
+from radartwin.features.log import Log, distances
+from radartwin.features.processed import Processed
+from radartwin.recognize.augment import added_noise, copies
+from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather
+from radartwin.store import Store, save_arrays
+
+ROOTS = ["radartwin.features.sets", "radartwin.recognize.augment"]
+_TURNTABLE = "turntable"
+
+
+class Case(Protocol):
+    """One recording of the study, in either domain."""
+
+    @property
+    def object(self) -> str: ...
+    @property
+    def room(self) -> str: ...
+    @property
+    def motion(self) -> str: ...
+    @property
+    def distance_m(self) -> float: ...
+    @property
+    def repetition(self) -> int: ...
+
+
+class Campaign(Protocol):
+    """Where recordings come from: experiments.campaigns, or a test's own."""
+
+    def cases(self, domain: Any, **chosen: Any) -> Sequence[Any]: ...
+    def processed(self, domain: Any, case: Any, materials: Any = None) -> tuple[str, Processed]: ...
+    def log(self, case: Any) -> Log: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Feature rows and the keys of the recordings they were read from."""
+
+    samples: Samples
+    keys: tuple[str, ...]
+
+
+def recording_name(domain: str, case: Case) -> str:
+    """Sorts by object, room, motion, distance and repetition, and names its domain."""
+    return f"{case.object} {case.room} {case.motion} {case.distance_m:g} m #{case.repetition} {domain}"
+
+
+def stratum(case: Case) -> str:
+    """What recordings are matched by: equal distance at the start."""
+    return f"{case.distance_m:g} m"
+
+
+def vectors(
+    campaign: Campaign, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = (), materials: Any = None
+) -> Readings:
+    """One row per recording."""
+    return _read(campaign, domain, cases, materials, lambda processed, log: sets.vector(processed, log, features, without))
+
+
+def frames(
+    campaign: Campaign, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = (), materials: Any = None
+) -> Readings:
+    """One row per frame."""
+    return _read(campaign, domain, cases, materials, lambda processed, log: sets.frames(processed, log, features, without))
+
+
+def signatures(campaign: Campaign, domain: str, cases: Sequence[Case], materials: Any = None, rows: int = 50) -> Readings:
+    """The whole range-time signature of each recording as one row: decibels of 0.3 to 5.5 m, its frames interpolated to `rows`."""
+
+    def whole(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
+        names, level = sets.frames(processed, log, "raw")
+        wanted = np.linspace(0, len(level) - 1, rows)
+        before = np.minimum(wanted.astype(int), len(level) - 1)
+        after, share = np.minimum(before + 1, len(level) - 1), (wanted - before)[:, None]
+        picture = (1 - share) * level[before] + share * level[after]
+        return [f"{row} {name}" for row in range(rows) for name in names], picture.ravel()
+
+    return _read(campaign, domain, cases, materials, whole)
+
+
+def _read(
+    campaign: Campaign, domain: str, cases: Sequence[Case], materials: Any, reader: Callable[[Processed, Log], tuple[list[str], np.ndarray]]
+) -> Readings:
+    parts, keys, names = [], [], []
+    for case in cases:
+        key, processed = campaign.processed(domain, case, materials)
+        names, values = reader(processed, campaign.log(case))
+        parts.append(_part(domain, case, values))
+        keys.append(key)
+    return Readings(gather(names, parts), tuple(sorted(keys)))
+
+
+def _part(domain: str, case: Case, values: np.ndarray) -> Part:
+    side = MEASURED if domain == "measured" else SIMULATED
+    return Part(recording_name(domain, case), case.object, side, values, stratum(case))
+
+
+def noise_copies(
+    campaign: Campaign, store: Store, simulated: Sequence[Case], measured: Sequence[Case], features: str, count: int, seed: int,
+    without: Sequence[str] = (), materials: Any = None,
+) -> Readings:  # fmt: skip
+    """`count` rows per simulated recording, each of a copy with the noise of the measured recordings at its distance.
+
+    The rows are kept in the store. The measured side gives target energies and noise floors, whatever the objects are.
+    """
+    noise = {}
+    for name in sorted({stratum(case) for case in simulated}):
+        ours = np.array([_energy(campaign, "twin", case, materials) for case in simulated if stratum(case) == name])
+        theirs = np.array([_energy(campaign, "measured", case, None) for case in measured if stratum(case) == name])
+        noise[name] = added_noise(ours[:, 0], theirs[:, 0], float(np.median(theirs[:, 1]))) if len(theirs) else 0.0
+    parts, keys, names = [], [], []
+    for number, case in enumerate(sorted(simulated, key=lambda case: recording_name("twin", case))):
+        key, processed = campaign.processed("twin", case, materials)
+        log = campaign.log(case)
+
+        def build(folder: Path, processed: Processed = processed, log: Log = log, case: Case = case, number: int = number) -> None:
+            made = [sets.vector(one, log, features, without) for one in copies(processed, noise[stratum(case)], count, [seed, number])]
+            save_arrays(folder, {"names": np.array(made[0][0]), "values": np.stack([values for _, values in made])})
+
+        spec = {
+            "recording": key, "features": features, "without": list(without), "noise": noise[stratum(case)], "count": count, "seed": seed,
+            "number": number, "distance_m": log.distance_m, "angle_rad": log.angle_rad,
+        }  # fmt: skip
+        kept = store.fetch("noise_copies", spec, ROOTS, build).arrays()
+        names = [str(name) for name in kept["names"]]
+        parts.append(_part("twin", case, kept["values"]))
+        keys.append(key)
+    return Readings(gather(names, parts), tuple(sorted(keys)))
+
+
+def _energy(campaign: Campaign, domain: str, case: Case, materials: Any) -> tuple[float, float]:
+    """(mean energy in the target gate, noise per range bin) of a recording."""
+    _, processed = campaign.processed(domain, case, materials)
+    log = campaign.log(case)
+    nominal = distances(log, processed.num_frames)
+    where = nominal if case.motion == _TURNTABLE else track.around(processed, nominal, log.frame_rate_hz)
+    return float(envelope.target_energy(processed, where).mean()), float(processed.noise_floor.mean())

@@ -1,0 +1,130 @@
+"""What the recognition experiments share: classes, trainings over seeds, and rows with their intervals and verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.config import Config
+from radartwin.digest import spec_digest
+from radartwin.recognize.encoder import Encoder, Settings
+from radartwin.recognize.samples import Samples
+from radartwin.recognize.score import exact_interval, seed_mean
+from radartwin.recognize.split import Split
+from radartwin.recognize.text import embed
+from radartwin.recognize.training import fit
+from radartwin.scene.objects.catalogue import catalogue
+
+CALIBRATION_OBJECT = "corner_reflector"
+GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
+SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
+MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalogue().items()}
+SHOWN_KEYS = 12  # of a row; more are told by their number and digest, and are all in the run's result
+
+
+def anchors(objects: Iterable[str]) -> dict[str, NDArray]:
+    """Text vector of each object's description."""
+    known, names = catalogue(), sorted(objects)
+    return dict(zip(names, embed([known[name].description for name in names]), strict=True))
+
+
+def settings(config: Config) -> Settings:
+    return Settings(**asdict(config.supervision.encoder))
+
+
+def seeds(config: Config) -> list[int]:
+    """Of the trainings that are averaged."""
+    return [config.seed + number for number in range(config.supervision.seeds)]
+
+
+def encoders(config: Config, split: Split) -> list[Encoder]:
+    """One training per seed."""
+    texts = anchors(split.train.classes)
+    return [fit(split, texts, settings(config), seed).encoder for seed in seeds(config)]
+
+
+def cells(recordings: Samples) -> NDArray[np.str_]:
+    """Which recordings share a simulation: the same object at the same distance."""
+    return np.array([f"{label} {stratum}" for label, stratum in zip(recordings.label, recordings.stratum, strict=True)])
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Collects rows of one table; `domain` is what they are scored against."""
+
+    config: Config
+    rows: list[dict[str, Any]]
+
+    @property
+    def domain(self) -> str:
+        return self.config.measured.provider
+
+    def add(
+        self, case: Mapping[str, Any], metric: str, interval: tuple[float, float, float], n: int, keys: Sequence[str], *,
+        paper: str = "", claim: str = "", holds: bool | None = None,
+    ) -> dict[str, Any]:  # fmt: skip
+        """One row. `holds` is None where there is no claim, or fewer than two recordings to judge it by."""
+        low, value, high = interval
+        verdict = "untestable" if holds is None or n < 2 else "holds" if holds else "fails"
+        row = {
+            **case, "claim": claim, "metric": metric, "run_keys": told(keys), "paper": paper, "value": value, "low": low, "high": high,
+            "n": n, "domain": self.domain, "verdict": verdict,
+        }  # fmt: skip
+        self.rows.append(row)
+        return row
+
+    def share(
+        self, case: Mapping[str, Any], right: NDArray, recordings: Samples, keys: Sequence[str], chance: float, *,
+        paper: str = "", claim: str = "", metric: str = "accuracy",
+    ) -> dict[str, Any]:  # fmt: skip
+        """A share of right answers over seeds, (seeds, N), against its chance; the claim is that the whole interval lies above it."""
+        interval = seed_mean(right, cells(recordings), self.config.profile.resamples, self.config.seed)
+        holds = interval[0] > chance if claim else None
+        told_of = {**case, "chance": chance, "seed_sd": seed_sd(np.atleast_2d(right).mean(axis=1))}
+        return self.add(told_of, metric, interval, len(recordings), keys, paper=paper, claim=claim, holds=holds)
+
+    def gain(
+        self, case: Mapping[str, Any], first: NDArray, second: NDArray, recordings: Samples, keys: Sequence[str], *,
+        paper: str = "", claim: str = "", metric: str = "gain in accuracy",
+    ) -> dict[str, Any]:  # fmt: skip
+        """By how much the first is right more often than the second on the same recordings; the claim is that the interval is above 0."""
+        difference = np.atleast_2d(first).mean(axis=0) - np.atleast_2d(second).mean(axis=0)
+        interval = seed_mean(difference, cells(recordings), self.config.profile.resamples, self.config.seed)
+        told_of = {**case, "chance": 0.0, "seed_sd": None}
+        return self.add(
+            told_of, metric, interval, len(recordings), keys, paper=paper, claim=claim, holds=interval[0] > 0 if claim else None
+        )
+
+    def control(
+        self, case: Mapping[str, Any], shares: NDArray, draws: int, n: int, keys: Sequence[str], chance: float, *, metric: str = "accuracy"
+    ) -> dict[str, Any]:
+        """Shares after labels were dealt anew, (seeds,); the claim is that they are at chance.
+
+        Args:
+            draws: what was dealt independently of one another in each seed, such as simulated recordings.
+        """
+        low, value, high = exact_interval(float(np.mean(shares)), draws * len(shares))
+        told_of = {**case, "chance": chance, "seed_sd": seed_sd(shares)}
+        return self.add(told_of, metric, (low, value, high), n, keys, claim="at chance", holds=low <= chance <= high)
+
+
+def seed_sd(shares: NDArray) -> float | None:
+    """Standard deviation over seeds, as the paper gives it after +-; None of one seed."""
+    return float(np.std(shares, ddof=1)) if len(shares) > 1 else None
+
+
+def told(keys: Sequence[str]) -> str:
+    """The keys of a row's recordings, or their number and digest."""
+    unique = sorted(set(keys))
+    if len(unique) <= SHOWN_KEYS:
+        return " ".join(key[:8] for key in unique)
+    return f"{len(unique)} recordings {spec_digest(unique)[:8]}"
+
+
+def right(answers: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]:
+    """(seeds, N): which answers are right."""
+    return np.stack([answer == truth for answer in answers])

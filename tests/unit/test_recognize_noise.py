@@ -1,0 +1,61 @@
+"""Noise copies: the noise that is asked for, correlated as the range window makes it, and independent from copy to copy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from radartwin.features.processed import Processed, process
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
+from radartwin.recognize.augment import added_noise, copies, noisy
+
+RADAR = Radar.iwr1843()
+
+
+def echo(noise: float = 0.0, frames: int = 24, amplitude: float = 0.0) -> Processed:
+    """A recording of one echo on the centre of a range bin, with white noise of variance `noise` per sample."""
+    rng = np.random.default_rng(1)
+    shape = (frames, RADAR.num_chirps, RADAR.num_tx, RADAR.num_rx, RADAR.num_samples)
+    iq = np.broadcast_to(amplitude * np.exp(2j * np.pi * 30 * np.arange(RADAR.num_samples) / RADAR.num_samples), shape)
+    return process(Recording(iq + np.sqrt(noise / 2) * (rng.normal(size=shape) + 1j * rng.normal(size=shape)), RADAR), doppler=False)
+
+
+def test_noise_has_the_power_asked_for_and_what_was_there_counts():
+    quiet = replace(echo(), noise=None)
+    for processed, own in ((quiet, 0.0), (replace(quiet, noise=np.full(len(quiet.range_m), 3e-6, np.float32)), 3e-6)):
+        added = noisy(processed, 1e-5, np.random.default_rng(0))
+        assert added.power.mean() == pytest.approx(1e-5 - own, rel=0.05)
+        assert added.noise_floor.mean() == pytest.approx(1e-5, rel=1e-5)
+    loud = replace(quiet, noise=np.full(len(quiet.range_m), 1e-4, np.float32))
+    assert np.array_equal(noisy(loud, 1e-5, np.random.default_rng(0)).channels, loud.channels)
+
+
+def test_noise_is_like_that_of_a_receiver():
+    """Against white noise put through the range transform by `process`: the same correlation of neighbouring bins, 2/3 for Hann."""
+    received, added = echo(noise=1e-3), noisy(replace(echo(), noise=None), 1e-5, np.random.default_rng(0))
+    for one in (received, added):
+        bins = one.channels.reshape(-1, one.channels.shape[-1])
+        correlation = np.abs((bins[:, 1:] * bins[:, :-1].conj()).mean()) / (np.abs(bins) ** 2).mean()
+        assert correlation == pytest.approx(2 / 3, abs=0.04)
+
+
+def test_power_and_channels_of_a_copy_agree():
+    copy = noisy(replace(echo(amplitude=1e-2, frames=20), noise=None), 1e-6, np.random.default_rng(0))
+    assert copy.power == pytest.approx((np.abs(copy.channels) ** 2).mean(axis=1), rel=1e-3, abs=1e-12)
+
+
+def test_copies_differ_and_come_again():
+    processed = replace(echo(frames=5), noise=None)
+    one, two = copies(processed, 1e-6, 2, 7)
+    assert not np.array_equal(one.channels, two.channels)
+    assert np.array_equal(one.channels, next(copies(processed, 1e-6, 2, 7)).channels)
+
+
+def test_simulated_targets_come_to_stand_as_far_above_the_noise_as_measured_ones():
+    ours, theirs, floor = np.array([1.0, 2.0, 4.0]), np.array([10.0, 20.0, 40.0]), 0.5
+    assert np.median(ours) / added_noise(ours, theirs, floor) == pytest.approx(np.median(theirs) / floor)
+    with pytest.raises(ValueError, match="no energy above the noise"):
+        added_noise(np.zeros(3), theirs, floor)
