@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from analysis import registry, report
 from analysis import tables as writers
 from radartwin import files, plotting
 from radartwin.compose import compose, path_override
-from radartwin.errors import InputError, MissingError
+from radartwin.errors import ConfigError, InputError, MissingError
 from radartwin.experiment import Result
 from radartwin.progress import Progress
-from radartwin.run import run_experiment, summary
+from radartwin.run import run_experiment, run_key, summary
 from radartwin.store import Counts
 
 INDEX = "index.json"  # in the tables folder: which run each written table came from
@@ -33,7 +34,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
         counts += counted
         write(table, result, profile, output)
         print(summary(result))
-    page = write_report(output)
+    page = write_report(output, fresh=[table.name for table in chosen])
     totals = f"simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}"
     print(f"tables: {len(chosen)} written, {totals}; report: {page}")
     return 0
@@ -55,23 +56,43 @@ def write(table: registry.Table, result: Result, profile: str, output: Path) -> 
     files.write_atomically(output / "tables" / INDEX, json.dumps(index, indent=1) + "\n")
 
 
-def write_report(output: Path) -> Path:
-    """The report of every table the output folder holds. Raises MissingError if it holds none."""
+def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str, str, Path], str] | None = None) -> Path:
+    """The report of every table: what the output folder holds, and a line for what it does not, or not any more.
+
+    A table whose run is of an earlier source or configuration is named with the command that renews it, and its old figures stay out.
+
+    Args:
+        fresh: tables that were just written. current: (name, profile, output) -> the key its run has now.
+    Raises:
+        MissingError: the folder holds no table at all.
+    """
     index = _index(output)
-    written = [table for table in registry.TABLES if table.name in index]
-    if not written:
+    if not any(table.name in index for table in registry.TABLES):
         raise MissingError(f"{output / 'tables'}: there are no tables to report; run radartwin tables first")
-    sections = [
-        report.Section(
-            table=table,
-            html=_html(output, table.name),
-            figures=[output / "figures" / name for name in index[table.name]["figures"]],
-            run_key=index[table.name]["run_key"],
-            profile=index[table.name]["profile"],
-        )
-        for table in written
-    ]
+    sections, states = [], {report.MISSING: [], report.STALE: []}
+    for table in registry.TABLES:
+        entry = index.get(table.name)
+        if entry is None:
+            state = report.MISSING
+        elif table.name in fresh or entry["run_key"] == (current or _current)(table.name, entry["profile"], output):
+            figures = [output / "figures" / name for name in entry["figures"]]
+            sections.append(report.Section(table, _html(output, table.name), figures, entry["run_key"], entry["profile"]))
+            continue
+        else:
+            state = report.STALE
+        states[state].append(table.name)
+        sections.append(report.Section(table, "", [], "", entry["profile"] if entry else "quick", state))
+    for state, names in states.items():
+        if names:
+            print(f"{state}: {', '.join(names)}")
     return report.write(sections, output)
+
+
+def _current(name: str, profile: str, output: Path) -> str:
+    try:
+        return run_key(compose([f"experiment={name}", f"profile={profile}", path_override("output", output)]))
+    except ConfigError:  # a profile or option that is no more
+        return ""
 
 
 def _index(output: Path) -> dict[str, dict]:

@@ -21,20 +21,25 @@ caption { text-align: left; padding-bottom: .5rem; }
 th, td { padding: .25rem .6rem; text-align: left; border-bottom: 1px solid #ddd; }
 thead th { border-bottom: 2px solid #333; border-top: 2px solid #333; }
 tr.holds td:last-child { color: #00704f; } tr.fails td:last-child { color: #a83e00; font-weight: 600; }
+.absent { color: #a83e00; }
 tr.untestable td:last-child { color: #666; }
 figure { margin: 1rem 0; } img { max-width: 100%; } figcaption, footer, .files { font-size: 13px; color: #555; }
 """
 
 
+MISSING, STALE = "not run", "stale"
+
+
 @dataclass(frozen=True)
 class Section:
-    """One table of the report: its HTML, the stems of its figures, and the run it was computed by."""
+    """One table of the report: its HTML, the stems of its figures, and the run it was computed by; or why there is none."""
 
     table: Table
     html: str
     figures: Sequence[Path]
     run_key: str
     profile: str
+    absent: str = ""  # MISSING | STALE
 
 
 def write(sections: Sequence[Section], output: Path) -> Path:
@@ -44,7 +49,9 @@ def write(sections: Sequence[Section], output: Path) -> Path:
     page = output / "report" / "index.html"
     head, dirty = commit()
     body = "\n".join(_section(section, output, page.parent) for section in sections)
-    contents = "".join(f'<li><a href="#{s.table.name}">{html.escape(s.table.title)}</a></li>' for s in sections)
+    contents = "".join(
+        f'<li><a href="#{s.table.name}">{html.escape(s.table.title)}</a>{f" ({s.absent})" if s.absent else ""}</li>' for s in sections
+    )
     made = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
     code = f"commit {head[:12]}{' with local changes' if dirty else ''}" if head != "none" else "no repository"
     text = (
@@ -59,6 +66,8 @@ def write(sections: Sequence[Section], output: Path) -> Path:
 
 def _section(section: Section, output: Path, start: Path) -> str:
     name = section.table.name
+    if section.absent:
+        return _absent(section)
     figures = "\n".join(
         f'<figure><img src="{_relative(stem, ".png", start)}" alt="{html.escape(_spoken(stem))}">'
         f"<figcaption>{html.escape(_spoken(stem))} "
@@ -72,6 +81,16 @@ def _section(section: Section, output: Path, start: Path) -> str:
     return (
         f'<section id="{name}">\n<h2>{html.escape(section.table.title)}</h2>\n{figures}\n{section.html}'
         f'<p class="files">{origin}</p>\n</section>'
+    )
+
+
+def _absent(section: Section) -> str:
+    """What a reader finds in place of a table, with the command that makes it."""
+    why = "The run is of an earlier source or configuration" if section.absent == STALE else "This table has not been run"
+    command = f"radartwin tables --profile {section.profile} --only {section.table.name}"
+    return (
+        f'<section id="{section.table.name}">\n<h2>{html.escape(section.table.title)}</h2>\n'
+        f'<p class="absent">{section.absent}: {why}; <code>{html.escape(command)}</code></p>\n</section>'
     )
 
 

@@ -22,7 +22,13 @@ Row = dict[str, Any]
 FORMATS = ("csv", "md", "tex", "html")
 _NUMBER = int | float | None
 _UNITS = {"m": "m", "db": "dB", "deg": "deg", "hz": "Hz", "s": "s", "mps": "m/s"}
-_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {c: f"\\{c}" for c in "&%$#_{}"}
+_WIDE = 6  # columns that still fit one column of a page
+# What captions, claims and metrics may hold beside ASCII; pdflatex knows the rest of no alphabet but its own.
+_SYMBOLS = {
+    "–": "--", "−": "$-$", "±": r"$\pm$", "×": r"$\times$", "≤": r"$\leq$", "≥": r"$\geq$", "→": r"$\rightarrow$", "°": r"$^\circ$",
+    "²": "$^2$", "³": "$^3$", "µ": r"$\mu$", "ρ": r"$\rho$", "λ": r"$\lambda$", "σ": r"$\sigma$", "ε": r"$\epsilon$", "·": r"$\cdot$",
+}  # fmt: skip
+_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {c: f"\\{c}" for c in "&%$#_{}"} | _SYMBOLS
 
 
 def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
@@ -68,22 +74,25 @@ def to_markdown(table: Table, rows: Sequence[Row]) -> str:
 
 
 def to_latex(table: Table, rows: Sequence[Row]) -> str:
+    """For pdflatex with booktabs and graphicx; a table of many columns spans both of the page, shrunk to fit."""
     shown, cells = _cells(rows)
     align = "".join("r" if all(isinstance(row.get(c), _NUMBER) for row in rows) else "l" for c in shown)
     body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
     head = " & ".join(_latex(_heading(c)) for c in shown)
-    return rf"""\begin{{table}}[t]
+    shape, width = ("table*", r"\textwidth") if len(shown) > _WIDE else ("table", r"\columnwidth")
+    return rf"""\begin{{{shape}}}[t]
   \centering
   \caption{{\textbf{{{_latex(table.title)}.}} {_latex(caption(table, rows))}}}
   \label{{tab:{table.name}}}
+  \resizebox{{{width}}}{{!}}{{%
   \begin{{tabular}}{{{align}}}
     \toprule
     {head} \\
     \midrule
 {body}
     \bottomrule
-  \end{{tabular}}
-\end{{table}}
+  \end{{tabular}}}}
+\end{{{shape}}}
 """
 
 
@@ -123,4 +132,4 @@ def _heading(column: str) -> str:
 
 
 def _latex(text: str) -> str:
-    return "".join(_LATEX.get(c, c) for c in text).replace("–", "--").replace("−", "$-$")
+    return "".join(_LATEX.get(c, c) for c in text)

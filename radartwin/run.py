@@ -71,6 +71,12 @@ def finished(config: Config) -> bool:
     return Store(Path(config.output) / "cache").holds(RUN, *_identity(config))
 
 
+def run_key(config: Config) -> str:
+    """Key that the run of this configuration has, or would have, with the source as it is now."""
+    load(config.experiment)
+    return Store(Path(config.output) / "cache").key(RUN, *_identity(config))
+
+
 def _identity(config: Config) -> tuple[dict[str, Any], list[str]]:
     """What the key of a run is made of: its semantic configuration, and the module that computes it."""
     return {"config": semantic(config)}, [module_name(config.experiment)]

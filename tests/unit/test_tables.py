@@ -77,6 +77,16 @@ def test_latex_escapes_its_special_characters() -> None:
     assert {line.replace(r"\&", "").count("&") + 1 for line in lines} == {len(columns)}
 
 
+def test_latex_needs_nothing_that_pdflatex_has_not() -> None:
+    text = tables.to_latex(TABLE, [row(metric="ρ ≥ 0.5 ± 3 µm² at λ/2, 45° → −1–2 × ε")])
+    assert text.isascii()
+    assert r"$\rho$ $\geq$ 0.5 $\pm$ 3 $\mu$m$^2$" in text
+    assert r"\begin{table*}" in text  # nine columns
+    assert r"\resizebox{\textwidth}{!}{%" in text
+    for table in registry.TABLES:
+        assert tables.to_latex(table, [row()]).isascii()
+
+
 @pytest.mark.parametrize(
     ("changes", "word"),
     [
@@ -110,7 +120,7 @@ def test_the_report_links_every_file_relative_to_itself(tmp_path: Path) -> None:
         stem.with_name(stem.name + suffix).write_bytes(b"x")
     table = registry.TABLES[0]
     main.write(table, Result(table.name, [row()], {"curve": stem}, run_key="f" * 32), "quick", tmp_path / "out")
-    page = main.write_report(tmp_path / "out")
+    page = main.write_report(tmp_path / "out", current=lambda name, profile, output: "f" * 32)
     moved = shutil.move(tmp_path / "out", tmp_path / "elsewhere")
     links = [part.split('"')[0] for part in page_text(Path(moved)).split('="')[1:]]
     files = [link for link in links if link.endswith((".png", ".pdf", ".csv", ".md", ".tex"))]
@@ -122,6 +132,28 @@ def test_the_report_links_every_file_relative_to_itself(tmp_path: Path) -> None:
 
 def page_text(output: Path) -> str:
     return (output / "report" / "index.html").read_text(encoding="utf-8")
+
+
+def test_a_missing_or_stale_table_is_named_and_never_filled_with_old_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept, old, absent = registry.TABLES[:3]
+    for table, key in ((kept, "a" * 32), (old, "b" * 32)):
+        main.write(table, Result(table.name, [row(metric=f"figure of {table.name}")], {}, run_key=key), "paper", tmp_path)
+    main.write_report(tmp_path, current=lambda name, profile, output: "a" * 32)
+    text = page_text(tmp_path)
+    assert f"figure of {kept.name}" in text
+    assert f"figure of {old.name}" not in text
+    assert f"radartwin tables --profile paper --only {old.name}" in text
+    assert f"radartwin tables --profile quick --only {absent.name}" in text
+    lines = capsys.readouterr().out.splitlines()
+    assert f"stale: {old.name}" in lines
+    assert any(line.startswith("not run: ") and absent.name in line for line in lines)
+
+
+def test_a_table_written_by_this_source_is_not_stale_and_one_of_another_configuration_is(tmp_path: Path) -> None:
+    now = main._current("validation", "quick", tmp_path)
+    assert len(now) == 32
+    assert main._current("validation", "paper", tmp_path) not in ("", now)
+    assert main._current("validation", "no_such_profile", tmp_path) == ""
 
 
 @pytest.mark.parametrize(
@@ -139,7 +171,7 @@ def test_a_table_that_went_missing_is_named(tmp_path: Path) -> None:
     (tmp_path / "tables").mkdir()
     (tmp_path / "tables" / "index.json").write_text('{"environment": {"run_key": "0", "profile": "quick", "figures": []}}')
     with pytest.raises(MissingError, match=r"environment\.html .*--only environment"):
-        main.report_verb(tmp_path)
+        main.write_report(tmp_path, current=lambda name, profile, output: "0")
 
 
 def test_every_table_has_its_experiment_and_its_configuration() -> None:
