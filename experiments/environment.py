@@ -8,14 +8,13 @@ against reconstructed scene, -0.24 against +0.42 at 2 m and about 75 % of the en
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments import turntable
+from experiments.claims import NONE, Claim
 from experiments.statistics import bootstrap_mean
 from radartwin.config import Config
 from radartwin.experiment import Result
@@ -28,24 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class Claim:
-    """What the paper says of a row, its figure, and the bounds between which the whole interval must lie for it to hold."""
-
-    text: str = ""
-    paper: str = ""
-    above: float = -math.inf
-    below: float = math.inf
-
-    def verdict(self, low: float, high: float, n: int) -> str:
-        """A claim needs two recordings, for one has no interval."""
-        if not self.text or n < 2:
-            return "untestable"
-        return "holds" if self.above < low and high < self.below else "fails"
-
-
 PAPER_DISTANCE_M = 2.0  # where the paper gives figures
-NONE = Claim()
 ROOM = Claim(paper="+0.42")
 CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.0)
 WIDENS = Claim("the gain widens with distance", "above 0", above=0.0)

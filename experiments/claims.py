@@ -1,0 +1,63 @@
+"""What the paper says of a figure, when that holds, and the row of a table that tells both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from experiments.statistics import Estimate
+from radartwin.config import Config
+from radartwin.digest import spec_digest
+
+SHOWN_KEYS = 12  # of a row; more are told by their number and digest, and are all in the run's result
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What the paper says of a row, its figure, and what must be true of the interval for it to hold.
+
+    Attributes:
+        above, below: bounds between which the whole interval must lie.
+        contains: a value that the interval must hold, for a claim that there is no effect.
+        p_below: the level that p must not reach.
+        least: recordings that it takes; one has no interval.
+    """
+
+    text: str = ""
+    paper: str = ""
+    above: float = -math.inf
+    below: float = math.inf
+    contains: float | None = None
+    p_below: float | None = None
+    least: int = 2
+
+    def verdict(self, low: float, high: float, n: int, p: float = math.nan) -> str:
+        """holds, fails or untestable."""
+        if not self.text or n < self.least or not (math.isfinite(low) and math.isfinite(high)):
+            return "untestable"
+        true = self.above < low and high < self.below
+        true &= self.contains is None or low <= self.contains <= high
+        true &= self.p_below is None or p < self.p_below
+        return "holds" if true else "fails"
+
+
+NONE = Claim()
+
+
+def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> dict[str, Any]:
+    """One row: `case` says which, then claim, p and seed, the recordings' keys, and the score columns."""
+    return {
+        **case, "claim": claim.text, "p": None if math.isnan(found.p) else found.p, "seed": config.seed, "run_keys": told(keys),
+        "metric": metric, "paper": claim.paper, "value": found.value, "low": found.low, "high": found.high, "n": found.n,
+        "domain": config.measured.provider, "verdict": claim.verdict(found.low, found.high, found.n, found.p),
+    }  # fmt: skip
+
+
+def told(keys: Iterable[str]) -> str:
+    """The keys of a row's recordings, or their number and digest."""
+    unique = sorted(set(keys))
+    if len(unique) <= SHOWN_KEYS:
+        return " ".join(key[:8] for key in unique)
+    return f"{len(unique)} recordings {spec_digest(unique)[:8]}"

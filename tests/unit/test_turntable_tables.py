@@ -1,0 +1,102 @@
+"""The turntable tables on a made-up campaign whose answers are known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fake_campaign import FakeCampaign
+
+from experiments import facet_ripple, turntable_shape
+from experiments.claims import Claim
+from radartwin.compose import compose
+from radartwin.config import Config
+from radartwin.errors import ConfigError
+from radartwin.experiment import Result, save
+from radartwin.features.envelope import harmonic_ratio
+from radartwin.progress import Progress
+
+
+def config(name: str) -> Config:
+    made = compose([f"experiment={name}", "output=/tmp/nowhere"])
+    return replace(made, profile=replace(made.profile, resamples=200))
+
+
+def find(result: Result, metric: str, case: str, of: str = "both") -> dict:
+    found = [row for row in result.rows if row["metric"] == metric and row["case"] == case and row["of"] == of]
+    assert len(found) == 1
+    return found[0]
+
+
+@pytest.fixture(scope="module")
+def shape() -> Result:
+    campaign = FakeCampaign(distances=(0.5, 1.0), repetitions=2, gap=0.05)
+    return turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
+
+
+def test_a_twin_that_is_nearly_the_object_keeps_order_structure_and_signatures(shape: Result) -> None:
+    for metric, least in (("order of objects", 0.8), ("distances between objects", 0.8)):
+        row = find(shape, metric, "all objects")
+        assert row["value"] > least
+        assert row["verdict"] == "holds"
+        assert row["p"] < 0.01
+        assert row["n"] == 12
+    assert find(shape, "own signature less others'", "all objects")["verdict"] == "holds"
+    assert find(shape, "signatures", "all objects")["verdict"] == "untestable"  # the paper's 0.76 is a figure, not a bound
+
+
+def test_objects_that_are_all_alike_have_no_order_to_keep() -> None:
+    campaign = FakeCampaign(distances=(1.0,), repetitions=2, signature=0.0)
+    result = turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
+    assert find(result, "order of objects", "all objects")["verdict"] == "fails"
+    assert find(result, "distances between objects", "all objects")["verdict"] == "fails"
+    assert find(result, "own signature less others'", "all objects")["verdict"] == "fails"
+    assert not [row for row in result.rows if row["metric"] == "variation over distance"]  # one distance
+
+
+def test_rows_carry_interval_n_seed_and_keys_and_can_be_stored(shape: Result, tmp_path: Path) -> None:
+    for row in shape.rows:
+        assert row["low"] <= row["value"] <= row["high"]
+        assert row["seed"] == 0
+        assert row["run_keys"]
+    cans = [row for row in shape.rows if row["case"] == "drink can" and row["metric"] == "angular harmonic ratio"]
+    assert {row["n"] for row in cans} == {4, 2}  # two distances, with and without repetitions
+    save(shape, tmp_path)
+    assert (tmp_path / "figures" / "turntable_ranking.png").stat().st_size > 10_000
+    assert (tmp_path / "figures" / "turntable_ssim.pdf").is_file()
+
+
+def test_the_figures_of_a_made_up_campaign_are_those_of_its_recipe(shape: Result) -> None:
+    """The recipe modulates cans by 0.05 of six lines that differ from object to object, the reflector by 0.9 of its own."""
+    ratio = {row["case"]: row["value"] for row in shape.rows if row["metric"] == "angular harmonic ratio" and row["of"] == "simulated"}
+    assert ratio["trihedral corner reflector"] > 10 * max(value for case, value in ratio.items() if "can" in case)
+    assert find(shape, "ratio of harmonic ratios", "least peaked over least flat", "measured")["verdict"] == "holds"
+
+
+def test_a_campaign_without_turns_is_refused() -> None:
+    with pytest.raises(ConfigError, match="no object and distance"):
+        turntable_shape.score(config("turntable_shape"), FakeCampaign(motions=("depth",)), Progress())
+
+
+def test_verdicts_follow_the_whole_interval() -> None:
+    above = Claim("c", above=0.0)
+    assert above.verdict(0.1, 0.3, 5) == "holds"
+    assert above.verdict(-0.1, 0.3, 5) == "fails"
+    assert above.verdict(0.1, 0.3, 1) == "untestable"
+    assert Claim(paper="3").verdict(1, 2, 9) == "untestable"
+    assert Claim("none", contains=0.0).verdict(-1, 1, 5) == "holds"
+    assert Claim("none", contains=0.0).verdict(0.1, 1, 5) == "fails"
+    tested = Claim("c", above=0.0, p_below=0.05)
+    assert tested.verdict(0.1, 0.3, 5, 0.01) == "holds"
+    assert tested.verdict(0.1, 0.3, 5, 0.2) == "fails"
+    assert tested.verdict(float("nan"), 0.3, 5, 0.01) == "untestable"
+
+
+def test_flat_facets_ripple_at_their_number_and_curved_ones_do_not() -> None:
+    flat, curved = (facet_ripple.envelope(facet_ripple.can(flat), None, 1) for flat in (True, False))
+    assert len(flat) == 2048
+    spectrum = np.abs(np.fft.rfft(flat))[1:200]
+    assert int(spectrum.argmax()) + 1 == facet_ripple.FACETS
+    assert harmonic_ratio(flat, 120, 136) > 100 * harmonic_ratio(curved, 120, 136)
