@@ -13,7 +13,7 @@ from radartwin.config import Config
 from radartwin.digest import spec_digest
 from radartwin.recognize.encoder import Encoder, Settings
 from radartwin.recognize.samples import Samples
-from radartwin.recognize.score import exact_interval, seed_mean
+from radartwin.recognize.score import exact_interval, seed_mean, share
 from radartwin.recognize.split import Split
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
@@ -79,12 +79,18 @@ class Rows:
 
     def share(
         self, case: Mapping[str, Any], right: NDArray, recordings: Samples, keys: Sequence[str], chance: float, *,
-        paper: str = "", claim: str = "", metric: str = "accuracy",
+        paper: str = "", claim: str = "", balanced: bool = False,
     ) -> dict[str, Any]:  # fmt: skip
-        """A share of right answers over seeds, (seeds, N), against its chance; the claim is that the whole interval lies above it."""
-        interval = seed_mean(right, cells(recordings), self.config.profile.resamples, self.config.seed)
+        """A share of right answers over seeds, (seeds, N), against its chance; the claim is that the whole interval lies above it.
+
+        Args:
+            balanced: the mean of the classes' shares instead.
+        """
+        classes, metric = (recordings.label, "balanced accuracy") if balanced else (None, "accuracy")
+        interval = seed_mean(right, cells(recordings), self.config.profile.resamples, self.config.seed, classes)
         holds = interval[0] > chance if claim else None
-        told_of = {**case, "chance": chance, "seed_sd": seed_sd(np.atleast_2d(right).mean(axis=1))}
+        p = None if balanced else binomial_p(interval[1], len(recordings), chance)
+        told_of = {**case, "chance": chance, "p": p, "seed_sd": seed_sd(np.nanmean(np.atleast_2d(right), axis=1))}
         return self.add(told_of, metric, interval, len(recordings), keys, paper=paper, claim=claim, holds=holds)
 
     def gain(
@@ -115,6 +121,11 @@ class Rows:
 def seed_sd(shares: NDArray) -> float | None:
     """Standard deviation over seeds, as the paper gives it after +-; None of one seed."""
     return float(np.std(shares, ddof=1)) if len(shares) > 1 else None
+
+
+def binomial_p(value: float, n: int, chance: float) -> float:
+    """Exact p of as many right answers or more at chance, counting the mean over seeds as one answer per recording."""
+    return share(np.arange(n) < round(value * n), chance).p
 
 
 def told(keys: Sequence[str]) -> str:

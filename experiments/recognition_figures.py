@@ -38,8 +38,11 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
         axis.plot([place - 0.45, place + 0.45], [chance, chance], color="black", ls="--", lw=0.8, label="chance" if place == 0 else None)
     axis.set_xticks(range(len(groups)), list(groups))
     top = max(row["high"] for group in groups.values() for row in group.values())
-    axis.set(ylabel=ylabel, ylim=(0, min(1.25, 1.3 * top)), title=title)
-    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    axis.set(ylabel=ylabel, ylim=(0, 1.3 * top), title=title)
+    axis.set_yticks([tick for tick in axis.get_yticks() if tick <= 1.0])
+    handles, labels = axis.get_legend_handles_labels()
+    order = sorted(range(len(labels)), key=lambda i: labels[i] == "chance")
+    axis.legend([handles[i] for i in order], [labels[i] for i in order], loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return drawing
 
 
@@ -99,5 +102,5 @@ def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
     axis.set_xticks(ticks, [str(tick) for tick in ticks])
     axis.minorticks_off()
     axis.set(xlabel="labelled measured recordings per class", ylabel="accuracy", ylim=(0, 1.02))
-    axis.legend(loc="lower right")
+    axis.legend(loc="center left", bbox_to_anchor=(0.02, 0.35))
     return drawing

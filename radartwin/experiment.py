@@ -34,6 +34,7 @@ SCORE_COLUMNS = (
     "verdict",
 )  # the last columns of every table, in this order
 VERDICTS = ("holds", "fails", "untestable")
+MODELS = "models"  # folder of a run's product
 
 
 @dataclass
@@ -47,6 +48,7 @@ class Result:
         metrics: the scalars to track, about thirty at most; no brackets in their names.
         keys: the products it was computed from.
         run_key: set by the runner.
+        models: by name, what was trained and may leave the study, or after reading back its folder.
     """
 
     table: str
@@ -55,6 +57,13 @@ class Result:
     metrics: Mapping[str, float] = field(default_factory=dict)
     keys: list[str] = field(default_factory=list)
     run_key: str = ""
+    models: Mapping[str, Model | Path] = field(default_factory=dict)
+
+
+class Model(Protocol):
+    """What can be kept in a folder of its own, such as radartwin.recognize.model.Recogniser."""
+
+    def save(self, folder: str | Path) -> Path: ...
 
 
 class Experiment(Protocol):
@@ -132,8 +141,12 @@ def save(result: Result, folder: Path) -> None:
         "metrics": metrics,
         "keys": result.keys,
         "figures": sorted(result.figures),
+        "models": sorted(result.models),
     }
     save_json(folder, "result", content)
+    for name, model in result.models.items():
+        if not isinstance(model, Path):
+            model.save(folder / MODELS / name)
     if result.figures:
         from radartwin import plotting
 
@@ -145,7 +158,8 @@ def read(product: Product) -> Result:
     """The result a product holds; its figures are paths without suffix (.png and .pdf exist)."""
     content = product.read_json("result")
     figures = {name: product.path / "figures" / name for name in content["figures"]}
-    return Result(content["table"], content["rows"], figures, content["metrics"], content["keys"], product.key)
+    models = {name: product.path / MODELS / name for name in content["models"]}
+    return Result(content["table"], content["rows"], figures, content["metrics"], content["keys"], product.key, models)
 
 
 def _plain(value: Any) -> Any:

@@ -87,7 +87,7 @@ def paired(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> Paired:
     return Paired(one, two, float(binomtest(one, one + two).pvalue) if one + two else 1.0)
 
 
-def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int) -> tuple[float, float, float]:
+def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int, classes: NDArray | None = None) -> tuple[float, float, float]:
     """(low, mean, high) of a share over several seeds, 95 %, by a bootstrap over cells of recordings.
 
     Recordings of one object in one place share its simulation and are right or wrong together, so whole cells are drawn, not recordings;
@@ -95,17 +95,35 @@ def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int) -> tupl
 
     Args:
         right: (seeds, N), or (N,); NaN where a seed did not score a recording. cells: (N,) which recordings belong together.
+        classes: (N,) for the mean of the classes' shares (balanced accuracy); cells are then drawn within each class.
     """
     right = np.atleast_2d(np.asarray(right, dtype=np.float64))
     scored = ~np.isnan(right).all(axis=0)
-    per_recording, cells = np.nanmean(right[:, scored], axis=0), cells[scored]
-    _, cell = np.unique(cells, return_inverse=True)
-    sums, sizes = np.bincount(cell, per_recording), np.bincount(cell)
-    mean = float(per_recording.mean())
-    drawn = np.random.default_rng([seed, 0xB0]).integers(0, len(sums), (resamples, len(sums)))
-    means = sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
-    low, high = np.percentile(means, [2.5, 97.5])
+    per_recording = np.nanmean(right[:, scored], axis=0)
+    kinds = np.zeros(scored.sum(), dtype=int) if classes is None else np.unique(classes[scored], return_inverse=True)[1]
+    rng = np.random.default_rng([seed, 0xB0])
+    parts = [_cell_means(per_recording[kinds == kind], cells[scored][kinds == kind], resamples, rng) for kind in range(kinds.max() + 1)]
+    mean, drawn = float(np.mean([one for one, _ in parts])), np.mean([many for _, many in parts], axis=0)
+    low, high = np.percentile(drawn, [2.5, 97.5])
     return min(float(low), mean), mean, max(float(high), mean)
+
+
+def mean_difference(
+    first: NDArray, second: NDArray, cells: tuple[NDArray, NDArray], resamples: int, seed: int
+) -> tuple[float, float, float]:
+    """(low, difference of the means, high) of two groups of recordings, 95 %, by a bootstrap over the cells of each."""
+    rng = np.random.default_rng([seed, 0xD1])
+    (one, ones), (two, twos) = (_cell_means(v, c, resamples, rng) for v, c in zip((first, second), cells, strict=True))
+    low, high = np.percentile(ones - twos, [2.5, 97.5])
+    return min(float(low), one - two), one - two, max(float(high), one - two)
+
+
+def _cell_means(values: NDArray, cells: NDArray, resamples: int, rng: np.random.Generator) -> tuple[float, NDArray[np.float64]]:
+    """The mean over recordings, and that of each resampling of whole cells, (resamples,)."""
+    _, cell = np.unique(cells, return_inverse=True)
+    sums, sizes = np.bincount(cell, values), np.bincount(cell)
+    drawn = rng.integers(0, len(sums), (resamples, len(sums)))
+    return float(values.mean()), sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
 
 
 def exact_interval(value: float, n: int) -> tuple[float, float, float]:
