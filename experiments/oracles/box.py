@@ -5,7 +5,7 @@ line crosses them. A monostatic path into an edge or corner meets walls at once:
 line in which it occurs, for the stationary phase weighs all directions alike.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 
 import numpy as np
@@ -57,15 +57,15 @@ def image_paths(
         direction = line / length
         received = sum(
             (
-                share * _carried([walls[w][0] for w in order], direction, axis, reflection)
-                for order, share in _orders(direction, walls, sensor_m)
+                share * carried([walls[w][0] for w in order], direction, axis, [reflection] * len(order))
+                for order, share in orders(direction, walls, sensor_m)
             ),
             0j,
         )
         yield received, length, int(np.abs(index).sum())
 
 
-def _orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.ndarray) -> Iterator[tuple[tuple[int, ...], float]]:
+def orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.ndarray) -> Iterator[tuple[tuple[int, ...], float]]:
     """Orders in which walls are met, with their shares of the directions around the line."""
     first = np.eye(3)[np.argmin(np.abs(direction))]
     u = np.cross(direction, first)
@@ -78,22 +78,22 @@ def _orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.
         yield tuple(int(w) for w in order), count / TURNS
 
 
-def _across(axis: np.ndarray, ray: np.ndarray) -> np.ndarray:
+def across(axis: np.ndarray, ray: np.ndarray) -> np.ndarray:
     field = axis - (axis @ ray) * ray
     return field / np.linalg.norm(field)
 
 
-def _carried(axes: list[int], direction: np.ndarray, axis: np.ndarray, reflection: Reflection) -> complex:
-    """Received field of a path that meets walls across these axes in turn."""
+def carried(axes: Sequence[int], direction: np.ndarray, axis: np.ndarray, reflections: Sequence[Reflection]) -> complex:
+    """Received field of a path that meets walls across these axes in turn, each with its own reflection."""
     ray = direction.copy()
-    field = _across(axis, ray).astype(complex)
-    for wall in axes:
+    field = across(axis, ray).astype(complex)
+    for wall, reflection in zip(axes, reflections, strict=True):
         normal = np.eye(3)[wall]
         te, tm = reflection(abs(float(ray[wall])))
         side = np.cross(ray, normal)
         size = np.linalg.norm(side)
-        side = side / size if size > 1e-9 else _across(np.eye(3)[wall - 1], ray)
+        side = side / size if size > 1e-9 else across(np.eye(3)[wall - 1], ray)
         mirrored = ray - 2 * ray[wall] * normal
         field = te * (field @ side) * side + tm * (field @ np.cross(ray, side)) * np.cross(mirrored, side)
         ray = mirrored
-    return complex(np.conj(_across(axis, ray) @ field))
+    return complex(np.conj(across(axis, ray) @ field))

@@ -83,14 +83,13 @@ class SionnaBackend:
         Warns:
             UserWarning: what of this scene Sionna cannot return.
         """
-        check_installed()
         motion = motion or {}
         if all(float(np.abs(poses - poses[:1]).max()) < AT_REST for poses in (sensor_poses, *motion.values())):
             sensor_poses, motion = sensor_poses[:1], {name: poses[:1] for name, poses in motion.items()}
         mesh = merged(scene.surfaces, motion)
         if not len(mesh.faces):
             return []
-        found = self._asked(scene.surfaces, mesh, radar, sensor_poses)
+        found = self.found(scene, mesh, radar, sensor_poses)
         for text in sionna_limits.met(scene.surfaces, mesh, found, sensor_poses, radar.wavelength_m, self.settings.diffuse):
             warnings.warn(text, stacklevel=2)
         usable = np.isfinite(found["amplitude"]).all(axis=1) & (found["face"][:, 0] >= 0)
@@ -104,8 +103,14 @@ class SionnaBackend:
     def _offset(self) -> np.ndarray:
         return self.settings.separation_m * ASIDE
 
-    def _asked(self, surfaces: tuple[Surface, ...], mesh: "Mesh", radar: Radar, sensor_poses: np.ndarray) -> dict[str, np.ndarray]:
-        """The worker's answer, with the frequencies it is for."""
+    def found(self, scene: Scene, mesh: "Mesh", radar: Radar, sensor_poses: np.ndarray) -> dict[str, np.ndarray]:
+        """What Sionna itself answers for one mesh of a scene: see `sionna_worker.trace`; with frequencies_hz (Q,), what it is for.
+
+        Raises:
+            BackendError: sionna-rt is not installed, or its process ended.
+        """
+        check_installed()
+        surfaces = scene.surfaces
         diffuse = self.settings.diffuse
         entries = [(s.material, 0.0 if diffuse else s.roughness_m) for s in surfaces]
         table = reflection_table.build(entries, radar.start_frequency_hz, radar.start_frequency_hz + radar.sampled_bandwidth_hz)
