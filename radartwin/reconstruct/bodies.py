@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import KDTree
 
+from radartwin.reconstruct.coplanar import in_plane
 from radartwin.reconstruct.faces import Faces, thinned
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 ALIKE = 14.0  # weighted L*a*b* within which sides of one thing may differ: light falls on them differently
 SAME = 7.0  # ... and within which even what meets concavely, as the boards of a shelf, is one
 OUTER_HEIGHT, INNER_HEIGHT = 0.4, 0.85  # of the scan's height that a wall spans at least, one with nothing behind it or any
+INNER_WIDTH_M = 1.0  # narrower ones are columns' sides
 BEHIND_M, NOTHING = 0.15, 0.02  # deeper than noise; share of the scan that is nothing
 SHELL_AREA_M2 = 1.0
 LEVEL = np.cos(np.radians(15.0))
@@ -42,7 +44,8 @@ def shell(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
         if abs(segment.normal[2]) < UPRIGHT:
             height = (np.quantile(z, 0.99) - np.quantile(z, 0.01)) / (high - low)
             outer = height > OUTER_HEIGHT and (places @ segment.normal < segment.offset_m - BEHIND_M).mean() < NOTHING
-            out[k] = outer or height > INNER_HEIGHT
+            width = np.ptp(np.quantile(faces.centre[segment.faces] @ in_plane(segment.normal)[0], [0.01, 0.99]))
+            out[k] = outer or (height > INNER_HEIGHT and width > INNER_WIDTH_M)
         elif segment.normal[2] > LEVEL:
             out[k] = np.median(z) < low + 0.15
         elif segment.normal[2] < -LEVEL:
@@ -60,6 +63,8 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
     colour = None
     if lab is not None:
         colour = np.array([np.average(lab[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
+    area = np.array([s.area_m2 for s in segments])
+    whole = np.zeros((len(segments), 3)) if colour is None else colour.copy()  # of the thing so far that each is the root of
     root = np.arange(len(segments))
 
     def find(k: int) -> int:
@@ -70,10 +75,17 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
     for i, j, length, convex in contacts(faces, segments):
         if bounds[i] or bounds[j] or length < CONTACT_M:
             continue
+        a, b = find(i), find(j)
+        if a == b:
+            continue
         difference = 0.0 if colour is None else float(np.linalg.norm(colour[i] - colour[j]))
         # Without colour, parts (legs, handles) stay by themselves: what they touch may be anything.
-        if (convex and difference < ALIKE) or (colour is not None and difference < SAME):
-            root[find(j)] = find(i)
+        alike = (convex and difference < ALIKE) or (colour is not None and difference < SAME)
+        # Likeness must not creep from side to side until a thing is two.
+        if alike and (colour is None or float(np.linalg.norm(whole[a] - whole[b])) < ALIKE):
+            root[b] = a
+            whole[a] = (area[a] * whole[a] + area[b] * whole[b]) / (area[a] + area[b])
+            area[a] += area[b]
     roots = np.array([find(k) for k in range(len(segments))])
     _, number = np.unique(roots, return_inverse=True)
     return [replace(s, body=-1 if bounds[k] else int(number[k])) for k, s in enumerate(segments)]

@@ -19,7 +19,9 @@ from radartwin.reconstruct.coplanar import in_plane
 LIGHTNESS = 0.6  # weight of L* against a* and b*
 DEEP_M, BESIDE_M = 0.3, 0.25  # a piece is told from its surroundings by the colours so far from its edge, inside and outside
 EDGE = 0.4  # of the least step that two cells may differ by, two cells apart, inside one area
-MOSTLY = 0.6  # of a piece's cells that differ from those outside
+MOSTLY = 0.6  # of a piece's cells that differ from those outside, and of its border that is an edge
+ACROSS = 2.5  # cells from a border within which colours are blurred
+WITHIN = 0.5  # of the step that parts a thing from what it is on that parts its own pieces: what stands out shows light in proportion
 ROUNDS = 12  # divisions tried per plane
 
 
@@ -69,6 +71,7 @@ class ColourSplit:
     def _divide(self, label: np.ndarray, picture: np.ndarray, cell: float) -> None:
         """Number the pieces of a picture (W, H, 3) in place; -1 stays outside."""
         count, todo = 1, [0]
+        least = {0: self.step}  # by which pieces of each piece differ from it
         for _ in range(ROUNDS):
             if not todo:
                 return
@@ -76,24 +79,32 @@ class ColourSplit:
             region = label == current
             # What has been taken out must not show at the borders of the rest, where colours are blurred.
             inner = region & (masks.distance(~region) > 1.5)
-            found = self._pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell)
-            for piece in found:
+            found = self._pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell, least[current])
+            for piece, step in found:
                 label[piece] = count
                 todo.append(count)
+                least[count] = max(self.step, WITHIN * step)
                 count += 1
             if found:
                 todo.append(current)
 
-    def _pieces_of(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-        """Pieces that differ from the rest of a region by a step, from the first way of dividing that finds any."""
+    def _pieces_of(self, region: np.ndarray, picture: np.ndarray, cell: float, least: float) -> list[tuple[np.ndarray, float]]:
+        """Pieces that differ from the rest of a region by a step of `least`, and their steps; of those that overlap the best edged one."""
         if region.sum() * cell**2 < 2 * self.area_m2:
             return []
+        ranked = []
         for candidates in (self._between_edges, self._of_two_colours):
-            found = [self._refined(piece, region, picture, cell) for piece in candidates(region, picture, cell)]
-            found = [piece for piece in found if self.area_m2 <= piece.sum() * cell**2]
-            if found:
-                return found
-        return []
+            for candidate in candidates(region, picture, cell):
+                for piece in masks.pieces(self._refined(candidate, region, picture, cell, least)):
+                    steps = _steps(piece, region, picture)
+                    share = float((steps > least).mean()) if steps.size else 0.0
+                    if self.area_m2 <= piece.sum() * cell**2 and share >= MOSTLY:
+                        ranked.append((share, piece, float(np.median(steps))))
+        found: list[tuple[np.ndarray, float]] = []
+        for _, piece, step in sorted(ranked, key=lambda one: -one[0]):
+            if not any((piece & other).any() for other, _ in found):
+                found.append((piece, step))
+        return found
 
     def _between_edges(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
         """What edges of colour part from the largest even area: gradients of light have no edges, posters have little else."""
@@ -118,8 +129,8 @@ class ColourSplit:
         minor = masks.closed(minor, 2) & region
         return [masks.dilated(piece, 1, minor) for piece in masks.pieces(minor)]
 
-    def _refined(self, piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float) -> np.ndarray:
-        """The piece with its border where colours change, or nothing where they do not by a step."""
+    def _refined(self, piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float, least: float) -> np.ndarray:
+        """The piece with its border where colours change, or nothing where they do not by a step of `least`."""
         none = np.zeros_like(piece)
         rest = region & ~piece
         if self.area_m2 > piece.sum() * cell**2 or not rest.any():
@@ -132,14 +143,25 @@ class ColourSplit:
         # Light changes along the edge, so each cell is compared with the nearest one outside.
         difference = np.linalg.norm(picture - picture[masks.nearest(beside)], axis=-1)
         spread = float(np.median(np.linalg.norm(picture[beside] - _local_mean(picture, beside, cell)[beside], axis=-1)))
-        least = max(self.step, self.contrast * spread)
+        least = max(least, self.contrast * spread)
         if (difference[inside] > least).mean() < MOSTLY:
             return none
         zone = masks.dilated(piece, 3, region)
         other = zone & (difference > max(0.6 * least, 0.3 * float(np.median(difference[inside]))))
         zone = masks.dilated(piece, 3, region)
-        other = masks.opened(masks.closed(other, 2) & zone, self.width_m / 3 / cell)
+        other = masks.opened(masks.closed(other, 1) & zone, self.width_m / 3 / cell)
         return other if other.sum() > 0.3 * piece.sum() else none
+
+
+def _steps(piece: np.ndarray, region: np.ndarray, picture: np.ndarray) -> np.ndarray:
+    """What colours differ by from ACROSS cells on one side to as many on the other, at each cell of a piece's border with the rest."""
+    rest = region & ~piece
+    to_rest, to_piece = masks.distance(rest), masks.distance(piece)
+    inside, outside = piece & (to_rest > ACROSS), rest & (to_piece > ACROSS)
+    if not (inside.any() and outside.any()):
+        return np.zeros(0)
+    difference = picture[masks.nearest(inside)] - picture[masks.nearest(outside)]
+    return np.linalg.norm(difference[piece & (to_rest <= 1)], axis=-1)
 
 
 def face_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:

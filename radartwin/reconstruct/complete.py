@@ -27,6 +27,7 @@ SMALL_M2 = 0.12  # gaps below this are filled
 PANE_M2 = (0.2, 25.0)
 RECTANGULAR = 0.85  # share of its bounding rectangle that a pane fills
 OUTLYING = 0.3  # of the usual row that a row at the edge holds at least
+BESIDE_CELLS = 5
 VISIBLE, FROM, SAMPLES = 0.6, 3, 150  # share of a pane seen from so many places, of so many samples
 
 
@@ -61,7 +62,7 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
     beside = masks.closed(grid.cells(points[(depth > BEFORE_M) & (depth < CLOSE_M)]), 0.05 / grid.cell_m)
     out, found = mask.copy(), []
     filled = opened = 0.0
-    for gap in masks.pieces(gaps):
+    for gap in (part for whole in masks.pieces(gaps) for part in _parted(whole, mask, grid)):
         area = grid.area(gap)
         enclosed = bool((gap & holes).any())
         if area >= SMALL_M2 and behind[gap].mean() > OPEN_SHARE:
@@ -73,7 +74,7 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
             and _fills_rectangle(gap)
             and (enclosed or (sight.cameras is not None and _framed(gap, mask)))
         )
-        if pane and beside[gap].mean() <= HIDDEN_SHARE and sight is not None and _visible(grid, gap, sight):
+        if pane and beside[gap].mean() <= HIDDEN_SHARE and sight is not None and _visible(grid, gap, mask, sight):
             found.append(gap)
         elif enclosed or area < SMALL_M2 or before[gap].mean() > HIDDEN_SHARE or not _walled_off(gap, mask, before):
             out |= gap
@@ -115,12 +116,30 @@ def _walled_off(gap: np.ndarray, mask: np.ndarray, before: np.ndarray) -> bool:
     return bool(border.any() and masks.dilated(before, 4)[border].mean() > 0.6)
 
 
-def _visible(grid: Grid, gap: np.ndarray, sight: Sight) -> bool:
-    """Whether most of a gap could be seen from several places: what hides it is not furniture."""
-    cells = np.argwhere(gap)
-    cells = cells[:: max(1, len(cells) // SAMPLES)]
-    seen = sight.seen(grid.to_space(grid.low + (cells + 0.5) * grid.cell_m), grid.normal)
-    return bool((seen >= min(FROM, max(1, len(sight.viewpoints) // 4))).mean() > VISIBLE)
+def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> bool:
+    """Whether most of a gap could be seen from several places, or half as often as the plane beside it: what hides it is not furniture."""
+
+    def seen(where: np.ndarray) -> np.ndarray:
+        cells = np.argwhere(where)
+        cells = cells[:: max(1, len(cells) // SAMPLES)]
+        return sight.seen(grid.to_space(grid.low + (cells + 0.5) * grid.cell_m), grid.normal)
+
+    often = min(FROM, max(1, len(sight.viewpoints) // 4))
+    beside = seen(masks.dilated(gap, BESIDE_CELLS) & mask)
+    if beside.size:
+        often = min(often, max(1, int(np.median(beside)) // 2))
+    return bool((seen(gap) >= often).mean() > VISIBLE)
+
+
+def _parted(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
+    """A gap, or the frame in it and the rest, where a window and what furniture hides of the wall run together."""
+    if _fills_rectangle(gap):
+        return [gap]
+    frame = np.zeros_like(gap)
+    frame[masks.largest_rectangle(masks.closed(gap, 1))] = True
+    if grid.area(frame) < max(PANE_M2[0], 0.5 * grid.area(gap)) or not _framed(frame, mask):
+        return [gap]
+    return [frame & ~mask, *masks.pieces(gap & ~frame)]
 
 
 def _fills_rectangle(gap: np.ndarray) -> bool:

@@ -15,12 +15,12 @@ def disc(radius: float) -> np.ndarray:
 
 
 def opened(mask: np.ndarray, radius: float) -> np.ndarray:
-    """Without what is narrower than twice the radius; the picture is taken to go on beyond its border."""
+    """Without what is narrower than twice the radius, or than the radius along the border, in which the picture is taken to be mirrored."""
     from scipy.ndimage import binary_opening
 
     element = disc(radius)
     pad = len(element)
-    return np.asarray(binary_opening(np.pad(mask, pad, mode="edge"), element))[pad:-pad, pad:-pad]
+    return np.asarray(binary_opening(np.pad(mask, pad, mode="symmetric"), element))[pad:-pad, pad:-pad]
 
 
 def closed(mask: np.ndarray, radius: float) -> np.ndarray:
@@ -67,3 +67,21 @@ def nearest(mask: np.ndarray) -> tuple[np.ndarray, ...]:
 
     index: Any = distance_transform_edt(~mask, return_distances=False, return_indices=True)
     return tuple(index)
+
+
+def largest_rectangle(mask: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns of the largest rectangle of the mask's cells: under each row, the largest in a histogram of the cells above it."""
+    height = np.zeros(mask.shape[1], dtype=int)
+    best, area = (slice(0, 0), slice(0, 0)), 0
+    for row, cells in enumerate(mask):
+        height = np.where(cells, height + 1, 0)
+        open_at: list[tuple[int, int]] = []  # column and height of rectangles that may go on
+        for column, tall in enumerate([*height.tolist(), 0]):
+            start = column
+            while open_at and open_at[-1][1] >= tall:
+                start, above = open_at.pop()
+                if above * (column - start) > area:
+                    area = above * (column - start)
+                    best = slice(row + 1 - above, row + 1), slice(start, column)
+            open_at.append((start, tall))
+    return best
