@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.simulation import launch as launch_module
 from radartwin.simulation import legs as legs_module
@@ -26,6 +28,7 @@ from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basi
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
 FEW_TUBES = 300  # up to so many on an object, those across its edges are divided: the smaller it is, the more of it they are
 EARLY = 0.3  # of the last prune: a hit that could not matter if its legs carried all they do anywhere is dropped before they are looked at
+BISTATIC = 4.0  # by which what goes to another image may be stronger than the echo straight back
 SHORT_M = 1e-4  # by which a test of the direct way stops before the object
 
 
@@ -41,6 +44,8 @@ def group_paths(
     cell_m: float,
     occluder: Geometry | None,
     prune: float,
+    least: float = 0.0,
+    ball: tuple[np.ndarray, float] | None = None,
 ) -> list[Paths] | None:
     """Paths by way of an object: direct ones, and those over the room's panels; None where no planar grid of tubes holds the object.
 
@@ -49,18 +54,35 @@ def group_paths(
         sensor_poses, object_poses: (F, 4, 4) to the world.
         cell_m: width of a tube on the object.
         occluder: static geometry that hides the object on direct legs.
+        least: amplitude that does not matter; pairs of legs that stay below it are left out.
+        ball: centre (3,) and radius, metres, that hold the object in every frame: legs are found for it, and kept for what comes after.
     """
+    share = SHARE
+    if room is not None and least > 0:
+        alone = group_paths(
+            None, built, table, sensor_poses, object_poses, radar, max_bounces=1, cell_m=cell_m, occluder=occluder, prune=prune
+        )
+        if alone is None:
+            return None
+        loudest = BISTATIC * max((_loudest(part, radar) for part in alone), default=0.0)
+        share = max(SHARE, least / loudest) if loudest > 0 else np.inf
+        room = room if share < 1 else None
     frames = len(sensor_poses)
     centre = object_poses[:, :3, :3] @ built.centre + object_poses[:, :3, 3]
     radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
-    if np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # what turns or slides a little before a sensor at rest is in one place
+    if ball is not None:
+        centre, radius = np.repeat(ball[0][None], frames, axis=0), ball[1]
+    elif np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # what turns or slides a little before a sensor at rest is in one place
         step = radius / 2
         centre, radius = np.round(centre / max(step, 1e-9)) * step, radius + np.sqrt(3) / 2 * step
     seen = np.concatenate([sensor_poses[:, :3, 3], centre, sensor_poses[:, :3, 2]], axis=1)
     places, place_of = np.unique(np.round(seen, 9), axis=0, return_inverse=True)
     place_of = place_of.ravel()
-    legs = None if room is None else legs_module.find(room, places[:, :6], places[:, 6:], radius, table.frequencies_hz, max_bounces - 1)
-    pose, out_leg, back_leg = _pairs(legs, place_of, frames, max_bounces)
+    legs = None
+    if room is not None:
+        find = legs_module.find if ball is None else legs_module.found_once
+        legs = find(room, places[:, :6], places[:, 6:], radius, table.frequencies_hz, max_bounces - 1, share)
+    pose, out_leg, back_leg = _pairs(legs, place_of, frames, max_bounces, share)
     ends = [_End.of(legs, leg, pose, sensor_poses, object_poses, radar) for leg in (out_leg, back_leg)]
     out, back = ends
     grid = launch_module.towards(built.hull_points(), out.place, built.centre, cell_m, built.grid_shift)
@@ -164,7 +186,18 @@ def _free(geometry: Geometry, start: np.ndarray, stop: np.ndarray) -> np.ndarray
     return ~geometry.scene().ray_test(ray).numpy()
 
 
-def _pairs(legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _loudest(part: Paths, radar: Radar) -> float:
+    """The largest sum of paths over poses and frequency nodes, element pattern included."""
+    gain = element_gain(radar.element, part.departure) * element_gain(radar.element, part.arrival)
+    turned = part.amplitude * np.exp(2j * np.pi / SPEED_OF_LIGHT * part.length_m[:, None] * part.frequencies_hz) * gain[:, None]
+    total = np.zeros((part.poses, turned.shape[1]), complex)
+    np.add.at(total, part.pose, turned)
+    return float(np.abs(total).max(initial=0.0))
+
+
+def _pairs(
+    legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int, least: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(frame, leg out, leg back) of everything to be traced, one of each pair and its reverse; the direct pair of every frame always is."""
     rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
     if legs is not None and max_bounces > 1:
@@ -172,9 +205,9 @@ def _pairs(legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: in
         of_place = []
         for share in legs.share:
             strength = np.concatenate([share, [1.0]])
-            worth = np.flatnonzero(strength * strength.max() >= SHARE)
+            worth = np.flatnonzero(strength * strength.max() >= least)
             product = strength[worth][:, None] * strength[worth][None]
-            allowed = (product >= SHARE) & (order[worth][:, None] + order[worth][None] < max_bounces)
+            allowed = (product >= least) & (order[worth][:, None] + order[worth][None] < max_bounces)
             i, j = np.nonzero(allowed)
             names = np.where(worth == len(share), DIRECT, worth)
             of_place.append([(a, b) for a, b in zip(names[i].tolist(), names[j].tolist(), strict=True) if a <= b and b != DIRECT])

@@ -4,6 +4,7 @@ Sequences with one image (the orders of two walls that meet, the pieces of one w
 not. A leg is evaluated at the corners of a cube around the object, and on a finer grid where it is not linear between them.
 """
 
+from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -25,6 +26,8 @@ COARSE = 0.02  # ... or of the direct leg, whichever is more
 GRID_M = 0.05  # between the places around the object where a leg is evaluated that differs by more
 ABOVE_M = 1e-4  # a panel, where legs over it end
 POINTS_AT_ONCE = 100_000
+KEPT = 8  # some tens of megabytes each
+_kept: "OrderedDict[tuple, tuple[PanelRoom, Legs]]" = OrderedDict()  # with the room, so that its id stays its own
 
 
 @dataclass(frozen=True)
@@ -90,17 +93,19 @@ def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.nd
             amplitude[rows[i], q] *= total
 
 
-def find(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int) -> Legs:
+def find(
+    room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int, least: float = SHARE
+) -> Legs:
     """Legs that matter, evaluated.
 
     Args:
         places: (U, 6) sensor and object centre, metres. axes: (U, 3) the sensor's antenna axis.
         radius: of the ball about the centre that holds the object. frequencies_hz: nodes of the object's own reflection.
-        longest: panels on a leg at most.
+        longest: panels on a leg at most. least: of the direct leg, what legs may carry and be left out.
     """
     sensor, centre = places[:, :3], places[:, 3:]
     keys, near = key_places(places)
-    chains = room.chains(sensor[keys], centre[keys], axes[keys], min(LONGEST, longest), PRUNE)
+    chains = room.chains(sensor[keys], centre[keys], axes[keys], min(LONGEST, longest), PRUNE * least / SHARE)
     known = sorted(set().union(*chains))
     prepared = images.prepare(room.panels, room.things, known, sensor, np.concatenate([centre - radius, centre + radius]))
     of_key = np.array([np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains])
@@ -121,7 +126,7 @@ def find(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, f
     length = np.linalg.norm(np.einsum("nij,nj->ni", mirror[g], sensor[u]) + shift[g] - centre[u], axis=1)
     loudest = np.zeros(len(codes))
     np.maximum.at(loudest, code, np.abs(middle).max(axis=1, initial=0))
-    wanted = loudest * direct[u] / np.maximum(length, 1e-9) >= MARGIN * SHARE
+    wanted = loudest * direct[u] / np.maximum(length, 1e-9) >= MARGIN * least
     carried: dict[tuple[int, int], np.ndarray] = {}
     fine = int(np.clip(np.ceil(2 * radius / GRID_M), 2, 4)) + 1
     basis = lagrange_basis(room.table.frequencies_hz, nodes)
@@ -149,6 +154,17 @@ def find(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, f
         image = mirror[leg] @ sensor[i] + shift[leg]
         share[i, leg] = np.abs(values).max() * direct[i] / max(float(np.linalg.norm(centre[i] - image)) - radius, radius)
     return Legs(order, mirror, shift, centre - radius, 2 * radius, nodes, carried, share)
+
+
+def found_once(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, *how: float) -> Legs:
+    """`find`, kept for the last few rooms, places and sizes."""
+    key = (id(room), places.tobytes(), axes.tobytes(), radius, frequencies_hz.tobytes(), *how)
+    if key not in _kept:
+        _kept[key] = (room, find(room, places, axes, radius, frequencies_hz, *how))  # pyright: ignore[reportArgumentType]
+        while len(_kept) > KEPT:
+            _kept.popitem(last=False)
+    _kept.move_to_end(key)
+    return _kept[key][1]
 
 
 def _summed(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:

@@ -132,20 +132,27 @@ class PanelRoom:
 
     def scouted(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Scouted:
         """The sequences that matter along a track of places (P, 4, 4) a few centimetres apart; `prune` well below that of the paths."""
-        paths, which, known = self._found(poses, np.zeros((len(poses), 3)), radar, max_bounces, prune, None)
+        paths, which, known = self._found(poses, np.zeros((len(poses), 3)), radar, max_bounces, prune, None, thorough=True)
         chains: list[set[tuple[int, ...]]] = [set() for _ in poses]
         for pose, index in zip(paths.pose.tolist(), which.tolist(), strict=True):
             chains[pose].add(known[index])
         return Scouted(poses[:, :3, 3], chains)
 
     def _found(
-        self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float, scouted: Scouted | None
+        self,
+        poses: np.ndarray,
+        velocity: np.ndarray,
+        radar: Radar,
+        max_bounces: int,
+        prune: float,
+        scouted: Scouted | None,
+        thorough: bool = False,
     ) -> tuple[Paths, np.ndarray, list[tuple[int, ...]]]:
         """Paths (N), which sequence each is over (N,), and the sequences."""
         place, axis = poses[:, :3, 3], poses[:, :3, 2]
         if scouted is None:
             keys, near = key_places(place)
-            how = (SINGLE_PRUNE, SINGLE_RAYS) if len(keys) == 1 else (DISCOVERY_PRUNE, DISCOVERY_RAYS)
+            how = (SINGLE_PRUNE, SINGLE_RAYS) if thorough or len(keys) == 1 else (DISCOVERY_PRUNE, DISCOVERY_RAYS)
             chains = self.chains(place[keys], place[keys], axis[keys], max_bounces, *how)
         else:
             chains, near = scouted.chains, scouted.near(place)
