@@ -47,10 +47,15 @@ NONE = Claim()
 
 
 def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> dict[str, Any]:
-    """One row: `case` says which, then claim, p and seed, the recordings' keys, and the score columns."""
+    """One row: `case` says which; then the claim, p, the items that the interval is over, seed, the recordings' keys, the score columns.
+
+    n counts recordings, where there are any; the verdict looks at the items.
+    """
+    keys = set(keys)
     return {
-        **case, "claim": claim.text, "p": None if math.isnan(found.p) else found.p, "seed": config.seed, "run_keys": told(keys),
-        "metric": metric, "paper": claim.paper, "value": found.value, "low": found.low, "high": found.high, "n": found.n,
+        **case, "claim": claim.text, "p": None if math.isnan(found.p) else found.p, "items": found.n, "seed": config.seed,
+        "run_keys": told(keys), "metric": metric, "paper": claim.paper, "value": found.value, "low": found.low, "high": found.high,
+        "n": len(keys) or found.n,
         "domain": config.measured.provider, "verdict": claim.verdict(found.low, found.high, found.n, found.p),
     }  # fmt: skip
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from experiments.claims import NONE, Claim, row
 from experiments.statistics import Estimate
 from radartwin.config import Config
-from radartwin.features.envelope import HARMONICS, harmonic_ratio
+from radartwin.features.envelope import harmonic_ratio
 
 if TYPE_CHECKING:
     import trimesh
@@ -67,10 +67,8 @@ def ripple_rows(config: Config) -> list[dict[str, Any]]:
         band = {flat: [harmonic_ratio(one, FACETS - HALF_BAND, FACETS + HALF_BAND) for one in some] for flat, some in found.items()}
         where = "far field" if distance is None else f"{distance:g} m"
         for flat, label in ((True, "flat facets"), (False, "curved facets")):
-            low_order = max(harmonic_ratio(one, 1, HARMONICS) for one in found[flat])
             case = {"case": f"can of {FACETS} {label}, {where}", "distance_m": distance, "of": "tracer"}
             rows.append(_row(config, case, "facet ripple", band[flat], NONE))
-            rows.append(_row(config, case, "harmonic ratio of a can", [low_order], NONE))
         more = [a / max(b, 1e-15) for a, b in zip(band[True], band[False], strict=True)]
         case = {"case": f"flat over curved facets, {where}", "distance_m": distance, "of": "tracer"}
         rows.append(_row(config, case, "ratio of ripples", more, RIPPLES))

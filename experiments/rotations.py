@@ -96,5 +96,10 @@ def chosen(turns: Turns, names: Sequence[str], distance_m: float | None = None) 
     return [turn for (name, distance), some in turns.items() if name in names and distance_m in (None, distance) for turn in some]
 
 
+def is_can(name: str) -> bool:
+    """Whether an object is of the near-identical set."""
+    return "can_" in name
+
+
 def keys(*parts: Sequence[Turn]) -> list[str]:
     return [turn.key for part in parts for turn in part]

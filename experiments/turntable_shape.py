@@ -86,7 +86,7 @@ def _ratio_rows(config: Config, turns: dict[str, Turns], names: list[str]) -> li
     """The ratio of each object in each domain, and how far cans are from what has facets or is not round."""
     rows = []
     known = catalogue()
-    cans = [name for name in names if _is_can(name)]
+    cans = [name for name in names if rotations.is_can(name)]
     peaked = [name for name in names if known[name].shape != "symmetric"]
     for domain in DOMAINS:
         for name in names:
@@ -202,23 +202,28 @@ def _keys(turns: dict[str, Turns], names: list[str], distance_m: float | None = 
     return rotations.keys(*(rotations.chosen(turns[domain], names, distance_m) for domain in DOMAINS))
 
 
-def _is_can(name: str) -> bool:
-    return "can_" in name
-
-
 def _ssim_figure(names: list[str], alike: Mapping[tuple[str, str], NDArray]) -> Figure:
     """Bars of SSIM per object with its own twin, dots with the others' twins, and the means."""
-    drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.6, height_in=2.8)
+    drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.75, height_in=2.8)
     own = np.array([alike[name, name].mean() for name in names])
     place = np.arange(len(names))
-    axes.bar(place, own, color=PALETTE[0], label=f"own twin, mean {own.mean():.2f}")
+    axes.bar(place, own, color=PALETTE[5], label=f"own twin, mean {own.mean():.2f}")
     for i, name in enumerate(names):
         others = [alike[name, other].mean() for other in names if other != name]
-        axes.plot(np.full(len(others), i), others, ".", ms=3, color="0.3", label="other objects' twins" if i == 0 else None)
-    axes.axhline(0.76, color=PALETTE[1], lw=1, ls="--", label="mean of the paper, 0.76")
-    axes.set(ylabel="SSIM of range-Doppler signatures", ylim=(0, 1.05))
+        axes.plot(
+            np.full(len(others), i),
+            others,
+            ".",
+            ms=5,
+            color="white",
+            mec="black",
+            mew=0.6,
+            label="other objects' twins" if i == 0 else None,
+        )
+    axes.axhline(0.76, color=PALETTE[1], lw=1.2, ls="--", label="mean of the paper, 0.76")
+    axes.set(ylabel="SSIM of signatures", ylim=(0, 1.05))
     axes.set_xticks(place, [catalogue()[name].label for name in names], rotation=40, ha="right")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.16), ncols=3)
+    drawing.legend(loc="outside upper center", ncols=3)
     return drawing
 
 
@@ -235,7 +240,7 @@ def _ranking_figure(turns: dict[str, Turns], names: list[str]) -> Figure:
             _positive(rotations.object_means(turns[domain], RATIO, order)), place + shift, marker, ms=5, color=colour, label=LABELS[domain]
         )
     axes.set_yticks(place, [f"{catalogue()[name].label} ({catalogue()[name].shape})" for name in order])
-    axes.set(xscale="log", xlabel="angular harmonic ratio, 1-6 cycles per turn over DC")
+    axes.set(xscale="log", xlabel="angular harmonic ratio")
     axes.grid(axis="x", color="0.9", lw=0.5)
     axes.legend(loc="lower right")
     return drawing

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fake_campaign import FakeCampaign
 
-from experiments import facet_ripple, turntable_shape
+from experiments import facet_ripple, turntable_material, turntable_shape, turntable_size
 from experiments.claims import Claim
 from radartwin.compose import compose
 from radartwin.config import Config
@@ -42,7 +42,8 @@ def test_a_twin_that_is_nearly_the_object_keeps_order_structure_and_signatures(s
         assert row["value"] > least
         assert row["verdict"] == "holds"
         assert row["p"] < 0.01
-        assert row["n"] == 12
+        assert row["items"] == 12
+        assert row["n"] == 12 * 2 * (2 + 1)  # objects, distances, repetitions of both domains
     assert find(shape, "own signature less others'", "all objects")["verdict"] == "holds"
     assert find(shape, "signatures", "all objects")["verdict"] == "untestable"  # the paper's 0.76 is a figure, not a bound
 
@@ -100,3 +101,37 @@ def test_flat_facets_ripple_at_their_number_and_curved_ones_do_not() -> None:
     spectrum = np.abs(np.fft.rfft(flat))[1:200]
     assert int(spectrum.argmax()) + 1 == facet_ripple.FACETS
     assert harmonic_ratio(flat, 120, 136) > 100 * harmonic_ratio(curved, 120, 136)
+
+
+def test_brightness_follows_the_recipe_of_each_class() -> None:
+    """The recipe: plastic 0.12 of metal, 9.2 dB, in both domains; objects differ by up to 1.5 dB."""
+    campaign = FakeCampaign(distances=(0.5, 1.0), repetitions=2, gap=0.02)
+    result = turntable_material.score(config("turntable_material"), campaign, Progress())
+    for distance in (0.5, 1.0):
+        here = {
+            (row["metric"], row["of"]): row for row in result.rows if row["distance_m"] == distance and row["case"] == "all of similar size"
+        }
+        for of in ("measured", "simulated"):
+            assert here["metal less plastic (dB)", of]["value"] == pytest.approx(9.2, abs=2.5)
+            assert here["metal less plastic (dB)", of]["verdict"] == "holds"
+        # The gain between the domains, 3 dB, is no contrast.
+        assert here["excess of contrast (dB)", "simulated less measured"]["value"] == pytest.approx(0, abs=1.0)
+        assert here["excess of contrast (dB)", "simulated less measured"]["verdict"] == "fails"
+    reflector = [row for row in result.rows if "reflector" in row["case"]]
+    assert not reflector
+    assert result.metrics["metal_less_plastic_measured_1m_db"] > 0
+
+
+def test_a_trend_with_height_is_told_from_none() -> None:
+    heights, none = np.array([76.0, 83, 102, 122, 124, 157]), np.array([0.0, 1, -1, 0.5, -0.5, 0.2])
+    flat, rising = (turntable_size.slope_db(heights, level, 500, 0) for level in (none, 6 * np.log2(heights) + 0.2 * none))
+    assert flat.low < 0 < flat.high
+    assert rising.value == pytest.approx(6, abs=1)
+    assert rising.low > 3
+    result = turntable_size.score(config("turntable_size"), FakeCampaign(distances=(0.5, 1.0), repetitions=2), Progress())
+    claimed = [row for row in result.rows if row["claim"]]
+    assert [(row["of"], row["distance_m"], row["metric"]) for row in claimed] == [("measured", None, "order by height")]
+    assert claimed[0]["items"] == 6
+    assert {row["distance_m"] for row in result.rows} == {0.5, 1.0, None}
+    with pytest.raises(ConfigError, match="three cans"):
+        turntable_size.score(config("turntable_size"), FakeCampaign(objects=("mug", "mustard")), Progress())
