@@ -6,7 +6,7 @@ PIP := $(PY) -m pip install --quiet --disable-pip-version-check -c constraints.t
 SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 export PYTHONUNBUFFERED := 1
 
-.PHONY: tables test slow check bench clean setup setup-test llvm
+.PHONY: tables test slow check bench mutants test-slurm clean setup setup-test llvm
 
 tables: llvm
 	@$(VENV)/bin/radartwin tables --profile quick
@@ -21,6 +21,12 @@ check: setup-test
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m pyright
+
+# A real SLURM of one node in a temporary folder; the packages start no service of their own here.
+test-slurm: setup-test
+	@command -v slurmctld >/dev/null || test -x /usr/sbin/slurmctld || \
+	  { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends slurm-wlm munge; }
+	@$(PY) -m pytest -q -m slow tests/slurm
 
 bench: llvm
 	@$(PY) experiments/bench.py
@@ -42,7 +48,7 @@ $(VENV)/.ready-test: $(VENV)/.ready
 
 $(VENV)/.ready: $(PY) pyproject.toml constraints.txt
 	@echo "setting up: pinned dependencies, about 1 GB, one to three minutes"
-	@$(PIP) -e '.[sionna]'
+	@$(PIP) -e .
 	@touch $@
 
 # The first Python that runs and is of a supported version; a name on the PATH may be a shim of one that is not there.
