@@ -136,5 +136,5 @@ def _figure(turns: dict[str, Turns]) -> Figure:
         panel.set(title=f"{distance:g} m")
         panel.grid(axis="y", color="0.9", lw=0.5)
     panels[0, 0].set_ylabel("brightness at 1 m (dB)")
-    panels[0, 0].legend(loc="lower left")
+    drawing.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return drawing

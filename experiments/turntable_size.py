@@ -103,5 +103,5 @@ def _figure(turns: dict[str, Turns], cans: list[str]) -> Figure:
         panel.set(title=f"{distance:g} m", xlabel="height of the can (mm)")
         panel.grid(axis="y", color="0.9", lw=0.5)
     panels[0, 0].set_ylabel("brightness at 1 m (dB)")
-    panels[0, 0].legend()
+    drawing.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return drawing

@@ -3,7 +3,8 @@
 Symbols: P(f, r) -> power; b(f) -> bins, the path that maximises sum_f ln P(f, b(f)) with |b(f+1) - b(f)| <= step within the search window
 (dynamic programming; Y. Barniv, Dynamic programming solution for detecting dim moving targets, IEEE Trans. AES 21(1), 1985); track
 r(f) = sum P+ r / sum P+ over b(f) +- GATE_BINS, P+ the power above the noise floor (paper, linear transformations: power-weighted
-peak-range trajectory; motion-specific feature design, depth: tracked peak-range trajectory). Scale drops out.
+peak-range trajectory; motion-specific feature design, depth: tracked peak-range trajectory). Scale drops out. `brightest` takes the
+strongest bin of each frame by itself instead of the path.
 """
 
 from __future__ import annotations
@@ -29,6 +30,19 @@ def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_
     Raises:
         InputError: a window that holds no bin.
     """
+    searched = _searched(processed, low_m, high_m)
+    step = max(1, int(np.ceil(max_speed_mps / frame_rate_hz / np.diff(processed.range_m).mean())))
+    return _weighted(processed, _strongest_path(processed.power.astype(np.float64), searched, step))
+
+
+def brightest(processed: Processed, low_m: ArrayLike, high_m: ArrayLike) -> Real:
+    """As `track`, about the strongest bin of each frame: it jumps to an echo of the room that outshines the target."""
+    searched = _searched(processed, low_m, high_m)
+    return _weighted(processed, np.where(searched, processed.power, -1.0).argmax(axis=1))
+
+
+def _searched(processed: Processed, low_m: ArrayLike, high_m: ArrayLike) -> NDArray[np.bool_]:
+    """(F, B): the bins of each frame's window."""
     range_m, frames = processed.range_m, processed.num_frames
     low = np.maximum(np.broadcast_to(low_m, frames), NEAR_M)[:, None]
     high = np.minimum(np.broadcast_to(high_m, frames), FAR_M)[:, None]
@@ -39,8 +53,12 @@ def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_
             f"track: frame {frame} is searched from {float(low[frame, 0]):g} to {float(high[frame, 0]):g} m, where there is no range bin; "
             f"the target must be between {NEAR_M} and {FAR_M} m"
         )
-    step = max(1, int(np.ceil(max_speed_mps / frame_rate_hz / np.diff(range_m).mean())))
-    path = _strongest_path(processed.power.astype(np.float64), searched, step)
+    return searched
+
+
+def _weighted(processed: Processed, path: NDArray[np.intp]) -> Real:
+    """Power-weighted range about the path's bins."""
+    range_m = processed.range_m
     near = np.abs(np.arange(len(range_m)) - path[:, None]) <= GATE_BINS
     weight = np.maximum(processed.power - processed.noise_floor, 0.0) * near
     total = weight.sum(axis=1)
