@@ -147,7 +147,7 @@ class ColourSplit:
         if (difference[inside] > least).mean() < MOSTLY:
             return none
         zone = masks.dilated(piece, 3, region)
-        other = zone & (difference > max(0.6 * least, 0.3 * float(np.median(difference[inside]))))
+        other = zone & (difference > max(0.6 * least, 0.5 * float(np.median(difference[inside]))))
         zone = masks.dilated(piece, 3, region)
         other = masks.opened(masks.closed(other, 1) & zone, self.width_m / 3 / cell)
         return other if other.sum() > 0.3 * piece.sum() else none

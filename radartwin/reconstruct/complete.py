@@ -136,10 +136,21 @@ def _parted(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
     if _fills_rectangle(gap):
         return [gap]
     frame = np.zeros_like(gap)
-    frame[masks.largest_rectangle(masks.closed(gap, 1))] = True
+    frame[_grown(gap, masks.largest_rectangle(masks.closed(gap, 1)))] = True
     if grid.area(frame) < max(PANE_M2[0], 0.5 * grid.area(gap)) or not _framed(frame, mask):
         return [gap]
     return [frame & ~mask, *masks.pieces(gap & ~frame)]
+
+
+def _grown(gap: np.ndarray, inner: tuple[slice, slice]) -> tuple[slice, slice]:
+    """A rectangle inside a ragged gap moved out, side by side, while most of the next cells are of the gap."""
+    (x0, x1), (y0, y1) = ((side.start, side.stop) for side in inner)
+    for _ in range(BESIDE_CELLS):
+        x0 -= x0 > 0 and gap[x0 - 1, y0:y1].mean() > 0.5
+        x1 += x1 < gap.shape[0] and gap[x1, y0:y1].mean() > 0.5
+        y0 -= y0 > 0 and gap[x0:x1, y0 - 1].mean() > 0.5
+        y1 += y1 < gap.shape[1] and gap[x0:x1, y1].mean() > 0.5
+    return slice(x0, x1), slice(y0, y1)
 
 
 def _fills_rectangle(gap: np.ndarray) -> bool:

@@ -39,11 +39,13 @@ class Grid:
 
     def cells(self, points: np.ndarray) -> np.ndarray:
         """Mask of the cells that points (N, 3), projected along the normal, fall in."""
-        mask = np.zeros(self.shape, dtype=bool)
+        return self.counts(points) > 0
+
+    def counts(self, points: np.ndarray) -> np.ndarray:
+        """How many of the points (N, 3), projected along the normal, fall in each cell."""
         at = np.floor((points @ self.axes.T - self.low) / self.cell_m).astype(int)
-        inside = ((at >= 0) & (at < np.array(self.shape))).all(axis=1)
-        mask[at[inside, 0], at[inside, 1]] = True
-        return mask
+        at = at[((at >= 0) & (at < np.array(self.shape))).all(axis=1)]
+        return np.bincount(at[:, 0] * self.shape[1] + at[:, 1], minlength=self.shape[0] * self.shape[1]).reshape(self.shape)
 
     def depth(self, points: np.ndarray) -> np.ndarray:
         """Height (N,) of points over the plane, positive on the side it shows."""

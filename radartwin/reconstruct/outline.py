@@ -22,8 +22,10 @@ ALONG = np.cos(np.radians(15.0))  # and this parallel
 SQUARE = np.cos(np.radians(12.0))  # to a main direction, for edges of SQUARE_M and more
 SQUARE_M = 0.1
 SMALLEST_M2 = 0.004
+RAGGED = 0.1  # of the area that cells differ by from a rectangle that they stand for
 
 Line = tuple[np.ndarray, np.ndarray]  # a point (2,) and a unit direction (2,)
+_Edge = tuple[np.ndarray, np.ndarray, Line | None]  # its ends, and the line it is laid on
 
 
 def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), angle: float = 0.0, edge: float = -0.5) -> BaseGeometry:
@@ -50,6 +52,29 @@ def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), angle: flo
         moved = tidy.symmetric_difference(piece).area
         pieces.append(tidy if moved < 0.1 * piece.area + SNAP_CELLS * grid.cell_m * piece.length / 2 else piece.simplify(grid.cell_m))
     return unary_union(pieces) if pieces else Polygon()
+
+
+def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
+    """The rectangle along the grid's axes that cells nearly are, as doors and posters are, or None.
+
+    Each side lies in the middle of the cells' ends; what differs is a ragged edge of a cell on average, and less than RAGGED of the area.
+    """
+    from shapely import box
+
+    sides = []
+    for cells in (mask.T, mask):
+        cells = cells[cells.any(axis=1)]
+        if not len(cells):
+            return None
+        last = cells.shape[1] - cells[:, ::-1].argmax(axis=1)
+        sides.append((float(np.median(cells.argmax(axis=1))), float(np.median(last))))
+    (x0, x1), (y0, y1) = sides
+    frame = np.zeros_like(mask)
+    frame[round(x0) : round(x1), round(y0) : round(y1)] = True
+    if (mask ^ frame).sum() > min(2 * (x1 - x0 + y1 - y0), RAGGED * frame.sum()):
+        return None
+    low, high = grid.low + grid.cell_m * np.array([x0, y0]), grid.low + grid.cell_m * np.array([x1, y1])
+    return box(*low, *high)
 
 
 def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
@@ -102,7 +127,7 @@ def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
 def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line], angle: float) -> np.ndarray:
     """A ring (n, 2) with its edges on lines of intersection and main directions."""
     fixed = [_fixed(a, b, grid, lines, angle) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
-    edges: list[tuple[np.ndarray, np.ndarray, Line | None]] = []
+    edges: list[_Edge] = []
     for a, b, line in zip(ring, np.roll(ring, -1, axis=0), fixed, strict=True):
         if edges and line is not None and edges[-1][2] is not None and _same(edges[-1][2], line, grid.cell_m):
             first = edges[-1]
@@ -113,10 +138,34 @@ def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line], angle: float) 
     if len(edges) > 1 and edges[0][2] is not None and edges[-1][2] is not None and _same(edges[0][2], edges[-1][2], grid.cell_m):
         edges[0] = (edges[-1][0], edges[0][1], edges[0][2])
         edges.pop()
+    edges = _pointed(edges, 6 * grid.cell_m)
     corners: list[np.ndarray] = []
     for (_, at, before), (_, _, after) in zip(edges, edges[1:] + edges[:1], strict=True):
         corners += _corner(at, before, after, 6 * grid.cell_m)
     return np.array(corners).reshape(-1, 2)
+
+
+def _pointed(edges: list[_Edge], reach: float) -> list[_Edge]:
+    """Without the short edges that cells leave across a corner of two straight ones."""
+    out = []
+    for k, (a, b, line) in enumerate(edges):
+        before, after = edges[k - 1][2], edges[(k + 1) % len(edges)][2]
+        if line is None and before is not None and after is not None and abs(_cross(before, after)) > 0.3:
+            meet = _meeting(before, after)
+            if max(np.linalg.norm(meet - a), np.linalg.norm(meet - b)) < reach:
+                continue
+        out.append((a, b, line))
+    return out
+
+
+def _cross(first: Line, second: Line) -> float:
+    return float(first[1][0] * second[1][1] - first[1][1] * second[1][0])
+
+
+def _meeting(first: Line, second: Line) -> np.ndarray:
+    """Where two lines that are not parallel cross."""
+    step = second[0] - first[0]
+    return first[0] + (step[0] * second[1][1] - step[1] * second[1][0]) / _cross(first, second) * first[1]
 
 
 def _fixed(a: np.ndarray, b: np.ndarray, grid: Grid, lines: Sequence[Line], angle: float) -> Line | None:
@@ -154,10 +203,8 @@ def _corner(at: np.ndarray, before: Line | None, after: Line | None, reach: floa
         return [at]
     if before is None or after is None:
         return [onto(before if after is None else after)]  # type: ignore[arg-type]
-    cross = before[1][0] * after[1][1] - before[1][1] * after[1][0]
-    if abs(cross) > 0.3:
-        step = after[0] - before[0]
-        meet = before[0] + (step[0] * after[1][1] - step[1] * after[1][0]) / cross * before[1]
+    if abs(_cross(before, after)) > 0.3:
+        meet = _meeting(before, after)
         if np.linalg.norm(meet - at) < reach:
             return [meet]
     return [onto(before), onto(after)]

@@ -148,8 +148,8 @@ def _outlined(
     if turn:
         grid = Grid.around(np.vstack(list(samples.values())), root.normal, root.offset_m, cell, turn)
     radius = max(CLOSING_M, 1.5 * cell)
-    parts = {k: masks.closed(grid.cells(p), radius / cell) for k, p in samples.items()}
-    whole = masks.closed(np.any(list(parts.values()), axis=0), radius / cell)
+    parts = _shared(grid, samples)
+    whole = masks.closed(np.any([masks.closed(grid.cells(p), radius / cell) for p in samples.values()], axis=0), radius / cell)
     limits = bool(bounds[group[0]])
     frame = spanned(whole, LEAST_SHELL if limits else LEAST_THING)
     if limits and frame is not None:
@@ -175,7 +175,10 @@ def _outlined(
             flats.append(Flat(-1, piece, grid, group[0], float(shape.area)))
             rest = rest.difference(shape)
     for k in group[1:]:
-        shape = outline.polygon(grid, parts[k], lines).intersection(rest)
+        # Beyond the plane's own border, which `rest` has, it goes on.
+        part = masks.closed(parts[k], radius / cell) & ~np.any([parts[j] for j in group if j != k], axis=0)
+        part |= masks.dilated(part, 2, part | ~whole)
+        shape = (outline.rectangle(grid, part) or outline.polygon(grid, part, lines, edge=0.0)).intersection(rest)
         piece = outline.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(k, piece, grid))
@@ -184,6 +187,13 @@ def _outlined(
     if piece is not None:
         flats.append(Flat(group[0], piece, grid, filled_m2=done.filled_m2))
     return flats, done.filled_m2, done.open_m2
+
+
+def _shared(grid: Grid, samples: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    """Mask of each segment's cells; one that several have part of is the one's with most of it."""
+    counts = np.stack([grid.counts(points) for points in samples.values()])
+    most = counts.argmax(axis=0)
+    return {k: (counts[n] > 0) & (most == n) for n, k in enumerate(samples)}
 
 
 def _turn(grid: Grid, normal: np.ndarray, main: float, points: np.ndarray, limits: bool) -> float:
