@@ -146,8 +146,8 @@ def _measured_by(campaign: Campaign, twins: Campaign) -> Campaign:
         def processed(self, domain: Any, case: Any, materials: Any = None):
             return (campaign if domain == "measured" else twins).processed(domain, case, materials)
 
-        def log(self, case: Any):
-            return campaign.log(case)
+        def log(self, case: Any, domain: str = "measured"):
+            return campaign.log(case, domain)
 
     return Both()
 

@@ -84,7 +84,7 @@ def read(campaign: Campaign, progress: Progress) -> dict[tuple[str, str], dict[s
     found: dict[tuple[str, str], dict[str, list[Drive]]] = defaultdict(lambda: {domain: [] for domain in DOMAINS})
     for domain, case in progress.over(wanted, "rail recordings"):
         key, processed = campaign.processed(domain, case)
-        log = campaign.log(case)
+        log = campaign.log(case, domain)
         nominal = distances(log, processed.num_frames)
         low, high = nominal.min() - track.SEARCH_M, nominal.max() + track.SEARCH_M
         tracks = {

@@ -40,7 +40,7 @@ class Campaign(Protocol):
 
     def cases(self, domain: Any, **chosen: Any) -> Sequence[Any]: ...
     def processed(self, domain: Any, case: Any, materials: Any = None) -> tuple[str, Processed]: ...
-    def log(self, case: Any) -> Log: ...
+    def log(self, case: Any, domain: str = "measured") -> Log: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def _read(
     parts, keys, names = [], [], []
     for case in cases:
         key, processed = campaign.processed(domain, case, materials)
-        names, values = reader(processed, campaign.log(case))
+        names, values = reader(processed, campaign.log(case, domain))
         parts.append(_part(domain, case, values))
         keys.append(key)
     return Readings(gather(names, parts), tuple(sorted(keys)))
@@ -122,7 +122,7 @@ def noise_copies(
     parts, keys, names = [], [], []
     for number, case in enumerate(sorted(simulated, key=lambda case: recording_name("twin", case))):
         key, processed = campaign.processed("twin", case, materials)
-        log = campaign.log(case)
+        log = campaign.log(case, "twin")
 
         def build(folder: Path, processed: Processed = processed, log: Log = log, case: Case = case, number: int = number) -> None:
             made = [sets.vector(one, log, features, without) for one in copies(processed, noise[stratum(case)], count, [seed, number])]
@@ -142,7 +142,7 @@ def noise_copies(
 def _energy(campaign: Campaign, domain: str, case: Case, materials: Any) -> tuple[float, float]:
     """(mean energy in the target gate, noise per range bin) of a recording."""
     _, processed = campaign.processed(domain, case, materials)
-    log = campaign.log(case)
+    log = campaign.log(case, domain)
     nominal = distances(log, processed.num_frames)
     where = nominal if case.motion == _TURNTABLE else track.around(processed, nominal, log.frame_rate_hz)
     return float(envelope.target_energy(processed, where).mean()), float(processed.noise_floor.mean())

@@ -57,7 +57,7 @@ def read(campaign: Campaign, progress: Progress) -> dict[str, Turns]:
 
 def _turn(campaign: Campaign, domain: str, case: Case) -> Turn:
     key, processed = campaign.processed(domain, case)
-    log = campaign.log(case)
+    log = campaign.log(case, domain)
     names, values = sets.vector(processed, log, "rotation")
     target_m = float(distances(log, processed.num_frames)[0])
     shown = signature(processed, angles(log, processed.num_frames), log.frame_rate_hz, target_m)

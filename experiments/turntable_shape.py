@@ -44,6 +44,7 @@ STRUCTURE = Claim("distances between objects are kept", "r 0.85, p 0.001", above
 ALIKE = Claim("", "0.76")
 OWN = Claim("a signature is more like its own twin's than like another object's", "", above=0.0)
 _STABLE = "the reflector's ratio is stable with distance: it varies less than between objects"
+STABLE_M = (0.6, 2.1)  # where the paper gives the reflector's variation; nearer, the wavefront bends over it
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -170,27 +171,30 @@ def _signature_rows(
 def _distance_rows(config: Config, turns: dict[str, Turns], names: list[str]) -> list[dict[str, Any]]:
     """Variation over distance of each domain's ratio: of the reflector against that between objects, and of all objects in the mean."""
     rows = []
-    if len(rotations.distances_m(turns[MEASURED])) < 2:
-        return rows
+    seeds = config.profile.resamples, config.seed
     for domain in DOMAINS:
-        between = statistics.coefficient_of_variation(_positive(rotations.object_means(turns[domain], RATIO, names)), 1, config.seed).value
-        per_object = {name: _over_distance(turns[domain], name) for name in names}
-        for label, some in (("reflector", [REFLECTOR] if REFLECTOR in names else []), ("mean of objects", names)):
-            if not some:
-                continue
-            spreads = [statistics.coefficient_of_variation(per_object[name], config.profile.resamples, config.seed) for name in some]
-            pooled = statistics.mean([one.value for one in spreads], config.profile.resamples, config.seed)
-            found = spreads[0] if len(spreads) == 1 else pooled
-            claim = Claim(_STABLE, "0.07", below=between) if label == "reflector" and domain == MEASURED else NONE
-            case = {"case": label, "distance_m": None, "of": LABELS[domain]}
-            source = rotations.keys(rotations.chosen(turns[domain], some))
-            rows.append(row(config, case, "variation over distance", found, source, claim))
+        between = statistics.coefficient_of_variation(_positive(rotations.object_means(turns[domain], RATIO, names)), *seeds).value
+        claimed = Claim(_STABLE, "0.07", below=between) if domain == MEASURED else NONE
+        for label, (low, high), claim in (("reflector, 0.6-2.1 m", STABLE_M, claimed), ("reflector, all distances", (0.0, np.inf), NONE)):
+            values = _over_distance(turns[domain], REFLECTOR, low, high)
+            if len(values) > 1:
+                found = statistics.coefficient_of_variation(values, *seeds)
+                case = {"case": label, "distance_m": None, "of": LABELS[domain]}
+                source = [turn.key for turn in rotations.chosen(turns[domain], [REFLECTOR]) if low <= turn.case.distance_m <= high]
+                rows.append(row(config, case, "variation over distance", found, source, claim))
+        several = {name: values for name in names if len(values := _over_distance(turns[domain], name)) > 1}
+        if several:
+            found = statistics.mean([statistics.coefficient_of_variation(values, *seeds).value for values in several.values()], *seeds)
+            case = {"case": "mean of objects", "distance_m": None, "of": LABELS[domain]}
+            source = rotations.keys(rotations.chosen(turns[domain], list(several)))
+            rows.append(row(config, case, "variation over distance", found, source))
     return rows
 
 
-def _over_distance(turns: Turns, name: str) -> NDArray[np.float64]:
+def _over_distance(turns: Turns, name: str, low_m: float = 0.0, high_m: float = np.inf) -> NDArray[np.float64]:
     """The ratio at each distance, mean over repetitions."""
-    return _positive(np.array([np.mean([turn.values[RATIO] for turn in some]) for key, some in turns.items() if key[0] == name]))
+    some = [turn for (known, distance), turn in turns.items() if known == name and low_m <= distance <= high_m]
+    return _positive(np.array([np.mean([one.values[RATIO] for one in turn]) for turn in some]))
 
 
 def _positive(values: NDArray) -> NDArray[np.float64]:

@@ -61,7 +61,7 @@ class FakeCampaign:
         ]  # fmt: skip
         return [case for case in found if all(getattr(case, name) == value for name, value in chosen.items() if value is not None)]
 
-    def log(self, case: FakeCase) -> FakeLog:
+    def log(self, case: FakeCase, domain: str = "measured") -> FakeLog:
         angle = 2 * np.pi * np.arange(self.frames) / self.frames
         distance = np.full(self.frames, case.distance_m + 0.3)
         if case.motion != "turntable":

@@ -54,7 +54,7 @@ class Rail:
         repetitions = range(3 if domain == "measured" else 1)
         return [Case("corner_reflector", "lab", motion, 1.0, r) for r in repetitions] if motion in self.motions else []
 
-    def log(self, case: Case) -> Log:
+    def log(self, case: Case, domain: str = "measured") -> Log:
         return Log(RADAR.frame_rate_hz, away(case.motion, np.arange(FRAMES) / RADAR.frame_rate_hz))
 
     def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]:
