@@ -33,10 +33,9 @@ from radartwin.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
-from radartwin.simulation import geometry, panel_room, sionna
+from radartwin.simulation import geometry, panel_room, reflection_table, sionna
 from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.reflection_table import lagrange_basis
 from radartwin.simulation.sionna import SionnaBackend, SionnaSettings
 from radartwin.store import Store
 
@@ -130,9 +129,9 @@ def reference(name: str, scene: Scene, pose: np.ndarray) -> Found:
 
 
 def _images(scene: Scene, pose: np.ndarray) -> Found:
-    images = list(Room(scene, RADAR.center_frequency_hz).images(pose[:3, 3], pose[:3, 2], BOUNCES))
+    images = list(Room(scene, frequency_hz(scene)).images(pose[:3, 3], pose[:3, 2], BOUNCES))
     departure, arrival = (np.array([getattr(image, end) for image in images]) @ pose[:3, :3] for end in ("departure", "arrival"))
-    amplitude = np.array([image.amplitude for image in images]).conj()
+    amplitude = np.array([image.amplitude for image in images])
     clear = np.array([image.clear for image in images])
     length = np.array([image.length_m for image in images])
     return Found(length, departure, arrival, amplitude, np.zeros(len(images), bool), clear)
@@ -161,7 +160,14 @@ def _small(scene: Scene, mesh: sionna.Mesh, face: np.ndarray) -> np.ndarray:
 
 
 def _middle(amplitude: np.ndarray, frequencies_hz: np.ndarray) -> np.ndarray:
-    return amplitude @ lagrange_basis(frequencies_hz, np.array([RADAR.center_frequency_hz]))[:, 0]
+    return amplitude[:, np.abs(frequencies_hz - RADAR.center_frequency_hz).argmin()]
+
+
+def frequency_hz(scene: Scene) -> float:
+    """Near mid-sweep, where amplitudes are computed: between such nodes they are a polynomial, which is no part of this comparison."""
+    high = RADAR.start_frequency_hz + RADAR.sampled_bandwidth_hz
+    nodes = reflection_table.build([(s.material, s.roughness_m) for s in scene], RADAR.start_frequency_hz, high).frequencies_hz
+    return float(_middle(nodes[None], nodes)[0])
 
 
 def cleared(found: Found, images: Found) -> Found:

@@ -33,7 +33,7 @@ class Image:
 
     Attributes:
         length_m: unfolded. departure, arrival: (3,) unit, from the sensor towards first and last hit, world frame.
-        bounces: reflections. amplitude: received between isotropic antennas, without the propagation phase.
+        bounces: reflections. amplitude: received between isotropic antennas, signals exp(+j k L), without that phase.
         clear: whether its first Fresnel zone meets the same surfaces, and nothing stands in it.
     """
 

@@ -13,13 +13,16 @@ precision. A path's rate is that of the line through its hits as they move with 
 import importlib.metadata
 import numbers
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
+from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import BackendError, InputError
+from radartwin.materials import Layered, reflection
+from radartwin.materials.roughness import ament
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import poses as poses_module
@@ -28,6 +31,7 @@ from radartwin.simulation.paths import Paths
 
 RAYS = 200_000  # per pose; what finds every path of the furnished rooms within 40 dB of the strongest (tested)
 ASIDE = np.array([0.74, 0.53, 0.41]) / np.linalg.norm([0.74, 0.53, 0.41])  # of the receiver, in the sensor frame: along no wall
+COSINES = 4096  # of the tables; a stud wall's two leaves need more than a tracer's own interpolation
 LEAST_AREA_M2 = 1e-14
 AT_REST = 1e-12
 MOST_RAYS = 50_000_000
@@ -110,18 +114,17 @@ class SionnaBackend:
             BackendError: sionna-rt is not installed, or its process ended.
         """
         check_installed()
-        surfaces = scene.surfaces
         diffuse = self.settings.diffuse
-        entries = [(s.material, 0.0 if diffuse else s.roughness_m) for s in surfaces]
-        table = reflection_table.build(entries, radar.start_frequency_hz, radar.start_frequency_hz + radar.sampled_bandwidth_hz)
+        entries = [(s.material, 0.0 if diffuse else s.roughness_m) for s in scene.surfaces]
+        te, tm, row, frequencies = _table(entries, radar)
         answer = worker.shared(sionna_worker.__name__, "simulator sionna").ask({
-            "variant": self.settings.variant, "vertices": mesh.vertices, "faces": mesh.faces, "surface": mesh.surface,
-            "te": table.te, "tm": table.tm, "frequencies_hz": table.frequencies_hz,
-            "scattering": scattering(surfaces, radar.center_frequency_hz) if diffuse else np.zeros(len(surfaces)),
+            "variant": self.settings.variant, "vertices": mesh.vertices, "faces": mesh.faces, "te": te, "tm": tm,
+            "row": row[mesh.surface], "frequencies_hz": frequencies,
+            "scattering": (scattering(scene.surfaces, radar.center_frequency_hz) if diffuse else np.zeros(len(row)))[mesh.surface],
             "sensor": sensor_poses, "offset_m": self._offset, "max_bounces": self.settings.max_bounces,
             "samples": self.settings.rays or RAYS, "diffuse": diffuse, "seed": self.settings.seed,
         })  # fmt: skip
-        return answer | {"frequencies_hz": table.frequencies_hz}
+        return answer | {"frequencies_hz": frequencies}
 
 
 @dataclass(frozen=True)
@@ -171,11 +174,20 @@ def merged(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> M
     return Mesh(np.concatenate(vertices, axis=1), np.concatenate(faces), np.concatenate(surface), point_surface, moving)
 
 
+def _table(entries: Sequence[tuple[str | Layered, float]], radar: Radar) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """te, tm (D, COSINES, Q) complex64 of the distinct (material, roughness_m), the row of each entry, and the frequencies (Q,)."""
+    high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
+    frequencies = reflection_table.build(entries, radar.start_frequency_hz, high).frequencies_hz
+    distinct = list(dict.fromkeys(entries))
+    cosines = np.linspace(0, 1, COSINES)
+    cosines[0] = 1e-6  # grazing limit, where TM turns over
+    both = [np.stack(reflection(material, cosines[:, None], frequencies, rough)) for material, rough in distinct]
+    te, tm = np.swapaxes(np.array(both, np.complex64), 0, 1)
+    return te, tm, np.array([distinct.index(entry) for entry in entries]), frequencies
+
+
 def scattering(surfaces: tuple[Surface, ...], frequency_hz: float) -> np.ndarray:
     """(S,) Sionna's coefficient: what roughness takes from the mirror's power at normal incidence, as an amplitude."""
-    from radartwin.constants import SPEED_OF_LIGHT
-    from radartwin.materials import ament
-
     wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
     kept = np.array([float(ament(s.roughness_m, np.array(1.0), wavenumber)) if s.roughness_m else 1.0 for s in surfaces])
     return np.sqrt(1 - kept**2)

@@ -1,10 +1,10 @@
-"""A Sionna radio material that looks reflection up in a table, by surface and angle.
+"""A Sionna radio material that looks reflection up in a table, by face and angle.
 
-Sionna's own material is one homogeneous slab in air. Walls here are stacks, so what is looked up is `radartwin.materials.reflection`
-on an even grid of cosines, interpolated linearly: exact to 2e-3 of the incident field from grazing to normal incidence (tested), and for
-a slab in air what Sionna computes itself (tested too). Everything else, polarisation, diffuse pattern and probabilities, stays Sionna's.
-One material serves all surfaces, because Dr.Jit records every material's code on each call. Import only in the worker process, once its
-Mitsuba variant is active.
+Sionna's own material is one homogeneous slab in air. Walls here are stacks, so what is looked up is `radartwin.materials.reflection` on an
+even grid of 4096 cosines, interpolated linearly: within 3e-3 of the incident field for every finish of the rooms, from 89.7 degrees to
+normal incidence (tested), and for a slab in air what Sionna computes itself (tested too). Everything else, polarisation, diffuse
+pattern and probabilities, stays Sionna's. One material serves all surfaces, because Dr.Jit records every material's code on each call.
+Import only in the worker process, once its Mitsuba variant is active.
 """
 
 from typing import Any
@@ -19,23 +19,23 @@ class TabulatedMaterial(RadioMaterial):
     """Reflection by table.
 
     Args:
-        surface: (F,) index of each face's surface in the tables.
-        scattering: (S,) Sionna's scattering coefficient of each surface, 0 to 1: the square root of the share of the reflected power that
-            is scattered.
+        row: (F,) of each face in the tables.
+        scattering: (F,) Sionna's scattering coefficient of each face, 0 to 1: the square root of the share of the reflected power that is
+            scattered.
     """
 
-    def __init__(self, surface: np.ndarray, scattering: np.ndarray) -> None:
+    def __init__(self, row: np.ndarray, scattering: np.ndarray) -> None:
         # what Sionna samples interactions by: a metal, so that no angle is without a reflection
         super().__init__(name="tabulated", conductivity=1e7)
-        self._surface = mi.UInt(np.ascontiguousarray(surface, np.uint32))
+        self._rows = mi.UInt(np.ascontiguousarray(row, np.uint32))
         self._scattering = mi.Float(np.ascontiguousarray(scattering, np.float32))
         self._table: list[Any] = []
         self._cosines = 0
         self._row: Any = None
-        dr.make_opaque(self._surface, self._scattering)
+        dr.make_opaque(self._rows, self._scattering)
 
     def use(self, te: np.ndarray, tm: np.ndarray) -> None:
-        """Take tables (S, C) complex on an even grid of cosines from 0 to 1."""
+        """Take tables (D, C) complex on an even grid of cosines from 0 to 1."""
         self._cosines = te.shape[1]
         parts = (np.real(te), np.imag(te), np.real(tm), np.imag(tm))
         self._table = [mi.Float(np.ascontiguousarray(part, np.float32).ravel()) for part in parts]
@@ -55,8 +55,8 @@ class TabulatedMaterial(RadioMaterial):
 
     def _meet(self, si: Any) -> None:
         """Which surface is asked about; its scattering coefficient stands in the attribute that Sionna reads."""
-        self._row = dr.gather(mi.UInt, self._surface, si.prim_index)
-        self._s = dr.gather(mi.Float, self._scattering, self._row)
+        self._row = dr.gather(mi.UInt, self._rows, si.prim_index)
+        self._s = dr.gather(mi.Float, self._scattering, si.prim_index)
 
     def _specular_reflection_transmission_matrix(
         self, to_world: Any, ki_local: Any, ko_local: Any, reflection: Any, r_te: Any, r_tm: Any, t_te: Any, t_tm: Any

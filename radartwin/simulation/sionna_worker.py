@@ -40,8 +40,8 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Paths of all poses.
 
     Args:
-        message: vertices (F or 1, V, 3) in the world; faces (T, 3); surface (T,); te, tm (S, C, Q); scattering (S,); frequencies_hz (Q,);
-            sensor (F, 4, 4); offset_m (3,) of the receiver in the sensor frame; max_bounces, samples, diffuse, seed.
+        message: vertices (F or 1, V, 3) in the world; faces (T, 3); te, tm (D, C, Q); row (T,) of each face in them; scattering (T,);
+            frequencies_hz (Q,); sensor (F, 4, 4); offset_m (3,) of the receiver in the sensor frame; max_bounces, samples, diffuse, seed.
     Returns:
         pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), vertex (N, D, 3), face (N, D) with -1 after the last
         hit, scattered (N,) whether a path has a diffuse hit.
@@ -88,7 +88,7 @@ def _build(message: dict[str, np.ndarray]) -> tuple[Any, Any]:
     parameters["vertex_positions"] = mi.Float(corners.astype(np.float32).ravel())
     parameters["faces"] = mi.UInt(faces.astype(np.uint32).ravel())
     parameters.update()
-    material = TabulatedMaterial(message["surface"], message["scattering"])
+    material = TabulatedMaterial(message["row"], message["scattering"])
     material.use(message["te"][..., 0], message["tm"][..., 0])
     scene = load_scene()
     scene.frequency = float(message["frequencies_hz"].mean())

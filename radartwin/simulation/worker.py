@@ -134,10 +134,11 @@ def shared(module: str, title: str) -> Worker:
     return kept["worker"]
 
 
-def serve(answer: Callable[[dict[str, np.ndarray]], Message]) -> None:
+def serve(module: str) -> None:
     """Answer messages of standard input on standard output until the input ends; whatever prints meanwhile goes to standard error."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
+    answer: Callable[[dict[str, np.ndarray]], Message] = importlib.import_module(module).answer
     while (message := receive(sys.stdin.buffer)) is not None:
         try:
             reply = answer(message)
@@ -147,4 +148,4 @@ def serve(answer: Callable[[dict[str, np.ndarray]], Message]) -> None:
 
 
 if __name__ == "__main__":
-    serve(importlib.import_module(sys.argv[1]).answer)
+    serve(sys.argv[1])

@@ -1,0 +1,237 @@
+"""Sionna RT as a simulator: exact over walls, wrong over objects and told so, and never in this process."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+import trimesh
+
+import radartwin as rt
+from experiments.backend_crosscheck import RADAR, ours, pose_in, reference
+from experiments.path_match import partners
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.errors import BackendError
+from radartwin.materials import permittivity, reflection
+from radartwin.scene import objects, rooms, trajectory
+from radartwin.scene.rooms.parts import FINISHES
+from radartwin.simulation import poses, sionna, sionna_worker, worker
+from radartwin.simulation.backend import backend
+from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.paths import Paths
+
+WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz
+HERE = np.eye(4)[None]
+needs_sionna = pytest.mark.skipif(not sionna.is_installed(), reason="the optional package sionna-rt is not installed")
+FACING = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+
+def at(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
+    return trajectory.pose([x, y, z])
+
+
+def mirror_db(distance_m: float) -> float:
+    return 20 * np.log10(WAVELENGTH / (8 * np.pi * distance_m))
+
+
+def told(scene: rt.Scene, **settings: object) -> tuple[list[Paths], list[str]]:
+    """Paths from the origin, and what was warned of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        parts = backend("sionna", **settings).paths(scene, RADAR, HERE)
+    return parts, [str(one.message) for one in caught]
+
+
+def level_db(parts: list[Paths]) -> float:
+    return float(20 * np.log10(np.abs(parts[0].amplitude[0]).mean()))
+
+
+def test_without_the_package_it_says_what_to_install(monkeypatch):
+    def absent(name):
+        raise sionna.importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(sionna.importlib.metadata, "version", absent)
+    assert not sionna.is_installed()
+    with pytest.raises(BackendError, match=r"needs the package sionna-rt: pip install 'radartwin\[sionna\]'"):
+        rt.simulate(rt.Scene([rt.Surface(objects.plate(1, 1).apply_transform(at(2.0)), "metal")]), RADAR, HERE, simulator="sionna")
+
+
+@needs_sionna
+def test_it_shares_no_process_with_the_tracer():
+    """Both simulators answer in turn, and Sionna is never imported here."""
+    code = (
+        "import sys, numpy as np, radartwin as rt; from radartwin.scene import objects;"
+        "w = rt.Scene([rt.Surface(objects.plate(4, 4).apply_translation((3, 0, 0)), 'metal', 'w', role='room')]);"
+        "r = rt.Radar.iwr1843(element='isotropic');"
+        "a, b, c = (abs(rt.simulate(w, r, np.eye(4)[None], simulator=s).iq).max() for s in ('sionna', 'mitsuba', 'sionna'));"
+        "import mitsuba as mi;"
+        "here = [m for m in sys.modules if m.partition('.')[0] == 'sionna'];"
+        "print(mi.variant().endswith('_rgb'), here, a == c, abs(20 * np.log10(a / b)) < 0.1)"
+    )
+    run = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert run.stdout.split() == ["True", "[]", "True", "True"]
+
+
+@needs_sionna
+@pytest.mark.parametrize(("material", "thickness_m"), [("glass", 0.004), ("plasterboard", 0.0125), ("wood", 0.022), ("hdpe", 0.003)])
+def test_a_slab_in_air_is_what_sionna_says_itself(material, thickness_m):
+    frequency, cosine = 77e9, np.linspace(0.02, 1, 50)
+    answer = worker.shared(sionna_worker.__name__, "sionna").ask({
+        "variant": "auto", "cosine": cosine, "permittivity": complex(permittivity(material, frequency)), "thickness_m": thickness_m,
+        "frequency_hz": frequency,
+    })  # fmt: skip
+    te, tm = reflection(rt.Layered([(material, thickness_m)]), cosine, np.array(frequency))
+    assert np.abs(answer["te"] - te).max() < 1e-3
+    assert np.abs(answer["tm"] - tm).max() < 1e-3
+
+
+@pytest.mark.parametrize("finish", ["plaster wall", "board floor", "court floor", "wood panelling", "window", "metal", "concrete"])
+def test_tables_are_fine_enough_for_stacks(finish):
+    material, roughness = FINISHES[finish].material, 1e-4
+    te, tm, row, frequencies = sionna._table([(material, roughness)], RADAR)
+    assert row.tolist() == [0]
+    grid = np.linspace(0, 1, te.shape[1])
+    cosine = np.linspace(0.005, 1, 7919)
+    for table, exact in zip((te, tm), reflection(material, cosine[:, None], frequencies, roughness), strict=True):
+        for q in range(len(frequencies)):
+            read = np.interp(cosine, grid, np.real(table[0, :, q])) + 1j * np.interp(cosine, grid, np.imag(table[0, :, q]))
+            assert np.abs(read - exact[:, q]).max() < 3e-3
+
+
+@needs_sionna
+def test_every_path_of_a_room_is_an_exact_image():
+    """Complex amplitudes, over layered walls, door and window, of up to four bounces, for a turned antenna."""
+    scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 0, 0)
+    found, images = reference("Sionna, co-located", scene, pose).strong(40.0), reference("image sources", scene, pose)
+    index = partners(found, images)
+    assert len(index) >= 10
+    assert (index >= 0).all()
+    ratio = found.amplitude / images.amplitude[index]
+    assert np.median(np.abs(ratio - 1)) < 5e-3
+    assert np.abs(ratio - 1).max() < 0.05
+    assert np.abs(found.length_m - images.length_m[index]).max() < 1e-5
+
+
+@needs_sionna
+@pytest.mark.filterwarnings("ignore:sionna:UserWarning")
+def test_elements_see_the_same_images_as_the_tracers():
+    """Mirrors are built from the facets Sionna met; those of the tracer from its panels."""
+    scene, pose = rooms.room("squash_court", detail="shell"), pose_in("squash_court", 1, 0)
+    (theirs,) = backend("sionna", max_bounces=3).paths(scene, RADAR, pose[None])
+    mine = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=3)).paths(scene, RADAR, pose[None])[0]
+    assert theirs.mirror is not None
+    assert mine.mirror is not None
+    seen = 0
+    for i in range(len(theirs)):
+        same = (np.abs(mine.length_m - theirs.length_m[i]) < 1e-6) & (np.abs(mine.arrival - theirs.arrival[i]).max(axis=1) < 1e-6)
+        if same.any():
+            seen += 1
+            assert np.abs(mine.mirror[same] - theirs.mirror[i]).max(axis=(1, 2)).min() < 1e-9
+    assert seen >= 6
+
+
+@needs_sionna
+@pytest.mark.filterwarnings("ignore:sionna:UserWarning")
+def test_rates_are_the_growth_of_lengths():
+    """Sensor and plate both move and turn."""
+    turn = [trimesh.transformations.rotation_matrix(np.radians(0.05 * f), [0.2, 0.3, 1]) for f in range(2)]
+    sensor = np.array([at(0.001 * f, 0.0005 * f) @ turn[f] for f in range(2)])
+    plate = np.array([at(2 + 0.002 * f, 0.05, 0.02 - 0.001 * f) @ turn[f] for f in range(2)])
+    wall = rt.Surface(objects.plate(4, 4).apply_transform(at(5.0)), "concrete", "wall", role="room")
+    floor = rt.Surface(objects.box((-1, -3, -1.01), (6, 3, -1.0)), "concrete", "floor", role="room")
+    scene = rt.Scene([wall, floor, rt.Surface(objects.plate(0.6, 0.6), "metal", "plate")])
+    (found,) = backend("sionna", max_bounces=2, separation_m=0.03).paths(scene, RADAR, sensor, {"plate": plate})
+    before, after = found.frames(0, 1), found.frames(1, 2)
+    checked = 0
+    for i in range(len(before)):
+        near = np.abs(after.length_m - before.length_m[i] - before.rate_mps[i] / RADAR.frame_rate_hz)
+        same = near.argmin()
+        if (after.bounces[same] == before.bounces[i]) and np.abs(after.arrival[same] - before.arrival[i]).max() < 0.01:
+            checked += abs(before.rate_mps[i]) > 1e-3
+            assert near[same] < 2e-5  # the second-order change of a frame
+    assert checked >= 2  # the wall by the sensor, the plate by both
+
+
+@needs_sionna
+def test_what_has_no_mirror_point_is_silent_and_named():
+    trihedral = rt.Scene([rt.Surface(objects.trihedral(0.1).apply_transform(at(2.0) @ FACING), "metal", "reflector")])
+    for separation in (0.0, 0.02):
+        parts, texts = told(trihedral, separation_m=separation)
+        assert parts == []
+        assert len(texts) == 1
+        assert "no path by way of 'reflector'" in texts[0]
+    parts, texts = told(rt.Scene([rt.Surface(objects.sphere(0.05).apply_transform(at(2.0)), "metal", "ball")]))
+    assert (parts, "'ball'" in texts[0]) == ([], True)
+
+
+@needs_sionna
+@pytest.mark.parametrize(("size_m", "excess_db"), [(0.02, 19.8), (0.05, 3.8), (0.2, None)])
+def test_a_plate_of_any_size_returns_a_mirrors_level(size_m, excess_db):
+    parts, texts = told(rt.Scene([rt.Surface(objects.plate(size_m, size_m).apply_transform(at(2.0)), "metal", "small plate")]))
+    assert level_db(parts) == pytest.approx(mirror_db(2.0), abs=0.1)
+    if excess_db is None:
+        assert texts == []
+    else:
+        (text,) = texts
+        assert f"'small plate' returns the level of an infinite mirror, {excess_db} dB more than its area can" in text
+        assert excess_db == pytest.approx(20 * np.log10(RADAR.wavelength_m * 2.0 / (2 * size_m**2)), abs=0.1)
+
+
+@needs_sionna
+def test_diffuse_paths_add_up_to_their_number():
+    """About the mirror direction their phases agree: with ten times the rays they return more, where power would stay."""
+    wall = rt.Scene([rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "concrete", "wall", roughness_m=3e-4, role="room")])
+    sums, powers = [], []
+    for rays in (30_000, 300_000):
+        (_, scattered), texts = told(wall, diffuse=True, rays=rays, max_bounces=1)
+        assert texts == ["sionna: diffuse paths are added coherently; their level grows with `rays` and is no power"]
+        phase = np.exp(2j * np.pi * scattered.frequencies_hz[0] * scattered.length_m / SPEED_OF_LIGHT)
+        sums.append(20 * np.log10(np.abs((scattered.amplitude[:, 0] * phase).sum())))
+        powers.append(10 * np.log10((np.abs(scattered.amplitude[:, 0]) ** 2).sum()))
+    assert powers[1] == pytest.approx(powers[0], abs=0.3)
+    assert sums[1] > sums[0] + 5
+
+
+@needs_sionna
+def test_what_roughness_takes_from_the_mirror_is_scattered():
+    rough, smooth = (
+        rt.Scene([rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", roughness_m=r, role="room")])
+        for r in (3e-4, 0.0)
+    )
+    kept = np.exp(-2 * (2 * np.pi / WAVELENGTH * 3e-4) ** 2)
+    assert sionna.scattering(rough.surfaces, RADAR.center_frequency_hz)[0] == pytest.approx(np.sqrt(1 - kept**2), rel=1e-3)
+    lost = [level_db(told(rough, diffuse=diffuse, max_bounces=1)[0]) - level_db(told(smooth)[0]) for diffuse in (False, True)]
+    assert lost == pytest.approx([20 * np.log10(kept)] * 2, abs=0.05)
+
+
+@needs_sionna
+@pytest.mark.filterwarnings("ignore:sionna:UserWarning")
+def test_hidden_things_are_hidden_and_moving_ones_move():
+    """A plate slides in front of a wall: then the wall's path is gone."""
+    wall = rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", role="room")
+    plate = rt.Surface(objects.plate(0.5, 0.5), "metal", "plate")
+    course = np.array([at(2.0, 1.0), at(2.0, 0.01)])
+    (found,) = backend("sionna", max_bounces=1).paths(rt.Scene([wall, plate]), RADAR, poses.repeated(HERE, 2), {"plate": course})
+    assert found.pose.tolist() == [0, 1]
+    assert np.round(found.length_m / 2, 6).tolist() == [3.0, 2.0]
+
+
+@needs_sionna
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:sionna:UserWarning")
+@pytest.mark.parametrize("room", ["lab", "atrium", "squash_court"])
+def test_the_default_rays_find_what_ten_times_as_many_find(room):
+    scene, pose = rooms.room(room, detail="furnished"), pose_in(room, 0, 0)[None]
+    few, many = (backend("sionna", rays=rays).paths(scene, RADAR, pose)[0] for rays in (None, 10 * sionna.RAYS))
+    level = 20 * np.log10(np.abs(many.amplitude).mean(axis=1))
+    for i in np.flatnonzero(level > level.max() - 40):
+        assert (np.abs(few.length_m - many.length_m[i]) < 1e-6).any()
+
+
+def test_the_tracers_own_images_are_matched_to_themselves():
+    scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 0, 0)
+    mine = ours(scene, pose)
+    assert np.array_equal(partners(mine, mine), np.arange(len(mine.length_m)))
