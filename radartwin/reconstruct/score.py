@@ -54,6 +54,7 @@ class Score:
         found: share of those surfaces with IoU of at least one half.
         right: share of the segments of that size that are the best of some surface of any size with at least half of their area on it.
         boundary_median_m, boundary_p95_m: of all segments that hold a scored surface.
+        clear_recall: of glass and mirrors, in segments of which at least half is glass or mirror: a window walled up is not found.
         surfaces: every surface of that size, largest first; clear: glass and mirrors.
     """
 
@@ -64,6 +65,7 @@ class Score:
     right: float
     boundary_median_m: float
     boundary_p95_m: float
+    clear_recall: float
     surfaces: list[SurfaceScore] = field(repr=False)
     clear: list[SurfaceScore] = field(repr=False)
 
@@ -80,6 +82,7 @@ class Score:
             *rows,
             f"precision {self.precision:.3f}, recall {self.recall:.3f}, IoU {self.mean_iou:.3f}, found {self.found:.3f}, "
             f"right {self.right:.3f}",
+            f"glass and mirrors in segments of their own {self.clear_recall:.3f}",
             f"edges within {1000 * self.boundary_median_m:.0f} mm (median) and {1000 * self.boundary_p95_m:.0f} mm (95 %)",
         ]
 
@@ -163,6 +166,9 @@ def _score(samples, edges: tuple[np.ndarray, np.ndarray], names: list[str], trut
     pure = [table[:, s].max() >= 0.5 * segment_area[s] and table[table[:, s].argmax()].argmax() == s for s in large]
     scored = np.isin(edges[1], [names.index(r.segment) for r in solid if r.segment in names])
 
+    see_through = table[clear].sum(axis=0) >= np.maximum(0.5 * segment_area, SPACING_M**2)
+    through = [min(float(table[k, see_through].sum() / area[k]), 1.0) for k in np.flatnonzero(clear & (area >= MIN_AREA_M2))]
+
     def mean(values: list[float]) -> float:
         return float(np.mean(values)) if values else float("nan")
 
@@ -174,6 +180,7 @@ def _score(samples, edges: tuple[np.ndarray, np.ndarray], names: list[str], trut
         mean([float(p) for p in pure]),
         float(np.median(away[scored])) if scored.any() else float("nan"),
         float(np.quantile(away[scored], 0.95)) if scored.any() else float("nan"),
+        mean(through),
         solid,
         [r for r in rows if r.clear],
     )

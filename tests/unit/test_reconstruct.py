@@ -414,6 +414,16 @@ def test_what_was_not_seen_is_not_asked_for_but_glass_is():
     score = score_segments(mesh, PlanarRegionGrowing()(mesh), truth(window=True))
     assert "ceiling" not in {s.name for s in score.surfaces}
     assert [(s.name, s.recall) for s in score.clear] == [("window", pytest.approx(0, abs=0.05))]
+    assert score.clear_recall == pytest.approx(0, abs=0.05)
+
+
+def test_a_window_that_was_walled_up_is_not_found():
+    whole = truth(window=True)
+    walled_up = truth(window=False)
+    assert score_scene(whole, whole).clear_recall == pytest.approx(1, abs=0.02)
+    score = score_scene(walled_up, whole)
+    assert score.clear[0].recall > 0.95  # it is in a segment, which is a wall
+    assert score.clear_recall == 0
 
 
 # Files
