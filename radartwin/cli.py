@@ -6,6 +6,8 @@ Exit status: 0 done, 1 a run failed, 2 the user's input is wrong (one line on st
 from __future__ import annotations
 
 import argparse
+import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -27,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"radartwin: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, lambda *_: os._exit(1))  # the impatient need not wait for what ends with the process
         print("radartwin: interrupted; the same command resumes where it stopped", file=sys.stderr)
         return 1
     except BrokenPipeError:  # the reader of a pipe has seen enough

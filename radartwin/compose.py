@@ -8,6 +8,7 @@ wrong, where, and what would have been right. Hydra is imported on use: it costs
 from __future__ import annotations
 
 import contextlib
+import copy
 import dataclasses
 import difflib
 import re
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
 CONFIG_NAME = "config"
+_VALUE = re.compile(
+    r"(?!hydra\.)(?:[A-Za-z_]\w*\.[\w.\[\]]+|seed|output)="
+)  # key.below=value: no option of a group, nothing added or deleted
 LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # option to the extra that brings it
 
 
@@ -38,7 +42,9 @@ def register() -> None:
     """Put the schema in Hydra's ConfigStore. Idempotent; every process that composes calls it."""
     from hydra.core.config_store import ConfigStore
 
-    ConfigStore.instance().store(name="schema", node=Config)
+    store = ConfigStore.instance()
+    if "schema.yaml" not in store.repo:
+        store.store(name="schema", node=Config)
 
 
 def groups() -> dict[str, list[str]]:
@@ -59,23 +65,43 @@ def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> 
 
 
 class Composer:
-    """Composes any number of configurations from the same folders."""
+    """Composes any number of configurations from the same folders.
+
+    Reading the files costs a tenth of a second, so it is done once for each choice of options; values are then put in as
+    Hydra does it itself.
+    """
 
     def __init__(self, config_dirs: Sequence[Path] = ()) -> None:
         self._searched = search_override(config_dirs)
+        self._read: dict[tuple[str, ...], DictConfig] = {}
 
     def compose(self, overrides: Sequence[str]) -> Config:
         """As `compose`."""
-        import hydra
-        from hydra.core.global_hydra import GlobalHydra
+        from hydra._internal.config_loader_impl import ConfigLoaderImpl
+        from hydra.core.override_parser.overrides_parser import OverridesParser
 
         register()
         overrides = quoted(overrides)
-        GlobalHydra.instance().clear()
         with composing(overrides):
-            with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
-                composed = hydra.compose(CONFIG_NAME, overrides=[*overrides, *self._searched])
+            values = [override for override in overrides if _VALUE.match(override)]
+            options = tuple(override for override in overrides if override not in values)
+            if options not in self._read:
+                self._read[options] = self._of(options)
+            composed = copy.deepcopy(self._read[options])
+            parsed = OverridesParser.create().parse_overrides(values)
+            for override in parsed:
+                if override.is_sweep_override():
+                    raise ConfigError(_several(str(override.key_or_group)))
+            ConfigLoaderImpl._apply_overrides_to_config(parsed, composed)
             return typed(composed)
+
+    def _of(self, options: Sequence[str]) -> DictConfig:
+        import hydra
+        from hydra.core.global_hydra import GlobalHydra
+
+        GlobalHydra.instance().clear()
+        with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
+            return hydra.compose(CONFIG_NAME, overrides=[*options, *self._searched])
 
 
 @contextlib.contextmanager
@@ -185,8 +211,12 @@ def explain(error: BaseException) -> str:
     if match := re.match(r"Could not override '([^']+)'", str(error)):
         return _unknown_key(match.group(1), Config)
     if match := re.match(r"Ambiguous value for argument '([^']+)'", str(error)):
-        return f"{match.group(1)} lists several values; add -m to run them as a sweep, or choose one"
+        return _several(match.group(1))
     return _first_line(error)
+
+
+def _several(key: str) -> str:
+    return f"{key} lists several values; add -m to run them as a sweep, or choose one"
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:

@@ -145,7 +145,7 @@ def _cannot_lock(path: Path, error: OSError) -> OutputError:
 def sweep(folder: Path) -> None:
     """Remove from the folder the `unfinished` files of processes that are gone; nothing else is ours."""
     for path in sorted(folder.glob(f".*{TEMPORARY}")):
-        if (ours := _UNFINISHED.fullmatch(path.name)) and path.is_file() and not _alive(int(ours.group(1))):
+        if (ours := _UNFINISHED.fullmatch(path.name)) and path.is_file() and not alive(int(ours.group(1))):
             path.unlink(missing_ok=True)
 
 
@@ -187,7 +187,8 @@ def _leads_to(path: Path, descriptor: int) -> bool:
         return False
 
 
-def _alive(process: int) -> bool:
+def alive(process: int) -> bool:
+    """Whether a process of this number runs on this machine."""
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):

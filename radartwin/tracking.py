@@ -11,6 +11,8 @@ import contextlib
 import hashlib
 import logging
 import os
+import re
+import socket
 import sqlite3
 import time
 import warnings
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
+PROCESS = "process"  # tag: host and process that compute a run
 MAX_METRICS = 40  # about thirty scalars a run; curves and tables are artifacts
 
 
@@ -92,7 +95,8 @@ class Tracker:
         with self._visit() as client:
             experiment_id = self._experiment(client, table)
             self._bury(client, experiment_id, key)
-            record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", tags(table, key), self.parent_run_id)
+            told = {**tags(table, key), PROCESS: f"{socket.gethostname()}:{os.getpid()}"}
+            record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", told, self.parent_run_id)
         began, clock = int(time.time() * 1000), time.monotonic()
         status, error = "FINISHED", ""
         try:
@@ -129,12 +133,12 @@ class Tracker:
                 client.set_terminated(run_id, status)
 
     def known(self, table: str, key: str) -> bool:
-        """Whether a finished run of this key is recorded."""
+        """Whether a run of this key is recorded as finished, or a living process of this machine is about to record it."""
         if self.off:
             return True
         with self._visit() as client:
             found = self._of_key(client, self._experiment(client, table), key)
-        return any(run.info.status == "FINISHED" for run in found)
+        return any(run.info.status == "FINISHED" or (run.info.status == "RUNNING" and _alive(run.data.tags)) for run in found)
 
     @contextlib.contextmanager
     def _visit(self) -> Iterator[MlflowClient]:
@@ -219,6 +223,7 @@ def quieten() -> None:
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
     logging.getLogger("alembic").setLevel(logging.WARNING)
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # what it says is raised as well, and told by `_unusable`
 
 
 def _check_database(path: Path) -> None:
@@ -265,8 +270,18 @@ def _impatient() -> Iterator[None]:
 
 
 def _unusable(store: object, reason: str) -> BackendError:
-    return BackendError(f"tracking store {store}: {reason}; move the store away, correct tracking.uri, or use tracking=off")
+    remedy = "free some space" if "full" in reason or "space" in reason else "move the store away, correct tracking.uri"
+    return BackendError(f"tracking store {store}: {reason}; {remedy}, or use tracking=off")
 
 
 def _one_line(error: Exception) -> str:
+    """What SQLite said, out of the layers around it; else the first line."""
+    if found := re.search(r"\(sqlite3\.\w+\) ([^\n\[]+)", str(error)):
+        return found.group(1).strip()
     return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+def _alive(found: Mapping[str, str]) -> bool:
+    """Whether the process that a run's tags name runs on this machine."""
+    host, _, process = found.get(PROCESS, "").rpartition(":")
+    return host == socket.gethostname() and process.isdecimal() and files.alive(int(process))

@@ -1,0 +1,243 @@
+"""What can go wrong under a sweep, made to go wrong: nothing finished is lost, nothing wrong is kept, and the message says what to do."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import own_experiment
+import pytest
+
+SEEDS = "seed=0,1,2,3"
+
+
+class Study:
+    """A user's experiment and its output folder; `start` runs the command line on it."""
+
+    def __init__(self, folder: Path, output: Path) -> None:
+        self.folder, self.output = folder / "mine", output
+        self.arguments, self.environment = own_experiment.write(self.folder)
+
+    def start(self, *more: str, prefix: tuple[str, ...] = (), **environment: str) -> subprocess.Popen[str]:
+        command = [*prefix, sys.executable, "-m", "radartwin", *self.arguments, *more, "--output", str(self.output)]
+        return subprocess.Popen(
+            command,
+            env={**os.environ, **self.environment, **environment},
+            cwd=self.folder.parent,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def run(self, *more: str, **environment: str) -> tuple[int, str, str]:
+        process = self.start(*more, **environment)
+        said, complained = process.communicate(timeout=500)
+        return process.returncode, said, complained
+
+    def outcomes(self) -> int:
+        return len(list((self.output / "sweeps").glob("*/*/outcome.json")))
+
+    def tracked(self, question: str) -> list[tuple]:
+        with closing(sqlite3.connect(self.output / "mlflow.db")) as connection:
+            return connection.execute(question).fetchall()
+
+    def no_traces(self) -> bool:
+        """Nothing unfinished lies in the output folder."""
+        return not list(self.output.rglob("*.tmp")) and not list(self.output.rglob("*.lock"))
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    return Study(tmp_path, tmp_path / "out")
+
+
+def until(condition: Callable[[], bool], seconds: float = 200) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds} s"
+        time.sleep(0.05)
+
+
+ONCE_EACH = """SELECT count(*), count(DISTINCT t.value) FROM runs r JOIN tags t USING (run_uuid)
+WHERE t.key = 'run_key' AND t.value != 'sweep' AND r.status = 'FINISHED'"""
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_for_memory_fails_alone_and_the_message_says_so(study: Study) -> None:
+    (study.folder / "KILL_1").touch()
+    joblib = ("-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", SEEDS)
+    code, said, complained = study.run(*joblib)
+    assert code == 1, complained
+    assert "sweep: 3 done, 0 cached, 1 failed" in said
+    assert "its process was killed 3 times (out of memory, or from outside)" in said
+    (study.folder / "KILL_1").unlink()
+    code, said, complained = study.run(*joblib)
+    assert code == 0, complained
+    assert "sweep: 1 done, 3 cached, 0 failed" in said
+    assert study.tracked(ONCE_EACH) == [(4, 4)]
+    assert study.no_traces()
+
+
+@pytest.mark.slow
+def test_interrupted_twice_a_sweep_keeps_what_is_finished_and_resumes(study: Study) -> None:
+    (study.folder / "HOLD_2").touch()
+    for launcher in ("basic", "joblib"):
+        sweep = study.start("-m", f"hydra/launcher={launcher}", SEEDS)
+        until(lambda: bool(list((study.output / "sweeps").glob("*/2/started"))))
+        time.sleep(1)
+        for _ in range(2):
+            os.killpg(sweep.pid, signal.SIGINT)
+            time.sleep(0.3)
+        said, complained = sweep.communicate(timeout=60)
+        assert sweep.returncode in (1, -signal.SIGINT), complained  # the latter where the second met the end of the interpreter
+        assert "Traceback" not in complained
+        assert "radartwin: interrupted; the same command resumes where it stopped" in complained
+        assert "sweep: " in said
+        for path in (study.output / "sweeps").glob("*/2/started"):
+            path.unlink()
+    (study.folder / "HOLD_2").unlink()
+    code, said, complained = study.run("-m", SEEDS)
+    assert code == 0, complained
+    assert study.tracked(ONCE_EACH) == [(4, 4)]
+    assert study.tracked("SELECT count(*) FROM runs WHERE status = 'RUNNING'") == [(0,)]
+    assert study.no_traces()
+
+
+@pytest.mark.slow
+def test_two_sweeps_at_once_on_one_store_compute_each_run_once(study: Study) -> None:
+    for _ in range(2):
+        pair = [study.start("-m", SEEDS), study.start("-m", SEEDS)]
+        for sweep in pair:
+            said, complained = sweep.communicate(timeout=300)
+            assert sweep.returncode == 0, complained
+            assert "0 failed" in said
+    tables = own_experiment.tables(study.output)
+    assert len(tables) == 4
+    assert all(own_experiment.same(table) == own_experiment.same(tables[0]) for table in tables)
+    assert study.tracked(ONCE_EACH) == [(4, 4)]
+    assert study.no_traces()
+
+
+@pytest.mark.slow
+def test_a_clock_set_back_between_and_during_runs_changes_nothing(study: Study, tmp_path: Path) -> None:
+    # A clock that jumps an hour back at every second reading, put in before anything else is imported.
+    (tmp_path / "sitecustomize.py").write_text(
+        "import itertools, time\nreal, n = time.time, itertools.count()\ntime.time = lambda: real() - 3600 * (next(n) % 2)\n"
+    )
+    code, _, complained = study.run("-m", SEEDS, PYTHONPATH=os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", ""))))
+    assert code == 0, complained
+    code, said, complained = study.run("-m", SEEDS)
+    assert code == 0, complained
+    assert "sweep: 0 done, 4 cached" in said
+    assert study.tracked("SELECT count(*) FROM runs WHERE end_time < start_time") == [(0,)]
+
+
+def test_a_damaged_cache_entry_is_computed_again(study: Study) -> None:
+    assert study.run(SEEDS[:6])[0] == 0
+    (result,) = study.output.glob("cache/run/*/result.json")
+    sound = result.read_bytes()
+    result.write_bytes(sound.replace(b'"value": 0.0', b'"value": 9.9'))
+    code, said, complained = study.run(SEEDS[:6])
+    assert code == 0, complained
+    assert "in the cache is damaged" in complained
+    assert "simulated 0, reused 1, scored 1" in said
+    assert result.read_bytes() == sound
+
+
+def test_a_corrupted_tracking_store_is_named_and_the_finished_runs_are_kept(study: Study) -> None:
+    assert study.run("seed=0")[0] == 0
+    database = study.output / "mlflow.db"
+    content = bytearray(database.read_bytes())
+    content[100:8192] = bytes(8092)  # behind the header, which still says SQLite
+    database.write_bytes(content)
+    code, said, complained = study.run("seed=0")
+    assert code == 2
+    assert "mlflow.db" in complained.splitlines()[-1]
+    assert "move the store away" in complained
+    assert "Traceback" not in complained
+    database.rename(database.with_suffix(".bad"))
+    code, said, complained = study.run("seed=0")
+    assert code == 0, complained
+    assert "scored 0" in said
+    assert study.tracked(ONCE_EACH) == [(1, 1)]
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 3 MB, which only root can mount."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(disk)], capture_output=True, check=False)
+    if mounted.returncode:
+        pytest.skip("no small file system can be mounted here: that takes root")
+    yield disk
+    subprocess.run(["umount", "--lazy", str(disk)], check=True)
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_told_leaves_nothing_half_written_and_resumes(small_disk: Path, tmp_path: Path) -> None:
+    study = Study(tmp_path, small_disk / "out")
+    assert study.run("seed=0")[0] == 0
+    filler = small_disk / "filler"
+    subprocess.run(["dd", "if=/dev/zero", f"of={filler}", "bs=4096"], capture_output=True, check=False)  # until it is full
+    code, said, complained = study.run("-m", "seed=0,1")
+    assert code in (1, 2), said + complained
+    assert "space" in complained + said
+    assert "Traceback" not in complained
+    filler.unlink()
+    code, said, complained = study.run("-m", "seed=0,1")
+    assert code == 0, complained
+    assert "1 cached" in said, "what was finished before the disk was full was lost"
+    assert study.tracked(ONCE_EACH) == [(2, 2)]
+    assert study.no_traces()
+
+
+def test_an_output_that_can_only_be_read_is_one_line(study: Study) -> None:
+    assert study.run("seed=0", "tracking=off")[0] == 0
+    if subprocess.run(["unshare", "--mount", "true"], capture_output=True, check=False).returncode:
+        pytest.skip("no read-only file system can be made here: that takes root")
+    script = f'mount --bind "{study.output}" "{study.output}" && mount -o remount,bind,ro "{study.output}" && exec "$@"'
+    sweep = study.start("seed=1", "tracking=off", prefix=("unshare", "--mount", "sh", "-c", script, "sh"))
+    _, complained = sweep.communicate(timeout=100)
+    assert sweep.returncode == 2
+    assert len(complained.splitlines()) == 1
+    assert "cannot be written" in complained
+    assert str(study.output) in complained
+
+
+@pytest.mark.slow
+def test_five_hundred_jobs_and_five_kills_give_the_right_table(study: Study) -> None:
+    jobs, kills = 500, 5
+    arguments = ("-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", f"seed=range({jobs})")
+    chance = random.Random(0)
+    for kill in range(kills):
+        sweep = study.start(*arguments)
+        goal = (kill + 1) * jobs // (kills + 2) + chance.randrange(20)
+        until(lambda goal=goal: len(list((study.output / "cache" / "run").glob("*/meta.json"))) >= goal, 900)
+        time.sleep(chance.random())
+        if kill % 2:  # the parent of the sweep, and with it all
+            os.killpg(sweep.pid, signal.SIGKILL)
+            sweep.communicate()
+        else:  # one of its workers; the sweep goes on
+            workers = [int(p) for p in subprocess.run(["pgrep", "-P", str(sweep.pid)], capture_output=True, text=True).stdout.split()]
+            os.kill(chance.choice(workers), signal.SIGKILL)
+            until(lambda goal=goal: len(list((study.output / "cache" / "run").glob("*/meta.json"))) >= goal + 10, 900)
+            os.killpg(sweep.pid, signal.SIGKILL)
+            sweep.communicate()
+    code, said, complained = study.run(*arguments)
+    assert code == 0, complained[-2000:]
+    assert "0 failed, 0 refused" in said
+    table = own_experiment.tables(study.output)[-1]
+    assert [(row["job"], float(row["correlation"])) for row in table] == [(f"seed={n}", n / 1000) for n in range(jobs)]
+    assert len({row["run_key"] for row in table}) == jobs
+    assert study.tracked(ONCE_EACH) == [(jobs, jobs)]
+    assert study.no_traces()
