@@ -153,6 +153,14 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument("--layout", metavar="FILE", type=Path, help="put a layout's objects into the scene, for this page only")
     view.add_argument("--out", metavar="FILE", type=Path, help="default: SCENE/view.html")
 
+    classify = _verb(verbs, "classify", _classify, "what a recording shows, by a model: labels with probabilities")
+    classify.add_argument("recording", metavar="RECORDING", type=Path, help="our recording, a mmWave Studio .bin, or a .npy cube")
+    classify.add_argument("--model", metavar="FOLDER", type=Path, required=True, help="model.json and model.safetensors of a run")
+    classify.add_argument("--radar", metavar="FILE", help="as for process")
+    classify.add_argument("--iq-swapped", action=argparse.BooleanOptionalAction, help="as for process")
+    classify.add_argument("--distance", metavar="METRES", type=float, help="from the radar to the target at the start (default: found)")
+    classify.add_argument("--period", metavar="SECONDS", type=float, help="of one revolution of the turntable (default: the model's)")
+
     dashboard = _verb(verbs, "dashboard", _dashboard, "the MLflow server on loopback")
     dashboard.add_argument("--port", type=_port, help="default: 5000, or a free one if it is taken")
     _output(dashboard)
@@ -326,6 +334,21 @@ def _view(options: argparse.Namespace) -> int:
         scene = furnish(scene, Layout.load(options.layout), None if poses is None else poses[0])
     view(scene, out, poses, by=options.by)
     print(out)
+    return 0
+
+
+def _classify(options: argparse.Namespace) -> int:
+    from radartwin.assemble import named_radar
+    from radartwin.recognize.classify import classify
+
+    radar = named_radar(options.radar) if options.radar else None
+    answer = classify(
+        options.recording, options.model, radar, iq_swapped=options.iq_swapped, distance_m=options.distance, period_s=options.period
+    )
+    print("label probability")
+    for label, probability in zip(answer.classes, answer.probabilities, strict=True):
+        print(f"{label} {probability:.4f}")
+    print(f"{options.recording}: {answer.classes[0]}, with the target at {answer.distance_m:.2f} m", file=sys.stderr)
     return 0
 
 

@@ -14,6 +14,7 @@ import os
 import re
 import socket
 import sqlite3
+import tempfile
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,12 +25,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from radartwin import __version__, files
 from radartwin.config import TrackingConfig
 from radartwin.errors import BackendError, OutputError, UserError
+from radartwin.experiment import MODELS
 from radartwin.provenance import commit
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
+LOADER = "radartwin.recognize.pyfunc"  # the module that MLflow loads a run's models with
 PROCESS = "process"  # tag: host and process that compute a run
 MAX_METRICS = 40  # about thirty scalars a run; curves and tables are artifacts
 
@@ -189,7 +192,9 @@ class Tracker:
         with _told(self.uri):
             client = self._connect()
             for path in record.artifacts:
-                if path.is_dir():
+                if path.name == MODELS and path.is_dir():
+                _log_models(client, record.run_id, path)
+            elif path.is_dir():
                     client.log_artifacts(record.run_id, str(path), path.name)
                 else:
                     client.log_artifact(record.run_id, str(path))
@@ -209,6 +214,18 @@ class Tracker:
             return
         with files.lock(self._lock):
             yield
+
+
+def _log_models(client: MlflowClient, run_id: str, folder: Path) -> None:
+    """Each folder in it as a python_function model, models/NAME of the run; its data is the folder, and nothing is pickled."""
+    from mlflow import pyfunc
+
+    for model in sorted(folder.iterdir()):
+        with tempfile.TemporaryDirectory() as work:
+            made = Path(work) / model.name
+            requirements = [f"radartwin=={__version__}"]
+            pyfunc.save_model(str(made), loader_module=LOADER, data_path=str(model), pip_requirements=requirements)
+            client.log_artifacts(run_id, str(made), f"{folder.name}/{model.name}")
 
 
 def tags(table: str, key: str) -> dict[str, str]:

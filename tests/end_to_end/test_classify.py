@@ -1,0 +1,137 @@
+"""From a trained model to a label: `radartwin classify`, and the same model through MLflow, on recordings made outside the study."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radartwin.config import TrackingConfig
+from radartwin.features import sets
+from radartwin.features.processed import process
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
+from radartwin.recognize.classify import Nominal, classify
+from radartwin.recognize.encoder import Settings
+from radartwin.recognize.model import Recogniser
+from radartwin.recognize.samples import MEASURED, SIMULATED, Part, gather
+from radartwin.recognize.split import label_free
+from radartwin.recognize.training import fit
+from radartwin.tracking import Tracker
+
+FRAMES, PERIOD_S = 60, 6.0
+TURNS = {"steady": 0, "once": 1, "thrice": 3}  # glints per revolution
+
+
+def radar() -> Radar:
+    described = Radar.iwr1843().to_dict() | {"num_chirps": 2, "frame_rate_hz": FRAMES / PERIOD_S}
+    return Radar.from_dict(described)
+
+
+def turning(kind: str, seed: int, distance_m: float = 1.0, gain: float = 1.0) -> Recording:
+    """A point echo whose amplitude goes up and down `TURNS` times a revolution, before a wall that stands still."""
+    rng, one = np.random.default_rng(seed), radar()
+    phase = 2 * np.pi * np.arange(FRAMES) / FRAMES + rng.uniform(0, 2 * np.pi)
+    amplitude = 1 + 0.6 * (TURNS[kind] > 0) * np.cos(TURNS[kind] * phase)
+    samples = np.arange(one.num_samples)
+
+    def echo(range_m: float) -> np.ndarray:
+        return np.exp(2j * np.pi * samples * range_m / one.range_resolution_m / one.num_samples)
+
+    shape = (FRAMES, one.num_chirps, one.num_tx, one.num_rx, one.num_samples)
+    wobble = np.exp(0.3j * np.sin(phase))[:, None]  # the axis is not quite on the turntable's
+    frames = amplitude[:, None] * wobble * echo(distance_m) + 3 * echo(3.0)
+    noise = 0.05 * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
+    return Recording((gain * 1e-4 * (frames[:, None, None, None] + noise)).astype(np.complex64), one)
+
+
+def rows(recording: Recording, distance_m: float = 1.0):
+    log = Nominal(FRAMES / PERIOD_S, np.full(FRAMES, distance_m), 2 * np.pi * np.arange(FRAMES) / FRAMES)
+    return sets.vector(process(recording, doppler=False), log, "rotation", ["brightness"])
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    names, parts = [], []
+    for kind in TURNS:
+        for seed in range(3):
+            names, values = rows(turning(kind, seed))
+            parts.append(Part(f"{kind} {seed} s", kind, SIMULATED, values))
+    measured = [Part(f"{kind} m", kind, MEASURED, rows(turning(kind, 9))[1]) for kind in TURNS]
+    simulated = gather(names, parts)
+    centre, spread = simulated.values.mean(axis=0), simulated.values.std(axis=0)
+    scaled = simulated.with_values((simulated.values - centre) / spread)
+    anchors = dict(zip(TURNS, np.eye(3, 8, dtype=np.float32), strict=True))
+    encoder = fit(label_free(scaled, gather(names, measured)), anchors, Settings(hidden=16, epochs=60), seed=0).encoder
+    features = {"set": "rotation", "without": ["brightness"], "period_s": PERIOD_S}
+    classes = tuple(sorted(anchors))
+    prototypes = np.stack([anchors[label] for label in classes])
+    made = Recogniser(encoder, classes, prototypes, 0.07, tuple(names), features, centre, spread, {"trained on": "a test"})
+    return made.save(tmp_path_factory.mktemp("models") / "turning")
+
+
+@pytest.mark.parametrize("kind", TURNS)
+def test_a_recording_at_another_distance_and_gain_is_recognised(model: Path, tmp_path: Path, kind: str):
+    path = tmp_path / "seen"
+    turning(kind, 77, distance_m=1.8, gain=20.0).save(path)
+    answer = classify(path, model)
+    assert answer.classes[0] == kind
+    assert answer.distance_m == pytest.approx(1.8, abs=0.05)
+    assert answer.probabilities.sum() == pytest.approx(1.0)
+
+
+def test_the_command_line_says_what_the_library_does(model: Path, tmp_path: Path, radartwin):
+    turning("thrice", 5).save(tmp_path / "seen")
+    done = radartwin("classify", tmp_path / "seen", "--model", model)
+    assert done.returncode == 0, done.stderr
+    answer = classify(tmp_path / "seen", model)
+    expected = [f"{label} {p:.4f}" for label, p in zip(answer.classes, answer.probabilities, strict=True)]
+    assert done.stdout.splitlines() == ["label probability", *expected]
+
+
+def test_a_capture_of_a_stranger_is_classified(model: Path, tmp_path: Path):
+    """Counts of a mmWave Studio dump, without amplitudes or poses: a .npy cube and the radar's description."""
+    seen = turning("once", 6)
+    cube = np.round(seen.iq / np.abs(seen.iq).max() * 8000)
+    np.save(tmp_path / "seen.npy", cube.astype(np.complex64))
+    assert classify(tmp_path / "seen.npy", model, radar(), iq_swapped=False).classes[0] == "once"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["seen", "--model", "nowhere"], "no such file"),
+        (["nothing", "--model", "MODEL"], "nothing"),
+        (["seen", "--model", "MODEL", "--period", "25"], "record a whole one"),
+        (["seen", "--model", "MODEL", "--distance", "40"], "is not between"),
+    ],
+)
+def test_mistakes_are_one_line(model: Path, tmp_path: Path, radartwin, arguments: list[str], told: str):
+    turning("once", 5).save(tmp_path / "seen")
+    done = radartwin("classify", *(str(model) if word == "MODEL" else word for word in arguments))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert told in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
+def test_a_tracked_model_is_loaded_and_asked_through_mlflow(model: Path, tmp_path: Path):
+    """In the store as a run leaves it, loaded by MLflow alone, without a pickle among its files."""
+    import mlflow
+    import pandas as pd
+
+    folder = tmp_path / "product" / "models"
+    Recogniser.load(model).save(folder / "recogniser")
+    tracker = Tracker(TrackingConfig(), tmp_path / "out")
+    with tracker.run("contrastive", "0" * 32, "a run", {}) as record:
+        record.artifacts = [folder]
+    local = Path(mlflow.MlflowClient(tracker.uri).download_artifacts(record.run_id, "models/recogniser"))
+    assert not [path for path in local.rglob("*") if path.suffix in (".pkl", ".pickle", ".pt", ".joblib")]
+    assert json.loads(next(local.rglob("model.json")).read_text())["provenance"] == {"trained on": "a test"}
+    turning("thrice", 5).save(tmp_path / "seen")
+    loaded = mlflow.pyfunc.load_model(str(local))
+    answer = loaded.predict(pd.DataFrame({"recording": [str(tmp_path / "seen")]}))
+    assert answer["label"].tolist() == ["thrice"]
+    assert answer[["once", "steady", "thrice"]].sum(axis=1).tolist() == pytest.approx([1.0])
