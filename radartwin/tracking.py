@@ -193,8 +193,8 @@ class Tracker:
             client = self._connect()
             for path in record.artifacts:
                 if path.name == MODELS and path.is_dir():
-                _log_models(client, record.run_id, path)
-            elif path.is_dir():
+                    _log_models(client, record.run_id, path)
+                elif path.is_dir():
                     client.log_artifacts(record.run_id, str(path), path.name)
                 else:
                     client.log_artifact(record.run_id, str(path))
