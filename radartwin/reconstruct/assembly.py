@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 from radartwin.reconstruct.colour import face_rgb
+from radartwin.reconstruct.distance import Nearest, spread
 from radartwin.reconstruct.looks import coloured, painted
 from radartwin.reconstruct.names import segment_names
 from radartwin.reconstruct.parts import simplified
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from radartwin.materials import Layered
 
 LEAST_M2 = 0.01  # a part with less area is left out
+MISSING_M = 0.05  # from every surface: farther than a scan's noise and what simplification moves
 
 
 def assembled(
@@ -31,7 +33,8 @@ def assembled(
         flattened: polygons of the planar segments; None leaves everything as it was scanned.
         material: of every surface.
     Returns:
-        The surfaces; the surface each face of the scan went to (F,), -1 for none; and statistics.
+        The surfaces; the surface each face of the scan went to (F,), -1 for none; and statistics: `left_out_m2` is the area of the
+        scan that none of the surfaces lies near.
     """
     if flattened is not None:
         segments = flattened.segments
@@ -60,8 +63,17 @@ def assembled(
         facts |= {"completed": True, "area_m2": 0.0, "filled_m2": round(flat.filled_m2, 4), "parent": names[flat.parent]}
         surfaces.append(Surface(flat.mesh, material, f"pane_{number}", role="room", provenance=facts))
     statistics: dict[str, Any] = {"flattening_rms_m": 0.0, "flattening_max_m": 0.0} if flattened is None else dict(flattened.statistics)
-    left_out = float(np.asarray(mesh.area_faces)[owner < 0].sum())
-    return surfaces, owner, statistics | {"parts_error_m": pieces.error_m, "left_out_m2": round(left_out, 4), "panes": len(panes)}
+    statistics |= {"parts_error_m": pieces.error_m, "left_out_m2": round(_missing_m2(mesh, surfaces), 4), "panes": len(panes)}
+    return surfaces, owner, statistics
+
+
+def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
+    """Area of the scan, m2, that is farther than MISSING_M from every surface: fragments left out, edges and thin things trimmed."""
+    if not surfaces:
+        return float(mesh.area)
+    points = spread(mesh, MISSING_M)[0]
+    away = Nearest([s.mesh for s in surfaces], MISSING_M)(points)[0]
+    return float(mesh.area) * float((away > MISSING_M).mean())
 
 
 class _Pieces:

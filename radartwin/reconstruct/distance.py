@@ -74,6 +74,16 @@ def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.nda
     return np.vstack(points), np.concatenate(faces)
 
 
+def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3) and their faces (N,), about one for each spacing^2 of the mesh, each for as much area as the others."""
+    points, face = covered(np.asarray(mesh.triangles), spacing_m)
+    area = np.asarray(mesh.area_faces) / np.maximum(np.bincount(face, minlength=len(mesh.faces)), 1)
+    total = np.cumsum(area[face])
+    count = max(1, round(total[-1] / spacing_m**2)) if len(total) else 0
+    chosen = np.searchsorted(total, (np.arange(count) + 0.5) / max(count, 1) * (total[-1] if len(total) else 0.0))
+    return points[chosen], face[chosen]
+
+
 def triangle_distance(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Distance (N,) of each point (N, 3) to its own triangle (N, 3, 3)."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]

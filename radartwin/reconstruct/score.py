@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from radartwin.errors import SceneError
-from radartwin.reconstruct.distance import covered
+from radartwin.reconstruct.distance import covered, spread
 from radartwin.reconstruct.segment import Segment
 from radartwin.scene.scene import Scene, Surface
 
@@ -98,7 +98,7 @@ def score_segments(mesh: trimesh.Trimesh, segments: Sequence[Segment], truth: Sc
     label = np.full(len(mesh.faces), -1)
     for segment, number in zip(segments, numbers, strict=True):
         label[segment.faces] = order.index(number)
-    points, face = spread(mesh)
+    points, face = spread(mesh, SPACING_M)
     border = np.asarray(mesh.face_adjacency)
     ends = label[border[:, 0]] != label[border[:, 1]]
     edge = np.asarray(mesh.vertices)[np.asarray(mesh.face_adjacency_edges)[ends]].mean(axis=1)
@@ -115,7 +115,7 @@ def score_scene(scene: Scene, truth: Scene) -> Score:
     """
     points, normals, labels, ends, owner = [], [], [], [], []
     for k, surface in enumerate(scene):
-        at, face = spread(surface.mesh)
+        at, face = spread(surface.mesh, SPACING_M)
         points.append(at)
         normals.append(np.asarray(surface.mesh.face_normals)[face])
         labels.append(np.full(len(at), k))
@@ -202,16 +202,6 @@ def pieces(surface: Surface) -> list[Surface]:
         piece = trimesh.Trimesh(mesh.vertices, np.asarray(mesh.faces)[part == k], process=False)
         out.append(surface.replaced(mesh=piece, name=f"{surface.name}.{number}"))
     return out
-
-
-def spread(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) and their faces (N,), about one for each SPACING_M^2 of the mesh."""
-    points, face = covered(np.asarray(mesh.triangles), SPACING_M)
-    area = np.asarray(mesh.area_faces) / np.maximum(np.bincount(face, minlength=len(mesh.faces)), 1)
-    total = np.cumsum(area[face])
-    count = max(1, round(total[-1] / SPACING_M**2)) if len(total) else 0
-    chosen = np.searchsorted(total, (np.arange(count) + 0.5) / max(count, 1) * (total[-1] if len(total) else 0.0))
-    return points[chosen], face[chosen]
 
 
 def _truth_points(truth: Scene):
