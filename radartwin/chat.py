@@ -2,6 +2,7 @@
 
 POST URL/chat/completions with the answer's JSON schema as response_format. What may pass is tried again with growing pauses (time-outs,
 408, 409, 425, 429 and 5xx; Retry-After is obeyed); what cannot is one line. The key is read from the environment and written nowhere.
+Layouts ask it one sentence at a time, labels (radartwin.label.server) many questions at once over one client.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,10 @@ PASSING = {408, 409, 425, 429, 500, 502, 503, 504, 529}
 LONGEST_PAUSE_S = 120.0
 
 
+class NoAnswerInTime(BackendError):
+    """One request took too long each time: its own trouble, while any other error is every request's."""
+
+
 @dataclass
 class Endpoint:
     """Where a model answers. One may serve several threads.
@@ -36,17 +41,19 @@ class Endpoint:
         pause_s: before the second try; doubled each time.
         key_variable: the environment variable that holds the bearer token, if there is one.
         max_tokens: of an answer.
+        key: bearer token, instead of the variable's.
     Raises:
         ConfigError: an address that is none.
     """
 
-    url: str
+    url: str = field(repr=False)  # it may hold a password
     model: str
     timeout_s: float = 120.0
     requests: int = 4
     pause_s: float = 1.0
     key_variable: str = "RADARTWIN_LLM_KEY"
     max_tokens: int = 1000
+    key: str | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         try:
@@ -65,27 +72,37 @@ class Endpoint:
         parts = urlsplit(self.url)
         return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], parts.path.rstrip("/"), "", ""))
 
-    def complete(self, messages: Sequence[Mapping[str, Any]], schema: Mapping[str, Any], name: str) -> str:
+    def client(self) -> httpx.Client:
+        """For several requests; close it."""
+        import httpx
+
+        key = self.key if self.key is not None else os.environ.get(self.key_variable)
+        return httpx.Client(timeout=self.timeout_s, headers={"Authorization": f"Bearer {key}"} if key else {})
+
+    def complete(
+        self, messages: Sequence[Mapping[str, Any]], schema: Mapping[str, Any], name: str, client: httpx.Client | None = None
+    ) -> str:
         """The model's next words.
 
         Args:
             messages: {"role", "content"} in the API's form.
             schema: JSON schema of the answer; a server that refuses response_format is asked without, so check the answer.
+            client: one of `client`, where several requests share it.
         Raises:
-            BackendError: no connection, no answer in time, a refusal, or a server that is none of these.
+            NoAnswerInTime: the last try timed out.
+            BackendError: no connection, a refusal, or a server that is none of these.
         """
-        import httpx
-
+        if client is None:
+            with self.client() as client:
+                return self.complete(messages, schema, name, client)
         body: dict[str, Any] = {"model": self.model, "messages": list(messages), "temperature": 0, "max_tokens": self.max_tokens}
         if not self._plain:
             body["response_format"] = {"type": "json_schema", "json_schema": {"name": name, "strict": True, "schema": schema}}
-        key = os.environ.get(self.key_variable)
-        with httpx.Client(timeout=self.timeout_s, headers={"Authorization": f"Bearer {key}"} if key else {}) as client:
+        response = self._post(client, body)
+        if response.status_code in (400, 422) and "response_format" in body and "response_format" in response.text:
+            self._plain = True  # an old server; the prompt must ask for JSON anyway
+            del body["response_format"]
             response = self._post(client, body)
-            if response.status_code in (400, 422) and "response_format" in body and "response_format" in response.text:
-                self._plain = True  # an old server; the prompt must ask for JSON anyway
-                del body["response_format"]
-                response = self._post(client, body)
         if response.status_code != 200:
             raise BackendError(self._refusal(response))
         try:
@@ -98,13 +115,14 @@ class Endpoint:
         """The response to a request that was tried until it was none of PASSING."""
         import httpx
 
-        problem = ""
+        problem, error_type = "", BackendError
         for attempt in range(self.requests):
             pause = min(self.pause_s * 2**attempt, LONGEST_PAUSE_S)
+            error_type = BackendError
             try:
                 response = client.post(f"{self.url.rstrip('/')}/chat/completions", json=body)
             except httpx.TimeoutException:
-                problem = f"no answer within {self.timeout_s:g} s"
+                problem, error_type = f"no answer within {self.timeout_s:g} s", NoAnswerInTime
             except httpx.ConnectError as error:  # nobody there: waiting does not start a server
                 raise BackendError(f"{self.shown}: no connection ({error}); start the server, or correct its address") from error
             except httpx.TransportError as error:
@@ -116,7 +134,7 @@ class Endpoint:
                 pause = min(_retry_after(response, pause), LONGEST_PAUSE_S)
             if attempt + 1 < self.requests and self.down.wait(pause):
                 break
-        raise BackendError(f"{self.shown}: {problem} after {self.requests} tries; see that the server runs and serves {self.model}")
+        raise error_type(f"{self.shown}: {problem} after {self.requests} tries; see that the server runs and serves {self.model}")
 
     def _refusal(self, response: httpx.Response) -> str:
         remedy = {
@@ -127,7 +145,7 @@ class Endpoint:
         return f"{self.shown} refuses with status {response.status_code} ({' '.join(response.text.split())[:200]}); {remedy}"
 
 
-def _retry_after(response: httpx.Response, otherwise: float) -> float:
+def _retry_after(response: httpx.Response, otherwise: float, now: Callable[[], float] = time.time) -> float:
     """Seconds that the server asks to wait, as a number or a date; `otherwise` if it does not."""
     header = response.headers.get("retry-after", "").strip()
     try:
@@ -135,6 +153,6 @@ def _retry_after(response: httpx.Response, otherwise: float) -> float:
     except ValueError:
         pass
     try:
-        return max(0.0, (parsedate_to_datetime(header) - datetime.fromtimestamp(time.time(), UTC)).total_seconds())
+        return max(0.0, (parsedate_to_datetime(header) - datetime.fromtimestamp(now(), UTC)).total_seconds())
     except (ValueError, TypeError):
         return otherwise

@@ -15,9 +15,10 @@ from typing import Any
 
 import pytest
 
+from radartwin.chat import _retry_after
 from radartwin.errors import BackendError, ConfigError
 from radartwin.label.questions import Question, questions
-from radartwin.label.server import KEY_VARIABLE, Server, _retry_after
+from radartwin.label.server import KEY_VARIABLE, Server
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 
@@ -227,7 +228,7 @@ def test_a_server_that_is_not_there_is_named(asked) -> None:
         port = free.getsockname()[1]
     started = time.monotonic()
     with pytest.raises(
-        BackendError, match=rf"http://127.0.0.1:{port}/v1: no connection .* see that the server runs and serves tiny; 4 of 4"
+        BackendError, match=rf"http://127.0.0.1:{port}/v1: no connection .* start the server, or correct its address; 4 of 4"
     ):
         list(server(f"http://127.0.0.1:{port}/v1", requests=2).answers(asked))
     assert time.monotonic() - started < 5
