@@ -48,7 +48,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
     trained = encoders(config, split)
     table, shown = Rows(config, []), {}
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
-        for left_out, groups in (("recording", split.test.recording), ("object", split.test.label)):
+        for left_out, groups in (("recording", split.test.source), ("object", split.test.label)):
             case = {"level": split.level, "attribute": attribute, "left out": left_out}
             scored = _told_by_others(split.test, classes) if left_out == "object" else np.ones(len(split.test), bool)
             rows = split.test.take(scored).relabelled(classes)

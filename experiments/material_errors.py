@@ -70,7 +70,7 @@ def score(config: Config, campaign_of: Callable[[Config], Campaign], progress: P
             table.gain(case | {"method": f"true materials - {name}"}, first, hits, truth, frames.keys, claim=claim)
         error = np.sqrt(np.mean((levels.values - reference.values) ** 2, axis=1))
         interval = seed_mean(error, cells(levels), config.profile.resamples, config.seed)
-        told = case | {"chance": None, "seed_sd": None}
+        told = case | {"answers": len(levels), "chance": None, "p": None, "seed_sd": None}
         other = table.add(told, "level error of the range profile (dB)", interval, len(levels), profiles.keys)
         curve.append({"name": name, "share": share, "accuracy": row, "error": other})
     metrics = {f"accuracy_wrong_{point['share']:g}": point["accuracy"]["value"] for point in curve if point["share"] is not None}

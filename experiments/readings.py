@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radartwin.features import envelope, sets, track
 from radartwin.features.log import Log, distances
@@ -64,8 +65,8 @@ def stratum(case: Case) -> str:
 def vectors(
     campaign: Campaign, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = (), materials: Any = None
 ) -> Readings:
-    """One row per recording."""
-    return _read(campaign, domain, cases, materials, lambda processed, log: sets.vector(processed, log, features, without))
+    """One row per recording, of a turntable one row per revolution."""
+    return _read(campaign, domain, cases, materials, lambda processed, log: sets.vector(processed, log, features, without), revolutions)
 
 
 def frames(
@@ -78,7 +79,7 @@ def frames(
 def signatures(campaign: Campaign, domain: str, cases: Sequence[Case], materials: Any = None, rows: int = 50) -> Readings:
     """The whole range-time signature of each recording as one row: decibels of 0.3 to 5.5 m, its frames interpolated to `rows`."""
 
-    def whole(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
+    def picture_of(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
         names, level = sets.frames(processed, log, "raw")
         wanted = np.linspace(0, len(level) - 1, rows)
         before = np.minimum(wanted.astype(int), len(level) - 1)
@@ -86,24 +87,55 @@ def signatures(campaign: Campaign, domain: str, cases: Sequence[Case], materials
         picture = (1 - share) * level[before] + share * level[after]
         return [f"{row} {name}" for row in range(rows) for name in names], picture.ravel()
 
-    return _read(campaign, domain, cases, materials, whole)
+    return _read(campaign, domain, cases, materials, picture_of)
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """The log of some frames of a recording."""
+
+    frame_rate_hz: float
+    distance_m: NDArray[np.float64]
+    angle_rad: NDArray[np.float64] | None
+
+
+Pieces = list[tuple[str, Processed, Log]]
+
+
+def whole(processed: Processed, log: Log) -> Pieces:
+    """A recording in one piece."""
+    return [("", processed, log)]
+
+
+def revolutions(processed: Processed, log: Log) -> Pieces:
+    """A turntable recording revolution by revolution, what is left of the last one dropped; any other in one piece."""
+    if log.angle_rad is None:
+        return whole(processed, log)
+    period = envelope.frames_per_revolution(log.angle_rad)
+    pieces: Pieces = []
+    for number in range(processed.num_frames // period):
+        at = slice(number * period, (number + 1) * period)
+        pieces.append((f" turn {number:02d}", processed.frames(at), Cut(log.frame_rate_hz, log.distance_m[at], log.angle_rad[at])))
+    return pieces
 
 
 def _read(
-    campaign: Campaign, domain: str, cases: Sequence[Case], materials: Any, reader: Callable[[Processed, Log], tuple[list[str], np.ndarray]]
-) -> Readings:
+    campaign: Campaign, domain: str, cases: Sequence[Case], materials: Any,
+    reader: Callable[[Processed, Log], tuple[list[str], np.ndarray]], cut: Callable[[Processed, Log], Pieces] = whole,
+) -> Readings:  # fmt: skip
     parts, keys, names = [], [], []
     for case in cases:
         key, processed = campaign.processed(domain, case, materials)
-        names, values = reader(processed, campaign.log(case, domain))
-        parts.append(_part(domain, case, values))
+        for piece, part, log in cut(processed, campaign.log(case, domain)):
+            names, values = reader(part, log)
+            parts.append(_part(domain, case, values, piece))
         keys.append(key)
     return Readings(gather(names, parts), tuple(sorted(keys)))
 
 
-def _part(domain: str, case: Case, values: np.ndarray) -> Part:
-    side = MEASURED if domain == "measured" else SIMULATED
-    return Part(recording_name(domain, case), case.object, side, values, stratum(case))
+def _part(domain: str, case: Case, values: np.ndarray, piece: str = "") -> Part:
+    side, name = MEASURED if domain == "measured" else SIMULATED, recording_name(domain, case)
+    return Part(name + piece, case.object, side, values, stratum(case), name)
 
 
 def noise_copies(

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.claims import told
 from radartwin.config import Config
-from radartwin.digest import spec_digest
 from radartwin.recognize.encoder import Encoder, Settings
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import exact_interval, seed_mean, share
@@ -23,7 +23,6 @@ CALIBRATION_OBJECT = "corner_reflector"
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
 SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
 MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalogue().items()}
-SHOWN_KEYS = 12  # of a row; more are told by their number and digest, and are all in the run's result
 
 
 def anchors(objects: Iterable[str]) -> dict[str, NDArray]:
@@ -89,9 +88,16 @@ class Rows:
         classes, metric = (recordings.label, "balanced accuracy") if balanced else (None, "accuracy")
         interval = seed_mean(right, cells(recordings), self.config.profile.resamples, self.config.seed, classes)
         holds = interval[0] > chance if claim else None
-        p = None if balanced else binomial_p(interval[1], len(recordings), chance)
-        told_of = {**case, "chance": chance, "p": p, "seed_sd": seed_sd(np.nanmean(np.atleast_2d(right), axis=1))}
-        return self.add(told_of, metric, interval, len(recordings), keys, paper=paper, claim=claim, holds=holds)
+        n = np.unique(recordings.source).size
+        p = None if balanced else binomial_p(interval[1], n, chance)
+        told_of = {
+            **case,
+            "answers": len(recordings),
+            "chance": chance,
+            "p": p,
+            "seed_sd": seed_sd(np.nanmean(np.atleast_2d(right), axis=1)),
+        }
+        return self.add(told_of, metric, interval, n, keys, paper=paper, claim=claim, holds=holds)
 
     def gain(
         self, case: Mapping[str, Any], first: NDArray, second: NDArray, recordings: Samples, keys: Sequence[str], *,
@@ -106,7 +112,15 @@ class Rows:
         )
 
     def control(
-        self, case: Mapping[str, Any], shares: NDArray, draws: int, n: int, keys: Sequence[str], chance: float, *, metric: str = "accuracy"
+        self,
+        case: Mapping[str, Any],
+        shares: NDArray,
+        draws: int,
+        scored: Samples,
+        keys: Sequence[str],
+        chance: float,
+        *,
+        metric: str = "accuracy",
     ) -> dict[str, Any]:
         """Shares after labels were dealt anew, (seeds,); the claim is that they are at chance.
 
@@ -114,7 +128,8 @@ class Rows:
             draws: what was dealt independently of one another in each seed, such as simulated recordings.
         """
         low, value, high = exact_interval(float(np.mean(shares)), draws * len(shares))
-        told_of = {**case, "chance": chance, "seed_sd": seed_sd(shares)}
+        told_of = {**case, "answers": len(scored), "chance": chance, "p": None, "seed_sd": seed_sd(shares)}
+        n = np.unique(scored.source).size
         return self.add(told_of, metric, (low, value, high), n, keys, claim="at chance", holds=low <= chance <= high)
 
 
@@ -124,16 +139,8 @@ def seed_sd(shares: NDArray) -> float | None:
 
 
 def binomial_p(value: float, n: int, chance: float) -> float:
-    """Exact p of as many right answers or more at chance, counting the mean over seeds as one answer per recording."""
+    """Exact p of as many right answers or more at chance, one answer per stored recording: the mean over seeds and its pieces."""
     return share(np.arange(n) < round(value * n), chance).p
-
-
-def told(keys: Sequence[str]) -> str:
-    """The keys of a row's recordings, or their number and digest."""
-    unique = sorted(set(keys))
-    if len(unique) <= SHOWN_KEYS:
-        return " ".join(key[:8] for key in unique)
-    return f"{len(unique)} recordings {spec_digest(unique)[:8]}"
 
 
 def right(answers: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]:

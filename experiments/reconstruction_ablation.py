@@ -88,12 +88,12 @@ def paired_rows(table: Rows, hits: Mapping[tuple[str, str], NDArray], keys: list
         one, two = (hits["object", method].mean(axis=0) > 0.5 for method in (better, worse))
         found = paired(one, two)
         decided = found.first_only + found.second_only
-        case = {"classes": "object", "method": f"{better} or {worse}, {found.first_only} against {found.second_only}, p {found.p:.3g}"}
+        case = {"classes": "object", "method": f"{better} or {worse}, {found.first_only} against {found.second_only}"}
         interval = exact_interval(found.first_only / decided, decided) if decided else (0.0, 0.5, 1.0)
         holds = found.p < 0.05 and found.first_only > found.second_only
-        told = {**case, "chance": 0.5, "seed_sd": None}
+        told = {**case, "answers": one.size, "chance": 0.5, "p": found.p, "seed_sd": None}
         claim = f"more recordings are right with {better} alone"
         table.add(told, "share of the unequal answers", interval, one.size, keys, paper=paper, claim=claim, holds=holds)
     leads = hits["object", LABELLED].mean(axis=1) > hits["object", UNIFORM].mean(axis=1)
-    told = {"classes": "object", "method": f"{LABELLED} - {UNIFORM}", "chance": 0.5, "seed_sd": None}
+    told = {"classes": "object", "method": f"{LABELLED} - {UNIFORM}", "answers": len(leads), "chance": 0.5, "p": None, "seed_sd": None}
     table.add(told, "share of seeds in which it leads", exact_interval(float(np.mean(leads)), len(leads)), len(leads), keys, paper="1.0")

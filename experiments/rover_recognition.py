@@ -19,12 +19,13 @@ from experiments.readings import Campaign
 from experiments.recognition import MATERIAL, SHAPE, Rows, encoders, right
 from experiments.recognition_figures import bars, confusions
 from radartwin.config import Config
+from radartwin.errors import InputError
 from radartwin.experiment import Result
 from radartwin.progress import Progress
 from radartwin.recognize.probes import leave_one_out_centroid
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import majority_share, uniform_chance
-from radartwin.recognize.split import Split, draw_shots, label_free, shuffled
+from radartwin.recognize.split import Split, draw_shots, label_free, most_shots, shuffled
 from radartwin.store import Store
 
 ROOMS, MOTIONS = ("squash_court", "atrium"), ("lateral", "depth")
@@ -50,7 +51,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 def score(config: Config, campaign: Campaign, store: Store, progress: Progress) -> Result:
     table, shown, used = Rows(config, []), {}, set()
     panels: dict[str, tuple[NDArray, NDArray]] = {}
-    for room in ROOMS:
+    recorded = {case.room for case in campaign.cases("measured") if case.motion in MOTIONS}
+    if not recorded:
+        raise InputError("the campaign has no measured drives; nothing can be recognised")
+    for room in (room for room in ROOMS if room in recorded):
         for motion in MOTIONS:
             progress.say(f"{motion} sweeps in {room}")
             frames = transfer.read(campaign, room, motion)
@@ -131,7 +135,7 @@ def control(
     found = transfer.answers(config, split, lambda one, seed: label_free(shuffled(one.train, seed), one.test))
     shares = right(found, truth.label).mean(axis=1)
     draws = np.unique(split.train.recording).size
-    table.control(_case("label_free", room, motion, "object", "simulated labels shuffled"), shares, draws, len(truth), frames.keys, chance)
+    table.control(_case("label_free", room, motion, "object", "simulated labels shuffled"), shares, draws, truth, frames.keys, chance)
 
 
 def material_rows(
@@ -161,19 +165,21 @@ def material_rows(
 
 
 def few_shot_row(config: Config, table: Rows, frames: transfer.Frames, room: str) -> None:
-    """Level (iii) on the rover: the twin's frames and those of a few labelled recordings."""
+    """Level (iii) on the rover: the twin's frames and those of a few labelled recordings; left out where there are too few."""
     simulated, measured = transfer.ranked(frames.simulated), transfer.ranked(frames.measured)
     recordings = frames.measured.per_recording()
     shots = config.supervision.shots
+    if most_shots(recordings) < shots:
+        return
     hits = np.full((config.supervision.seeds, len(recordings)), np.nan)
     for number in range(config.supervision.seeds):
         known, rest = draw_shots(measured, shots, config.seed + number)
-        split = Split("few_shot", join(simulated, known), rest, shots)
+        found = transfer.forest(Split("few_shot", join(simulated, known), rest, shots), config.seed + number, config.supervision.trees)
         truth = rest.per_recording()
-        found = transfer.forest(split, config.seed + number, config.supervision.trees)
         hits[number, np.isin(recordings.recording, truth.recording)] = found == truth.label
+    scored = ~np.isnan(hits).all(axis=0)
     case = _case("few_shot", room, "lateral", "object", f"trained on simulation and {shots} recordings per class")
-    table.share(case, hits, recordings, frames.keys, uniform_chance(recordings))
+    table.share(case, hits[:, scored], recordings.take(scored), frames.keys, uniform_chance(recordings))
 
 
 def turntable_rows(config: Config, table: Rows, shown: Shown, campaign: Campaign, store: Store, progress: Progress) -> tuple[str, ...]:

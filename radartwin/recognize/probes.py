@@ -17,37 +17,49 @@ from radartwin.recognize.split import Split
 TREES = 100
 
 
-def leave_one_out_centroid(recordings: Samples, stratified: bool = False) -> NDArray[np.str_]:
-    """The nearest class centroid for each recording, from all the others; `stratified`: from those of its own stratum.
+def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratified: bool = False) -> NDArray[np.str_]:
+    """The nearest class centroid (Euclidean) for each row, from all rows of other groups; of equally near ones the first by name.
 
     Args:
-        recordings: one row per recording, features on comparable scales.
+        rows: on comparable scales.
+        groups: (N,) what is left out together; None leaves out a recording.
+        stratified: centroids are of the row's own stratum.
     Raises:
-        InputError: several rows of one recording, or a stratum with recordings of one class only.
+        InputError: a group without which fewer than two classes are left.
     """
-    if np.unique(recordings.recording).size != len(recordings):
-        raise InputError("leave-one-out: give one row per recording, or its other rows would tell its label")
-    answer = np.empty(len(recordings), dtype=recordings.label.dtype)
-    for stratum in np.unique(recordings.stratum) if stratified else [None]:
-        rows = np.flatnonzero(recordings.stratum == stratum) if stratum is not None else np.arange(len(recordings))
-        if np.unique(recordings.label[rows]).size < 2:
-            raise InputError(f"leave-one-out: stratum {stratum!r} needs recordings of two classes")
-        for row in rows:
-            others = recordings.take(rows[rows != row])
-            answer[row] = nearest_centroid(others, recordings.take([row]))[0]
+    groups = rows.recording if groups is None else groups
+    classes, kind = np.unique(rows.label, return_inverse=True)
+    answer = np.empty(len(rows), dtype=rows.label.dtype)
+    for stratum in np.unique(rows.stratum) if stratified else [None]:
+        here = np.flatnonzero(rows.stratum == stratum) if stratum is not None else np.arange(len(rows))
+        sums, counts = _sums(rows.values[here], kind[here], len(classes))
+        for group in np.unique(groups[here]):
+            out = here[groups[here] == group]
+            own, own_counts = _sums(rows.values[out], kind[out], len(classes))
+            left = counts - own_counts
+            if (left > 0).sum() < 2:
+                raise InputError(f"leave-one-out: without {group} fewer than two classes are left; record more")
+            centroids = (sums - own) / np.maximum(left, 1)[:, None]
+            away = ((rows.values[out][:, None] - centroids) ** 2).sum(axis=2)
+            answer[out] = classes[np.where(left > 0, away, np.inf).argmin(axis=1)]
     return answer
 
 
 def nearest_centroid(train: Samples, test: Unlabelled) -> NDArray[np.str_]:
-    """The nearest class centroid of the training rows (Euclidean), for each row; of equally near ones the first by name.
+    """The nearest class centroid of the training rows, for each row; ties as above.
 
     Not scikit-learn's NearestCentroid, which divides by zero where every class has one row.
     """
-    classes, inverse = np.unique(train.label, return_inverse=True)
-    centroids = np.zeros((len(classes), train.values.shape[1]))
-    np.add.at(centroids, inverse, train.values)
-    centroids /= np.bincount(inverse)[:, None]
-    return classes[((test.values[:, None] - centroids) ** 2).sum(axis=2).argmin(axis=1)]
+    classes, kind = np.unique(train.label, return_inverse=True)
+    sums, counts = _sums(train.values, kind, len(classes))
+    return classes[((test.values[:, None] - sums / counts[:, None]) ** 2).sum(axis=2).argmin(axis=1)]
+
+
+def _sums(values: NDArray, kind: NDArray, classes: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Sum (K, D) and number (K,) of the rows of each class."""
+    sums = np.zeros((classes, values.shape[1]))
+    np.add.at(sums, kind, values)
+    return sums, np.bincount(kind, minlength=classes)
 
 
 def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:

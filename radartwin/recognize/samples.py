@@ -1,7 +1,8 @@
 """Feature rows with what is known of each: which recording and frame it is of, which object, stratum and domain.
 
 Rows are kept in the order of their recordings' names, whatever order files were read in and whichever worker made them, so that nothing
-downstream can depend on it. A recording is the unit of every split, vote and count; its frames always go together.
+downstream can depend on it. A recording is what one answer is given for, and its frames always go together; where it was cut from a longer
+one, as revolutions are, `source` names that, and what is learned from and what is scored never share a source.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ class Unlabelled:
         recording: (N,) name of the recording a row is of; unique across domains.
         stratum: (N,) what is matched, such as the distance; "" where nothing is.
         domain: (N,) SIMULATED or MEASURED.
+        source: (N,) name of the stored recording that `recording` was cut from, or is.
     """
 
     names: tuple[str, ...]
@@ -35,6 +37,7 @@ class Unlabelled:
     recording: NDArray[np.str_]
     stratum: NDArray[np.str_]
     domain: NDArray[np.str_]
+    source: NDArray[np.str_]
 
     def __post_init__(self) -> None:
         rows = len(self.recording)
@@ -53,7 +56,7 @@ class Unlabelled:
         return len(self.recording)
 
     def _columns(self) -> tuple[str, ...]:
-        return ("recording", "stratum", "domain")
+        return ("recording", "stratum", "domain", "source")
 
     def take(self, rows: ArrayLike):
         """The chosen rows: a mask, or indices."""
@@ -73,10 +76,10 @@ class Samples(Unlabelled):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        owners = dict(zip(self.recording, zip(self.label, self.domain, strict=True), strict=True))
-        for name, label, domain in zip(self.recording, self.label, self.domain, strict=True):
-            if owners[name] != (label, domain):
-                raise InputError(f"samples: recording {name} has two labels or two domains; a recording shows one object")
+        owners = dict(zip(self.recording, zip(self.label, self.domain, self.source, strict=True), strict=True))
+        for name, *owner in zip(self.recording, self.label, self.domain, self.source, strict=True):
+            if owners[name] != tuple(owner):
+                raise InputError(f"samples: recording {name} has two labels, domains or sources; a recording shows one object")
 
     def _columns(self) -> tuple[str, ...]:
         return (*super()._columns(), "label")
@@ -87,7 +90,7 @@ class Samples(Unlabelled):
         return tuple(map(str, np.unique(self.label)))
 
     def unlabelled(self) -> Unlabelled:
-        return Unlabelled(self.names, self.values, self.recording, self.stratum, self.domain)
+        return Unlabelled(self.names, self.values, self.recording, self.stratum, self.domain, self.source)
 
     def relabelled(self, classes: Mapping[str, str]) -> Samples:
         """The same rows with each label replaced by its class, such as objects by their shape."""
@@ -107,13 +110,14 @@ class Samples(Unlabelled):
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What one recording brings: its rows (n, D) or one row (D,), its label and what it is matched by."""
+    """What one recording brings: its rows (n, D) or (D,), its label, what it is matched by, and what it was cut from if it is not whole."""
 
     recording: str
     label: str
     domain: str
     values: NDArray
     stratum: str = ""
+    source: str = ""
 
 
 def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
@@ -133,10 +137,11 @@ def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
         raise InputError(f"samples: recording {wrong[0]} does not have the {len(names)} features {', '.join(names[:3])} ...")
     counts = [len(row) for row in rows]
 
-    def column(name: str) -> NDArray[np.str_]:
-        return np.repeat(np.array([getattr(part, name) for part in ordered], dtype=str), counts)
+    def column(values: Sequence[str]) -> NDArray[np.str_]:
+        return np.repeat(np.array(values, dtype=str), counts)
 
-    return Samples(tuple(names), np.concatenate(rows), column("recording"), column("stratum"), column("domain"), column("label"))
+    columns = {name: column([getattr(part, name) for part in ordered]) for name in ("recording", "stratum", "domain", "label")}
+    return Samples(tuple(names), np.concatenate(rows), source=column([part.source or part.recording for part in ordered]), **columns)
 
 
 def join(*samples: Samples) -> Samples:

@@ -7,7 +7,7 @@ measured recordings, a number per class. Every recogniser is fitted to a `Split`
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -53,7 +53,7 @@ class Split:
             raise LeakError("a split needs rows to learn from and rows to score")
         if (self.test.domain != MEASURED).any():
             raise LeakError("a simulated recording is among those to score; score measured recordings alone")
-        if shared := np.intersect1d(self.train.recording, self.test.recording).tolist():
+        if shared := np.intersect1d(self.train.source, self.test.source).tolist():
             raise LeakError(f"recording {shared[0]} is learned from and scored; split by recording, never by frame")
         self._check_labels()
         if (self.level == "calibrated") != bool(self.calibration_object):
@@ -96,28 +96,42 @@ def label_free(simulated: Samples, measured: Samples) -> Split:
 
 
 def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Samples]:
-    """`shots` recordings of each class drawn at random, and the others: (to learn from, to score), both balanced as drawn.
+    """`shots` recordings of each class drawn at random from one half of its sources, and all of the other half: (to learn from, to score).
+
+    For one seed what is scored is the same for every number of shots.
 
     Raises:
-        InputError: a class that would leave no recording to score.
+        InputError: a class with one source alone, or with too few recordings in the half that is drawn from.
     """
-    rng = np.random.default_rng([seed, shots])
+    rng = np.random.default_rng([seed, 0x5B])
     chosen: list[str] = []
+    scored: list[str] = []
     for label in measured.classes:
-        recordings = np.unique(measured.recording[measured.label == label])
-        if len(recordings) <= shots:
-            raise InputError(f"{shots} labelled recordings of {label} leave none of its {len(recordings)} to score; use fewer")
-        chosen.extend(rng.permutation(recordings)[:shots])
-    taken = np.isin(measured.recording, chosen)
-    return measured.take(taken), measured.take(~taken)
+        own = measured.take(measured.label == label)
+        sources = rng.permutation(np.unique(own.source))
+        pool = np.unique(own.recording[np.isin(own.source, sources[: len(sources) // 2])])
+        if len(pool) < max(shots, 1):
+            raise InputError(f"{shots} labelled recordings of {label} are more than half of its sources hold ({len(pool)}); use fewer")
+        chosen.extend(rng.permutation(pool)[:shots])
+        scored.extend(sources[len(sources) // 2 :])
+    return measured.take(np.isin(measured.recording, chosen)), measured.take(np.isin(measured.source, scored))
+
+
+def most_shots(measured: Samples) -> int:
+    """The largest number of recordings per class that `draw_shots` can draw with any seed."""
+    fewest = []
+    for label in measured.classes:
+        own = measured.take(measured.label == label)
+        counts = sorted(np.unique(own.recording[own.source == source]).size for source in np.unique(own.source))
+        fewest.append(sum(counts[: len(counts) // 2]))
+    return min(fewest)
 
 
 def shuffled(samples: Samples, seed: int) -> Samples:
-    """The same recordings with their labels dealt anew: whatever is learned from them is at chance. Class sizes stay."""
-    names, first, inverse = np.unique(samples.recording, return_index=True, return_inverse=True)
+    """The same rows with the labels of their sources dealt anew: whatever is learned from them is at chance. Class sizes stay."""
+    _, first, inverse = np.unique(samples.source, return_index=True, return_inverse=True)
     dealt = np.random.default_rng([seed, 0x5F]).permutation(samples.label[first])
-    assert len(dealt) == len(names)
-    return Samples(samples.names, samples.values, samples.recording, samples.stratum, samples.domain, dealt[inverse])
+    return replace(samples, label=dealt[inverse])
 
 
 def mixed_domains(samples: Samples, seed: int) -> Samples:
@@ -127,4 +141,4 @@ def mixed_domains(samples: Samples, seed: int) -> Samples:
 
 def as_domains(samples: Samples) -> Samples:
     """Rows labelled by their domain instead of their object."""
-    return Samples(samples.names, samples.values, samples.recording, samples.stratum, samples.domain, samples.domain.copy())
+    return replace(samples, label=samples.domain.copy())

@@ -39,14 +39,17 @@ class FakeLog:
 
 
 class FakeCampaign:
-    """`signature` 0 makes all objects alike, so that nothing can be told; `gap` is how far the measured objects are from their twins."""
+    """`signature` 0 makes all objects alike, so that nothing can be told; `gap` is how far the measured objects are from their twins; a
+    measured turntable turns `turns` times.
+    """
 
     def __init__(
         self, motions: Sequence[str] = ("turntable",), rooms: Sequence[str] = ("lab",), distances: Sequence[float] = (0.5, 1.0),
         repetitions: int = 3, frames: int = 40, signature: float = 1.0, gap: float = 0.1, objects: Sequence[str] = (),
+        turns: int = 1,
     ) -> None:  # fmt: skip
         self.motions, self.rooms, self.distances, self.repetitions = motions, rooms, distances, repetitions
-        self.frames, self.signature, self.gap = frames, signature, gap
+        self.frames, self.signature, self.gap, self.turns = frames, signature, gap, turns
         self.objects = tuple(objects) or tuple(catalogue())
         self.radar = Radar.iwr1843()
         self.range_m = range_axis(self.radar, self.radar.num_samples)
@@ -62,8 +65,9 @@ class FakeCampaign:
         return [case for case in found if all(getattr(case, name) == value for name, value in chosen.items() if value is not None)]
 
     def log(self, case: FakeCase, domain: str = "measured") -> FakeLog:
-        angle = 2 * np.pi * np.arange(self.frames) / self.frames
-        distance = np.full(self.frames, case.distance_m + 0.3)
+        frames = self.frames * (self.turns if domain == "measured" and case.motion == "turntable" else 1)
+        angle = 2 * np.pi * np.arange(frames) / self.frames
+        distance = np.full(frames, case.distance_m + 0.3)
         if case.motion != "turntable":
             return FakeLog(10.0, distance + 0.05 * np.linspace(-1, 1, self.frames) ** 2, None)
         return FakeLog(self.frames / 25.0, distance, angle)
@@ -71,8 +75,9 @@ class FakeCampaign:
     def processed(self, domain: str, case: FakeCase, materials=None) -> tuple[str, Processed]:
         kind = catalogue()[case.object]
         own = np.random.default_rng([catalogue_number(case.object), 1])
-        log = self.log(case)
-        phase = 2 * np.pi * np.arange(self.frames) / self.frames
+        log = self.log(case, domain)
+        frames = len(log.distance_m)
+        phase = 2 * np.pi * np.arange(frames) / self.frames
         strength = MODULATION[kind.shape] * self.signature
         lines = own.normal(size=6) * self.signature
         room = own.uniform(0.2, 1.0, len(OFFSETS_M)) ** self.signature
@@ -90,7 +95,7 @@ class FakeCampaign:
             room = room[::-1]
         envelope = 1 + strength * sum(lines[m] * np.cos((m + 1) * phase) for m in range(6)) / np.abs(lines).sum().clip(1)
         amplitude = 1e-4 * np.sqrt(level) * envelope / log.distance_m**2
-        channels = np.zeros((self.frames, 8, len(self.range_m)), complex)
+        channels = np.zeros((frames, 8, len(self.range_m)), complex)
         antenna = np.arange(8)
         for offset, gain, angle in [(0.0, 1.0, 0.0), (0.0, 0.4, width), *((o, 0.3 * g, 0.2) for o, g in zip(OFFSETS_M, room, strict=True))]:
             spread = np.exp(-0.5 * ((self.range_m - log.distance_m[:, None] - offset) / 0.05) ** 2)
@@ -101,7 +106,7 @@ class FakeCampaign:
         power = (np.abs(channels) ** 2).mean(axis=1).astype(np.float32)
         floor = np.full(len(self.range_m), noise, np.float32)
         made = Processed(self.radar, self.range_m, power, channels, None, velocity_axis(self.radar, self.radar.num_chirps), floor)
-        return spec_digest([domain, case, str(source), self.signature, self.gap, self.frames])[:32], made
+        return spec_digest([domain, case, str(source), self.signature, self.gap, frames])[:32], made
 
 
 def catalogue_number(name: str) -> int:

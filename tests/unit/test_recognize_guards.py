@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather, join
-from radartwin.recognize.split import LeakError, Split, as_domains, draw_shots, label_free, mixed_domains, shuffled
+from radartwin.recognize.split import LeakError, Split, as_domains, draw_shots, label_free, mixed_domains, most_shots, shuffled
 
 OBJECTS = ("can", "mug", "reflector")
 
@@ -56,6 +58,25 @@ def test_frames_of_a_recording_never_part():
     assert not set(known.recording) & set(rest.recording)
 
 
+def test_revolutions_of_a_recording_never_part():
+    """Cut from one recording, they are nearly alike: neither a split nor a draw puts them on both sides."""
+    rng = np.random.default_rng(0)
+    parts = [
+        Part(f"{label} {number} turn {turn}", label, MEASURED, rng.normal(size=2), source=f"{label} {number}")
+        for label in OBJECTS
+        for number in range(4)
+        for turn in range(3)
+    ]
+    measured = gather(("a", "b"), parts)
+    assert most_shots(measured) == 6
+    known, rest = draw_shots(measured, 4, seed=0)
+    assert not set(known.source) & set(rest.source)
+    assert {label: int((known.label == label).sum()) for label in OBJECTS} == dict.fromkeys(OBJECTS, 4)
+    others = measured.take(~np.isin(measured.recording, known.recording))
+    with pytest.raises(LeakError, match="never by frame"):
+        Split("few_shot", known, others, shots=4)
+
+
 def test_the_calibration_object_is_not_scored():
     simulated, measured = recordings(SIMULATED), recordings(MEASURED)
     with pytest.raises(LeakError, match="reflector was recorded for calibration"):
@@ -72,8 +93,8 @@ def test_a_recording_has_one_label_and_one_domain():
     simulated = recordings(SIMULATED)
     labels = simulated.label.copy()
     labels[0] = "mug"
-    with pytest.raises(ValueError, match="has two labels or two domains"):
-        Samples(simulated.names, simulated.values, simulated.recording, simulated.stratum, simulated.domain, labels)
+    with pytest.raises(ValueError, match="has two labels, domains or sources"):
+        replace(simulated, label=labels)
 
 
 def test_the_order_of_files_does_not_matter():

@@ -49,7 +49,9 @@ def test_the_softmax_is_over_cosines():
     assert one.probabilities(np.array([[0.0, 9.0, -4.0]]))[0] == pytest.approx([1 / (2 + np.e), np.e / (2 + np.e), 1 / (2 + np.e)])
 
 
-@pytest.mark.parametrize("damage", ["truncated", "other arrays", "no json", "not json", "a class too many", "pickle", "list", "no features"])
+@pytest.mark.parametrize(
+    "damage", ["truncated", "other arrays", "no json", "not json", "a class too many", "pickle", "list", "no features"]
+)
 def test_a_damaged_model_is_one_line(tmp_path: Path, damage: str):
     folder = recogniser().save(tmp_path / "model")
     arrays, described = folder / ARRAYS, json.loads((folder / DESCRIPTION).read_text())

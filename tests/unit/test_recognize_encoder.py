@@ -1,0 +1,147 @@
+"""The contrastive encoder: its loss by hand, its determinism, what stops it, and what its options do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from radartwin.recognize.encoder import Encoder, Settings, nearest_text, text_scores
+from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather, join
+from radartwin.recognize.split import Split, draw_shots, label_free
+from radartwin.recognize.training import fit, held_out
+
+OBJECTS = ("can", "mug", "bottle")
+SETTINGS = Settings(hidden=16, epochs=30, batch=64)
+ANCHORS = dict(zip(OBJECTS, np.linalg.qr(np.random.default_rng(9).normal(size=(8, 3)))[0].T.astype(np.float32), strict=True))
+
+
+def rows(domain: str, seed: int, each: int = 3, copies: int = 4, spread: float = 0.2) -> Samples:
+    rng, centres = np.random.default_rng(seed), np.random.default_rng(0).normal(size=(3, 5))
+    parts = [
+        Part(f"{domain} {label} {number}", label, domain, centres[kind] + spread * rng.normal(size=(copies, 5)), f"{number} m")
+        for kind, label in enumerate(OBJECTS)
+        for number in range(each)
+    ]
+    return gather(tuple("abcde"), parts)
+
+
+def split() -> Split:
+    return label_free(rows(SIMULATED, 1), rows(MEASURED, 2, copies=1))
+
+
+def test_it_learns_the_descriptions_of_what_it_is_shown():
+    one = split()
+    trained = fit(one, ANCHORS, SETTINGS)
+    answers = nearest_text(trained.encoder, one.unlabelled, ANCHORS, SETTINGS.temperature)
+    assert (answers == one.test.per_recording().label).mean() > 0.85
+    assert np.linalg.norm(trained.encoder.embed(one.test.values), axis=1) == pytest.approx(np.ones(9), abs=1e-5)
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not():
+    first, again, other = (fit(split(), ANCHORS, SETTINGS, seed).encoder.weights for seed in (4, 4, 5))
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+    assert not np.array_equal(first["hidden_weight"], other["hidden_weight"])
+
+
+def test_measured_labels_change_nothing_without_labels():
+    """The same bytes whatever the recordings to score are said to show, and whatever their values."""
+    one = split()
+    swapped = replace(one.test, label=np.roll(one.test.label, 3), values=one.test.values + 1)
+    first, second = (fit(label_free(one.train, test), ANCHORS, SETTINGS).encoder.weights for test in (one.test, swapped))
+    assert all(np.array_equal(first[name], second[name]) for name in first)
+
+
+def test_what_stops_it_is_simulated():
+    one = split()
+    held = held_out(one.simulated, seed=0)
+    assert held <= set(one.simulated.recording)
+    assert sorted(name.split()[1] for name in held) == sorted(OBJECTS)
+    trained = fit(one, ANCHORS, replace(SETTINGS, patience=3))
+    assert trained.epochs == int(np.argmin(trained.held_out_loss)) + 1
+    assert len(trained.held_out_loss) <= min(SETTINGS.epochs, trained.epochs + 3)
+
+
+def test_without_simulated_rows_it_takes_its_epochs():
+    known, rest = draw_shots(rows(MEASURED, 2, each=4, copies=1), 2, seed=0)
+    trained = fit(Split("few_shot", known, rest, 2), ANCHORS, SETTINGS)
+    assert (trained.epochs, trained.held_out_loss) == (SETTINGS.epochs, ())
+
+
+def test_the_held_out_loss_is_info_nce():
+    """After a training of one epoch on the rest, by NumPy: -log softmax of cosines over the temperature, at the row's own text."""
+    from scipy.special import log_softmax
+
+    from radartwin.recognize.training import _train
+
+    one = split()
+    mask = np.isin(one.train.recording, list(held_out(one.simulated, 0)))
+    encoder, losses = _train(one.train.take(~mask), one.train.take(mask), ANCHORS, SETTINGS, 0, 1)
+    held = one.train.take(mask)
+    classes = sorted(OBJECTS)
+    texts = np.stack([ANCHORS[label] for label in classes])
+    logs = log_softmax(encoder.embed(held.values) @ texts.T / SETTINGS.temperature, axis=1)
+    assert losses[0] == pytest.approx(-np.mean([logs[row, classes.index(label)] for row, label in enumerate(held.label)]), rel=1e-4)
+
+
+def test_the_symmetric_loss_is_the_mean_of_both_ways():
+    import torch
+    from scipy.special import log_softmax
+
+    from radartwin.recognize.training import _to_text
+
+    rng = np.random.default_rng(0)
+    z = rng.normal(size=(6, 8))
+    z /= np.linalg.norm(z, axis=1, keepdims=True)
+    y, texts = np.array([0, 0, 1, 1, 1, 0]), np.stack([ANCHORS[label] for label in OBJECTS])  # the third text has no row
+    settings = replace(SETTINGS, symmetric=True)
+    found = float(_to_text(torch.from_numpy(z), torch.from_numpy(y), torch.from_numpy(texts).double(), torch.ones(3).double(), settings))
+    logits = z @ texts.T / settings.temperature
+    to_text = -np.mean(log_softmax(logits, axis=1)[np.arange(6), y])
+    to_rows = -np.mean([log_softmax(logits.T, axis=1)[k][y == k].mean() for k in (0, 1)])
+    assert found == pytest.approx((to_text + to_rows) / 2)
+
+
+def test_the_paired_term_needs_labels_and_brings_pairs_together():
+    with pytest.raises(ValueError, match="few_shot"):
+        fit(split(), ANCHORS, replace(SETTINGS, paired=1.0))
+    simulated, measured = rows(SIMULATED, 1), rows(MEASURED, 2, each=6, copies=1)
+    shifted = measured.with_values(measured.values + 1.5)  # a domain apart
+    known, rest = draw_shots(shifted, 3, seed=0)
+    one = Split("few_shot", join(simulated, known), rest, 3)
+
+    def apart(paired: float) -> float:
+        encoder = fit(one, ANCHORS, replace(SETTINGS, paired=paired, epochs=20)).encoder
+        found = []
+        for label, stratum in sorted(set(zip(known.label, known.stratum, strict=True))):
+            here = (simulated.label == label) & (simulated.stratum == stratum)
+            there = (known.label == label) & (known.stratum == stratum)
+            if here.any():
+                found.append(float((encoder.embed(simulated.values[here]) @ encoder.embed(known.values[there]).T).mean()))
+        return float(np.mean(found))
+
+    assert apart(1.0) > apart(0.0)
+
+
+def test_symmetric_training_runs_and_recognises():
+    one = split()
+    encoder = fit(one, ANCHORS, replace(SETTINGS, symmetric=True)).encoder
+    answers = nearest_text(encoder, one.unlabelled, ANCHORS, SETTINGS.temperature)
+    assert (answers == one.test.per_recording().label).mean() > 0.85
+
+
+def test_scores_are_probabilities_and_colder_is_surer():
+    vectors = np.eye(3, 8)
+    warm, cold = (text_scores(vectors, np.eye(3, 8), temperature) for temperature in (1.0, 0.1))
+    assert warm.sum(axis=1) == pytest.approx(np.ones(3))
+    assert (np.diag(cold) > np.diag(warm)).all()
+
+
+def test_mistakes_are_named():
+    with pytest.raises(ValueError, match="mug has no text anchor"):
+        fit(split(), {label: ANCHORS[label] for label in ("can", "bottle")}, SETTINGS)
+    with pytest.raises(ValueError, match=r"takes \(N, 5\) features"):
+        fit(split(), ANCHORS, SETTINGS).encoder.embed(np.zeros((2, 4)))
+    with pytest.raises(ValueError, match="not those of two layers"):
+        Encoder({"hidden_weight": np.zeros((2, 2), np.float32)})

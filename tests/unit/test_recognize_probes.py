@@ -1,0 +1,148 @@
+"""Probes, votes and scores against scikit-learn, scipy and counting by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radartwin.recognize import probes, score
+from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather
+from radartwin.recognize.split import label_free
+
+
+def clusters(domain: str, seed: int, spread: float = 1.0, each: int = 6, strata: int = 2) -> Samples:
+    rng, centres = np.random.default_rng(seed), np.random.default_rng(0).normal(size=(4, 3))
+    parts = [
+        Part(f"{domain} {kind} {number}", f"k{kind}", domain, centres[kind] + spread * rng.normal(size=3), f"s{number % strata}")
+        for kind in range(4)
+        for number in range(each)
+    ]
+    return gather(("a", "b", "c"), parts)
+
+
+def test_leave_one_out_is_scikit_learns():
+    from sklearn.model_selection import LeaveOneOut, cross_val_predict
+    from sklearn.neighbors import NearestCentroid
+
+    rows = clusters(MEASURED, 1)
+    assert np.array_equal(
+        probes.leave_one_out_centroid(rows), cross_val_predict(NearestCentroid(), rows.values, rows.label, cv=LeaveOneOut())
+    )
+    for stratum in ("s0", "s1"):
+        here = rows.stratum == stratum
+        own = rows.take(here)
+        expected = cross_val_predict(NearestCentroid(), own.values, own.label, cv=LeaveOneOut())
+        assert np.array_equal(probes.leave_one_out_centroid(rows, stratified=True)[here], expected)
+
+
+def test_what_is_left_out_together_tells_nothing_of_itself():
+    """Twins of each row, far from their class: with them they are known, without the pair they are not."""
+    rng = np.random.default_rng(0)
+    parts = []
+    for kind in range(3):
+        for pair in range(4):
+            place = 10 * rng.normal(size=3)
+            parts += [Part(f"{kind} {pair} {twin}", f"k{kind}", MEASURED, place, source=f"{kind} {pair}") for twin in range(2)]
+    rows = gather(("a", "b", "c"), parts)
+    by_hand = []
+    for row in range(len(rows)):
+        rest = rows.source != rows.source[row]
+        centres = {label: rows.values[rest & (rows.label == label)].mean(axis=0) for label in rows.classes}
+        by_hand.append(min(centres, key=lambda label: float(np.linalg.norm(rows.values[row] - centres[label]))))
+    assert probes.leave_one_out_centroid(rows, rows.source).tolist() == by_hand
+
+
+def test_nearest_centroid_is_scikit_learns_and_takes_one_row_per_class():
+    from sklearn.neighbors import NearestCentroid
+
+    train, test = clusters(SIMULATED, 1), clusters(MEASURED, 2)
+    expected = NearestCentroid().fit(train.values, train.label).predict(test.values)
+    assert np.array_equal(probes.nearest_centroid(train, test), expected)
+    single = train.take([0, 6, 12, 18])
+    assert probes.nearest_centroid(single, single).tolist() == single.label.tolist()
+
+
+def test_the_majority_of_the_frames_is_the_answer_and_a_tie_goes_to_the_surer():
+    scores = np.array([[0.6, 0.4], [0.6, 0.4], [0.0, 1.0], [0.9, 0.1], [0.4, 0.6]])
+    recording = np.array(["b", "b", "b", "a", "a"])
+    assert probes.vote(recording, scores, np.array(["x", "y"])).tolist() == ["x", "x"]
+    assert probes.vote(recording[3:], np.array([[0.6, 0.4], [0.1, 0.9]]), np.array(["x", "y"])).tolist() == ["y"]
+
+
+def test_a_forest_learns_the_simulation_and_answers_per_recording():
+    split = label_free(clusters(SIMULATED, 1, 0.1), clusters(MEASURED, 2, 0.1))
+    assert (probes.forest(split, seed=0, trees=20) == split.test.per_recording().label).mean() > 0.9
+    assert np.array_equal(probes.forest(split, seed=3, trees=5), probes.forest(split, seed=3, trees=5))
+
+
+def test_signatures_match_whatever_their_level_within_their_stratum():
+    rng = np.random.default_rng(0)
+    shapes = rng.normal(size=(3, 50))
+    train = [
+        Part(f"t{kind} {place}", f"k{kind}", SIMULATED, shapes[(kind + place) % 3], f"{place} m") for kind in range(3) for place in range(2)
+    ]
+    test = [Part(f"m{kind}", f"k{kind}", MEASURED, 5 + 0.1 * shapes[(kind + 1) % 3], "1 m") for kind in range(3)]
+    names = [str(number) for number in range(50)]
+    assert probes.match_signatures(label_free(gather(names, train), gather(names, test))).tolist() == ["k0", "k1", "k2"]
+
+
+def test_a_probe_across_objects_cannot_use_an_objects_own_rows():
+    """Four objects per class, placed at random: from its own rows a class is read off, from the other objects' it is not."""
+    rng = np.random.default_rng(3)
+    centres = 5 * rng.normal(size=(8, 10))
+    parts = [Part(f"o{kind} {n}", f"o{kind}", MEASURED, centres[kind] + 0.1 * rng.normal(size=10)) for kind in range(8) for n in range(5)]
+    rows = gather(tuple("abcdefghij"), parts)
+    classes = {f"o{kind}": "even" if kind % 2 == 0 else "odd" for kind in range(8)}
+    truth = rows.relabelled(classes)
+    assert (probes.linear_probe(truth, rows.recording) == truth.label).mean() > 0.9
+    assert (probes.linear_probe(truth, rows.label) == truth.label).mean() < 0.8
+
+
+def test_standardised_features_have_the_references_scale():
+    rows = clusters(MEASURED, 5).with_values(np.column_stack([clusters(MEASURED, 5).values[:, :2], np.ones(24)]))
+    scaled = probes.standardised(rows)
+    assert scaled.values.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert scaled.values.std(axis=0) == pytest.approx([1, 1, 0])
+
+
+def test_baselines_are_counted():
+    rows = clusters(MEASURED, 1)
+    assert score.uniform_chance(rows) == pytest.approx(1 / 4)
+    assert score.majority_share(rows.relabelled({"k0": "x", "k1": "x", "k2": "x", "k3": "y"})) == pytest.approx(3 / 4)
+    one_stratum_of_two = rows.take((rows.stratum == "s0") | np.isin(rows.label, ["k0", "k1"]))
+    assert score.uniform_chance(one_stratum_of_two) == pytest.approx((12 / 4 + 6 / 2) / 18)
+    assert score.balanced_share(np.array(["a", "a", "a", "b"]), np.array(["a", "a", "b", "b"])) == pytest.approx((2 / 3 + 1) / 2)
+
+
+def test_exact_intervals_and_tests_are_scipys():
+    from scipy.stats import binomtest
+
+    right = np.arange(66) < 15
+    found, expected = score.share(right, 1 / 11), binomtest(15, 66, 1 / 11, alternative="greater")
+    interval = binomtest(15, 66).proportion_ci(method="exact")
+    assert (found.low, found.high) == pytest.approx((interval.low, interval.high))
+    assert found.p == pytest.approx(expected.pvalue)
+    assert found.p < 1e-3
+    one, two = np.arange(99) < 23, (np.arange(99) >= 23) & (np.arange(99) < 29)
+    assert score.paired(one, two).p == pytest.approx(binomtest(23, 29).pvalue)
+    assert score.paired(one, one).p == 1.0
+
+
+def test_recordings_that_are_right_together_widen_the_interval():
+    """Ten cells of ten: the interval of the mean is that of ten draws, about sqrt(10) wider than of a hundred."""
+    right = np.repeat(np.arange(10) < 5, 10)
+    cells = np.repeat(np.arange(10), 10)
+    together = score.seed_mean(right, cells, 4000, 0)
+    apart = score.seed_mean(right, np.arange(100), 4000, 0)
+    assert together[1] == apart[1] == 0.5
+    assert (together[2] - together[0]) / (apart[2] - apart[0]) == pytest.approx(np.sqrt(10), rel=0.15)
+
+
+def test_balanced_intervals_stay_within_a_share():
+    truth = np.array(["a"] * 30 + ["b"] * 3)
+    right = np.ones(33)
+    assert score.seed_mean(right, np.arange(33), 500, 0, truth) == (1.0, 1.0, 1.0)
+    right[30:] = [1, 0, 0]
+    low, value, high = score.seed_mean(right, np.arange(33), 500, 0, truth)
+    assert value == pytest.approx((1 + 1 / 3) / 2)
+    assert 0.5 <= low < value < high <= 1
