@@ -434,6 +434,32 @@ class SupervisionConfig:
 
 
 @dataclass
+class CampaignConfig:
+    """The recordings that the tables share. Empty lists of objects: all of the catalogue (turntable), all of the rover's set (rover)."""
+
+    turntable_objects: list[str] = field(default_factory=list)
+    turntable_distances_m: list[float] = field(default_factory=lambda: [1.0, 2.0])
+    reflector_distances_m: list[float] = field(default_factory=lambda: [0.5, 1.0, 1.5, 2.0])  # of the corner reflector on the turntable
+    frames_per_turn: int = 50
+    turns: int = 2  # of a measured recording; the twin turns once
+    rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])
+    rail_repeats: int = 2
+    rover_objects: list[str] = field(default_factory=list)
+    rover_rooms: list[str] = field(default_factory=lambda: ["squash_court"])
+    rover_distances_m: list[float] = field(default_factory=lambda: [1.0])
+    rover_repeats: int = 1
+    rover_every: int = 5  # of the frames of a drive, which one is recorded
+
+    def __post_init__(self) -> None:
+        for name in ("frames_per_turn", "turns", "rail_repeats", "rover_repeats", "rover_every"):
+            _positive(f"profile.campaign.{name}", getattr(self, name))
+        for name in ("turntable_distances_m", "reflector_distances_m", "rover_distances_m"):
+            _positive(f"profile.campaign.{name}", *getattr(self, name))
+        for room in self.rover_rooms:
+            _one_of("profile.campaign.rover_rooms", room, ROOMS)
+
+
+@dataclass
 class ProfileConfig:
     """How much is computed: `quick` shows every claim on two cores in minutes, `paper` is what results/ holds."""
 
@@ -443,6 +469,7 @@ class ProfileConfig:
     resamples: int = 1000  # bootstrap
     scan_rooms: list[str] = field(default_factory=lambda: ["lab"])  # scanned by the virtual phone
     scan_strengths: list[float] = field(default_factory=lambda: [1.0])  # of its errors
+    campaign: CampaignConfig = field(default_factory=CampaignConfig)
 
     def __post_init__(self) -> None:
         for name in ("frames", "repeats", "resamples"):

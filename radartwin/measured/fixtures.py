@@ -88,21 +88,37 @@ def cables(sensor_pose: np.ndarray, target: np.ndarray, length_m: float = 0.8) -
         sensor_pose: (4, 4), level; target: (3,), where it stands.
         length_m: of the cable on the floor.
     """
+    return _hanging_cable(sensor_pose) + _lying_cable(sensor_pose, target, length_m)
+
+
+def radar_rig(sensor_pose: np.ndarray) -> Scene:
+    """What a turntable campaign brings for its radar: tripod and cable."""
+    return tripod(sensor_pose) + _hanging_cable(sensor_pose)
+
+
+def target_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
+    """What it brings for its target, whose disc has its top at `target` (3,): drive and cable."""
+    return turntable_drive(target) + _lying_cable(sensor_pose, target, 0.8)
+
+
+def turntable_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
+    """All that a turntable campaign brings."""
+    return radar_rig(sensor_pose) + target_rig(sensor_pose, target)
+
+
+def _hanging_cable(sensor_pose: np.ndarray) -> Scene:
     height = float(sensor_pose[2, 3])
     hanging = _rod(np.array([-0.10, 0.06, height - 0.02]), np.array([-0.16, 0.06, 3 * GAP]), 0.004)
     upright = pose([*sensor_pose[:2, 3], 0.0])
     upright[:2, :2] = sensor_pose[:2, :2]
+    return Scene([_fixture("cable_radar", hanging, "plastic").moved(upright)])
+
+
+def _lying_cable(sensor_pose: np.ndarray, target: np.ndarray, length_m: float) -> Scene:
     across = sensor_pose[:3, 1]
     foot = np.array([target[0], target[1], 0.0])
     lying = _rod(foot + 0.15 * across + [0, 0, 0.014], foot + (0.15 + length_m) * across + [0, 0, 0.014], 0.004)
-    parts = [_fixture("cable_radar", hanging, "plastic").moved(upright), _fixture("cable_turntable", lying, "plastic")]
-    return Scene(parts)
-
-
-def turntable_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
-    """All that a turntable campaign brings: tripod, drive and cables. `target` (3,) is the top of the disc; the stand itself both domains
-    know (`rooms.support`)."""
-    return tripod(sensor_pose) + turntable_drive(target) + cables(sensor_pose, target)
+    return Scene([_fixture("cable_turntable", lying, "plastic")])
 
 
 def _fixture(name: str, mesh: trimesh.Trimesh, finish: str) -> Surface:

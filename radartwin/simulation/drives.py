@@ -92,6 +92,8 @@ class Drives:
         """What the room alone returns to a drive through `poses` (F, 4, 4)."""
         if self._still is None:
             return []
+        if (poses == poses[0]).all():
+            return self._backend.static_paths_once(self._still, self._radar, poses[:1])
         rate = self._radar.frame_rate_hz
         velocity = poses_module.relative(poses, None, rate)[1]
         bounces = self._backend.settings.max_bounces
@@ -117,15 +119,22 @@ class Drives:
     def _beside(self):
         return None if self._still is None else self._still.room.beside()
 
-    def thing(self, surfaces: Sequence[Surface], pose: np.ndarray) -> Track:
-        """Paths by way of something compact at rest at `pose` (4, 4), and of it and the room, along the track."""
-        built, table = geometry.build([s.mesh for s in surfaces]), reflection(list(surfaces), self._radar)
+    def thing(self, surfaces: Sequence[Surface], coupled: bool = True) -> Track:
+        """Paths by way of something compact at rest in the world along the track, and of it and the room where it is `coupled`."""
         places = places_along(self._nominal, SPACING_M)
-        centre = pose[:3, :3] @ built.centre + pose[:3, 3]
+        return Track(places, self.moving(surfaces, places, np.eye(4)[None], coupled))
+
+    def moving(self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True) -> list[Paths]:
+        """Paths by way of something compact, in its own frame, at `poses` (F, 4, 4), seen from `sensor` (F, 4, 4); either may be one."""
+        built, table = geometry.build([s.mesh for s in surfaces]), reflection(list(surfaces), self._radar)
+        frames = max(len(sensor), len(poses))
+        sensor, poses = poses_module.repeated(sensor, frames), poses_module.repeated(poses, frames)
+        centres = poses[:, :3, :3] @ built.centre + poses[:, :3, 3]
         radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
         size = BALL_M * BALL_STEP ** np.ceil(np.log(max(radius, 1e-6) / BALL_M) / np.log(BALL_STEP))
         step = size / 2
-        ball = (np.round(centre / step) * step, size + np.sqrt(3) / 2 * step)
+        ball = (np.round(centres[0] / step) * step, float(size + np.sqrt(3) / 2 * step))
+        wanders = float(np.linalg.norm(centres - ball[0], axis=1).max()) + radius > ball[1]
         occluder = None if self._still is None else self._still.geometry
-        poses = np.repeat(pose[None], len(places), axis=0)
-        return Track(places, self._backend.group_paths(built, table, self._beside, occluder, self._radar, places, poses, ball=ball))
+        room = self._beside if coupled else None
+        return self._backend.group_paths(built, table, room, occluder, self._radar, sensor, poses, ball=None if wanders else ball)

@@ -105,7 +105,7 @@ class MitsubaBackend:
         still = None
         if static:
             still = self.still(static, radar)
-            parts += self._static_paths_once(still, radar, sensor_poses[:1] if resting else sensor_poses)
+            parts += self.static_paths_once(still, radar, sensor_poses[:1] if resting else sensor_poses)
         for names in _groups(motion):
             surfaces = [s for s in scene.surfaces if s.name in names]
             poses = motion[names[0]]
@@ -123,7 +123,7 @@ class MitsubaBackend:
         built = geometry_module.build([s.mesh for s in surfaces])
         return Still(surfaces, built, panel_room.build(surfaces, built, reflection(surfaces, radar)))
 
-    def _static_paths_once(self, still: Still, radar: Radar, poses: np.ndarray) -> list[Paths]:
+    def static_paths_once(self, still: Still, radar: Radar, poses: np.ndarray) -> list[Paths]:
         """Static paths, kept: frames, objects, repetitions and chirp timings in the same room trace it once."""
         built, table, cache = still.geometry, still.room.table, path_cache.shared()
         made_of = [(s.kind, s.name, s.roughness_m, str(s.material)) for s in still.surfaces]

@@ -1,0 +1,124 @@
+"""What is recorded in a campaign: objects, distances, motions, rooms and repetitions, and the log that goes with each recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from radartwin.config import CampaignConfig
+from radartwin.errors import ConfigError
+from radartwin.scene import rooms, trajectory
+from radartwin.scene.objects.catalogue import catalogue
+
+Motion = Literal["turntable", "radial", "diagonal", "depth", "lateral"]
+RAIL: tuple[Motion, ...] = ("radial", "diagonal")
+ROVER: tuple[Motion, ...] = ("depth", "lateral")
+RATE_HZ = 10.0
+TURN_S = 25.0
+BENCH_HEIGHT_M = 1.0  # of the radar before the lab's bench
+SPEED_MPS = 0.2
+RAIL_M, RAIL_START_M = 0.6, 1.0
+DEPTH_M, LATERAL_M, LATERAL_MPS = 1.0, 1.2, 0.24
+
+
+@dataclass(frozen=True, order=True)
+class Case:
+    """One recording; `distance_m` is from the radar to the target's axis at the start, of a drive past it at its nearest."""
+
+    object: str
+    room: str
+    motion: Motion
+    distance_m: float
+    repetition: int = 0
+
+    @property
+    def name(self) -> str:
+        return f"{self.room}-{self.motion}-{self.object}-{self.distance_m:g}m-{self.repetition}"
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """What experimenter and twin agree on.
+
+    Attributes:
+        frame_rate_hz: of the recording.
+        sensor_poses: (F, 4, 4) or (1, 4, 4) to world, nominal. target_poses: (F, 4, 4) or (1, 4, 4), of the object's own frame.
+        distance_m: (F,) from the radar to the target's axis, level. angle_rad: (F,) of the turntable, or None.
+    """
+
+    frame_rate_hz: float
+    sensor_poses: np.ndarray
+    target_poses: np.ndarray
+    angle_rad: np.ndarray | None = None
+
+    @property
+    def frames(self) -> int:
+        return max(len(self.sensor_poses), len(self.target_poses))
+
+    @property
+    def distance_m(self) -> np.ndarray:
+        away = np.linalg.norm(self.target_poses[:, :2, 3] - self.sensor_poses[:, :2, 3], axis=1)
+        return np.repeat(away, self.frames) if len(away) == 1 else away
+
+
+def planned(config: CampaignConfig, measured: bool) -> list[Case]:
+    """Every recording of a campaign, the quick ones first. The twin repeats nothing.
+
+    Raises:
+        ConfigError: an object or room that there is not.
+    """
+    known = catalogue()
+    for name in (*config.turntable_objects, *config.rover_objects):
+        if name not in known:
+            raise ConfigError(f"profile.campaign: there is no object {name!r}; choose {', '.join(known)}")
+    cases = []
+    for name in config.turntable_objects or list(known):
+        distances = config.reflector_distances_m if name == "corner_reflector" else config.turntable_distances_m
+        cases += [Case(name, "lab", "turntable", d) for d in distances]
+    for name in config.rail_objects:
+        cases += [Case(name, "lab", motion, RAIL_START_M) for motion in RAIL]
+    for room in config.rover_rooms:
+        for motion in ROVER:
+            for distance in config.rover_distances_m:
+                for name in config.rover_objects or [entry.name for entry in known.values() if entry.rover]:
+                    cases.append(Case(name, room, motion, distance))
+    repeats: dict[str, int] = {"turntable": 1, **dict.fromkeys(RAIL, config.rail_repeats), **dict.fromkeys(ROVER, config.rover_repeats)}
+    if not measured:
+        return cases
+    return [Case(c.object, c.room, c.motion, c.distance_m, r) for c in cases for r in range(repeats[c.motion])]
+
+
+def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
+    """The nominal course of a recording; the twin's turntable turns once."""
+    entry = catalogue()[case.object]
+    if case.motion in ROVER:
+        return _rover(case, entry.aim_m, config.rover_every)
+    bench = rooms.lab_bench(BENCH_HEIGHT_M)
+    at = bench.target_position(case.distance_m) - [0, 0, entry.aim_m]
+    sensor = bench.sensor_pose[None]
+    if case.motion == "turntable":
+        rate = config.frames_per_turn / TURN_S
+        frames = config.frames_per_turn * (config.turns if measured else 1)
+        return Log(rate, sensor, trajectory.turntable(at, frames, rate, TURN_S), 2 * np.pi * np.arange(frames) / config.frames_per_turn)
+    angle = np.radians(45.0 if case.motion == "diagonal" else 0.0)
+    way = sensor[0, :3, 0] * np.cos(angle) + sensor[0, :3, 1] * np.sin(angle)
+    return Log(RATE_HZ, sensor, trajectory.sweep(trajectory.pose(at), way, RAIL_M, SPEED_MPS, RATE_HZ))
+
+
+def _rover(case: Case, aim_m: float, every: int) -> Log:
+    """A drive past the target or away from it, every so many frames of it kept."""
+    bench = rooms.bench(case.room)
+    at = bench.target_position(case.distance_m)
+    if case.motion == "lateral":
+        poses = trajectory.lateral_sweep(bench.sensor_pose, LATERAL_M, LATERAL_MPS, RATE_HZ)
+    else:  # away from the target: from the nearest stand-off there is no room to drive towards it
+        start = bench.sensor_pose
+        poses = trajectory.sweep(start, -start[:3, 0], DEPTH_M, SPEED_MPS, RATE_HZ)
+    return Log(RATE_HZ / every, poses[::every], trajectory.pose(at - [0, 0, aim_m])[None])
+
+
+def stand_top(nominal: Log) -> np.ndarray:
+    """(3,) where the middle of the stand's top is at the start, just below the object."""
+    return nominal.target_poses[0, :3, 3] - [0, 0, rooms.GAP]

@@ -1,0 +1,41 @@
+"""Paths by way of what is measured and what it stands on, from a radar that drives or rests; both domains set it up alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from radartwin.scene.scene import Surface
+from radartwin.simulation.drives import Drives
+from radartwin.simulation.paths import Paths
+
+
+def seen(
+    drives: Drives,
+    sensor: np.ndarray,
+    rate_hz: float,
+    target: Sequence[Surface],
+    poses: np.ndarray,
+    disc: Sequence[Surface],
+    apart: Sequence[Surface],
+) -> list[Paths]:
+    """Parts of all frames or of one that holds for all.
+
+    Args:
+        sensor: (F, 4, 4) or (1, 4, 4) to world. rate_hz: of the frames.
+        target: in its own frame, at `poses` (F, 4, 4) or (1, 4, 4); one of the two moves.
+        disc: what it stands on, at rest in the world; before a radar on its way the two are one thing, and shadow each other.
+        apart: other things at rest, seen directly only: posts, motors, cables.
+    """  # fmt: skip
+    parts: list[Paths] = []
+    if len(sensor) > 1:
+        together = [*disc, *(s.moved(poses[0]) for s in target)]
+        for things, coupled in ((together, True), *(([one], False) for one in apart)):
+            parts += drives.thing(things, coupled).seen(sensor, rate_hz)
+        return parts
+    parts += drives.moving(target, sensor, poses)
+    at_rest = np.eye(4)[None]
+    for things, coupled in ((disc, True), *(([one], False) for one in apart)):
+        parts += drives.moving(things, sensor, at_rest, coupled)
+    return parts

@@ -1,0 +1,191 @@
+"""The testbed's side of a campaign: clean recordings of the truth, and what one receiver makes of them.
+
+Never imports the twin's scan, labels or settings. A clean recording depends on how hard the hardware is driven only in whether there is
+any; noise, leakage and ADC are added on reading, seeded by the recording.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
+from experiments.campaigns.target import seen
+from radartwin.assemble import build_radar
+from radartwin.config import Config
+from radartwin.measured import fixtures, testbed
+from radartwin.measured import motion_errors as errors
+from radartwin.radar.chirp import Radar
+from radartwin.radar.hardware import Hardware
+from radartwin.radar.recording import Recording
+from radartwin.scene import rooms
+from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.scene import Scene, Surface
+from radartwin.simulation.aspects import Aspects
+from radartwin.simulation.drives import Drives
+from radartwin.simulation.mitsuba import TraceSettings
+from radartwin.simulation.simulate import simulate
+from radartwin.simulation.synthesis import received
+
+# Of a turn, by how far the object reaches from its axis (radartwin/simulation/aspects.py); what is round changes only by wobble.
+ASPECTS, ROUND_ASPECTS = 1024, 64
+ROUND = ("can_", "drink_can")
+KEPT = 2  # tracks with what was scouted along them
+
+
+def gaps_of(config: Config) -> testbed.Gaps:
+    """The configured gaps that are the testbed's; the scan's geometry is the twin's affair."""
+    return testbed.Gaps(**{k: v for k, v in asdict(config.measured.gap).items() if k != "geometry"})
+
+
+def seed_of(case: Case, config: Config) -> int:
+    """Of one recording."""
+    return int(np.random.SeedSequence([config.seed, *case.name.encode()]).generate_state(1)[0])
+
+
+def specification(case: Case, config: Config) -> dict[str, Any]:
+    """What decides a clean recording."""
+    gap = {**asdict(gaps_of(config)), "hardware": config.measured.gap.hardware > 0}
+    campaign = config.profile.campaign
+    course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn} if case.motion == "turntable" else {}
+    course |= {"every": campaign.rover_every} if case.motion in ROVER else {}
+    return {"case": asdict(case), "course": course, "gap": gap, "radar": config.radar, "seed": config.seed}
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where one recording is made: radar as the front end leaves it, the log, and the tracer's settings."""
+
+    radar: Radar
+    log: Log
+    gaps: testbed.Gaps
+    settings: TraceSettings
+
+
+def record(case: Case, config: Config) -> Recording:
+    """The clean recording of a case: of an ideal receiver behind the IF filter."""
+    gaps = gaps_of(config)
+    nominal = log(case, config.profile.campaign, measured=True)
+    radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
+    fine = gaps.solver > 0
+    settings = TraceSettings(
+        max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
+        rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine else 1.0,
+        variant=config.simulator.variant,
+    )
+    hardware = Hardware().scaled(gaps.hardware)
+    place = _Place(hardware.front_end(radar), nominal, gaps, settings)
+    seed = seed_of(case, config)
+    iq = (_turned if case.motion == "turntable" else _moved)(case, place, seed, config.seed)
+    passes = None if hardware.if_filter is None else hardware.if_filter.to_dict()
+    return Recording(iq, radar, None, provenance={"kind": "testbed, clean", "if_filter": passes})
+
+
+def receive(clean: Recording, case: Case, config: Config) -> Recording:
+    """A clean recording as this repetition's receiver gives it."""
+    return testbed.received(clean, Hardware().scaled(gaps_of(config).hardware), seed_of(case, config))
+
+
+def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
+    """The object as it really is, in its own frame; its repetitions share it."""
+    own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
+    return testbed.truth(Scene(catalogue()[case.object].surfaces()), gaps, own)
+
+
+def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
+    """All that rests whatever is measured: room, clutter, and what holds a radar at rest."""
+    full, bare = rooms.room(case.room, detail="cluttered"), rooms.room(case.room, detail="furnished")
+    scene = full if case.motion in ROVER else full + fixtures.radar_rig(nominal.sensor_poses[0])
+    return testbed.truth(scene, gaps, seed, frozenset(set(full.names) - set(bare.names)))
+
+
+def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
+    """What the target stands on: the disc, and what is seen directly alone."""
+    top = stand_top(nominal)
+    parts = rooms.support(top) if case.motion in ROVER else rooms.support(top) + fixtures.target_rig(nominal.sensor_poses[0], top)
+    true = testbed.truth(parts, gaps, seed)
+    return [s for s in true if s.name == "turntable"], [s for s in true if s.name != "turntable"]
+
+
+def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.ndarray:
+    """(F, C, T, R, N) of everything, where it really is."""
+    drives, radar = _drives(case, place, root), place.radar
+    poses = there.motion[case.object]
+    disc, apart = _below(case, place.log, place.gaps, root)
+    if case.motion in ROVER:  # put down together
+        off = poses[0] @ np.linalg.inv(place.log.target_poses[0])
+        disc, apart = ([s.moved(off) for s in some] for some in (disc, apart))
+    parts = drives.room(there.sensor_poses)
+    parts += seen(drives, there.sensor_poses, radar.frame_rate_hz, list(_target(case, place.gaps, root)), poses, disc, apart)
+    return received(parts, radar, max(len(there.sensor_poses), len(poses)), elements="exact", oscillator=None)
+
+
+def _turned(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
+    """Rotations from aspects: each chirp at the angle the table has then."""
+    nominal, radar, gaps = place.log, place.radar, place.gaps
+    count = ROUND_ASPECTS if case.object.startswith(ROUND) else ASPECTS
+    if nominal.frames <= count:  # fewer frames than aspects: traced as they are
+        return _moved(case, place, seed, root)
+    off = errors.TurntableErrors().scaled(gaps.trajectory)
+    wobbling = replace(off, start_deg=0.0, rate=0.0, ripple_deg=0.0)
+    clock, table, placing = (np.random.default_rng(np.random.SeedSequence([seed, *n])) for n in (b"clock", b"turntable", b"placement"))
+    state, hand = table.bit_generator.state, placing.bit_generator.state
+    short = replace(place, radar=replace(radar, num_chirps=1))
+
+    def chirp(angles: np.ndarray) -> np.ndarray:
+        poses = np.repeat(nominal.target_poses[:1], len(angles), axis=0)
+        poses[:, 0, 0] = poses[:, 1, 1] = np.cos(angles)
+        poses[:, 1, 0] = np.sin(angles)
+        poses[:, 0, 1] = -poses[:, 1, 0]
+        table.bit_generator.state, placing.bit_generator.state = state, hand  # one table, one hand, whatever the angle
+        there = errors.turntable(poses, wobbling, table)
+        there = errors.placed({case.object: there}, errors.PlacementErrors().scaled(gaps.placement), placing)
+        return _seen(case, short, root, testbed.Actual(nominal.sensor_poses, there))[:, 0]
+
+    aspects = Aspects.traced(chirp, count)
+    times = Hardware().scaled(gaps.trajectory).frame_times(nominal.frames, nominal.frame_rate_hz, clock)
+    assert nominal.angle_rad is not None
+    speed = float(nominal.angle_rad[1] - nominal.angle_rad[0]) * nominal.frame_rate_hz
+    angle = speed * (times[:, None, None] + radar.chirp_times()[None])  # (F, C, T)
+    table.bit_generator.state = state
+    more = errors.turntable_angles(angle[:, 0, 0], off, table)
+    return aspects.at(angle + more[:, None, None])
+
+
+def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
+    """Target or radar on their actual course, every frame traced."""
+    nominal = place.log
+    there = testbed.actual(nominal.sensor_poses, {case.object: nominal.target_poses}, nominal.frame_rate_hz, place.gaps, seed)
+    iq = _seen(case, place, root, there)
+    return iq + _carrier(place, root) if case.motion in ROVER else iq
+
+
+def _carrier(place: _Place, root: int) -> np.ndarray | float:
+    """What the rover under its radar returns, the same in every frame."""
+    body = testbed.truth(fixtures.rover(rooms.ROVER_HEIGHT_M), place.gaps, root)
+    if not len(body):
+        return 0.0
+    settings = place.settings
+    return simulate(
+        body, place.radar, np.eye(4)[None], variant=settings.variant, max_bounces=settings.max_bounces,
+        rays_per_wavelength2=settings.rays_per_wavelength2,
+    ).iq  # fmt: skip
+
+
+_tracks: OrderedDict[str, Drives] = OrderedDict()
+
+
+def _drives(case: Case, place: _Place, root: int) -> Drives:
+    """Of the track a case is on; the last few are kept, so that objects and repetitions share them."""
+    motion = case.motion if case.motion in ROVER else "bench"
+    key = f"{case.room} {motion} {root} {place.gaps} {place.settings} {place.radar}"
+    if key not in _tracks:
+        around = list(_around(case, place.log, place.gaps, root))
+        _tracks[key] = Drives(around, place.radar, place.log.sensor_poses, place.settings)
+        while len(_tracks) > KEPT:
+            _tracks.popitem(last=False)
+    _tracks.move_to_end(key)
+    return _tracks[key]

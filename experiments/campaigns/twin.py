@@ -1,0 +1,109 @@
+"""The twin's side of a campaign: the room as a phone scanned it, labelled by the configured source, and objects and courses as logged."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+from experiments import scan
+from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
+from experiments.campaigns.target import seen
+from radartwin.assemble import build_radar, simulator_options
+from radartwin.config import Config, MaterialsConfig
+from radartwin.label.sources import material_source
+from radartwin.materials import Layered
+from radartwin.radar.recording import Recording
+from radartwin.scene import rooms
+from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.scene import Scene
+from radartwin.simulation.drives import Drives
+from radartwin.simulation.mitsuba import MitsubaBackend
+from radartwin.simulation.simulate import simulate
+from radartwin.simulation.synthesis import received
+from radartwin.store import Store
+
+KEPT = 2  # tracks with what was scouted along them
+VOID = "void"
+
+
+def specification(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> dict[str, Any]:
+    """What decides a simulated recording."""
+    campaign = config.profile.campaign
+    course = {"frames_per_turn": campaign.frames_per_turn} if case.motion == "turntable" else {}
+    course |= {"every": campaign.rover_every} if case.motion in ROVER else {}
+    spec: dict[str, Any] = {
+        "case": asdict(case),
+        "course": course,
+        "radar": config.radar,
+        "simulator": config.simulator,
+        "seed": config.seed,
+    }
+    if materials.source == VOID:
+        return spec | {"materials": VOID}
+    return spec | {"materials": materials, "scan": scan.fetch(config, store, case.room, config.measured.gap.geometry).key}
+
+
+def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Scene:
+    """What the twin knows of a room.
+
+    Raises:
+        UserError: the source has no answers for it.
+    """
+    if materials.source == VOID:
+        return rooms.void()
+    scanned = scan.scene_of(scan.fetch(config, store, case.room, config.measured.gap.geometry))
+    if materials.source in ("true", "random"):  # they are told what nobody with a scan alone could know
+        scanned = material_source("true", scene=rooms.room(case.room, detail="cluttered"))(scanned)
+        if materials.source == "true":
+            return scanned
+    return material_source(materials.source, **materials.options(config.seed))(scanned)
+
+
+def record(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Recording:
+    """The simulated recording of a case, with the radar's thermal noise."""
+    nominal = log(case, config.profile.campaign, measured=False)
+    radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
+    room = room_of(case, config, materials, store)
+    stand = _outermost(rooms.support(stand_top(nominal)))
+    target = list(catalogue()[case.object].surfaces())
+    options = simulator_options(config.simulator)
+    if not isinstance(options["simulator"], MitsubaBackend):
+        motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
+        return simulate(room + stand + Scene(target), radar, nominal.sensor_poses, motion=motion, **options)
+    drives = _drives(case, room, options["simulator"].settings, radar, nominal, str((materials, config.seed)))
+    parts = drives.room(nominal.sensor_poses)
+    disc, post = ([s for s in stand if s.name == name] for name in ("turntable", "stand"))
+    parts += seen(drives, nominal.sensor_poses, nominal.frame_rate_hz, target, nominal.target_poses, disc, post)
+    iq = received(parts, radar, nominal.frames, elements=options["elements"], oscillator=None)
+    return Recording(iq, radar, None, provenance={"kind": "simulation"})
+
+
+def noisy(clean: Recording, case: Case, config: Config) -> Recording:
+    """With the thermal noise of the radar's noise figure, seeded by the recording."""
+    from radartwin.simulation.synthesis import thermal_noise
+
+    rng = np.random.default_rng(np.random.SeedSequence([config.seed, *b"twin noise", *case.name.encode()]))
+    return Recording(clean.iq + thermal_noise(clean.iq.shape, clean.radar, rng), clean.radar, None, provenance=clean.provenance)
+
+
+def _outermost(scene: Scene) -> Scene:
+    """The twin takes the stand's outermost material without its thickness."""
+    return Scene((s.replaced(material=s.material.layers[0][0]) if isinstance(s.material, Layered) else s for s in scene), scene.provenance)
+
+
+_tracks: OrderedDict[str, Drives] = OrderedDict()
+
+
+def _drives(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, labels: str) -> Drives:
+    """Of the track a case is on; the last few are kept, so that objects share them."""
+    motion = case.motion if case.motion in ROVER else "bench"
+    key = f"{case.room} {motion} {labels} {settings} {radar}"
+    if key not in _tracks:
+        _tracks[key] = Drives(list(room), radar, nominal.sensor_poses, settings)
+        while len(_tracks) > KEPT:
+            _tracks.popitem(last=False)
+    _tracks.move_to_end(key)
+    return _tracks[key]
