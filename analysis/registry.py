@@ -29,9 +29,9 @@ TABLES = (
         title="The same paths by three methods",
         caption="Specular paths of up to four bounces in the procedural rooms, within 40 dB of the strongest: image sources of the room's "
         "six planes, Sionna RT with transmitter and receiver in one place, and with the receiver 3 cm aside (in one place it misses what "
-        "comes back out of corners), each matched to this tracer's panel images by length and both directions. Levels are claimed where "
-        "the first Fresnel zone is clear; where an edge cuts it, an infinite mirror is off by the difference. n counts paths; intervals "
-        "are bootstraps over them.",
+        "comes back out of corners, aside it finds one of a corner's orders), each matched to this tracer's panel images by length and "
+        "both directions. Levels are claimed where the first Fresnel zone is clear; where an edge cuts it, an infinite mirror is off by "
+        "the difference. n counts paths; intervals are bootstraps over them.",
     ),
     Table(
         name="scan",

@@ -24,6 +24,7 @@ from radartwin.scene.scene import Scene
 IN_PLANE_M = 1e-6
 CLEAR = 1e-6  # of a leg, at either end
 AROUND = 12  # lines about a path, at the edge of its first Fresnel zone
+BETWEEN = np.array([0.04, 0.13, 0.27, 0.42, 0.58, 0.73, 0.87, 0.96])  # of a path, where such a line bends beside its walls
 ON_EDGE = 1e-7
 
 
@@ -71,8 +72,8 @@ class Room:
             line = place - sensor
             length = float(np.linalg.norm(line))
             direction, order = line / length, int(np.abs(index).sum())
-            surfaces = self._met_along(sensor, line, walls, np.zeros(3))
-            if surfaces is None:
+            surfaces, points = self._met_along(sensor, line, walls, np.zeros(3))
+            if surfaces is None or _hidden(points, self._loose):
                 continue
             reflections = [self._reflection(surface) for surface in surfaces]
             amplitude = sum(
@@ -83,7 +84,10 @@ class Room:
                 0j,
             )
             arrival = -direction * (-1.0) ** index
-            clear = all(self._met_along(sensor, line, walls, aside) == surfaces for aside in self._zone(direction, length))
+            zone = self._zone(direction, length)
+            near = self._near(points, float(np.linalg.norm(zone[0])))
+            lines = (self._met_along(sensor, line, walls, aside) for aside in zone)
+            clear = all(met == surfaces and not _hidden(beside, near) for met, beside in lines)
             yield Image(length, direction, arrival, order, amplitude * SPEED_OF_LIGHT / (4 * np.pi * self._frequency_hz * length), clear)
 
     def _zone(self, direction: np.ndarray, length_m: float) -> np.ndarray:
@@ -93,23 +97,43 @@ class Room:
         ring = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(direction, first)
         return ring * np.sqrt(SPEED_OF_LIGHT / self._frequency_hz * length_m) / 2
 
-    def _met_along(self, sensor: np.ndarray, line: np.ndarray, walls: Sequence[tuple[int, float]], aside: np.ndarray) -> list[int] | None:
-        """Surface at each wall of the list, along the line bent aside; None where a plane is open or something stands in the way."""
+    def _near(self, points: np.ndarray, radius_m: float) -> np.ndarray:
+        """The triangles in no plane that come within a radius of the legs between points."""
+        centre = self._loose.mean(axis=1)
+        reach = np.linalg.norm(self._loose - centre[:, None], axis=2).max(axis=1, initial=0.0) + radius_m
+        near = np.zeros(len(centre), bool)
+        for start, stop in itertools.pairwise(points):
+            leg = stop - start
+            share = np.clip((centre - start) @ leg / max(leg @ leg, 1e-12), 0, 1)
+            near |= np.linalg.norm(start + share[:, None] * leg - centre, axis=1) < reach
+        return self._loose[near]
+
+    def _met_along(
+        self, sensor: np.ndarray, line: np.ndarray, walls: Sequence[tuple[int, float]], aside: np.ndarray
+    ) -> tuple[list[int] | None, np.ndarray]:
+        """Surface at each wall of the list, along the line bent aside (None where a plane is open), and the folded points (P, 3)."""
         surfaces, reached = [], []
         for across, coordinate in walls:
             share = (coordinate - sensor[across]) / line[across]
-            point = sensor + share * line + 2 * np.sqrt(share * (1 - share)) * aside
+            point = self._beside(sensor, line, share, aside)
             point += (coordinate - point[across]) / line[across] * line  # where the line beside meets the plane
             point = self._folded(point)
             side = round(coordinate / self.size_m[across]) % 2
             point[across] = side * self.size_m[across]
             surface = self._met(across, side, np.delete(point, across))
             if surface is None:
-                return None
+                return None, np.zeros((0, 3))
             surfaces.append(surface)
             reached.append((share, point))
+        if aside.any():
+            reached += [(share, self._folded(self._beside(sensor, line, share, aside))) for share in BETWEEN]
         points = [point for _, point in sorted(reached, key=lambda pair: pair[0])]
-        return None if self._hidden(np.array([sensor, *points, sensor])) else surfaces
+        return surfaces, np.array([sensor, *points, sensor])
+
+    @staticmethod
+    def _beside(sensor: np.ndarray, line: np.ndarray, share: float, aside: np.ndarray) -> np.ndarray:
+        """Unfolded point (3,) at a share of the line, moved aside as far as the zone is wide there."""
+        return sensor + share * line + 2 * np.sqrt(share * (1 - share)) * aside
 
     def _folded(self, point: np.ndarray) -> np.ndarray:
         turned = np.mod(point, 2 * self.size_m)
@@ -126,28 +150,29 @@ class Room:
         inside = np.flatnonzero((b >= -ON_EDGE) & (c >= -ON_EDGE) & (b + c <= 1 + ON_EDGE))
         return int(surface[inside[0]]) if inside.size else None
 
-    def _hidden(self, points: np.ndarray) -> bool:
-        """Whether a triangle in no plane cuts a leg between successive points (Moeller, Trumbore, J. Graphics Tools 2 (1997) 21)."""
-        if not len(self._loose):
-            return False
-        corner = self._loose[:, 0]
-        first, second = self._loose[:, 1] - corner, self._loose[:, 2] - corner
-        for start, stop in itertools.pairwise(points):
-            ray = stop - start
-            across = np.cross(ray, second)
-            determinant = np.einsum("ti,ti->t", first, across)
-            cut = np.abs(determinant) > 1e-15
-            scale = 1 / np.where(cut, determinant, 1.0)
-            b = np.einsum("ti,ti->t", start - corner, across) * scale
-            turned = np.cross(start - corner, first)
-            c, share = turned @ ray * scale, np.einsum("ti,ti->t", second, turned) * scale
-            if (cut & (b >= 0) & (c >= 0) & (b + c <= 1) & (share > CLEAR) & (share < 1 - CLEAR)).any():
-                return True
-        return False
-
     def _reflection(self, surface: int) -> box.Reflection:
         material, roughness = self._materials[surface]
         return lambda cosine: _reflected(material, roughness, round(cosine, 12), self._frequency_hz)
+
+
+def _hidden(points: np.ndarray, triangles: np.ndarray) -> bool:
+    """Whether a triangle cuts a leg between successive points (Moeller, Trumbore, J. Graphics Tools 2 (1997) 21)."""
+    if not len(triangles):
+        return False
+    corner = triangles[:, 0]
+    first, second = triangles[:, 1] - corner, triangles[:, 2] - corner
+    for start, stop in itertools.pairwise(points):
+        ray = stop - start
+        across = np.cross(ray, second)
+        determinant = np.einsum("ti,ti->t", first, across)
+        cut = np.abs(determinant) > 1e-15
+        scale = 1 / np.where(cut, determinant, 1.0)
+        b = np.einsum("ti,ti->t", start - corner, across) * scale
+        turned = np.cross(start - corner, first)
+        c, share = turned @ ray * scale, np.einsum("ti,ti->t", second, turned) * scale
+        if (cut & (b >= 0) & (c >= 0) & (b + c <= 1) & (share > CLEAR) & (share < 1 - CLEAR)).any():
+            return True
+    return False
 
 
 @lru_cache(maxsize=4096)

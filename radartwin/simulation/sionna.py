@@ -94,7 +94,7 @@ class SionnaBackend:
         if not len(mesh.faces):
             return []
         found = self.found(scene, mesh, radar, sensor_poses)
-        for text in sionna_limits.met(scene.surfaces, mesh, found, sensor_poses, radar.wavelength_m, self.settings.diffuse):
+        for text in sionna_limits.met(scene.surfaces, mesh, found, radar.wavelength_m, self.settings.diffuse):
             warnings.warn(text, stacklevel=2)
         usable = np.isfinite(found["amplitude"]).all(axis=1) & (found["face"][:, 0] >= 0)
         sets = (usable & ~found["scattered"], usable & found["scattered"])

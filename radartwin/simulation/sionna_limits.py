@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 COPLANAR_COSINE, COPLANAR_M = 1 - 1e-6, 1e-4
 
 
-def met(
-    surfaces: Sequence[Surface], mesh: "Mesh", found: dict[str, np.ndarray], sensor_poses: np.ndarray, wavelength_m: float, diffuse: bool
-) -> Iterator[str]:
+def met(surfaces: Sequence[Surface], mesh: "Mesh", found: dict[str, np.ndarray], wavelength_m: float, diffuse: bool) -> Iterator[str]:
     """One sentence per limit that a scene met.
 
     Args:

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 import radartwin as rt
-from experiments.backend_crosscheck import RADAR, ours, pose_in, reference
+from experiments.backend_crosscheck import RADAR, pose_in, reference
 from experiments.path_match import partners
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import BackendError
@@ -119,9 +119,9 @@ def test_every_path_of_a_room_is_an_exact_image():
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
 def test_elements_see_the_same_images_as_the_tracers():
     """Mirrors are built from the facets Sionna met; those of the tracer from its panels."""
-    scene, pose = rooms.room("squash_court", detail="shell"), pose_in("squash_court", 1, 0)
-    (theirs,) = backend("sionna", max_bounces=3).paths(scene, RADAR, pose[None])
-    mine = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=3)).paths(scene, RADAR, pose[None])[0]
+    scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 1, 0)
+    (theirs,) = backend("sionna", max_bounces=2).paths(scene, RADAR, pose[None])
+    mine = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=2)).paths(scene, RADAR, pose[None])[0]
     assert theirs.mirror is not None
     assert mine.mirror is not None
     seen = 0
@@ -229,9 +229,3 @@ def test_the_default_rays_find_what_ten_times_as_many_find(room):
     level = 20 * np.log10(np.abs(many.amplitude).mean(axis=1))
     for i in np.flatnonzero(level > level.max() - 40):
         assert (np.abs(few.length_m - many.length_m[i]) < 1e-6).any()
-
-
-def test_the_tracers_own_images_are_matched_to_themselves():
-    scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 0, 0)
-    mine = ours(scene, pose)
-    assert np.array_equal(partners(mine, mine), np.arange(len(mine.length_m)))

@@ -1,0 +1,131 @@
+"""The cross-check's own tools: image sources of furnished boxes, Fresnel zones, and matching; and what it finds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import radartwin as rt
+from experiments import backend_crosscheck as crosscheck
+from experiments.oracles import box, stack
+from experiments.oracles.rooms import rotation
+from experiments.oracles.shells import Room
+from experiments.path_match import Found, partners, together
+from radartwin.scene import objects
+from radartwin.simulation.sionna import is_installed
+
+SIZE, SENSOR = (4.0, 3.0, 2.5), np.array([1.3, 1.1, 0.9])
+FREQUENCY_HZ = 78e9
+
+
+def walls(material: str | rt.Layered = "concrete") -> rt.Surface:
+    mesh = objects.box((0.0, 0.0, 0.0), SIZE)
+    mesh.invert()
+    return rt.Surface(mesh, material, "walls", role="room")
+
+
+def images(*surfaces: rt.Surface, bounces: int = 3) -> dict[tuple[float, ...], tuple[complex, bool]]:
+    """Amplitude and clearance by length and departure."""
+    found = Room(rt.Scene([walls(), *surfaces]), FREQUENCY_HZ).images(SENSOR, rotation()[:, 2], bounces)
+    return {(round(i.length_m, 6), *np.round(i.departure, 6) + 0.0): (i.amplitude, i.clear) for i in found}
+
+
+def test_an_empty_box_has_all_its_images() -> None:
+    eps = stack.permittivity("concrete", FREQUENCY_HZ)
+
+    def reflection(cosine: float) -> tuple[complex, complex]:
+        te, tm = stack.fresnel(eps, cosine)
+        return complex(te), complex(tm)
+
+    expected = list(box.image_paths(np.array(SIZE), SENSOR, rotation()[:, 2], reflection, 3))
+    found = images()
+    assert len(found) == len(expected) == 62
+    scale = 299_792_458.0 / (4 * np.pi * FREQUENCY_HZ)
+    ours = sorted(abs(amplitude) for amplitude, _ in found.values())
+    assert ours == pytest.approx(sorted(abs(a) * scale / length for a, length, _ in expected), rel=1e-9)
+
+
+def test_what_stands_in_the_way_takes_images_away_and_cuts_zones() -> None:
+    """A screen covers the wall ahead but for a slot about the mirror point; then it covers that too. A quarter of the way to the wall
+    and back the zone is two thirds as wide as on the wall."""
+    ahead = (round(2 * (SIZE[0] - SENSOR[0]), 6), 1.0, 0.0, 0.0)
+    zone = np.sqrt(299_792_458.0 / FREQUENCY_HZ * ahead[0]) / 2
+    assert images()[ahead][1]
+    for half, there, clear in ((3 * zone, True, True), (0.4 * zone, True, False), (0.0, False, False)):
+        x, y = 2.0, SENSOR[1]
+        left = objects.box((x, y + half, 0.2), (x + 0.01, 2.9, 2.4))
+        right = objects.box((x, 0.1, 0.2), (x + 0.01, y - half, 2.4))
+        found = images(rt.Surface(left, "metal", "left"), rt.Surface(right, "metal", "right"))
+        assert (ahead in found) == there
+        if there:
+            assert found[ahead][1] == clear
+
+
+def test_an_opening_reflects_nothing() -> None:
+    mesh = objects.box((0.0, 0.0, 0.0), SIZE)
+    mesh.invert()
+    centre = mesh.triangles_center
+    mesh.update_faces(centre[:, 0] < SIZE[0] - 1e-6)
+    closed = rt.Surface(objects.plate(1.0, 1.0).apply_translation((SIZE[0], 0.6, 0.6)), "metal", "shutter", role="room")
+    scene = rt.Scene([rt.Surface(mesh, "concrete", "walls", role="room"), closed])
+    ahead = [i for i in Room(scene, FREQUENCY_HZ).images(SENSOR, rotation()[:, 2], 1) if i.departure[0] > 0.99]
+    assert len(ahead) == 1  # the mirror point (1.1, 0.9) lies on the shutter
+    assert not ahead[0].clear or abs(SENSOR[1] - 1.1) > 0.05  # ... at its very edge
+    moved = rt.Scene([scene.surfaces[0], closed.moved(np.array([[1, 0, 0, 0], [0, 1, 0, -0.5], [0, 0, 1, 0], [0, 0, 0, 1.0]]))])
+    assert not [i for i in Room(moved, FREQUENCY_HZ).images(SENSOR, rotation()[:, 2], 1) if i.departure[0] > 0.99]
+
+
+def found(length: list[float], azimuth_deg: list[float], amplitude: list[complex]) -> Found:
+    angle = np.radians(azimuth_deg)
+    direction = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    none = np.zeros(len(length), bool)
+    return Found(np.array(length), direction, direction, np.array(amplitude), none, none)
+
+
+def test_orders_of_one_image_are_added_and_neighbours_are_not() -> None:
+    each = together(found([5.0, 5.0, 5.0, 5.0001], [10.0, 10.0, 10.5, 10.0], [1.0, 0.5j, 0.25, 0.125]))
+    assert sorted(np.abs(each.amplitude)) == pytest.approx([0.125, 0.25, abs(1 + 0.5j)])
+
+
+def test_partners_are_near_in_length_and_at_both_ends() -> None:
+    among = found([5.0, 5.004, 6.0], [10.0, 10.0, 20.0], [1, 1, 1])
+    of = found([5.001, 5.0035, 5.02, 6.0], [10.1, 10.0, 10.0, 20.6], [1, 1, 1, 1])
+    assert partners(of, among).tolist() == [0, 1, -1, -1]
+    turned = replace(of, arrival=-of.arrival)
+    assert partners(turned, among).tolist() == [-1, -1, -1, -1]
+    assert partners(of, found([], [], [])).tolist() == [-1] * 4
+
+
+def test_a_reference_is_scored_by_what_it_shares() -> None:
+    mine = replace(found([5.0, 6.0, 7.0], [0.0, 10.0, 20.0], [1.0, 0.1, 1e-4]), clear=np.array([True, False, True]))
+    theirs = found([5.0002, 6.0, 8.0, 9.0], [0.0, 10.0, 20.0, 30.0], [2.0, 0.1, 0.5, 1e-5])
+    theirs = replace(theirs, clear=np.array([True, False, False, False]))
+    scored = crosscheck.compare(theirs, mine)
+    assert scored.matched.tolist() == [True, True, False]  # the fourth is 106 dB down
+    assert scored.length_mm == pytest.approx([0.2, 0.0])
+    assert scored.level_db == pytest.approx([6.02], abs=0.01)
+    assert scored.cut_level_db == pytest.approx([0.0])
+    assert scored.ours_matched.tolist() == [True, True]
+
+
+@pytest.mark.slow
+def test_the_cross_check_holds_in_every_room() -> None:
+    """Every image within 40 dB is ours too, at its length; so is every path of Sionna in one place."""
+    from radartwin.compose import compose
+    from radartwin.experiment import check_rows
+    from radartwin.progress import Progress
+
+    result = crosscheck.run(compose(["experiment=backend_crosscheck"]), None, Progress())  # type: ignore[arg-type]
+    check_rows("backend_crosscheck", result.rows)
+    rows = {(r["room"], r["detail"], r["reference"], r["metric"]): r for r in result.rows}
+    references = crosscheck.REFERENCES[: 3 if is_installed() else 1]
+    for room in crosscheck.ROOMS:
+        for detail in crosscheck.DETAILS:
+            for reference in references[:2]:
+                assert rows[room, detail, reference, "matched share"]["value"] == 1
+                assert rows[room, detail, reference, "length error (mm)"]["high"] < 0.002
+                assert rows[room, detail, reference, "level error (dB)"]["value"] < 0.4
+            for reference in references[2:]:
+                assert rows[room, detail, reference, "matched share"]["value"] > 0.95
