@@ -1,0 +1,57 @@
+"""Recorded answers on the rooms they ship for: every surface says who labelled it, and the manifest brings all of it back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radartwin.label.manifest import write_labels
+from radartwin.label.recorded import shipped, shipped_rooms
+from radartwin.label.sources import Vlm
+from radartwin.materials.minc import CATEGORIES
+from radartwin.reconstruct.build import reconstruct
+from radartwin.scene import rooms
+from radartwin.scene.scene import Scene
+
+CHAIR = "arkit_lidar_chair_scan"
+
+
+@pytest.fixture(params=shipped_rooms())
+def scan(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[str, Path]:
+    """A scene folder of a room that answers ship for, nobody having labelled it."""
+    if request.param == CHAIR:
+        data = request.getfixturevalue("shared_data") / "scans" / CHAIR / "export.obj"
+        (tmp_path / f"{CHAIR}.obj").symlink_to(data)
+        reconstruct(tmp_path / f"{CHAIR}.obj", tmp_path / "scene")
+        return CHAIR, tmp_path / "scene"
+    room = rooms.room(request.param, detail="shell")
+    bare = Scene([s.replaced(material="plasterboard", provenance={"scanned": True}) for s in room], {"scan_of": request.param})
+    return request.param, bare.save(tmp_path / "scene")
+
+
+def test_every_face_has_a_material_and_who_gave_it_and_the_manifest_brings_it_back(scan: tuple[str, Path]) -> None:
+    room, folder = scan
+    before = Scene.load(folder)
+    scene = Vlm(missing="plasterboard")(before)
+    assert scene.names == before.names
+    for surface in scene:
+        facts = surface.provenance
+        assert facts["source"] in ("vlm", "uniform"), surface.name
+        assert isinstance(facts["stand_in"], bool)
+        if facts["source"] == "vlm":
+            assert facts["minc"] in CATEGORIES
+            assert 0 <= facts["confidence"] <= 1
+    area = np.array([s.mesh.area for s in scene])
+    answered = area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum()
+    print(f"{room}: {answered:.3f} of {area.sum():.1f} m2 answered by {len(shipped(room))} recorded answers")
+    assert answered > 0.9
+
+    write_labels(folder, scene)
+    again = Scene.load(folder)
+    assert [s.material for s in again] == [s.material for s in scene]
+    assert [s.roughness_m for s in again] == [s.roughness_m for s in scene]
+    assert [dict(s.provenance) for s in again] == [json.loads(json.dumps(dict(s.provenance))) for s in scene]
+    assert sum(len(s.mesh.faces) for s in again) == sum(len(s.mesh.faces) for s in before)
