@@ -16,7 +16,7 @@ from radartwin.features.processed import Processed, process
 from radartwin.radar.recording import Recording
 
 AXIS_M = 24 * BIN_M  # on a bin, about 1.05 m
-FRAMES = 64
+FRAMES = 40
 TURN_HZ = RADAR.frame_rate_hz / FRAMES  # one revolution in FRAMES frames
 
 
