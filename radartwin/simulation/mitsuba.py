@@ -30,8 +30,8 @@ NEAREST_M = 0.5
 MAX_AROUND = 6_000_000
 PRUNE = 1e-3  # of the strongest path of a pose and launch, antennas included: moves the signal of the furnished lab by 0.2 %
 # Of the room's strongest path: what pairs of legs between small static things and the room may carry and be left out, from a sensor at
-# rest and from one that moves; in the cluttered atrium this changes the signal by 0.0001 and by 0.04.
-STILL, ON_THE_WAY = 1e-3, 1e-1
+# rest and from one that moves; in the cluttered atrium this changes the signal by 0.002 and by 0.04.
+STILL, ON_THE_WAY = 1e-2, 1e-1
 AT_REST = 1e-12  # largest change of a pose that is no motion
 ROOM = 0  # cluster of the large surfaces
 NEIGHBOUR_M = 0.05  # small things closer than this are traced together

@@ -41,6 +41,8 @@ _TASKS_PER_FRAME = 16
 _GRID_BYTES = 64_000_000  # of the frames in work
 _of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str], list[tuple[np.ndarray, float]]]] = weakref.WeakKeyDictionary()
 
+_whole_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str], np.ndarray]] = weakref.WeakKeyDictionary()
+
 
 def _kernel(x: np.ndarray) -> np.ndarray:
     """exp(beta (sqrt(1 - z^2) - 1)) for taps at distance x from the point, in grid cells."""
@@ -225,7 +227,7 @@ def received(
             if part.poses == frames:
                 synthesize(part, radar, elements=elements, out=out)
             else:
-                out += synthesize(part, radar, elements=elements)
+                out += _resting(part, radar, elements)
         return out
     longest = max(float(part.length_m.max()) for part in parts)
     still = [
@@ -247,6 +249,14 @@ def received(
             phase = np.polynomial.chebyshev.chebvander(u, len(processes) - 1).astype(np.float32) @ processes.reshape(len(processes), -1)
             block += signal * (1 + np.complex64(1j) * phase.reshape(shape))
     return out
+
+
+def _resting(part: Paths, radar: Radar, elements: str) -> np.ndarray:
+    """The signal of what rests as a whole, remembered as `_still` does."""
+    known = _whole_of_part.setdefault(part, {})
+    if (radar, elements) not in known:
+        known[radar, elements] = synthesize(part, radar, elements=elements)
+    return known[radar, elements]
 
 
 def _still(part: Paths, radar: Radar, elements: str) -> list[tuple[np.ndarray, float]]:
