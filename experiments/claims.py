@@ -35,9 +35,9 @@ class Claim:
 
     def verdict(self, low: float, high: float, n: int, p: float = math.nan) -> str:
         """holds, fails or untestable."""
-        if not self.text or n < self.least or not (math.isfinite(low) and math.isfinite(high)):
+        if not self.text or n < self.least or math.isnan(low) or math.isnan(high):
             return "untestable"
-        true = self.above < low and high < self.below
+        true = (self.above == -math.inf or self.above < low) and (self.below == math.inf or high < self.below)
         true &= self.contains is None or low <= self.contains <= high
         true &= self.p_below is None or p < self.p_below
         return "holds" if true else "fails"
@@ -49,14 +49,16 @@ NONE = Claim()
 def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> dict[str, Any]:
     """One row: `case` says which; then the claim, p, the items that the interval is over, seed, the recordings' keys, the score columns.
 
-    n counts recordings, where there are any; the verdict looks at the items.
+    n counts recordings, where there are any; the verdict looks at the items. A figure that does not exist is None and untestable, a bound
+    that is not finite is None.
     """
     keys = set(keys)
+    value, low, high = (one if math.isfinite(one) else None for one in (found.value, found.low, found.high))
+    verdict = "untestable" if value is None else claim.verdict(found.low, found.high, found.n, found.p)
     return {
         **case, "claim": claim.text, "p": None if math.isnan(found.p) else found.p, "items": found.n, "seed": config.seed,
-        "run_keys": told(keys), "metric": metric, "paper": claim.paper, "value": found.value, "low": found.low, "high": found.high,
-        "n": len(keys) or found.n,
-        "domain": config.measured.provider, "verdict": claim.verdict(found.low, found.high, found.n, found.p),
+        "run_keys": told(keys), "metric": metric, "paper": claim.paper, "value": value, "low": low, "high": high, "n": len(keys) or found.n,
+        "domain": config.measured.provider, "verdict": verdict,
     }  # fmt: skip
 
 

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from fake_campaign import FakeCampaign
 
-from experiments import facet_ripple, turntable_material, turntable_shape, turntable_size
+from experiments import claims, facet_ripple, turntable_material, turntable_shape, turntable_size
 from experiments.claims import Claim
+from experiments.statistics import Estimate
 from radartwin.compose import compose
 from radartwin.config import Config
 from radartwin.errors import ConfigError
-from radartwin.experiment import Result, save
+from radartwin.experiment import Result, check_rows, save
 from radartwin.features.envelope import harmonic_ratio
 from radartwin.progress import Progress
 
@@ -93,6 +94,11 @@ def test_verdicts_follow_the_whole_interval() -> None:
     assert tested.verdict(0.1, 0.3, 5, 0.01) == "holds"
     assert tested.verdict(0.1, 0.3, 5, 0.2) == "fails"
     assert tested.verdict(float("nan"), 0.3, 5, 0.01) == "untestable"
+    nowhere = claims.row(config("turntable_shape"), {}, "m", Estimate(np.nan, 0.2, np.inf, 5), ["a", "b"], above)
+    assert (nowhere["value"], nowhere["high"], nowhere["verdict"], nowhere["n"], nowhere["p"]) == (None, None, "untestable", 2, None)
+    unbounded = claims.row(config("turntable_shape"), {}, "m", Estimate(3.0, 0.2, np.inf, 5), (), above)
+    assert (unbounded["high"], unbounded["verdict"], unbounded["n"]) == (None, "holds", 5)
+    check_rows("t", [nowhere, unbounded])
 
 
 def test_flat_facets_ripple_at_their_number_and_curved_ones_do_not() -> None:
