@@ -1,6 +1,6 @@
 """Benchmarks: what a frame costs, as ratios within one run.
 
-    python experiments/bench.py [--repeats 5] [--only synthesis frames rfgenesis memory] [--variant cuda] [--json FILE]
+    python experiments/bench.py [--repeats 5] [--only synthesis frames rfgenesis memory scan] [--variant cuda] [--json FILE]
 
 Methods alternate, so that a machine that slows down slows all of them; medians and ranges are printed, and the ratios are what to
 compare between machines. The direct sum is timed on a share of the paths and scaled (its cost is linear in them); its error reference is
@@ -39,7 +39,7 @@ FRAMES = 100
 ROOM_FRAMES = 20  # with a room around the object
 MOVING_FRAMES = {"panels": 50, "tubes": 5}  # of a sensor that moves by 2 cm a frame: a metre by panels; each costs the same by tubes
 MEMORY_RAYS = 3_000_000
-BENCHMARKS = ("synthesis", "frames", "rfgenesis", "memory")
+BENCHMARKS = ("synthesis", "frames", "rfgenesis", "memory", "scan")
 Rows = dict[str, object]
 
 
@@ -194,6 +194,15 @@ def memory(rows: Rows, variant: str) -> None:
     rows[f"peak GiB at {MEMORY_RAYS} rays"] = gibibytes
 
 
+def scan(rows: Rows) -> None:
+    """Reconstruction of a scan of half a million triangles."""
+    from bench_scan import line, measure
+
+    found = measure()
+    print(line(found))
+    rows["scan to scene"] = found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Benchmarks, as ratios within one run.")
     parser.add_argument("--repeats", type=int, default=5)
@@ -212,9 +221,11 @@ def main() -> None:
         rfgenesis(chosen.repeats, rows, variant)
     if "memory" in chosen.only:
         memory(rows, variant)
+    if "scan" in chosen.only:
+        scan(rows)
     rows["peak GiB of this process"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     results: dict[str, object] = {"processor": _processor(), "cores": os.cpu_count(), "repeats": chosen.repeats, variant: rows}
-    on_gpu = [name for name in chosen.only if name != "synthesis"]
+    on_gpu = [name for name in chosen.only if name not in ("synthesis", "scan")]
     if chosen.variant is None and on_gpu and variant_module.has_cuda():
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "cuda.json"

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 
+from experiments.bench_scan import line, measure
 from radartwin.reconstruct.accuracy import accuracy
 from radartwin.reconstruct.frames import Frames
 from radartwin.reconstruct.fusion import fuse
@@ -42,6 +43,15 @@ def test_rooms_lie_within_the_goal(room, strength):
     assert score.coverage > 0.85
     assert gigabytes < 4.0
     assert seconds < 120  # of two cores: 60 s
+
+
+@pytest.mark.slow
+def test_half_a_million_triangles_are_reconstructed_within_four_gigabytes():
+    found = measure(500_000)
+    print(line(found))
+    assert found["faces"] >= 500_000
+    assert found["peak_gib"] < 4.0
+    assert found["core_seconds"] < 120  # of two cores: 60 s
 
 
 @pytest.mark.slow
