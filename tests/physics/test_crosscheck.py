@@ -52,12 +52,12 @@ def test_what_stands_in_the_way_takes_images_away_and_cuts_zones() -> None:
     and back the zone is two thirds as wide as on the wall."""
     ahead = (round(2 * (SIZE[0] - SENSOR[0]), 6), 1.0, 0.0, 0.0)
     zone = np.sqrt(299_792_458.0 / FREQUENCY_HZ * ahead[0]) / 2
-    assert images()[ahead][1]
+    assert images(bounces=1)[ahead][1]
     for half, there, clear in ((3 * zone, True, True), (0.4 * zone, True, False), (0.0, False, False)):
         x, y = 2.0, SENSOR[1]
         left = objects.box((x, y + half, 0.2), (x + 0.01, 2.9, 2.4))
         right = objects.box((x, 0.1, 0.2), (x + 0.01, y - half, 2.4))
-        found = images(rt.Surface(left, "metal", "left"), rt.Surface(right, "metal", "right"))
+        found = images(rt.Surface(left, "metal", "left"), rt.Surface(right, "metal", "right"), bounces=1)
         assert (ahead in found) == there
         if there:
             assert found[ahead][1] == clear
