@@ -15,6 +15,7 @@ from radartwin.features import sets
 from radartwin.features.log import angles, distances
 from radartwin.features.profile import FAR_M, NEAR_M, gate
 from radartwin.features.signature import Signature, signature
+from radartwin.plotting import PAGE_WIDTH_IN
 from radartwin.progress import Progress
 from radartwin.scene.objects.catalogue import catalogue
 
@@ -94,6 +95,11 @@ def object_means(turns: Turns, feature: str, names: Sequence[str], distance_m: f
 def chosen(turns: Turns, names: Sequence[str], distance_m: float | None = None) -> list[Turn]:
     """Recordings of these objects, at one distance or all."""
     return [turn for (name, distance), some in turns.items() if name in names and distance_m in (None, distance) for turn in some]
+
+
+def panels_width_in(panels: int) -> float:
+    """Of a figure with a panel per distance: the page's for four, less for fewer."""
+    return PAGE_WIDTH_IN * min(1.0, 0.25 + 0.25 * panels)
 
 
 def is_can(name: str) -> bool:

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from experiments import rotations, statistics
 from experiments.claims import NONE, Claim, row
 from experiments.readings import Campaign
-from experiments.rotations import DOMAINS, LABELS, MEASURED, TWIN, Turns
+from experiments.rotations import DOMAINS, LABELS, MEASURED, TWIN, Turns, panels_width_in
 from experiments.statistics import Estimate
 from radartwin.config import Config
+from radartwin.errors import ConfigError
 from radartwin.experiment import Result
-from radartwin.plotting import PAGE_WIDTH_IN, PALETTE, figure
+from radartwin.plotting import PALETTE, figure
 from radartwin.progress import Progress
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store import Store
@@ -44,10 +45,16 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
-    """Rows per distance: levels of the classes, contrasts in each domain, and their difference."""
+    """Rows per distance: levels of the classes, contrasts in each domain, and their difference.
+
+    Raises:
+        ConfigError: the campaign has no distance with objects of two classes.
+    """
     turns = rotations.read(campaign, progress)
+    if not compared(turns[MEASURED]):
+        raise ConfigError("turntable_material needs objects of two classes of material at one distance, and the campaign has none")
     rows: list[dict[str, Any]] = []
-    for distance in rotations.distances_m(turns[MEASURED]):
+    for distance in compared(turns[MEASURED]):
         rows += _rows(config, turns, distance)
     metrics = {
         f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"] for r in rows if r["metric"] == "metal less plastic (dB)"
@@ -81,6 +88,11 @@ def _rows(config: Config, turns: dict[str, Turns], distance: float) -> list[dict
             source = [key for domain in DOMAINS for key in _keys(turns[domain], [*classes["metal"], *classes[dim]], distance)]
             rows.append(row(config, case, metric, found, source, claim))
     return rows
+
+
+def compared(turns: Turns) -> list[float]:
+    """Distances at which there are objects of two classes or more. The reflector alone is at others too."""
+    return [distance for distance in rotations.distances_m(turns) if len(by_class(turns, distance)) > 1]
 
 
 def by_class(turns: Turns, distance: float) -> dict[str, list[str]]:
@@ -121,8 +133,8 @@ def _keys(turns: Turns, names: list[str], distance: float) -> list[str]:
 
 def _figure(turns: dict[str, Turns]) -> Figure:
     """Brightness of every object by class, one panel per distance, measured beside simulated."""
-    where = rotations.distances_m(turns[MEASURED])
-    drawing, panels = figure(1, len(where), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, squeeze=False)
+    where = compared(turns[MEASURED])
+    drawing, panels = figure(1, len(where), width_in=panels_width_in(len(where)), height_in=2.8, sharey=True, squeeze=False)
     for panel, distance in zip(panels[0], where, strict=True):
         classes = {"reflector": [APART] if (APART, distance) in turns[MEASURED] else [], **by_class(turns[MEASURED], distance)}
         for i, names in enumerate(classes.values()):

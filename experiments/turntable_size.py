@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from experiments import rotations, statistics
 from experiments.claims import NONE, Claim, row
 from experiments.readings import Campaign
-from experiments.rotations import DOMAINS, LABELS, MEASURED, TWIN, Turns
+from experiments.rotations import DOMAINS, LABELS, MEASURED, TWIN, Turns, panels_width_in
 from experiments.statistics import Estimate
 from experiments.turntable_material import BRIGHTNESS
 from radartwin.config import Config
 from radartwin.errors import ConfigError
 from radartwin.experiment import Result
-from radartwin.plotting import PAGE_WIDTH_IN, PALETTE, figure
+from radartwin.plotting import PALETTE, figure
 from radartwin.progress import Progress
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store import Store
@@ -91,8 +91,8 @@ def _rows(config: Config, turns: Turns, domain: str, cans: list[str], distance: 
 
 def _figure(turns: dict[str, Turns], cans: list[str]) -> Figure:
     """Brightness against height, one panel per distance."""
-    where = rotations.distances_m(turns[MEASURED])
-    drawing, panels = figure(1, len(where), width_in=PAGE_WIDTH_IN, height_in=2.5, sharey=True, squeeze=False)
+    where = [d for d in rotations.distances_m(turns[MEASURED]) if sum((name, d) in turns[MEASURED] for name in cans) > 2]
+    drawing, panels = figure(1, len(where), width_in=panels_width_in(len(where)), height_in=2.5, sharey=True, squeeze=False)
     for panel, distance in zip(panels[0], where, strict=True):
         here = [name for name in cans if (name, distance) in turns[MEASURED]]
         height = np.array([1000 * catalogue()[name].size_m[2] for name in here])

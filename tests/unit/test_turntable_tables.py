@@ -141,3 +141,21 @@ def test_a_trend_with_height_is_told_from_none() -> None:
     assert {row["distance_m"] for row in result.rows} == {0.5, 1.0, None}
     with pytest.raises(ConfigError, match="three cans"):
         turntable_size.score(config("turntable_size"), FakeCampaign(objects=("mug", "mustard")), Progress())
+
+
+def test_a_reflector_alone_at_a_distance_makes_no_panel_and_no_row() -> None:
+    class Campaign(FakeCampaign):
+        def cases(self, domain: str, **chosen):
+            return [case for case in super().cases(domain, **chosen) if case.distance_m == 1.0 or case.object == "corner_reflector"]
+
+    campaign = Campaign(distances=(0.5, 1.0, 2.0), repetitions=1)
+    for module, name in ((turntable_material, "turntable_material"), (turntable_size, "turntable_size")):
+        result = module.score(config(name), campaign, Progress())
+        assert {row["distance_m"] for row in result.rows} <= {1.0, None}
+        assert [len(draw().axes) for draw in result.figures.values()] == [1]
+    shape = turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
+    assert {row["case"] for row in shape.rows if row["metric"] == "variation over distance"} == {
+        "reflector, 0.6-2.1 m", "reflector, all distances", "mean of objects",
+    }  # fmt: skip
+    with pytest.raises(ConfigError, match="two classes"):
+        turntable_material.score(config("turntable_material"), FakeCampaign(objects=("mug",), distances=(1.0,)), Progress())
