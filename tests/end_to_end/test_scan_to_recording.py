@@ -4,8 +4,12 @@ import csv
 import json
 
 import numpy as np
+import pytest
 
 import radartwin as rt
+from radartwin.reconstruct.build import reconstruct
+from radartwin.reconstruct.mesh_file import load_scan
+from radartwin.scene.trajectory import look_at
 
 
 def test_real_scan_becomes_a_processed_recording(shared_data, radartwin, tmp_path):
@@ -50,3 +54,34 @@ def test_real_scan_becomes_a_processed_recording(shared_data, radartwin, tmp_pat
     assert abs(float(peaks[0]["range_m"]) - height) < recording.radar.range_resolution_m
     assert all(abs(float(p["doppler_mps"])) < 0.1 for p in peaks)
     assert len(list((tmp_path / "outputs" / "processed" / "chair").glob("*.png"))) >= 3
+
+
+@pytest.fixture(scope="module")
+def chair(shared_data):
+    """The scanned mesh, and the scene that it becomes."""
+    path = shared_data / "scans" / "arkit_lidar_chair_scan" / "export.obj"
+    return load_scan(path)[0], reconstruct(path, material="concrete")
+
+
+@pytest.mark.parametrize(("side", "distance_m"), [("seat", 0.7), ("back", 0.6)])
+def test_strongest_return_is_where_the_scan_has_the_side_that_faces_the_radar(chair, side, distance_m):
+    """The radar looks square at a flat side of the chair; where that is is read off the scan's own vertices on the boresight."""
+    scanned, scene = chair
+    body = max((s.mesh for s in scene if s.provenance["planes"] > 1), key=lambda m: m.area)
+    level = body.facets_normal[:, 2] > 0.95 if side == "seat" else np.abs(body.facets_normal[:, 2]) < 0.5
+    facet = int(np.argmax(np.where(level, body.facets_area, 0)))
+    normal, centre = body.facets_normal[facet], body.triangles_center[body.facets[facet]].mean(axis=0)
+    pose = look_at(centre + distance_m * normal, centre)
+
+    along = (scanned.vertices - pose[:3, 3]) @ pose[:3, 0]
+    beside = np.linalg.norm(scanned.vertices - pose[:3, 3] - along[:, None] * pose[:3, 0], axis=1)
+    expected = np.median(along[(beside < 0.06) & (np.abs(along - distance_m) < 0.15)])
+
+    recording = rt.simulate(scene, rt.Radar.iwr1843(), pose[None], rays=200_000)
+    spectrum = np.abs(np.fft.fft(recording.iq[0, 0, 0, 0] * np.hanning(256), 4096))
+    ranges = np.arange(4096) * recording.radar.unambiguous_range_m / 4096
+    assert abs(ranges[int(spectrum.argmax())] - expected) < recording.radar.range_resolution_m
+    without = rt.Scene([s for s in scene if not np.array_equal(s.mesh.vertices, body.vertices)])
+    other = np.abs(np.fft.fft(rt.simulate(without, rt.Radar.iwr1843(), pose[None], rays=200_000).iq[0, 0, 0, 0] * np.hanning(256), 4096))
+    near = np.abs(ranges - expected) < recording.radar.range_resolution_m
+    assert spectrum[near].max() > 4 * other[near].max()  # 12 dB: it is the chair that returns it
