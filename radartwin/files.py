@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from radartwin.errors import OutputError
+from radartwin.errors import InputError, OutputError
 
 TEMPORARY = ".tmp"  # suffix of everything unfinished, so that a start can sweep what a killed one left
 _UNFINISHED = re.compile(rf"\..+\.radartwin-(\d{{1,9}}){re.escape(TEMPORARY)}")  # .NAME.radartwin-PID.tmp
@@ -69,6 +69,21 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
     finally:
         temporary.unlink(missing_ok=True)
     return path
+
+
+def check_archive(path: Path) -> None:
+    """Refuse a zip archive (an .npz) that would unpack to far more than it is; ours are stored as they are.
+
+    Raises:
+        InputError: naming both sizes.
+    """
+    import zipfile
+
+    size = path.stat().st_size
+    with zipfile.ZipFile(path) as archive:
+        unpacked = sum(member.file_size for member in archive.infolist())
+    if unpacked > 16 * size + (64 << 20):
+        raise InputError(f"{path} is {size:,} bytes and would unpack to {unpacked:,}; that is no file of arrays that radartwin wrote")
 
 
 def sync(path: Path, deep: bool = True) -> None:

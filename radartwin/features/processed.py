@@ -125,6 +125,7 @@ class Processed:
                 raise MissingError(f"{folder / name}: no such file; a processed recording is {_ARRAYS} with {_RADAR} beside it")
         try:
             radar = Radar.from_dict(read_json(folder / _RADAR)["radar"])
+            files.check_archive(folder / _ARRAYS)
             with (folder / _ARRAYS).open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 range_m, power, channels, velocity_mps = (data[name] for name in ("range_m", "power", "channels", "velocity_mps"))
                 return cls(radar, range_m, power, channels, data.get("doppler"), velocity_mps, data.get("noise"))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from radartwin import files
+from radartwin import files, plain_yaml
 from radartwin.errors import MissingError, RecordingError
 
 CARD = "card.yaml"
@@ -72,7 +72,7 @@ class Card:
         if not path.is_file():
             raise MissingError(f"{folder}: no recording set, it has no {CARD}; make one with radartwin import")
         try:
-            values = yaml.safe_load(path.read_text(encoding="utf-8"))
+            values = plain_yaml.load(path.read_text(encoding="utf-8"))
         except yaml.YAMLError as error:
             mark = getattr(error, "problem_mark", None)
             line = f"line {mark.line + 1}: " if mark is not None else ""

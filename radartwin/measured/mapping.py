@@ -26,6 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from radartwin import plain_yaml
 from radartwin.errors import InputError, MissingError
 from radartwin.measured.studio_log import capture_prefix
 
@@ -133,7 +134,7 @@ def _of_yaml(path: Path, text: str) -> CaptureMap:
     import yaml
 
     try:
-        values = yaml.safe_load(text)
+        values = plain_yaml.load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}: " if mark is not None else ""

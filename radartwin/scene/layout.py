@@ -33,6 +33,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from radartwin import plain_yaml
 from radartwin.errors import LayoutError, MissingError
 
 if TYPE_CHECKING:
@@ -183,7 +184,7 @@ def _loader() -> type[yaml.SafeLoader]:
     """YAML's safe types, but `on` is a word: only true and false are truth values."""
     import yaml
 
-    class Loader(yaml.SafeLoader):
+    class Loader(plain_yaml.loader()):
         yaml_implicit_resolvers: ClassVar = {
             first: [(tag, pattern) for tag, pattern in pairs if tag != "tag:yaml.org,2002:bool"]
             for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()

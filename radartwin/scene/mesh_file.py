@@ -13,6 +13,7 @@ import trimesh
 from trimesh.visual import ColorVisuals
 
 from radartwin.errors import MeshError, MissingError
+from radartwin.scene.mesh_limits import check_glb
 
 MESH_SUFFIXES = (".glb", ".ply", ".obj")
 HEAD_BYTES = 65_536  # of an .obj, where it names its materials
@@ -45,10 +46,16 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
     try:
         if isinstance(source, Path):
             with source.open("rb") as stream:
+                if file_type == "glb":
+                    check_glb(stream, label)
                 beside = trimesh.resolvers.FilePathResolver(str(source))  # where an .obj keeps its materials and textures
                 loaded = trimesh.load_scene(stream, file_type=file_type, resolver=beside, process=False, maintain_order=True)
         else:
+            if file_type == "glb" and not isinstance(source, str):
+                check_glb(source, label)
             loaded = trimesh.load_scene(source, file_type=file_type, process=False)
+    except MeshError:
+        raise
     except Exception as error:  # trimesh's readers raise whatever their parsing runs into
         raise MeshError(f"{label} cannot be read as {file_type}: {_one_line(error)}; export it again") from error
     if isinstance(source, Path) and (gone := missing_textures(source)):

@@ -1,0 +1,78 @@
+"""What a .glb says it holds, judged before anything is unpacked: a kilobyte of it can ask for all the memory there is.
+
+Ref: Khronos glTF 2.0, sections 3.6.2 (accessors; one without a buffer view is zeros), 3.5.2 (the node tree) and 4.4 (the
+binary container).
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import IO, Any
+
+from radartwin.errors import MeshError
+
+MAX_INSTANCES = 1_000_000  # meshes put into the scene by nodes
+MAX_BYTES = 16 << 30  # of all meshes as they stand in the scene
+SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of a component
+COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # components of an element
+_JSON = 0x4E4F534A
+
+
+def check_glb(stream: IO[bytes], label: str) -> None:
+    """Refuse what no scan is; leave everything else, damage included, to the reader. The stream ends where it was.
+
+    Raises:
+        MeshError: arrays larger than the file they are in, nodes in a circle, or more copies of meshes than memory holds.
+    """
+    start = stream.tell()
+    length = stream.seek(0, 2) - start
+    stream.seek(start)
+    try:
+        document = _document(stream)
+        asked = _asked(document)
+    except (ValueError, LookupError, TypeError, AttributeError, struct.error, RecursionError):
+        return  # not readable as glTF, which the reader says
+    finally:
+        stream.seek(start)
+    stored, scene, instances = asked
+    if stored > 64 * length or scene > MAX_BYTES:
+        raise MeshError(f"{label} is {length:,} bytes and would unpack to {max(stored, scene):,}; export it again, or in parts")
+    if instances > MAX_INSTANCES:
+        raise MeshError(f"{label} puts meshes in more than {MAX_INSTANCES:,} places, or in a circle; export it again")
+
+
+def _document(stream: IO[bytes]) -> dict[str, Any]:
+    _, _, _, length, kind = struct.unpack("<5I", stream.read(20))
+    if kind != _JSON:
+        raise ValueError("the first chunk is not JSON")
+    return json.loads(stream.read(length))
+
+
+def _asked(document: dict[str, Any]) -> tuple[int, int, int]:
+    """Bytes of all accessors, bytes of the meshes as nodes place them, and how often nodes place one."""
+    accessors = [_bytes(accessor) for accessor in document.get("accessors", [])]
+    meshes = []
+    for mesh in document.get("meshes", []):
+        used = [index for part in mesh["primitives"] for index in (*part["attributes"].values(), part.get("indices")) if index is not None]
+        meshes.append(sum(accessors[index] for index in used))
+    nodes, placed = document.get("nodes", []), dict[int, tuple[int, int]]()
+
+    def below(index: int, above: frozenset[int]) -> tuple[int, int]:
+        if index in above:
+            return 0, MAX_INSTANCES + 1
+        if index not in placed:
+            node = nodes[index]
+            total = (meshes[node["mesh"]], 1) if "mesh" in node else (0, 0)
+            for child in node.get("children", []):
+                found = below(child, above | {index})
+                total = (total[0] + found[0], total[1] + found[1])
+            placed[index] = total
+        return placed[index]
+
+    roots = [below(root, frozenset()) for scene in document.get("scenes", []) for root in scene.get("nodes", [])]
+    return sum(accessors), sum(size for size, _ in roots), sum(count for _, count in roots)
+
+
+def _bytes(accessor: dict[str, Any]) -> int:
+    return int(accessor["count"]) * SIZES[accessor["componentType"]] * COUNTS[accessor["type"]]
