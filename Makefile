@@ -28,6 +28,10 @@ test-slurm: setup-test
 	  { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends slurm-wlm munge; }
 	@$(PY) -m pytest -q -m slow tests/slurm
 
+# Faults planted in the physics, one at a time in a copy of the tree; the quick physics tests must catch each.
+mutants: setup-test llvm
+	@$(PY) tests/mutants/plant.py
+
 bench: llvm
 	@$(PY) experiments/bench.py
 

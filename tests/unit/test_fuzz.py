@@ -35,7 +35,13 @@ from radartwin.scene.mesh_file import read_meshes
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectory_file import read_track
 
-QUICK = settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+QUICK = settings(
+    max_examples=25,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
 SECONDS, LENGTH = 20, 2000  # a reader answers within, and in no longer a line
 
 TEXTS = {
