@@ -164,6 +164,16 @@ def test_what_has_no_mirror_point_is_silent_and_named():
 
 
 @needs_sionna
+def test_a_limit_is_told_once():
+    scene = rt.Scene([rt.Surface(objects.sphere(0.05).apply_transform(at(2.0)), "metal", "ball told once")])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")  # as Python has it outside tests
+        for _ in range(3):
+            rt.simulate(scene, RADAR, HERE, simulator="sionna")
+    assert ["'ball told once'" in str(one.message) for one in caught] == [True]
+
+
+@needs_sionna
 @pytest.mark.parametrize(("size_m", "excess_db"), [(0.02, 19.8), (0.05, 3.8), (0.2, None)])
 def test_a_plate_of_any_size_returns_a_mirrors_level(size_m, excess_db):
     parts, texts = told(rt.Scene([rt.Surface(objects.plate(size_m, size_m).apply_transform(at(2.0)), "metal", "small plate")]))
