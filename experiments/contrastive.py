@@ -10,8 +10,6 @@ alone leaves the study as a model for `radartwin classify`; its features leave b
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,7 +34,7 @@ EXPORT_WITHOUT = ("brightness",)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaigns import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaigns import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), store, progress)
 
@@ -99,9 +97,7 @@ def export(config: Config, campaign: Campaign, store: Store) -> Recogniser:
     """The recogniser of the twelve objects, trained on simulation alone, features scaled by the simulated ones."""
     measured, copies = read(config, campaign, store, Progress(), EXPORT_WITHOUT)
     texts = anchors(copies.samples.classes)
-    trained = fit(
-        label_free(standardised(copies.samples), standardised(measured.samples)), texts, replace(settings(config), paired=0.0), config.seed
-    )
+    trained = fit(label_free(standardised(copies.samples), standardised(measured.samples)), texts, settings(config), config.seed)
     provenance = {
         "trained on": "simulation", "table": "contrastive", "seed": config.seed, "epochs": trained.epochs,
         "copies": config.supervision.copies, "recordings": sorted(copies.keys),

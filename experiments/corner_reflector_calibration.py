@@ -36,7 +36,7 @@ ALIGNED_DB = 3.0  # a factor of two in power
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaigns import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaigns import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), progress)
 

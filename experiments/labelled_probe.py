@@ -55,7 +55,7 @@ class Data:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaigns import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaigns import Campaign as Recorded
 
     naive = replace(config, simulator=SimulatorConfig(**_rfgenesis(config)))
     return score(config, Recorded(config, store, progress), store, progress, {RIVAL: Recorded(naive, store, progress)})
@@ -179,7 +179,7 @@ def label_efficiency(
             known, rest = draw_shots(measured, shots, seed)
             answers = {PRETRAINED: nearest_text(encoder, rest.unlabelled(), texts, settings(config).temperature)}
             if shots:
-                own = fit(Split("few_shot", known, rest, shots), texts, replace(settings(config), paired=0.0), seed).encoder
+                own = fit(Split("few_shot", known, rest, shots), texts, settings(config), seed).encoder
                 answers = {
                     PRETRAINED: nearest_centroid(encoder.embedded(known), encoder.embedded(rest)),
                     RAW: nearest_centroid(known, rest),

@@ -33,7 +33,7 @@ WRONG = (0.0, 0.25, 0.5, 1.0)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaigns import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaigns import Campaign as Recorded
 
     return score(config, lambda chosen: Recorded(chosen, store, progress), progress)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,8 +31,10 @@ def anchors(objects: Iterable[str]) -> dict[str, NDArray]:
     return dict(zip(names, embed([known[name].description for name in names]), strict=True))
 
 
-def settings(config: Config) -> Settings:
-    return Settings(**asdict(config.supervision.encoder))
+def settings(config: Config, level: str = "label_free") -> Settings:
+    """Of the encoder; the paired term is for who has labels."""
+    chosen = Settings(**asdict(config.supervision.encoder))
+    return chosen if level == "few_shot" else replace(chosen, paired=0.0)
 
 
 def seeds(config: Config) -> list[int]:
@@ -43,7 +45,7 @@ def seeds(config: Config) -> list[int]:
 def encoders(config: Config, split: Split) -> list[Encoder]:
     """One training per seed."""
     texts = anchors(split.train.classes)
-    return [fit(split, texts, settings(config), seed).encoder for seed in seeds(config)]
+    return [fit(split, texts, settings(config, split.level), seed).encoder for seed in seeds(config)]
 
 
 def cells(recordings: Samples) -> NDArray[np.str_]:

@@ -33,7 +33,7 @@ PAPER = {
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaigns import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaigns import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), store, progress)
 

@@ -43,7 +43,7 @@ Shown = dict[str, dict[str, Mapping[str, Any]]]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaigns import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaigns import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), store, progress)
 

@@ -27,7 +27,7 @@ PAPER = {"geometry": "0.72", "material": "0.72"}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaigns import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaigns import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), store, progress)
 

@@ -15,6 +15,7 @@ from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.split import Split
 
 TREES = 100
+FOLDS = 12  # as many as objects, so that each of them is left out alone
 
 
 def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratified: bool = False) -> NDArray[np.str_]:
@@ -63,17 +64,18 @@ def _sums(values: NDArray, kind: NDArray, classes: int) -> tuple[NDArray[np.floa
 
 
 def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:
-    """Logistic regression on each recording from those of all other groups, classes weighted alike.
+    """Logistic regression on each row from those of other groups, classes weighted alike, in FOLDS folds of whole groups.
 
     Args:
-        recordings: one row per recording, features on comparable scales.
+        recordings: features on comparable scales.
         groups: (N,) what is left out together: recordings, or objects, so that an object's class is told by other objects alone.
     """
     from sklearn.linear_model import LogisticRegression
-    from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
+    from sklearn.model_selection import GroupKFold, cross_val_predict
 
     probe = LogisticRegression(max_iter=5000, class_weight="balanced")
-    return np.asarray(cross_val_predict(probe, recordings.values, recordings.label, groups=groups, cv=LeaveOneGroupOut()))
+    folds = GroupKFold(min(FOLDS, np.unique(groups).size))
+    return np.asarray(cross_val_predict(probe, recordings.values, recordings.label, groups=groups, cv=folds))
 
 
 def transferred_probe(split: Split) -> NDArray[np.str_]:
