@@ -124,6 +124,7 @@ def test_label_free_attributes_and_identity(tmp_path: Path):
     assert row(result, attribute="material", method=turntable_label_free.ENCODER)["chance"] == 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides", [(), ("supervision=few_shot", "supervision.encoder.paired=0.5", "supervision.encoder.symmetric=true")]
 )

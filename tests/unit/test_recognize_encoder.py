@@ -14,7 +14,9 @@ from radartwin.recognize.training import fit, held_out
 
 OBJECTS = ("can", "mug", "bottle")
 SETTINGS = Settings(hidden=16, epochs=30, batch=64)
-ANCHORS = dict(zip(OBJECTS, np.linalg.qr(np.random.default_rng(9).normal(size=(8, 3)))[0].T.astype(np.float32), strict=True))
+ANCHORS: dict[str, np.ndarray] = dict(
+    zip(OBJECTS, np.linalg.qr(np.random.default_rng(9).normal(size=(8, 3)))[0].T.astype(np.float32), strict=True)
+)
 
 
 def rows(domain: str, seed: int, each: int = 3, copies: int = 4, spread: float = 0.2) -> Samples:
