@@ -447,9 +447,9 @@ class CampaignConfig:
     """The recordings that the tables share. Empty lists of objects: all of the catalogue (turntable), all of the rover's set (rover)."""
 
     turntable_objects: list[str] = field(default_factory=list)
-    turntable_distances_m: list[float] = field(default_factory=lambda: [1.0, 2.0])
+    turntable_distances_m: list[float] = field(default_factory=lambda: [1.0])
     reflector_distances_m: list[float] = field(default_factory=lambda: [0.5, 1.0, 1.5, 2.0])  # of the corner reflector on the turntable
-    frames_per_turn: int = 50
+    frames_per_turn: int = 36
     turns: int = 2  # of a measured recording; the twin turns once
     rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])
     rail_repeats: int = 2

@@ -21,6 +21,7 @@ BENCH_HEIGHT_M = 1.0  # of the radar before the lab's bench
 SPEED_MPS = 0.2
 RAIL_M, RAIL_START_M = 0.6, 1.0
 DEPTH_M, LATERAL_M, LATERAL_MPS = 1.0, 1.2, 0.24
+FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x looks back at the radar
 
 
 @dataclass(frozen=True, order=True)
@@ -101,10 +102,11 @@ def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
     if case.motion == "turntable":
         rate = config.frames_per_turn / TURN_S
         frames = config.frames_per_turn * (config.turns if measured else 1)
-        return Log(rate, sensor, trajectory.turntable(at, frames, rate, TURN_S), 2 * np.pi * np.arange(frames) / config.frames_per_turn)
+        angle = 2 * np.pi * np.arange(frames) / config.frames_per_turn
+        return Log(rate, sensor, trajectory.turntable(at, frames, rate, TURN_S, np.pi), angle)
     angle = np.radians(45.0 if case.motion == "diagonal" else 0.0)
     way = sensor[0, :3, 0] * np.cos(angle) + sensor[0, :3, 1] * np.sin(angle)
-    return Log(RATE_HZ, sensor, trajectory.sweep(trajectory.pose(at), way, RAIL_M, SPEED_MPS, RATE_HZ))
+    return Log(RATE_HZ, sensor, trajectory.sweep(trajectory.pose(at, FACING), way, RAIL_M, SPEED_MPS, RATE_HZ))
 
 
 def _rover(case: Case, aim_m: float, every: int) -> Log:
@@ -116,7 +118,7 @@ def _rover(case: Case, aim_m: float, every: int) -> Log:
     else:  # away from the target: from the nearest stand-off there is no room to drive towards it
         start = bench.sensor_pose
         poses = trajectory.sweep(start, -start[:3, 0], DEPTH_M, SPEED_MPS, RATE_HZ)
-    return Log(RATE_HZ / every, poses[::every], trajectory.pose(at - [0, 0, aim_m])[None])
+    return Log(RATE_HZ / every, poses[::every], trajectory.pose(at - [0, 0, aim_m], FACING)[None])
 
 
 def stand_top(nominal: Log) -> np.ndarray:

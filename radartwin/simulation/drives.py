@@ -24,6 +24,7 @@ SPACING_M = 0.02  # between places along a track
 CLUTTER_SPACING_M = 0.04
 BEYOND_M = 0.04  # both ends of the nominal drive: the actual one starts early or rolls on
 SCOUT_SHARE = 0.3  # of the last prune: what is a little less at one place may be more at the next
+TOGETHER = 8  # places traced in one go, which bounds memory
 BALL_M, BALL_STEP = 0.1, 1.5  # balls that legs are found for: so large, and so much larger from one size to the next
 
 
@@ -71,6 +72,12 @@ def places_along(poses: np.ndarray, spacing_m: float) -> np.ndarray:
     out = np.repeat(poses[:1], len(steps), axis=0)
     out[:, :3, 3] = start + steps[:, None] * (way / length if length > 0 else np.eye(3)[0])
     return out
+
+
+def _in_turn(parts: Sequence[Paths | None], poses: int) -> Paths:
+    """Parts of TOGETHER poses each, one after the other, as one of all poses."""
+    shifted = [replace(part, poses=poses, pose=part.pose + k * TOGETHER) for k, part in enumerate(parts) if part is not None]
+    return Paths.concatenate(shifted)
 
 
 class Drives:
@@ -122,7 +129,10 @@ class Drives:
     def thing(self, surfaces: Sequence[Surface], coupled: bool = True) -> Track:
         """Paths by way of something compact at rest in the world along the track, and of it and the room where it is `coupled`."""
         places = places_along(self._nominal, SPACING_M)
-        return Track(places, self.moving(surfaces, places, np.eye(4)[None], coupled))
+        at_rest = np.eye(4)[None]
+        some = [self.moving(surfaces, places[low : low + TOGETHER], at_rest, coupled) for low in range(0, len(places), TOGETHER)]
+        longest = max(len(parts) for parts in some)
+        return Track(places, [_in_turn([parts[k] if k < len(parts) else None for parts in some], len(places)) for k in range(longest)])
 
     def moving(self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True) -> list[Paths]:
         """Paths by way of something compact, in its own frame, at `poses` (F, 4, 4), seen from `sensor` (F, 4, 4); either may be one."""

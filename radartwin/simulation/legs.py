@@ -26,7 +26,7 @@ COARSE = 0.02  # ... or of the direct leg, whichever is more
 GRID_M = 0.05  # between the places around the object where a leg is evaluated that differs by more
 ABOVE_M = 1e-4  # a panel, where legs over it end
 POINTS_AT_ONCE = 100_000
-KEPT = 8  # some tens of megabytes each
+KEPT = 64  # of a few places each
 _kept: "OrderedDict[tuple, tuple[PanelRoom, Legs]]" = OrderedDict()  # with the room, so that its id stays its own
 
 
