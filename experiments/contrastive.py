@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.labelled_probe import FEATURES, MOTION
-from experiments.readings import Campaign, Readings, noise_copies, vectors
+from experiments.readings import Campaign, Readings, noise_copies, shared_cases, vectors
 from experiments.recognition import GEOMETRY, MATERIAL, Rows, anchors, encoders, right, settings
 from experiments.recognition_figures import bars, embedding_map
 from radartwin.config import Config
-from radartwin.errors import InputError
 from radartwin.experiment import Result
 from radartwin.progress import Progress
 from radartwin.recognize.model import Recogniser
@@ -72,9 +71,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
 
 def read(config: Config, campaign: Campaign, store: Store, progress: Progress, without: tuple[str, ...] = ()) -> tuple[Readings, Readings]:
     """(measured recordings, noise copies of the simulated ones)."""
-    cases, twins = (campaign.cases(domain, motion=MOTION) for domain in ("measured", "twin"))
-    if not cases or not twins:
-        raise InputError(f"the campaign has no {MOTION} recordings of both domains; nothing can be aligned")
+    cases, twins = shared_cases(campaign, MOTION)
     progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each; {len(cases)} measured")
     made = noise_copies(campaign, store, twins, cases, FEATURES, config.supervision.copies, config.seed, without)
     return vectors(campaign, "measured", cases, FEATURES, without), made

@@ -43,7 +43,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
     room = sorted({case.room for case in campaign.cases("measured", motion=MOTION)})[0]
-    cases = {domain: campaign.cases(domain, motion=MOTION, room=room) for domain in ("measured", "twin")}
+    cases = dict(zip(("measured", "twin"), readings.shared_cases(campaign, MOTION, room), strict=True))
     progress.say(f"{len(cases['measured'])} measured and {len(cases['twin'])} simulated revolutions in {room}")
     measured, twin = (readings.vectors(campaign, domain, cases[domain], FEATURES) for domain in ("measured", "twin"))
     reflector = [

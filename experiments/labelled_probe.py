@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.readings import Campaign, Readings, noise_copies, vectors
+from experiments.readings import Campaign, Readings, noise_copies, shared_cases, vectors
 from experiments.recognition import Rows, anchors, encoders, right, seed_sd, seeds, settings
 from experiments.recognition_figures import bars, confusions, label_curve
 from radartwin.config import Config, SimulatorConfig
-from radartwin.errors import InputError
 from radartwin.experiment import Result
 from radartwin.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
@@ -130,14 +129,12 @@ def _probed(rows: Samples, probe: str) -> NDArray[np.str_]:
 
 def gather_data(config: Config, campaign: Campaign, store: Store, progress: Progress, rivals: Mapping[str, Campaign]) -> Data:
     """Read everything; a rival replaces the twin's recordings, nothing else."""
-    cases = campaign.cases("measured", motion=MOTION)
-    if not cases:
-        raise InputError(f"the campaign has no measured {MOTION} recordings; nothing can be recognised")
-    progress.say(f"{len(cases)} measured revolutions")
+    cases, _ = shared_cases(campaign, MOTION)
+    progress.say(f"{len(cases)} measured {MOTION} recordings")
     measured = vectors(campaign, "measured", cases, FEATURES)
     read: dict[str, Readings] = {}
     for name, source in {PRETRAINED: campaign, **rivals}.items():
-        twins = source.cases("twin", motion=MOTION)
+        twins = shared_cases(_measured_by(campaign, source), MOTION)[1]
         progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each: {name}")
         read[name] = noise_copies(_measured_by(campaign, source), store, twins, cases, FEATURES, config.supervision.copies, config.seed)
     keys = {"measured": measured.keys, **{name: readings.keys for name, readings in read.items()}}

@@ -61,7 +61,7 @@ def score(config: Config, campaign_of: Callable[[Config], Campaign], progress: P
         hits = right(transfer.answers(config, transfer.ranked_split(frames)), truth.label)
         case = {"method": name, "wrong": share}
         row = table.share(case, hits, truth, frames.keys, uniform_chance(truth))
-        profiles = readings.vectors(campaign, "twin", campaign.cases("twin", room=ROOM, motion=MOTION), "raw")
+        profiles = readings.vectors(campaign, "twin", readings.shared_cases(campaign, MOTION, ROOM)[1], "raw")
         levels = profiles.samples
         if reference is None or first is None:
             reference, first = levels, hits

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from radartwin.errors import InputError
 from radartwin.features import envelope, sets, track
 from radartwin.features.log import Log, distances
 from radartwin.features.processed import Processed
@@ -60,6 +61,24 @@ def recording_name(domain: str, case: Case) -> str:
 def stratum(case: Case) -> str:
     """What recordings are matched by: equal distance at the start."""
     return f"{case.distance_m:g} m"
+
+
+def shared_cases(campaign: Campaign, motion: str, room: str | None = None, domain: str = "twin") -> tuple[list[Any], list[Any]]:
+    """(measured, simulated) cases of the objects and distances that both have, at distances that tell two objects or more apart.
+
+    Raises:
+        InputError: there are none.
+    """
+    chosen = {"motion": motion} | ({"room": room} if room else {})
+    cases = [campaign.cases(side, **chosen) for side in ("measured", domain)]
+    places = set.intersection(*({(case.object, case.room, case.distance_m) for case in side} for side in cases))
+    objects = {(where, distance): {o for o, w, d in places if (w, d) == (where, distance)} for _, where, distance in places}
+    kept = {(o, where, distance) for o, where, distance in places if len(objects[where, distance]) > 1}
+    if not kept:
+        place = f" in {room}" if room else ""
+        raise InputError(f"the campaign has no {motion} recordings{place} of two objects at one distance, both measured and simulated")
+    measured, simulated = ([case for case in side if (case.object, case.room, case.distance_m) in kept] for side in cases)
+    return measured, simulated
 
 
 def vectors(

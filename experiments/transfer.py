@@ -38,15 +38,11 @@ class Frames:
 
 
 def read(campaign: Campaign, room: str, motion: str, domain: str = "twin", materials: Any = None) -> Frames:
-    """Frames of every case. Raises InputError where the campaign has none of either domain."""
-    found = {}
-    for side, source in (("measured", None), (domain, materials)):
-        cases = campaign.cases(side, room=room, motion=motion)
-        if not cases:
-            raise InputError(f"the campaign has no {side} recordings of {motion} sweeps in {room}")
-        found[side] = readings.frames(campaign, side, cases, motion, materials=source)
-    keys = tuple(sorted((*found[domain].keys, *found["measured"].keys)))
-    return Frames(found[domain].samples, found["measured"].samples, keys)
+    """Frames of every case that both domains have. Raises InputError where there are none."""
+    measured, simulated = readings.shared_cases(campaign, motion, room, domain)
+    theirs = readings.frames(campaign, "measured", measured, motion)
+    ours = readings.frames(campaign, domain, simulated, motion, materials=materials)
+    return Frames(ours.samples, theirs.samples, tuple(sorted((*ours.keys, *theirs.keys))))
 
 
 def ranked(samples: Samples) -> Samples:
@@ -69,8 +65,9 @@ def answers(config: Config, split: Split, change: Callable[[Split, int], Split] 
 
 def raw_answers(campaign: Campaign, room: str, motion: str) -> tuple[NDArray, Samples]:
     """The object whose simulated signature each measured recording matches, and the recordings."""
-    parts = [readings.signatures(campaign, domain, campaign.cases(domain, room=room, motion=motion)) for domain in ("twin", "measured")]
-    split = label_free(parts[0].samples, parts[1].samples)
+    measured, simulated = readings.shared_cases(campaign, motion, room)
+    ours, theirs = readings.signatures(campaign, "twin", simulated), readings.signatures(campaign, "measured", measured)
+    split = label_free(ours.samples, theirs.samples)
     return match_signatures(split), split.test
 
 

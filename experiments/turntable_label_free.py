@@ -8,12 +8,11 @@ recognition, (ii) label-free: geometry 0.72 against a majority of 0.58, material
 from __future__ import annotations
 
 from experiments.labelled_probe import FEATURES, MOTION
-from experiments.readings import Campaign, noise_copies, vectors
+from experiments.readings import Campaign, noise_copies, shared_cases, vectors
 from experiments.recognition import GEOMETRY, MATERIAL, Rows, anchors, encoders, right, settings
 from experiments.recognition_figures import bars, confusions
 from experiments.transfer import ranked
 from radartwin.config import Config
-from radartwin.errors import InputError
 from radartwin.experiment import Result
 from radartwin.progress import Progress
 from radartwin.recognize.encoder import nearest_text
@@ -33,10 +32,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, campaign: Campaign, store: Store, progress: Progress) -> Result:
-    cases = campaign.cases("measured", motion=MOTION)
-    if not cases:
-        raise InputError(f"the campaign has no measured {MOTION} recordings; nothing can be recognised")
-    twins = campaign.cases("twin", motion=MOTION)
+    cases, twins = shared_cases(campaign, MOTION)
     progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each; {len(cases)} measured")
     read = vectors(campaign, "measured", cases, FEATURES)
     made = noise_copies(campaign, store, twins, cases, FEATURES, config.supervision.copies, config.seed)
