@@ -99,6 +99,15 @@ def test_a_capture_of_a_stranger_is_classified(model: Path, tmp_path: Path):
     assert classify(tmp_path / "seen.npy", model, radar(), iq_swapped=False).classes[0] == "once"
 
 
+def test_a_real_capture_of_a_single_frame_is_too_short(model: Path, radartwin, shared_data: Path):
+    """Another radar, another order of I and Q: it is read, and what is missing is said."""
+    capture = shared_data / "radar" / "iwr6843_static_room" / "iwr6843_frame_adc_data.bin"
+    done = radartwin("classify", capture, "--model", model)
+    assert done.returncode == 2
+    assert "1 frames" in done.stderr.splitlines()[-1]
+    assert "record a whole one" in done.stderr.splitlines()[-1]
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
