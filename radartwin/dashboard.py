@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 import socket
 import subprocess
 import sys
@@ -17,7 +19,7 @@ from radartwin.errors import BackendError, ConfigError
 from radartwin.tracking import Tracker
 
 HOST, USUAL_PORT = "127.0.0.1", 5000
-STARTS_WITHIN_S = 120
+STARTS_WITHIN_S, ENDS_WITHIN_S = 120, 5
 
 
 def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> int:
@@ -40,10 +42,24 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     tracker.prepare()
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]
     command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
-    with contextlib.suppress(KeyboardInterrupt), subprocess.Popen(command) as server:
-        threading.Thread(target=_announce, args=(server, port), daemon=True).start()
-        return server.wait()
+    with contextlib.suppress(KeyboardInterrupt):
+        server = subprocess.Popen(command, start_new_session=True)  # Ctrl-C reaches us alone; we end it, whatever it waits for
+        try:
+            threading.Thread(target=_announce, args=(server, port), daemon=True).start()
+            return server.wait()
+        finally:
+            _end(server)
     return 0
+
+
+def _end(server: subprocess.Popen[bytes]) -> None:
+    """End the server and its workers: asked first, then not."""
+    for sign in (signal.SIGTERM, signal.SIGKILL):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(server.pid, sign)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            server.wait(ENDS_WITHIN_S)
+            return
 
 
 def _announce(server: subprocess.Popen[bytes], port: int) -> None:

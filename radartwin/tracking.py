@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
+KIND = {"mlflow.experimentKind": "custom_model_development"}  # its page opens on the table of runs, not on traces
 LOADER = "radartwin.recognize.pyfunc"  # the module that MLflow loads a run's models with
 PROCESS = "process"  # tag: host and process that compute a run
 MAX_METRICS = 40  # about thirty scalars a run; curves and tables are artifacts
@@ -167,7 +168,7 @@ class Tracker:
         if found is not None:
             return found.experiment_id
         location = f"{self.artifacts}/{table}" if self._database else None
-        return client.create_experiment(table, artifact_location=location)
+        return client.create_experiment(table, artifact_location=location, tags=KIND)
 
     @staticmethod
     def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
