@@ -61,7 +61,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
                 shown.setdefault(f"{attribute},\nother {left_out}s", {})[method] = row
     both = join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test))
     figures = {
-        "contrastive": lambda: bars(shown, "balanced accuracy"),
+        "contrastive": lambda: bars(shown, "balanced accuracy", grey=RAW),
         "contrastive_map": lambda: embedding_map(both, GEOMETRY, "first seed"),
     }
     metrics = {f"{r['attribute']}_{r['left out']}": r["value"] for r in table.rows if r["method"] == EMBEDDED}

@@ -108,7 +108,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress, 
     curve = label_efficiency(config, table, data, trained[PRETRAINED], chance)
     controls(config, table, data, chance)
     figures_of = {
-        "labelled_probe": lambda: bars(groups, "accuracy"),
+        "labelled_probe": lambda: bars(groups, "accuracy", grey=RAW),
         "labelled_probe_confusion": lambda: confusions(
             {method: (measured.label, answers[method, RECORDINGS][0]) for method in (RAW, PRETRAINED)}, measured.classes
         ),

@@ -19,11 +19,11 @@ GREY = "0.65"
 Row = Mapping[str, Any]
 
 
-def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", width_in: float = PAGE_WIDTH_IN) -> Figure:
-    """Bars of {group: {method: row}} with their intervals and paper's figures aside; chance is a line through each group."""
-    drawing, axis = figure(width_in=width_in, height_in=2.6)
+def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", grey: str = "") -> Figure:
+    """Bars of {group: {method: row}} with their intervals; the baseline is grey, and chance is a line through each group."""
+    drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
     methods = list(dict.fromkeys(method for group in groups.values() for method in group))
-    colours = dict(zip(methods, (GREY, *PALETTE), strict=False)) if len(methods) > 1 else {methods[0]: PALETTE[0]}
+    colours = {grey: GREY} | dict(zip((method for method in methods if method != grey), PALETTE, strict=False))
     width = 0.8 / len(methods)
     for place, group in enumerate(groups.values()):
         for number, method in enumerate(methods):
@@ -101,6 +101,6 @@ def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
     axis.set_xscale("symlog", base=2, linthresh=1)
     axis.set_xticks(ticks, [str(tick) for tick in ticks])
     axis.minorticks_off()
-    axis.set(xlabel="labelled measured recordings per class", ylabel="accuracy", ylim=(0, 1.02))
+    axis.set(xlabel="labelled measured revolutions per class", ylabel="accuracy", ylim=(0, 1.02))
     axis.legend(loc="center left", bbox_to_anchor=(0.02, 0.35))
     return drawing

@@ -75,7 +75,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
             table.gain(case, hits[classes, better], hits[classes, worse], truth, keys, claim=claim)
     paired_rows(table, hits, keys)
     figures = {
-        "reconstruction_ablation": lambda: bars(shown, "accuracy"),
+        "reconstruction_ablation": lambda: bars(shown, "accuracy", grey=VOID),
         "reconstruction_ablation_confusion": lambda: confusions(panels, recordings.classes),
     }
     metrics = {f"{classes}_{method.replace(' ', '_')}": float(found.mean()) for (classes, method), found in hits.items()}

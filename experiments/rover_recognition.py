@@ -69,7 +69,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
         used |= set(turntable_rows(config, table, shown, campaign, store, progress))
     classes = sorted({label for truth, _ in panels.values() for label in truth})
     figures = {
-        "rover_recognition": lambda: bars(shown, "accuracy", "squash court; turntable in the lab"),
+        "rover_recognition": lambda: bars(shown, "accuracy", "squash court; turntable in the lab", grey=RAW),
         "rover_confusion": lambda: confusions(panels, classes),
     }
     metrics = {f"{room}_{motion}_object": found["value"] for (room, motion), found in _headline(table).items()}

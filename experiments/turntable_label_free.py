@@ -64,7 +64,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
     row["verdict"] = "holds" if row["low"] <= chance else "fails"
     shown["identity"] = {ENCODER: row}
     figures = {
-        "turntable_label_free": lambda: bars(shown, "accuracy"),
+        "turntable_label_free": lambda: bars(shown, "accuracy", grey=RANKS),
         "turntable_label_free_confusion": lambda: confusions({"nearest description": (split.test.label, names[0])}, split.test.classes),
     }
     metrics = {f"accuracy_{name}": group[ENCODER]["value"] for name, group in shown.items()}
