@@ -222,7 +222,8 @@ def _log_models(client: MlflowClient, run_id: str, folder: Path) -> None:
     from mlflow import pyfunc
 
     for model in sorted(folder.iterdir()):
-        with tempfile.TemporaryDirectory() as work:
+        with tempfile.TemporaryDirectory() as work, warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".*Any type hint is inferred")  # of mlflow's own classes, when it is first imported
             made = Path(work) / model.name
             requirements = [f"radartwin=={__version__}"]
             pyfunc.save_model(str(made), loader_module=LOADER, data_path=str(model), pip_requirements=requirements)
