@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import own_experiment
 import pytest
@@ -55,6 +56,7 @@ def test_a_search_that_cannot_be_made_is_one_line(tmp_path: Path, arguments: lis
 
 
 def test_a_space_is_read_from_overrides() -> None:
+    searched: dict[str, Any]
     fixed, searched = space(["seed=3", "materials=vlm,void", "a.b=interval(1,2)", "c.d=tag(log,interval(0.1,10))", "e.f=range(1,4)"])
     assert fixed == ["seed=3"]
     assert searched["materials"].choices == ("vlm", "void")

@@ -39,7 +39,7 @@ class Study:
         )
 
     def run(self, *more: str, **environment: str) -> tuple[int, str, str]:
-        process = self.start(*more, **environment)
+        process = self.start(*more, prefix=(), **environment)
         said, complained = process.communicate(timeout=500)
         return process.returncode, said, complained
 
