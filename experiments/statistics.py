@@ -107,7 +107,8 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
     for _ in range(permutations):
         chosen = rng.integers(count, size=count)
         a, b = chosen[upper[0]], chosen[upper[1]]
-        drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
+        if np.sum(a != b) > 2:  # a draw of one object alone has no pairs
+            drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
     low, high = _quantiles(np.array(drawn), value)
     return Estimate(value, low, high, count, (as_good + 1) / (permutations + 1))
 

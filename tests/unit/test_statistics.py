@@ -72,6 +72,8 @@ def test_mantel_forgets_scale_and_refuses_what_is_no_distance_matrix() -> None:
     first, second = (statistics.mantel(scale * distances(points), other, 50, 0) for scale in (1.0, 30.0))
     assert second.value == pytest.approx(first.value)
     assert second.p == first.p
+    few = statistics.mantel(distances(points[:3]), other[:3, :3], 200, 0)  # some draws hold one object alone
+    assert few.low <= few.value <= few.high
     with pytest.raises(InputError, match="square"):
         statistics.mantel(np.zeros((2, 2)), np.zeros((2, 2)), 9, 0)
     with pytest.raises(InputError, match="symmetric"):
