@@ -453,7 +453,9 @@ class CampaignConfig:
     turns: int = 2  # of a measured recording; the twin turns once
     rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])
     rail_repeats: int = 2
-    rover_objects: list[str] = field(default_factory=list)
+    rover_objects: list[str] = field(
+        default_factory=lambda: ["corner_reflector", "can_211_400", "drink_can_355", "mug", "mustard", "mouthwash"]
+    )
     rover_rooms: list[str] = field(default_factory=lambda: ["squash_court"])
     rover_distances_m: list[float] = field(default_factory=lambda: [1.0])
     rover_repeats: int = 1

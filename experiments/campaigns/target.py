@@ -10,6 +10,8 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.paths import Paths
 
+FEW = 25  # frames, that are traced by themselves: fewer than half the places along their track
+
 
 def seen(
     drives: Drives,
@@ -32,7 +34,10 @@ def seen(
     if len(sensor) > 1:
         together = [*disc, *(s.moved(poses[0]) for s in target)]
         for things, coupled in ((together, True), *(([one], False) for one in apart)):
-            parts += drives.thing(things, coupled).seen(sensor, rate_hz)
+            if len(sensor) < FEW:
+                parts += drives.moving(things, sensor, np.eye(4)[None], coupled)
+            else:
+                parts += drives.thing(things, coupled).seen(sensor, rate_hz)
         return parts
     parts += drives.moving(target, sensor, poses)
     at_rest = np.eye(4)[None]
