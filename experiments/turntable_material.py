@@ -33,9 +33,9 @@ BRIGHTNESS = "brightness_db"
 APART = "corner_reflector"
 CLASSES = ("metal", "ceramic", "plastic")
 
-OVER = Claim("metal is brighter than plastic", "above 0", above=0.0)
-EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", above=0.0)
-DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", below=0.0)
+OVER = Claim("metal is brighter than plastic", "above 0", above=0.0, least=3)  # of two objects, one each, there is no interval
+EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", above=0.0, least=3)
+DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", below=0.0, least=3)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

@@ -37,6 +37,7 @@ REFLECTOR = "corner_reflector"
 SHAPE_FEATURES = (RATIO, *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad")
 PERMUTATIONS = 999  # the paper's p of 0.001 is the least that so many can give
 
+SHOWN = 1e-4  # the least ratio of the figure: a twin's can has none
 LEAST = 4  # objects: fewer cannot reach p 0.05, however well they agree
 
 SPLIT = Claim("cans are flatter than the reflector and the bottles", "0.72 / 0.18 = 4", above=1.0)
@@ -240,13 +241,18 @@ def _ranking_figure(turns: dict[str, Turns], names: list[str]) -> Figure:
     place = np.arange(len(order))
     for domain, colour, marker, shift in ((MEASURED, PALETTE[0], "o", 0.12), (TWIN, PALETTE[1], "s", -0.12)):
         for i, name in enumerate(order):
-            values = _positive(rotations.samples(turns[domain], RATIO, name))
+            values = np.maximum(rotations.samples(turns[domain], RATIO, name), SHOWN)
             axes.plot([values.min(), values.max()], [i + shift] * 2, color=colour, lw=1)
         axes.plot(
-            _positive(rotations.object_means(turns[domain], RATIO, order)), place + shift, marker, ms=5, color=colour, label=LABELS[domain]
+            np.maximum(rotations.object_means(turns[domain], RATIO, order), SHOWN),
+            place + shift,
+            marker,
+            ms=5,
+            color=colour,
+            label=LABELS[domain],
         )
     axes.set_yticks(place, [f"{catalogue()[name].label} ({catalogue()[name].shape})" for name in order])
-    axes.set(xscale="log", xlabel="angular harmonic ratio")
+    axes.set(xscale="log", xlabel=f"angular harmonic ratio ({SHOWN:g}: or less)")
     axes.grid(axis="x", color="0.9", lw=0.5)
-    axes.legend(loc="lower right")
+    drawing.legend(loc="outside upper center", ncols=2)
     return drawing
