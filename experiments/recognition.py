@@ -89,6 +89,8 @@ class Rows:
         """
         classes, metric = (recordings.label, "balanced accuracy") if balanced else (None, "accuracy")
         interval = seed_mean(right, cells(recordings), self.config.profile.resamples, self.config.seed, classes)
+        if interval[0] == interval[2]:  # no draw differs, as where all are right: what so many cells tell
+            interval = exact_interval(interval[1], np.unique(cells(recordings)).size)
         holds = interval[0] > chance if claim else None
         n = np.unique(recordings.source).size
         p = None if balanced else binomial_p(interval[1], n, chance)

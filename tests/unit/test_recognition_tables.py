@@ -6,6 +6,7 @@ import json
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fake_campaign import FakeCampaign
 
@@ -19,10 +20,12 @@ from experiments import (
     turntable_label_free,
 )
 from experiments.readings import shared_cases
+from experiments.recognition import Rows
 from radartwin.compose import compose
 from radartwin.config import Config
 from radartwin.experiment import Result, check_rows, save
 from radartwin.progress import Progress
+from radartwin.recognize.samples import MEASURED, Part, gather
 from radartwin.store import Store
 
 SMALL = ["supervision.copies=3", "supervision.seeds=2", "supervision.trees=20", "supervision.encoder.epochs=10", "profile.resamples=200"]
@@ -229,6 +232,17 @@ def test_every_figure_is_drawn(tmp_path: Path):
         corner_reflector_calibration.score(config("corner_reflector_calibration"), turntable(), Progress()),
     ]
     assert [len(checked(result, tmp_path / result.table).figures) for result in made] == [3, 2, 2, 2, 1]
+
+
+def test_all_right_is_no_certainty_and_one_place_no_interval(tmp_path: Path):
+    """Four cells that are all right: the exact interval of four, 0.40 to 1; and a single place judges nothing."""
+    rng = np.random.default_rng(0)
+    recordings = gather(("a",), [Part(f"r{n}", f"k{n % 2}", MEASURED, rng.normal(size=1), f"{n // 2} m") for n in range(4)])
+    given = Rows(config("contrastive"), []).share({}, np.ones((2, 4), bool), recordings, ["0" * 32], 0.5, claim="above chance")
+    assert (given["low"], given["high"], given["verdict"]) == (pytest.approx(0.3976, abs=1e-4), 1.0, "fails")
+    one_place = turntable(distances=(1.0,), repetitions=1, objects=("can_211_300", "corner_reflector", "mug"))
+    rows = corner_reflector_calibration.score(config("corner_reflector_calibration"), one_place, Progress()).rows
+    assert {row["verdict"] for row in rows} == {"untestable"}
 
 
 def test_nothing_was_chosen_on_what_is_scored():
