@@ -12,7 +12,7 @@ tables: llvm
 	@$(VENV)/bin/radartwin tables --profile quick
 
 test: setup-test llvm
-	@$(PY) -m pytest -q
+	@$(PY) -m pytest -q -n 2 --dist worksteal
 
 slow: setup-test llvm
 	@$(PY) -m pytest -q -m "slow or gpu"
