@@ -459,7 +459,7 @@ class CampaignConfig:
     rover_rooms: list[str] = field(default_factory=lambda: ["squash_court"])
     rover_distances_m: list[float] = field(default_factory=lambda: [1.0])
     rover_repeats: int = 1
-    rover_every: int = 5  # of the frames of a drive, which one is recorded
+    rover_every: int = 3  # of the frames of a drive, which one is recorded
 
     def __post_init__(self) -> None:
         for name in ("frames_per_turn", "turns", "rail_repeats", "rover_repeats", "rover_every"):
