@@ -59,8 +59,8 @@ def group_paths(
     """
     share = SHARE
     if room is not None and least > 0:
-        alone = group_paths(
-            None, built, table, sensor_poses, object_poses, radar, max_bounces=1, cell_m=cell_m, occluder=occluder, prune=prune
+        alone = group_paths(  # in plain view: what hides it from the sensor may not hide it from an image
+            None, built, table, sensor_poses, object_poses, radar, max_bounces=1, cell_m=cell_m, occluder=None, prune=prune
         )
         if alone is None:
             return None

@@ -22,6 +22,7 @@ from radartwin.simulation.paths import Paths
 
 SPACING_M = 0.02  # between places along a track
 CLUTTER_SPACING_M = 0.04
+PAIRS = 0.1  # ten times what a radar at rest leaves out of clutter's ways over the room: 0.04 of the cluttered atrium's signal
 BEYOND_M = 0.04  # both ends of the nominal drive: the actual one starts early or rolls on
 SCOUT_SHARE = 0.3  # of the last prune: what is a little less at one place may be more at the next
 TOGETHER = 8  # places traced in one go, which bounds memory
@@ -120,7 +121,7 @@ class Drives:
         still = np.zeros((len(places), 3))
         singles = self._still.room.paths(places, still, self._radar, 1, PRUNE)
         loudest = float(pruning.level(singles, self._radar).max(initial=0.0))
-        return Track(places, self._backend.small_things(self._still, self._radar, places, loudest))
+        return Track(places, self._backend.small_things(self._still, self._radar, places, PAIRS * loudest))
 
     @cached_property
     def _beside(self):

@@ -29,9 +29,9 @@ FARTHEST_M = 12.0  # beyond the range fold nothing sharpens the room's grid
 NEAREST_M = 0.5
 MAX_AROUND = 6_000_000
 PRUNE = 1e-3  # of the strongest path of a pose and launch, antennas included: moves the signal of the furnished lab by 0.2 %
-# Of the room's strongest path: what pairs of legs between small static things and the room may carry and be left out, from a sensor at
-# rest and from one that moves; in the cluttered atrium this changes the signal by 0.002 and by 0.04.
-STILL, ON_THE_WAY = 1e-2, 1e-1
+# Of the room's strongest path: what pairs of legs between small static things and the room may carry and be left out; in the cluttered
+# atrium this changes the signal by 0.002.
+PAIRS = 1e-2
 AT_REST = 1e-12  # largest change of a pose that is no motion
 ROOM = 0  # cluster of the large surfaces
 NEIGHBOUR_M = 0.05  # small things closer than this are traced together
@@ -149,7 +149,7 @@ class MitsubaBackend:
         if self.by_panels(still):
             velocity = poses_module.relative(poses, None, radar.frame_rate_hz)[1]
             parts.append(still.room.paths(poses, velocity, radar, self.settings.max_bounces, PRUNE))
-            parts += self.small_things(still, radar, poses, float(pruning.level(parts[0], radar).max(initial=0.0)))
+            parts += self.small_things(still, radar, poses, PAIRS * float(pruning.level(parts[0], radar).max(initial=0.0)))
         else:
             parts.append(self._tube_paths(still.surfaces, still.geometry, still.room.table, radar, poses))
         return parts + self.scattered(still, radar, poses)
@@ -160,9 +160,8 @@ class MitsubaBackend:
             self.settings.room == "auto" and self.settings.rays is None and still.room.is_flat(still.surfaces)
         )
 
-    def small_things(self, still: Still, radar: Radar, poses: np.ndarray, loudest: float) -> list[Paths]:
-        """Paths by way of what is small or curved in a room of panels; `loudest` is the room's strongest amplitude."""
-        least = (STILL if len(poses) == 1 else ON_THE_WAY) * loudest
+    def small_things(self, still: Still, radar: Radar, poses: np.ndarray, least: float) -> list[Paths]:
+        """Paths by way of what is small or curved in a room of panels; `least`: amplitude that does not matter."""
         unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
         done: list[int] = []  # of two small things, the first is traced over the panels of the second, not the other way round
         parts: list[Paths] = []
