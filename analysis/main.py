@@ -23,7 +23,7 @@ _ENTRY = {"run_key": str, "profile": str, "figures": list}  # what it holds of e
 def tables(profile: str, only: list[str] | None, output: Path) -> int:
     """Compute or read back each table, write it in every format with its figures, then the report."""
     progress, counts = Progress(), Counts()
-    chosen = registry.select(only)
+    chosen = registry.select(only, profile)
     _index(output)  # an unreadable one stops before the work, not after it
     for part in ("tables", "figures", "report"):
         files.sweep(files.make_folder(output / part))

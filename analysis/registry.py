@@ -9,11 +9,15 @@ from radartwin.errors import ConfigError
 
 @dataclass(frozen=True)
 class Table:
-    """An entry: `name` is also the experiment (experiments/NAME.py, conf/experiment/NAME.yaml) and the file name."""
+    """An entry: `name` is also the experiment (experiments/NAME.py, conf/experiment/NAME.yaml) and the file name.
+
+    `campaign`: scored on the campaigns, whose recordings take longer than the quick profile has: on request, and in the paper profile.
+    """
 
     name: str
     title: str
     caption: str
+    campaign: bool = False
 
 
 TABLES = (
@@ -50,6 +54,7 @@ TABLES = (
     ),
     Table(
         name="turntable_shape",
+        campaign=True,
         title="Shape",
         caption="Objects on a turntable in the laboratory: angular harmonic ratio (power at 1 to 6 cycles per turn over DC, of "
         "the target gate less the noise), its order over objects in both domains, the distances between objects over all "
@@ -59,6 +64,7 @@ TABLES = (
     ),
     Table(
         name="turntable_material",
+        campaign=True,
         title="Material",
         caption="Objects of similar size on a turntable: target-gate brightness with the range law taken out, by class of "
         "material at each distance, measured and simulated; the corner reflector is left out. Intervals are 95 % "
@@ -66,12 +72,14 @@ TABLES = (
     ),
     Table(
         name="turntable_size",
+        campaign=True,
         title="Size",
         caption="Six cans of one diameter and several heights on a turntable: order of brightness by height (Spearman, exact p) "
         "and its slope (Theil and Sen). Intervals are 95 % bootstraps over cans.",
     ),
     Table(
         name="linear_rail",
+        campaign=True,
         title="Translation",
         caption="A corner reflector on a 60 cm rail from one metre, radially and at 45 degrees: power-weighted range of the "
         "tracked peak, sought in the whole span of the rail; the strongest path that does not jump (continuous) and the "
@@ -87,6 +95,7 @@ TABLES = (
     ),
     Table(
         name="rover_fidelity",
+        campaign=True,
         title="Along trajectories",
         caption="Objects before a driving rover: tracked range after the start offset, mean normalised range profile, velocity "
         "from Doppler against the log, order of objects by each feature at matched distance (Spearman; exact binomial p "
@@ -95,6 +104,7 @@ TABLES = (
     ),
     Table(
         name="rover_disentangle",
+        campaign=True,
         title="Object, distance, room",
         caption="Agreement of simulated and measured features with two of object, distance and room held and the third varied; "
         "correlations pooled over distances and matched; and how the variance of their disagreement divides among the "
@@ -102,18 +112,21 @@ TABLES = (
     ),
     Table(
         name="corner_reflector_calibration",
+        campaign=True,
         title="Calibrated by one corner reflector",
         caption="Brightness that is left between measured and simulated revolutions after an affine map out of one unlabelled recording of "
         "the reflector at the middle distance; the reflector is not scored. Intervals are bootstraps over objects and distances.",
     ),
     Table(
         name="turntable_label_free",
+        campaign=True,
         title="What is told without labels on the turntable",
         caption="Rotation vectors rank-normalised within domain and distance; an encoder trained on the simulated ones, and a linear probe "
         "on its embeddings. Chance of geometry and material is the share of the majority.",
     ),
     Table(
         name="contrastive",
+        campaign=True,
         title="Simulated radar aligned with descriptions",
         caption="Balanced accuracy of linear probes on embeddings of measured revolutions, learned from other recordings or from other "
         "objects alone; a class of one object has no other and is left out there.",
@@ -134,10 +147,10 @@ TESTBED_NOTE = (
 )
 
 
-def select(names: list[str] | None) -> list[Table]:
-    """The tables of these names, or all. Raises ConfigError for an unknown one."""
+def select(names: list[str] | None, profile: str = "paper") -> list[Table]:
+    """The tables of these names, or all that a profile makes unasked. Raises ConfigError for an unknown one."""
     known = {table.name: table for table in TABLES}
     for name in names or ():
         if name not in known:
             raise ConfigError(f"--only {name}: there is no such table; tables: {', '.join(known)}")
-    return [known[name] for name in names] if names else list(TABLES)
+    return [known[name] for name in names] if names else [table for table in TABLES if profile != "quick" or not table.campaign]

@@ -89,7 +89,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     rows += [_absent(room, detail, name) for room in ROOMS for detail in DETAILS for name in missing]
     figures: dict[str, Callable[[], Figure]] = {"backend_crosscheck": lambda: _figure(shown)}
     metrics = {
-        f"{what} {name}": float(of([row["value"] for row in rows if row["metric"] == metric and row["reference"] == name]))
+        f"{what} {name}".replace(",", ""): float(of([row["value"] for row in rows if row["metric"] == metric and row["reference"] == name]))
         for what, metric, of in (("least matched share", METRICS[0], min), ("worst mean level error dB", METRICS[1], max))
         for name in references
     }
