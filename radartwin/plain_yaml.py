@@ -11,12 +11,13 @@ if TYPE_CHECKING:
 def loader() -> type[yaml.SafeLoader]:
     """The loader class; reading an alias raises a yaml.YAMLError with its line."""
     import yaml
+    from yaml.composer import ComposerError
 
     class Plain(yaml.SafeLoader):
         def compose_node(self, parent: Any, index: Any) -> Any:
             if self.check_event(yaml.AliasEvent):
                 mark = self.peek_event().start_mark
-                raise yaml.composer.ComposerError(None, None, "aliases (*name) are not read here; write the value out", mark)
+                raise ComposerError(None, None, "aliases (*name) are not read here; write the value out", mark)
             return super().compose_node(parent, index)
 
     return Plain

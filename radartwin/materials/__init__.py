@@ -7,6 +7,7 @@ stack.
 import difflib
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import MaterialError
@@ -41,7 +42,7 @@ def check_name(name: str) -> None:
         raise MaterialError(f"unknown material {name!r}; {hint}")
 
 
-def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
+def permittivity(name: str, frequency_hz: np.ndarray | float) -> NDArray[np.complex128]:
     """Complex relative permittivity eta' - j eta'' of a named material, shape of `frequency_hz`."""
     check_name(name)
     name, real, loss = split(name)

@@ -10,6 +10,7 @@ from typing import IO, Any
 
 import numpy as np
 import trimesh
+from trimesh.resolvers import FilePathResolver
 from trimesh.visual import ColorVisuals
 
 from radartwin.errors import MeshError, MissingError
@@ -48,7 +49,7 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
             with source.open("rb") as stream:
                 if file_type == "glb":
                     check_glb(stream, label)
-                beside = trimesh.resolvers.FilePathResolver(str(source))  # where an .obj keeps its materials and textures
+                beside = FilePathResolver(str(source))  # where an .obj keeps its materials and textures
                 loaded = trimesh.load_scene(stream, file_type=file_type, resolver=beside, process=False, maintain_order=True)
         else:
             if file_type == "glb" and not isinstance(source, str):

@@ -28,6 +28,7 @@ from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basi
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
 FEW_TUBES = 300  # up to so many on an object, those across its edges are divided: the smaller it is, the more of it they are
 EARLY = 0.3  # of the last prune: a hit that could not matter if its legs carried all they do anywhere is dropped before they are looked at
+COUPLED = 3_000_000  # paths between a small static thing and the room, over all frames: the furniture of a scan would fill the memory
 BISTATIC = 4.0  # by which what goes to another image may be stronger than the echo straight back
 SHORT_M = 1e-4  # by which a test of the direct way stops before the object
 
@@ -57,7 +58,7 @@ def group_paths(
         least: amplitude that does not matter; pairs of legs that stay below it are left out.
         ball: centre (3,) and radius, metres, that hold the object in every frame: legs are found for it, and kept for what comes after.
     """
-    share = SHARE
+    share, most = SHARE, np.inf
     if room is not None and least > 0:
         alone = group_paths(  # in plain view: what hides it from the sensor may not hide it from an image
             None, built, table, sensor_poses, object_poses, radar, max_bounces=1, cell_m=cell_m, occluder=None, prune=prune
@@ -67,6 +68,7 @@ def group_paths(
         loudest = BISTATIC * max((_loudest(part, radar) for part in alone), default=0.0)
         share = max(SHARE, least / loudest) if loudest > 0 else np.inf
         room = room if share < 1 else None
+        most = COUPLED / max(1, sum(len(part) for part in alone))
     frames = len(sensor_poses)
     centre = object_poses[:, :3, :3] @ built.centre + object_poses[:, :3, 3]
     radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
@@ -82,7 +84,7 @@ def group_paths(
     if room is not None:
         find = legs_module.find if ball is None else legs_module.found_once
         legs = find(room, places[:, :6], places[:, 6:], radius, table.frequencies_hz, max_bounces - 1, share)
-    pose, out_leg, back_leg = _pairs(legs, place_of, frames, max_bounces, share)
+    pose, out_leg, back_leg = _pairs(legs, place_of, frames, max_bounces, share, most)
     ends = [_End.of(legs, leg, pose, sensor_poses, object_poses, radar) for leg in (out_leg, back_leg)]
     out, back = ends
     grid = launch_module.towards(built.hull_points(), out.place, built.centre, cell_m, built.grid_shift)
@@ -196,9 +198,12 @@ def _loudest(part: Paths, radar: Radar) -> float:
 
 
 def _pairs(
-    legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int, least: float
+    legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int, least: float, most: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(frame, leg out, leg back) of everything to be traced, one of each pair and its reverse; the direct pair of every frame always is."""
+    """(frame, leg out, leg back) of everything to be traced, one of each pair and its reverse; the direct pair of every frame always is.
+
+    Of pairs that carry at least `least` of the direct one the strongest are taken, so that all frames have `most` or a few more.
+    """
     rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
     if legs is not None and max_bounces > 1:
         order = np.append(legs.order, 0)
@@ -208,7 +213,8 @@ def _pairs(
             worth = np.flatnonzero(strength * strength.max() >= least)
             product = strength[worth][:, None] * strength[worth][None]
             allowed = (product >= least) & (order[worth][:, None] + order[worth][None] < max_bounces)
-            i, j = np.nonzero(allowed)
+            weakest = np.sort(product[allowed])[::-1][: int(min(most / frames, allowed.sum()))].min(initial=np.inf)
+            i, j = np.nonzero(allowed & (product >= weakest))
             names = np.where(worth == len(share), DIRECT, worth)
             of_place.append([(a, b) for a, b in zip(names[i].tolist(), names[j].tolist(), strict=True) if a <= b and b != DIRECT])
         rows += [(frame, a, b) for frame in range(frames) for a, b in of_place[place_of[frame]]]

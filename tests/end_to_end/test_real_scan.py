@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from radartwin.errors import MaterialError
 from radartwin.reconstruct.build import reconstruct
@@ -67,7 +67,7 @@ def test_scene_covers_the_scan_and_survives_the_disk(scan, chair):
     assert {s.kind for s in again} == {"room", "object"}  # what is compact is traced as an object
     scanned = load_scan(scan, "auto", "auto")[0]
     points = np.concatenate([trimesh.sample.sample_surface(s.mesh, 200 + int(40000 * s.mesh.area), seed=0)[0] for s in scene])
-    away = cKDTree(points).query(scanned.triangles_center)[0]
+    away = KDTree(points).query(scanned.triangles_center)[0]
     assert scanned.area_faces[away < 0.06].sum() > 0.95 * scanned.area  # the rest are scraps and trimmed edges
     left_out = scanned.area_faces[away > 0.05].sum()
     assert left_out < 0.05 * scanned.area

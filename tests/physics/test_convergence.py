@@ -43,7 +43,7 @@ TARGETS = _targets()
 
 def level(mesh, angle, roll, density, seed):
     """Cross-section with mesh and view turned together about x; both polarisations a tilted dihedral returns."""
-    turn = trimesh.transformations.rotation_matrix(roll, [1, 0, 0])[:3, :3]
+    turn = np.asarray(trimesh.transformations.rotation_matrix(roll, [1, 0, 0]))[:3, :3]
     turned = trimesh.Trimesh(mesh.vertices @ turn.T, mesh.faces, vertex_normals=mesh.vertex_normals @ turn.T, process=False)
     view = turn @ [np.cos(angle), np.sin(angle), 0]
     return sum(rt.rcs(turned, view, polarization=p, rays_per_wavelength2=density, seed=seed) for p in ("VV", "VH"))

@@ -102,8 +102,8 @@ def test_coarse_can_is_still_round():
 def test_no_ray_slips_between_two_facets():
     """A can turned so that a row of rays runs exactly along an edge between facets."""
     can = objects.cylinder(0.02, 0.08, 256)
-    turn = trimesh.transformations.rotation_matrix(np.pi / 4, [1, 0, 0])
-    tilted = trimesh.Trimesh(can.vertices @ turn[:3, :3].T, can.faces, vertex_normals=can.vertex_normals @ turn[:3, :3].T, process=False)
+    turn = np.asarray(trimesh.transformations.rotation_matrix(np.pi / 4, [1, 0, 0]))[:3, :3]
+    tilted = trimesh.Trimesh(can.vertices @ turn.T, can.faces, vertex_normals=can.vertex_normals @ turn.T, process=False)
     error = db(rt.rcs(tilted, [1, 0, 0], rays_per_wavelength2=4) / (K * 0.02 * 0.08**2))
     assert error == pytest.approx(0, abs=0.15)
 

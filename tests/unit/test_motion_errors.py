@@ -1,5 +1,7 @@
 """Errors of motion: their statistics as described, and none at strength 0."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -45,7 +47,9 @@ def test_strength_scales_errors_and_leaves_lengths():
 
 
 def test_same_seed_same_course_and_poses_stay_rigid():
-    for make, poses, errors in ((rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors())):
+    motions: list[tuple[Callable[..., np.ndarray], np.ndarray, RoverErrors | TurntableErrors]]
+    motions = [(rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors())]
+    for make, poses, errors in motions:
         assert np.array_equal(make(poses, errors, rng(3)), make(poses, errors, rng(3)))
         assert not np.array_equal(make(poses, errors, rng(3)), make(poses, errors, rng(4)))
         assert rigid(make(poses, errors.scaled(5), rng(3)))

@@ -7,6 +7,8 @@ import warnings
 import numpy as np
 import pytest
 import trimesh
+from shapely import Polygon
+from trimesh.visual import ColorVisuals, TextureVisuals
 
 from radartwin.errors import MeshError, MissingError, ScanError
 from radartwin.progress import Progress
@@ -50,6 +52,13 @@ def sheet(corner, along, up, size, hole=None):
     return trimesh.Trimesh(points.reshape(-1, 3), faces.reshape(-1, 3), process=False)
 
 
+def block(size, centre):
+    """A box of triangles about as small as those of a sheet."""
+    box = trimesh.creation.box(size).subdivide_to_size(EDGE_M)
+    assert isinstance(box, trimesh.Trimesh)
+    return box.apply_translation(centre)
+
+
 X, Y, Z = np.eye(3)
 L, W, H = SIZE
 
@@ -68,6 +77,7 @@ def shell(window=None):
 def scan(pieces, noise_m=0.0, seed=0):
     """One mesh of the pieces, welded, with noise that is smooth over two edges as depth noise is."""
     mesh = trimesh.util.concatenate(pieces)
+    assert isinstance(mesh, trimesh.Trimesh)
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     mesh.merge_vertices(digits_vertex=6)
     noise = noise_m * np.random.default_rng(seed).standard_normal(mesh.vertices.shape)
@@ -113,7 +123,7 @@ def test_a_noisy_room_becomes_six_rectangles_that_close_at_their_corners(tmp_pat
 
 
 def test_the_tracer_takes_the_room_for_flat_panels(tmp_path):
-    box = trimesh.creation.box((0.6, 0.5, 0.8)).subdivide_to_size(EDGE_M).apply_translation([1.5, 1.2, 0.4])
+    box = block((0.6, 0.5, 0.8), [1.5, 1.2, 0.4])
     scene = reconstruct(saved(scan([*shell(WINDOW), box], 0.004), tmp_path))
     surfaces = list(scene)
     built = geometry.build([s.mesh for s in surfaces])
@@ -136,7 +146,9 @@ def test_planes_are_made_regular_only_where_the_noise_allows_it():
     # 0.8 degrees over 3 m lifts the edges by 2 cm: that is no noise, and stays.
     assert np.degrees(np.arccos(abs(floor[2]))) == pytest.approx(0.8, abs=0.1)
     slight = mesh.copy().apply_transform(trimesh.transformations.rotation_matrix(np.radians(0.1), X))
-    assert abs(regular(slight, PlanarRegionGrowing()(slight))[0][0].normal[2]) == 1.0
+    floor = regular(slight, PlanarRegionGrowing()(slight))[0][0].normal
+    assert floor is not None
+    assert abs(floor[2]) == 1.0
 
 
 def test_edges_lie_on_lines_of_intersection_and_ragged_ones_are_straightened():
@@ -149,6 +161,7 @@ def test_edges_lie_on_lines_of_intersection_and_ragged_ones_are_straightened():
     line = outline.meeting_line(grid, X, 0.25)  # the plane x = 0.25, 5 cm from the edge at 0.2
     assert line is not None
     shape = outline.polygon(grid, mask, [line])
+    assert isinstance(shape, Polygon)
     corners = np.array(shape.exterior.coords)[:-1]
     assert len(corners) == 4
     assert corners[:, 0].min() == pytest.approx(0.25, abs=1e-9)
@@ -204,10 +217,11 @@ def test_the_wall_goes_on_behind_a_cabinet_and_the_floor_under_it(tmp_path):
 
 def test_a_window_that_runs_together_with_what_furniture_hides_is_still_a_pane():
     wall = trimesh.util.concatenate(shell(WINDOW))
+    assert isinstance(wall, trimesh.Trimesh)
     at = wall.triangles_center
     # From the window's lower corner to the floor nothing was seen either: a board stands 0.35 m before the wall.
     wall.update_faces(~((at[:, 1] > W - 0.01) & (at[:, 0] > 0.5) & (at[:, 0] < 1.05) & (at[:, 2] < 1.2)))
-    board = trimesh.creation.box((0.75, 0.05, 1.2)).subdivide_to_size(EDGE_M).apply_translation([0.7, W - 0.35, 0.6])
+    board = block((0.75, 0.05, 1.2), [0.7, W - 0.35, 0.6])
     mesh = scan([wall, board], 0.002)
     poses = np.tile(np.eye(4), (6, 1, 1))
     poses[:, :3, :3] = np.column_stack([X, -Z, Y])  # towards the wall y = 4
@@ -353,7 +367,7 @@ def test_light_and_painted_lines_cut_nothing():
 
 def test_things_of_two_colours_stay_two_and_of_one_colour_one():
     room = shell()
-    box = trimesh.creation.box((0.6, 0.6, 0.6)).subdivide_to_size(EDGE_M).apply_translation([2, 1.5, 0.3])
+    box = block((0.6, 0.6, 0.6), [2, 1.5, 0.3])
     mesh = scan([*room, box], 0.002)
 
     def one(v):
@@ -433,6 +447,9 @@ def test_scene_folder_holds_the_scan_and_who_each_face_went_to(tmp_path):
     mesh = coloured(scan(shell(), 0.004), with_door)
     scene = reconstruct(saved(mesh, tmp_path), tmp_path / "out")
     again = trimesh.load(tmp_path / "out" / scan_folder.MESH_FILE, process=False)
+    assert isinstance(again, trimesh.Trimesh)
+    assert isinstance(again.visual, ColorVisuals)
+    assert isinstance(mesh.visual, ColorVisuals)
     owner = np.load(tmp_path / "out" / scan_folder.OWNER_FILE)
     assert len(owner) == len(again.faces)
     assert np.array_equal(again.visual.vertex_colors[:, :3], mesh.visual.vertex_colors[:, :3])
@@ -516,10 +533,11 @@ def test_texture_beside_the_mesh_gives_its_colours(tmp_path):
     uv = np.column_stack([mesh.vertices[:, 0] / L, mesh.vertices[:, 2] / H])
     picture = np.zeros((8, 8, 3), np.uint8)
     picture[:, :4], picture[:, 4:] = (200, 0, 0), (0, 0, 200)
-    visual = trimesh.visual.TextureVisuals(uv=uv, image=Image.fromarray(picture))
+    visual = TextureVisuals(uv=uv, image=Image.fromarray(picture))
     trimesh.Trimesh(mesh.vertices, mesh.faces, visual=visual, process=False).export(tmp_path / "room.glb")
     loaded, _ = load_scan(tmp_path / "room.glb", up="z")
     left = loaded.vertices[:, 0] < 0.3 * L
+    assert isinstance(loaded.visual, ColorVisuals)
     assert loaded.visual.vertex_colors[left][:, :3].mean(axis=0).round().tolist() == [200, 0, 0]
 
 
