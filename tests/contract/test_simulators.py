@@ -57,7 +57,7 @@ def case(request):
 
 def needs(name):
     if name == "sionna" and not is_installed():
-        pytest.skip("the optional package sionna-rt is not installed")
+        pytest.skip("sionna-rt is not installed: pip install 'radartwin[sionna]'")
 
 
 @pytest.fixture

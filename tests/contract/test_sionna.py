@@ -24,7 +24,7 @@ from radartwin.simulation.paths import Paths
 
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz
 HERE = np.eye(4)[None]
-needs_sionna = pytest.mark.skipif(not sionna.is_installed(), reason="the optional package sionna-rt is not installed")
+needs_sionna = pytest.mark.skipif(not sionna.is_installed(), reason="sionna-rt is not installed: pip install 'radartwin[sionna]'")
 FACING = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 

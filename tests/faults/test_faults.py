@@ -178,7 +178,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     disk.mkdir()
     mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(disk)], capture_output=True, check=False)
     if mounted.returncode:
-        pytest.skip("no small file system can be mounted here: that takes root")
+        pytest.skip("no small file system can be mounted here: run as root to test a full disk")
     yield disk
     subprocess.run(["umount", "--lazy", str(disk)], check=True)
 
@@ -204,7 +204,7 @@ def test_a_full_disk_is_told_leaves_nothing_half_written_and_resumes(small_disk:
 def test_an_output_that_can_only_be_read_is_one_line(study: Study) -> None:
     assert study.run("seed=0", "tracking=off")[0] == 0
     if subprocess.run(["unshare", "--mount", "true"], capture_output=True, check=False).returncode:
-        pytest.skip("no read-only file system can be made here: that takes root")
+        pytest.skip("no read-only file system can be mounted here: run as root to test one")
     script = f'mount --bind "{study.output}" "{study.output}" && mount -o remount,bind,ro "{study.output}" && exec "$@"'
     sweep = study.start("seed=1", "tracking=off", prefix=("unshare", "--mount", "sh", "-c", script, "sh"))
     _, complained = sweep.communicate(timeout=100)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from experiments.campaigns.cases import Case, Motion
 from radartwin.digest import spec_digest
 from radartwin.features.processed import MAX_RANGE_M, Processed
 from radartwin.radar.chirp import Radar
@@ -23,19 +24,10 @@ OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # of the room's echoes from the target
 
 
 @dataclass(frozen=True)
-class FakeCase:
-    object: str
-    room: str
-    motion: str
-    distance_m: float
-    repetition: int
-
-
-@dataclass(frozen=True)
 class FakeLog:
     frame_rate_hz: float
     distance_m: np.ndarray
-    angle_rad: np.ndarray | None
+    angle_rad: np.ndarray | None = None
 
 
 class FakeCampaign:
@@ -44,7 +36,7 @@ class FakeCampaign:
     """
 
     def __init__(
-        self, motions: Sequence[str] = ("turntable",), rooms: Sequence[str] = ("lab",), distances: Sequence[float] = (0.5, 1.0),
+        self, motions: Sequence[Motion] = ("turntable",), rooms: Sequence[str] = ("lab",), distances: Sequence[float] = (0.5, 1.0),
         repetitions: int = 3, frames: int = 40, signature: float = 1.0, gap: float = 0.1, objects: Sequence[str] = (),
         turns: int = 1,
     ) -> None:  # fmt: skip
@@ -55,16 +47,16 @@ class FakeCampaign:
         self.range_m = range_axis(self.radar, self.radar.num_samples)
         self.range_m = self.range_m[self.range_m <= MAX_RANGE_M]
 
-    def cases(self, domain: str, **chosen) -> list[FakeCase]:
+    def cases(self, domain: str, **chosen) -> list[Case]:
         found = [
-            FakeCase(name, room, motion, distance, repetition)
+            Case(name, room, motion, distance, repetition)
             for room in self.rooms for motion in self.motions for name in self.objects for distance in self.distances
             for repetition in range(self.repetitions if domain == "measured" else 1)
             if motion == "turntable" or catalogue()[name].rover
         ]  # fmt: skip
         return [case for case in found if all(getattr(case, name) == value for name, value in chosen.items() if value is not None)]
 
-    def log(self, case: FakeCase, domain: str = "measured") -> FakeLog:
+    def log(self, case: Case, domain: str = "measured") -> FakeLog:
         frames = self.frames * (self.turns if domain == "measured" and case.motion == "turntable" else 1)
         angle = 2 * np.pi * np.arange(frames) / self.frames
         distance = np.full(frames, case.distance_m + 0.3)
@@ -72,7 +64,7 @@ class FakeCampaign:
             return FakeLog(10.0, distance + 0.05 * np.linspace(-1, 1, self.frames) ** 2, None)
         return FakeLog(self.frames / 25.0, distance, angle)
 
-    def processed(self, domain: str, case: FakeCase, materials=None) -> tuple[str, Processed]:
+    def processed(self, domain: str, case: Case, materials=None) -> tuple[str, Processed]:
         kind = catalogue()[case.object]
         own = np.random.default_rng([catalogue_number(case.object), 1])
         log = self.log(case, domain)

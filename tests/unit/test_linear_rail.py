@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from echoes import RADAR, echoes
+from fake_campaign import FakeLog
 
 from experiments import linear_rail
+from experiments.campaigns.cases import Case, Motion
 from radartwin.compose import compose
 from radartwin.config import Config
 from radartwin.errors import ConfigError
@@ -23,22 +25,6 @@ FRAMES = 31
 SPEED_MPS = 0.2
 
 
-@dataclass(frozen=True)
-class Case:
-    object: str
-    room: str
-    motion: str
-    distance_m: float
-    repetition: int
-
-
-@dataclass(frozen=True)
-class Log:
-    frame_rate_hz: float
-    distance_m: np.ndarray
-    angle_rad: None = None
-
-
 def away(motion: str, time: np.ndarray) -> np.ndarray:
     gone = SPEED_MPS * time
     return 1 + gone if motion == "radial" else np.hypot(1 + gone / np.sqrt(2), gone / np.sqrt(2))
@@ -47,15 +33,15 @@ def away(motion: str, time: np.ndarray) -> np.ndarray:
 class Rail:
     """The measured reflector is 2 cm off and stands beside a steady echo of this amplitude at 1.45 m."""
 
-    def __init__(self, clutter: float, motions: Sequence[str] = ("radial", "diagonal")) -> None:
+    def __init__(self, clutter: float, motions: Sequence[Motion] = ("radial", "diagonal")) -> None:
         self.clutter, self.motions = clutter, motions
 
-    def cases(self, domain: str, motion: str, **chosen: Any) -> list[Case]:
+    def cases(self, domain: str, motion: Motion, **chosen: Any) -> list[Case]:
         repetitions = range(3 if domain == "measured" else 1)
         return [Case("corner_reflector", "lab", motion, 1.0, r) for r in repetitions] if motion in self.motions else []
 
-    def log(self, case: Case, domain: str = "measured") -> Log:
-        return Log(RADAR.frame_rate_hz, away(case.motion, np.arange(FRAMES) / RADAR.frame_rate_hz))
+    def log(self, case: Case, domain: str = "measured") -> FakeLog:
+        return FakeLog(RADAR.frame_rate_hz, away(case.motion, np.arange(FRAMES) / RADAR.frame_rate_hz))
 
     def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]:
         clutter = [(self.clutter, 1.45)] if domain == "measured" else []

@@ -12,7 +12,7 @@ from experiments.positioning_cells import AXES, CELLS, OURS, SAID, source
 from radartwin.experiment import check_rows
 
 PAPER = Path(__file__).resolve().parents[3] / "shared" / "paper" / "000_31ddca36523a097c.txt"
-needs_paper = pytest.mark.skipif(not PAPER.is_file(), reason="the paper's text is not part of the repository")
+needs_paper = pytest.mark.skipif(not PAPER.is_file(), reason=f"{PAPER} is not here: the paper's text is not part of the repository")
 
 
 def plain(cell: str) -> str:
