@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from radartwin.compiled import compiled, shared_out
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import geometry, pruning, variant
@@ -43,25 +44,66 @@ class Track:
         where = (poses[:, :3, 3] - self.places[0, :3, 3]) @ along / (along @ along) * (len(self.places) - 1)
         before = np.clip(np.floor(where), 0, len(self.places) - 2).astype(int)
         share = np.clip(where - before, 0.0, 1.0)
-        out = []
-        for part in self.parts:
-            first = np.searchsorted(part.pose, np.arange(len(self.places) + 1))
-            blended = [self._carried(part, first, before + k, weight, poses, velocity) for k, weight in ((0, 1 - share), (1, share))]
-            out.append(Paths.concatenate(blended))
-        return out
+        turn = np.swapaxes(poses[:, None, :3, :3], 2, 3) @ self.places[before[:, None] + [0, 1], :3, :3]
+        weight = np.stack([1 - share, share], axis=1)
+        return [self._carried(part, before, weight, poses, turn, velocity) for part in self.parts]
 
     def _carried(
-        self, part: Paths, first: np.ndarray, place: np.ndarray, weight: np.ndarray, poses: np.ndarray, velocity: np.ndarray
+        self, part: Paths, before: np.ndarray, weight: np.ndarray, poses: np.ndarray, turn: np.ndarray, velocity: np.ndarray
     ) -> Paths:
-        """Of every pose the paths at one place, moved to it and weighted."""
-        count = first[place + 1] - first[place]
-        pose = np.repeat(np.arange(len(poses)), count)
-        index = np.repeat(first[place] - np.cumsum(count) + count, count) + np.arange(count.sum())
-        chosen = replace(part.where(index), poses=len(poses), pose=pose)
-        chosen = replace(chosen, amplitude=chosen.amplitude * weight[pose, None])
-        turn = np.swapaxes(poses[:, :3, :3], 1, 2) @ self.places[place, :3, :3]
-        shift = np.einsum("fji,fj->fi", self.places[place, :3, :3], poses[:, :3, 3] - self.places[place, :3, 3])
-        return chosen.moved(shift, turn, velocity)
+        """Paths at the two places next to every pose, `before` (F,) and the next, moved to it as Paths.moved does, and weighted (F, 2).
+
+        Args:
+            turn: (F, 2, 3, 3) from the frames at the places to the sensor's; velocity: (F, 3) in the sensor's.
+        """
+        assert part.mirror is None
+        first = np.searchsorted(part.pose, np.arange(len(self.places) + 1))
+        count = first[before + 2] - first[before]
+        start = np.concatenate([[0], np.cumsum(count)])
+        shift = np.einsum(
+            "fkji,fkj->fki",
+            self.places[before[:, None] + [0, 1], :3, :3],
+            poses[:, None, :3, 3] - self.places[before[:, None] + [0, 1], :3, 3],
+        )
+        total = int(start[-1])
+        amplitude, bounces = np.empty((total, part.amplitude.shape[1]), complex), np.empty(total, part.bounces.dtype)
+        length, way = np.empty((2, total)), np.empty((2, total, 3))
+        rate = np.empty(total)
+        read = (part.amplitude, part.bounces, part.length_in_m, part.length_out_m, part.departure, part.arrival)
+        shared_out(_carry, len(poses), start, first, before, weight, shift, turn, velocity, *read, amplitude, bounces, length, way, rate)
+        return Paths(len(poses), np.repeat(np.arange(len(poses)), count), bounces, amplitude, part.frequencies_hz, *length, *way, rate)
+
+
+@compiled
+def _carry(
+    low, high, start, first, before, weight, shift, turn, velocity, amplitude, bounces, length_in, length_out, departure, arrival,
+    amplitude_to, bounces_to, length_to, way_to, rate_to,
+):  # fmt: skip
+    """Paths of poses low..high from the places before and behind them."""
+    moved = np.empty(3)
+    for f in range(low, high):
+        row = start[f]
+        for k in range(2):
+            place = before[f] + k
+            for n in range(first[place], first[place + 1]):
+                for q in range(amplitude.shape[1]):
+                    amplitude_to[row, q] = amplitude[n, q] * weight[f, k]
+                bounces_to[row] = bounces[n]
+                total = 0.0
+                for end in range(2):
+                    length = length_in[n] if end == 0 else length_out[n]
+                    size = 0.0
+                    for i in range(3):
+                        moved[i] = length * (departure[n, i] if end == 0 else arrival[n, i]) - shift[f, k, i]
+                        size += moved[i] ** 2
+                    size = np.sqrt(size)
+                    length_to[end, row] = size
+                    for i in range(3):
+                        turned = (turn[f, k, i, 0] * moved[0] + turn[f, k, i, 1] * moved[1] + turn[f, k, i, 2] * moved[2]) / size
+                        way_to[end, row, i] = turned
+                        total -= turned * velocity[f, i]
+                rate_to[row] = total
+                row += 1
 
 
 def places_along(poses: np.ndarray, spacing_m: float) -> np.ndarray:
