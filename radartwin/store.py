@@ -112,7 +112,7 @@ class Store:
         kind: str,
         spec: Mapping[str, Any],
         roots: Iterable[str],
-        build: Callable[[Path], None],
+        build: Callable[[Path], object],
         inputs: Mapping[str, str] | None = None,
     ) -> Product:
         """The product of this specification, from the cache or built now.
@@ -121,7 +121,8 @@ class Store:
             kind: folder of the cache, e.g. "recording"; "run" counts as scored, all else as simulated.
             spec: everything that decides the content: plain values, arrays and dataclasses (radartwin/digest.py).
             roots: modules whose source, with all they import, decides the content.
-            build: fills the empty folder it is given. If it raises, nothing is kept and the next fetch tries again.
+            build: fills the empty folder it is given; a mapping that it returns is kept as `told` in meta.json, beside the time it took. If
+                it raises, nothing is kept and the next fetch tries again.
         """
         roots = list(roots)
         key = self.key(kind, spec, roots, inputs)
@@ -132,7 +133,7 @@ class Store:
         """Whether the product is in the cache, whole. Computes nothing."""
         return self._whole(self.root / kind / self.key(kind, spec, list(roots), inputs))
 
-    def _fetch(self, kind: str, key: str, spec: Mapping[str, Any], roots: list[str], build: Callable[[Path], None]) -> Product:
+    def _fetch(self, kind: str, key: str, spec: Mapping[str, Any], roots: list[str], build: Callable[[Path], object]) -> Product:
         final, work = self.root / kind / key, self.root / kind / f"{key}{files.TEMPORARY}"
         if self._whole(final):
             return self._count(kind, Product(final, key, reused=True))
@@ -155,15 +156,15 @@ class Store:
         key: str,
         spec: Mapping[str, Any],
         roots: list[str],
-        build: Callable[[Path], None],
+        build: Callable[[Path], object],
         folder: Path,
         final: Path,
     ) -> None:
         shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed here
         folder.mkdir()
         try:
-            started = time.monotonic()
-            build(folder)
+            started, worked = time.monotonic(), time.process_time()
+            told = build(folder)
             meta = {
                 "kind": kind,
                 "key": key,
@@ -172,6 +173,8 @@ class Store:
                 "radartwin": __version__,
                 "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
                 "seconds": round(time.monotonic() - started, 3),
+                "core_seconds": round(time.process_time() - worked, 3),
+                "told": dict(told) if isinstance(told, Mapping) else {},
                 "bytes": _sizes(folder),
                 "sha256": {name: _digest(folder / name) for name in _sizes(folder)},
             }

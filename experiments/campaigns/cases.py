@@ -21,6 +21,9 @@ BENCH_HEIGHT_M = 1.0  # of the radar before the lab's bench
 SPEED_MPS = 0.2
 RAIL_M, RAIL_START_M = 0.6, 1.0
 DEPTH_M, LATERAL_M, LATERAL_MPS = 1.0, 1.2, 0.24
+_TRAVEL = {  # metres and metres per second
+    **dict.fromkeys(RAIL, (RAIL_M, SPEED_MPS)), "depth": (DEPTH_M, SPEED_MPS), "lateral": (LATERAL_M, LATERAL_MPS),
+}  # fmt: skip
 FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x looks back at the radar
 
 
@@ -92,33 +95,50 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
 
 
 def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
-    """The nominal course of a recording; the twin's turntable turns once."""
-    entry = catalogue()[case.object]
-    if case.motion in ROVER:
-        return _rover(case, entry.aim_m, config.rover_every)
-    bench = rooms.lab_bench(BENCH_HEIGHT_M)
-    at = bench.target_position(case.distance_m) - [0, 0, entry.aim_m]
-    sensor = bench.sensor_pose[None]
+    """The nominal course of a recording of the campaign; the twin's turntable turns once."""
     if case.motion == "turntable":
-        rate = config.frames_per_turn / TURN_S
-        frames = config.frames_per_turn * (config.turns if measured else 1)
-        angle = 2 * np.pi * np.arange(frames) / config.frames_per_turn
-        return Log(rate, sensor, trajectory.turntable(at, frames, rate, TURN_S, np.pi), angle)
+        return course(case, config.frames_per_turn / TURN_S, config.frames_per_turn * (config.turns if measured else 1))
+    every = config.rover_every if case.motion in ROVER else 1
+    length, speed = _TRAVEL[case.motion]
+    whole = int(np.floor(length * RATE_HZ / speed + 1e-9))  # as trajectory.sweep counts
+    return course(case, RATE_HZ / every, len(range(0, whole, every)))
+
+
+def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driven: np.ndarray | None = None) -> Log:
+    """The nominal course of a recording of so many frames.
+
+    Args:
+        turn_s: of one revolution of the turntable.
+        driven: (F, 4, 4) where a rover's radar went, in any world; None goes straight on at the motion's speed.
+    """
+    known = catalogue().get(case.object)
+    aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
+    if case.motion in ROVER:
+        bench = rooms.bench(case.room)
+        start, way = _rover_start(case.motion, bench.sensor_pose)
+        poses = _straight(start, way, _TRAVEL[case.motion][1], rate_hz, frames)
+        if driven is not None:
+            poses = start @ np.linalg.inv(driven[0]) @ driven
+        return Log(rate_hz, poses, trajectory.pose(bench.target_position(case.distance_m) - aim, FACING)[None])
+    bench = rooms.lab_bench(BENCH_HEIGHT_M)
+    at, sensor = bench.target_position(case.distance_m) - aim, bench.sensor_pose[None]
+    if case.motion == "turntable":
+        angle = 2 * np.pi * np.arange(frames) / (rate_hz * turn_s)
+        return Log(rate_hz, sensor, trajectory.turntable(at, frames, rate_hz, turn_s, np.pi), angle)
     angle = np.radians(45.0 if case.motion == "diagonal" else 0.0)
     way = sensor[0, :3, 0] * np.cos(angle) + sensor[0, :3, 1] * np.sin(angle)
-    return Log(RATE_HZ, sensor, trajectory.sweep(trajectory.pose(at, FACING), way, RAIL_M, SPEED_MPS, RATE_HZ))
+    return Log(rate_hz, sensor, _straight(trajectory.pose(at, FACING), way, SPEED_MPS, rate_hz, frames))
 
 
-def _rover(case: Case, aim_m: float, every: int) -> Log:
-    """A drive past the target or away from it, every so many frames of it kept."""
-    bench = rooms.bench(case.room)
-    at = bench.target_position(case.distance_m)
-    if case.motion == "lateral":
-        poses = trajectory.lateral_sweep(bench.sensor_pose, LATERAL_M, LATERAL_MPS, RATE_HZ)
-    else:  # away from the target: from the nearest stand-off there is no room to drive towards it
-        start = bench.sensor_pose
-        poses = trajectory.sweep(start, -start[:3, 0], DEPTH_M, SPEED_MPS, RATE_HZ)
-    return Log(RATE_HZ / every, poses[::every], trajectory.pose(at - [0, 0, aim_m], FACING)[None])
+def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where a drive starts, and its way: past the target, or away from it, as from the nearest stand-off there is no room towards it."""
+    if motion == "lateral":
+        return trajectory.lateral_sweep(middle, LATERAL_M, LATERAL_MPS, RATE_HZ)[0], middle[:3, 1]
+    return middle, -middle[:3, 0]
+
+
+def _straight(start: np.ndarray, way: np.ndarray, speed_mps: float, rate_hz: float, frames: int) -> np.ndarray:
+    return trajectory.rail(start, way, speed_mps / rate_hz * (frames - 1), frames)
 
 
 def stand_top(nominal: Log) -> np.ndarray:

@@ -14,7 +14,7 @@ from radartwin.errors import InputError, MissingError, UserError
 from radartwin.measured.card import CARD, Card
 from radartwin.measured.course import course_poses
 from radartwin.measured.index import INDEX, Row, read_index
-from radartwin.measured.recording_set import RECORDINGS, TRAJECTORIES, difference
+from radartwin.measured.recording_set import RECORDINGS, TRAJECTORIES, difference, same_radar
 from radartwin.measured.studio_log import PACKET_BYTES
 from radartwin.progress import Progress
 from radartwin.radar.captures import EDGE_DB, band_edge_db
@@ -102,7 +102,7 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
         report.problems += [
             Problem(where, f"its radar is not that of the other recordings: {difference(radar, report.radar)}; make a set of its own")
             for where, radar in radars
-            if radar != report.radar
+            if not same_radar(radar, report.radar)
         ]
     elif not report.rows and not wrong:
         report.notes.append(Problem(INDEX, "the set has no recordings yet; add some with radartwin import"))

@@ -8,8 +8,8 @@
       trajectories/FILE          the radar's poses, TUM text or CSV; times in seconds from the first frame, or from -start_s
                                  where the index has a column start_s
 
-A folder with a card is a set; all recordings in it are of one radar. The index is written last: a recording that is in no row
-is not part of the set, so a writer may be killed at any moment, and adding the same name again finishes its work.
+A folder with a card is a set; all recordings in it are of one radar, at any frame rate. The index is written last: a recording that is in
+no row is not part of the set, so a writer may be killed at any moment, and adding the same name again finishes its work.
 """
 
 from __future__ import annotations
@@ -20,12 +20,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from radartwin import files
 from radartwin.errors import InputError, MissingError, OutputError, RecordingError
 from radartwin.measured.card import CARD, Card
 from radartwin.measured.index import COLUMNS, INDEX, Row, describe, index_text, read_index
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from radartwin.measured.checks import Problem
     from radartwin.progress import Progress
     from radartwin.radar.chirp import Radar
@@ -145,6 +149,21 @@ class RecordingSet:
             recording.sensor_poses = course_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
         return recording
 
+    def course(self, row: Row) -> tuple[Radar, int, NDArray[np.float64] | None]:
+        """(radar, frames, poses (F, 4, 4) of a radar that moves or None) of a row, without reading its samples. Errors as `read`."""
+        from radartwin.measured.course import course_poses
+        from radartwin.radar.dca1000 import frame_bytes
+        from radartwin.radar.recording import read_json, recording_files
+
+        radar, (samples, described) = read_radar_of(self.path(row)), recording_files(self.path(row))
+        if not samples.is_file():
+            raise MissingError(f"{samples}: no such file; a recording is a .bin with its .json beside it")
+        frames = samples.stat().st_size // frame_bytes(radar)
+        poses = read_json(described).get("sensor_poses")
+        if poses is None and row.trajectory:
+            return radar, frames, course_poses(self.folder / TRAJECTORIES / row.trajectory, row.start_s, frames, radar.frame_rate_hz)
+        return radar, frames, np.asarray(poses, float) if poses is not None and len(poses) == frames > 1 else None
+
     def add(self, recording: Recording, row: Row, trajectory: str | Path | None = None) -> Row:
         """Write a recording, then its row: whole or not at all. Several processes may add to one set.
 
@@ -168,7 +187,7 @@ class RecordingSet:
                     raise InputError(f"{self.folder}: it has a recording {other.recording} already; choose another name")
                 if other.condition == row.condition:
                     raise InputError(f"{self.folder}: {row.recording} repeats {other.recording} ({describe(row)}); count the repetitions")
-            if current.rows and recording.radar != current.radar:
+            if current.rows and not same_radar(recording.radar, current.radar):
                 what = difference(recording.radar, current.radar)
                 raise RecordingError(f"{self.folder}: the radar of {row.recording} is not that of the set: {what}; make a set of its own")
             if not (self.folder / INDEX).exists():
@@ -202,6 +221,11 @@ def read_radar_of(path: Path) -> Radar:
         return Radar.from_dict(read_json(described).get("radar", {}))
     except (ValueError, TypeError) as error:
         raise RecordingError(f"{described}: {error}") from error
+
+
+def same_radar(radar: Radar, other: Radar) -> bool:
+    """Whether two recordings may be in one set: all but the frame rate is the same."""
+    return replace(radar, frame_rate_hz=other.frame_rate_hz) == other
 
 
 def difference(radar: Radar, other: Radar) -> str:

@@ -122,8 +122,8 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "a frame too few": (lambda f: edit(f / "recordings/a1.json", '"frames": 4', '"frames": 5'), ("a1", "holds 4 frames", "says 5")),
     "a description that is no JSON": (lambda f: (f / "recordings/a1.json").write_text("{"), ("recordings/a1", "not valid JSON")),
     "another radar": (
-        lambda f: edit(f / "recordings/a1.json", '"frame_rate_hz": 10.0', '"frame_rate_hz": 5.0'),
-        ("recordings/a1: its radar is not that of the other recordings: frame_rate_hz 5.0 instead of 10.0",),
+        lambda f: edit(f / "recordings/a1.json", '"noise_figure_db": 15.0', '"noise_figure_db": 12.0'),
+        ("recordings/a1: its radar is not that of the other recordings: noise_figure_db 12.0 instead of 15.0",),
     ),
     "all zero": (lambda f: rewrite(f, "a1", all_zero), ("recordings/a1: all samples are zero",)),
     "a dead receiver": (lambda f: rewrite(f, "a1", dead_receiver), ("recordings/a1: no samples from tx 0 rx 2, tx 1 rx 2",)),

@@ -1,0 +1,81 @@
+"""The measured side of a campaign out of a recording set: its rows as cases, with logs from what was recorded."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import get_args
+
+from experiments.campaigns.cases import TURN_S, Case, Log, Motion, course
+from radartwin.assemble import build_radar
+from radartwin.config import ROOMS, Config
+from radartwin.errors import InputError
+from radartwin.measured.index import Row
+from radartwin.measured.provider import SetProvider
+from radartwin.measured.recording_set import difference
+from radartwin.progress import Progress
+from radartwin.radar.recording import Recording
+from radartwin.scene.objects.catalogue import catalogue
+
+TURN = "period_s"  # column of the index: of one revolution of the turntable
+_MOTIONS = get_args(Motion)
+# What may differ between a recording's radar and the twin's: the rest decides what a bin and a chirp are.
+_OWN = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_dbm", "if_filter", "phase_noise")
+
+
+class Recorded:
+    """Attributes:
+    cases: of what was recorded, those that the twin can simulate; the rest is told once. conditions: each of theirs once.
+
+    Raises:
+        UserError: a set that cannot be used, has nothing for a campaign, or is of another radar than the twin would simulate.
+    """
+
+    def __init__(self, config: Config, progress: Progress):
+        folder = config.measured.folder
+        assert folder is not None
+        self._provider = SetProvider(folder)
+        self._rows: dict[Case, Row] = {}
+        left: Counter[str] = Counter()
+        for row in self._provider.rows():
+            if reason := _reason(row):
+                left[reason] += 1
+            else:
+                assert row.distance_m is not None
+                self._rows[Case(row.object, row.room, row.motion, row.distance_m, row.repetition)] = row  # type: ignore[arg-type]
+        if left:
+            progress.say(f"{folder}: left out {', '.join(f'{number} of {reason}' for reason, number in left.items())}")
+        if not self._rows:
+            raise InputError(f"{folder}: it has no recording of an object of the catalogue on a turntable, rail or rover in a known room")
+        radar, twin = self._provider.radar, build_radar(config.radar)
+        like = replace(twin, **{name: getattr(radar, name) for name in _OWN})
+        if radar != like:
+            raise InputError(f"{folder}: its radar is not the one that is simulated: {difference(radar, like)}; choose radar=... to match")
+        self.cases = list(self._rows)
+        self.conditions = list(dict.fromkeys(replace(case, repetition=0) for case in self.cases))
+
+    def key(self, case: Case) -> str:
+        return self._provider.key(self._row(case))
+
+    def recording(self, case: Case) -> Recording:
+        return self._provider.set.read(self._row(case))
+
+    def log(self, case: Case) -> Log:
+        """From the recording's frames and rate, the turntable's period and the rover's trajectory where the index has them."""
+        row = self._row(case)
+        radar, frames, driven = self._provider.set.course(row)
+        return course(case, radar.frame_rate_hz, frames, float(row.extra.get(TURN) or TURN_S), driven)
+
+    def _row(self, case: Case) -> Row:
+        if case not in self._rows:
+            raise InputError(f"{self._provider.set.folder}: it has no recording of {case.name}")
+        return self._rows[case]
+
+
+def _reason(row: Row) -> str:
+    """Why the twin cannot simulate it, or nothing."""
+    if row.motion not in _MOTIONS or row.distance_m is None:
+        return f"motion {row.motion}"
+    if row.object not in catalogue():
+        return f"object {row.object}, which is not in the catalogue"
+    return "" if row.room in ROOMS else f"room {row.room}, which has no scan"
