@@ -67,11 +67,17 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def fetch(config: Config, store: Store, room: str, strength: float) -> Product:
-    """A scanned and reconstructed room with its scores, from the store or made now."""
+    """A scanned and reconstructed room with its scores, from the store or made now.
+
+    At strength 0 nothing is lost: the room itself, without the clutter that a scan may miss, and no scores.
+    """
     spec = {"room": room, "strength": strength, "seed": config.seed}
 
     def build(folder: Path) -> None:
-        save_json(folder, SCORES, _scanned(folder / FOLDER, room, strength, config.seed))
+        if strength == 0:
+            rooms.room(room, detail="furnished").save(folder / FOLDER)
+        else:
+            save_json(folder, SCORES, _scanned(folder / FOLDER, room, strength, config.seed))
 
     return store.fetch("scan", spec, ROOTS, build)
 

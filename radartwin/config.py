@@ -342,7 +342,7 @@ class GapConfig:
     What each is at strength 1, with its source, is told by the module that makes it.
     """
 
-    geometry: float = 1.0  # of the twin's scan (radartwin/scene/scan.py)
+    geometry: float = 1.0  # of the twin's scan (radartwin/reconstruct/scanner); 0 is the room itself
     materials: float = 1.0  # thickness and permittivity of layers (radartwin/measured/variation.py)
     roughness: float = 1.0  # heights of surfaces (radartwin/measured/variation.py)
     contents: float = 1.0  # liquids and how full their vessels are (radartwin/measured/variation.py)
@@ -485,6 +485,7 @@ class ProfileConfig:
     def __post_init__(self) -> None:
         for name in ("frames", "repeats", "resamples"):
             _positive(f"profile.{name}", getattr(self, name))
+        _positive("profile.scan_strengths", *self.scan_strengths)
 
 
 @dataclass
@@ -510,6 +511,7 @@ class ExperimentConfig:
     name: str | None = None
     module: str | None = None
     distances_m: list[float] = field(default_factory=list)
+    pairs: list[str] = field(default_factory=list)  # of recordings that the gallery shows: OBJECT/ROOM/MOTION/DISTANCE_M
 
     def __post_init__(self) -> None:
         _positive("experiment.distances_m", *self.distances_m)

@@ -1,0 +1,156 @@
+"""Each gap between the testbed and the twin: none with all of them off, and what each one moves alone.
+
+(a) All gaps off, the twin told the true materials and the exact room: simulated and measured recordings of the same cases are the same but
+for one thing, the stand under the target, of which the twin knows the outermost material and not the layers. How much that is, is told in
+decibels of the complex signal and of the mean range profile, beside the solver's own error, which is what finer tracing with one bounce
+more changes. (b) Each gap alone at strength 1, in the paper profile at 2 too: how far it moves the features, beside what physics says of it
+(experiments/gap_claims.py, written before the run). Geometry moves the twin, all others the testbed.
+
+Cost, two contended cores: 4 minutes in the quick profile of a store that holds the scans.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments import gap_cases, statistics
+from experiments.campaigns import twin
+from experiments.campaigns.cases import Case
+from experiments.claims import NONE, Claim, row
+from experiments.gap_cases import CASES, GAPS, GROUPS, METAL, Reading
+from experiments.gap_claims import expected
+from radartwin.config import Config
+from radartwin.errors import ConfigError
+from radartwin.experiment import Result
+from radartwin.plotting import PAGE_WIDTH_IN, figure
+from radartwin.progress import Progress
+from radartwin.store import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SHOWN = ("turntable", "drive")  # groups whose every feature has a row
+INTERPOLATED, TURNS = METAL[1], 3  # of a round object: more frames than its 64 aspects
+Moves = dict[tuple[str, float], dict[Case, dict[str, float]]]  # by gap and strength: of each case how far each feature moves
+Keys = dict[tuple[str, float], list[str]]
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Rows of agreement with all gaps off, then of every gap alone."""
+    if config.measured.provider != "testbed":
+        raise ConfigError("gaps are the testbed's: measured=recordings has none that could be switched; leave it out")
+    strengths = (1.0,) if config.profile.name == "quick" else (1.0, 2.0)
+    steps = [(gap, s) for gap in GAPS for s in strengths if gap != "solver" or s == 1]  # the solver is on or off
+    base = {case: gap_cases.recorded(gap_cases.alone(config), store, progress, "measured", case) for case in CASES}
+    exact = _twins(config, store, progress, None)
+    moves: Moves = {}
+    keys: Keys = {}
+    for gap, strength in progress.over(steps, "gaps"):
+        if gap == "geometry":
+            found, against = _twins(config, store, progress, strength), exact
+        else:
+            alone = gap_cases.alone(config, gap, strength)
+            found, against = {case: gap_cases.recorded(alone, store, progress, "measured", case) for case in CASES}, base
+        moves[gap, strength] = {case: _moved(gap, found[case], against[case]) for case in CASES}
+        keys[gap, strength] = gap_cases.keys([*found.values(), *against.values()])
+    rows = _agreement(config, base, exact, moves["solver", 1.0])
+    rows.append(_interpolated(config, store, progress))
+    rows += [line for step in moves for line in _rows(config, step, moves[step], keys[step])]
+    figures: dict[str, Callable[[], Figure]] = {"gaps": lambda: _figure(moves, rows)}
+    metrics = {f"{gap}_{strength:g}_{group}_room_change_dB": _mean(moves[gap, strength], group, "room change (dB)")
+               for gap, strength in moves for group in SHOWN if strength == 1}  # fmt: skip
+    return Result("gaps", rows, figures, metrics, sorted({key for some in keys.values() for key in some}))
+
+
+def _twins(config: Config, store: Store, progress: Progress, geometry: float | None) -> dict[Case, Reading]:
+    """Every case as the twin has it in the exact room (None), or in a scan."""
+    getattr(twin, "_tracks", {}).clear()  # tracks are kept by room and materials, and these are of another scan
+    alone = gap_cases.alone(config) if geometry is None else gap_cases.alone(config, "geometry", geometry)
+    return {case: gap_cases.recorded(alone, store, progress, "twin", case) for case in CASES}
+
+
+def _moved(gap: str, one: Reading, base: Reading) -> dict[str, float]:
+    found = gap_cases.moved(one, base)
+    if gap == "hardware":  # nothing else has noise or leakage
+        found |= {"noise floor (dB)": one.noise_db, "level at zero range, risen by (dB)": one.zero_db - base.zero_db}
+    return found
+
+
+def _agreement(
+    config: Config, base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solver: Mapping[Case, dict[str, float]]
+) -> list[dict[str, Any]]:
+    """What is left with all gaps off, case by case, against what finer tracing changes."""
+    rows = []
+    for case in CASES:
+        found = gap_cases.moved(exact[case], base[case])
+        keys = gap_cases.keys([base[case], exact[case]])
+        for feature in ("target change (dB)", "room change (dB)"):
+            own = solver[case][feature]
+            claim = Claim(f"less than the solver's own error, {own:.1f} dB", below=own, least=1)
+            rows.append(_row(config, "none", 0.0, case.name, feature, [found[feature]], keys, claim))
+        difference = gap_cases.profile_difference_db(exact[case], base[case])
+        rows.append(_row(config, "none", 0.0, case.name, "mean range profile, rms difference (dB)", [difference], keys))
+    return rows
+
+
+def _interpolated(config: Config, store: Store, progress: Progress) -> dict[str, Any]:
+    """A turn that is interpolated from aspects against the same turn with every frame traced."""
+    traced = gap_cases.recorded(gap_cases.alone(config), store, progress, "measured", INTERPOLATED)
+    config_of_more = gap_cases.alone(config, turns=TURNS)
+    frames = config_of_more.profile.campaign.frames_per_turn
+    blended = gap_cases.recorded(config_of_more, store, progress, "measured", INTERPOLATED, frames)
+    change = gap_cases.change_db(blended, traced, traced.target)
+    keys = gap_cases.keys([traced, blended])
+    return _row(config, "none", 0.0, f"{INTERPOLATED.name}, interpolated from aspects", "target change (dB)", [change], keys)
+
+
+def _rows(config: Config, step: tuple[str, float], moves: Mapping[Case, dict[str, float]], keys: list[str]) -> list[dict[str, Any]]:
+    """Every feature of the shown groups, and what is claimed of others."""
+    claims = {(group, feature): claim for group, feature, claim in expected(*step)}
+    wanted = [(group, feature) for group in SHOWN for feature in moves[GROUPS[group][0]]]
+    wanted += [key for key in claims if key not in wanted]
+    rows = []
+    for group, feature in wanted:
+        values = [moves[case][feature] for case in GROUPS[group]]
+        if np.isfinite(values).all():
+            rows.append(_row(config, *step, group, feature, values, keys, claims.get((group, feature), NONE)))
+    return rows
+
+
+def _row(
+    config: Config, gap: str, strength: float, cases: str, metric: str, values: list[float], keys: list[str], claim: Claim = NONE
+) -> dict[str, Any]:
+    found = statistics.mean(np.array(values), config.profile.resamples, config.seed)
+    return row(config, {"gap": gap, "strength": strength, "cases": cases}, metric, found, keys, claim)
+
+
+def _mean(moves: Mapping[Case, dict[str, float]], group: str, feature: str) -> float:
+    return float(np.mean([moves[case][feature] for case in GROUPS[group]]))
+
+
+def _figure(moves: Moves, rows: list[dict[str, Any]]) -> Figure:
+    """Change of the signal in the target gate and in the room by each gap alone, turntable and drive, beside what is left with none."""
+    drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.0, sharey=True, sharex=True)
+    ordered = sorted(GAPS, key=lambda gap: _mean(moves[gap, 1.0], "turntable", "room change (dB)"))
+    names = ["none (stand)", *ordered]
+    places = np.arange(len(names))
+    for panel, group in zip(panels, SHOWN, strict=True):
+        left = {
+            feature: float(np.mean([r["value"] for r in rows if r["gap"] == "none" and r["metric"] == feature
+                                    and r["cases"] in {case.name for case in GROUPS[group]}]))
+            for feature in ("target change (dB)", "room change (dB)")
+        }  # fmt: skip
+        for feature, colour, marker, label in (
+            ("target change (dB)", "#D55E00", "o", "target gate"), ("room change (dB)", "#0072B2", "s", "room"),
+        ):  # fmt: skip
+            values = [left[feature], *(_mean(moves[gap, 1.0], group, feature) for gap in ordered)]
+            panel.plot(np.maximum(values, -100), places, marker, color=colour, ms=5, label=label)
+        panel.axvline(0, color="0.6", lw=0.6)
+        panel.grid(axis="x", color="0.9", lw=0.5)
+        panel.set(title=f"{group}: {len(GROUPS[group])} case{'s' if len(GROUPS[group]) > 1 else ''}", xlabel="change of the signal (dB)")
+    panels[0].set_yticks(places, names)
+    panels[1].legend(loc="lower right", frameon=True)
+    return drawing
