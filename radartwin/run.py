@@ -78,8 +78,9 @@ def run_key(config: Config) -> str:
 
 
 def _identity(config: Config) -> tuple[dict[str, Any], list[str]]:
-    """What the key of a run is made of: its semantic configuration, and the module that computes it."""
-    return {"config": semantic(config)}, [module_name(config.experiment)]
+    """What the key of a run is made of: its semantic configuration, what its module adds (a machine it times), and that module."""
+    own = getattr(load(config.experiment), "identity", dict)()
+    return {"config": semantic(config), **own}, [module_name(config.experiment)]
 
 
 def telling(overrides: Sequence[str]) -> dict[str, str]:

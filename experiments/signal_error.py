@@ -1,0 +1,70 @@
+"""How far a method's samples are from a reference: of the signal, of the range profile, and of the profile after one gain for all.
+
+Symbols: a -> samples of a method, b -> of the reference; P -> range profile, power with a Hann window, chirps added coherently, channels
+averaged in power. Profiles are compared in decibels over the ranges that the study reads (radartwin/features/profile.py), where the
+reference is within DYNAMIC_DB of its strongest bin, and what lies deeper counts as that deep: a method that returns nothing is off by
+DYNAMIC_DB at the peak. The signal's error is of everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from radartwin.features.profile import FAR_M, NEAR_M
+from radartwin.radar.chirp import Radar
+from radartwin.radar.processing import range_fft
+
+DYNAMIC_DB = 40.0
+GAINS_DB = np.arange(-120.0, 120.5, 0.5)  # where the one gain is looked for
+
+
+@dataclass(frozen=True)
+class Errors:
+    """signal: |a - b|/|b|. profile_db: rms. offset_db: mean level over the reference's. free_db: rms after the best gain, gain_db."""
+
+    signal: float
+    profile_db: float
+    offset_db: float
+    free_db: float
+    gain_db: float
+
+
+def profiles(iq: np.ndarray, radar: Radar) -> np.ndarray:
+    """(F, bins) power of samples (F, chirps, tx, rx, samples), from NEAR_M to FAR_M."""
+    spectrum, range_m = range_fft(iq.mean(axis=1), radar)
+    return (np.abs(spectrum) ** 2).mean(axis=(1, 2))[:, (range_m >= NEAR_M) & (range_m <= FAR_M)]
+
+
+def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_db: float = 0.0) -> Errors:
+    """Errors over recordings (samples of the method, of the reference), each weighing alike; `gain_db` is applied first.
+
+    >>> one = np.exp(2j * np.pi * 20 * np.arange(256) / 256)[None, None, None, None]
+    >>> found = compare([(0.5 * one, one)], Radar.iwr1843())
+    >>> round(found.signal, 6), round(found.profile_db, 2), round(found.free_db, 2), round(found.gain_db, 1)
+    (0.5, 6.02, 0.0, 6.0)
+    """
+    gain = 10 ** (gain_db / 20)
+    signal = np.sqrt(np.mean([np.linalg.norm(gain * a - b) ** 2 / np.linalg.norm(b) ** 2 for a, b in pairs]))
+    both = [(gain**2 * profiles(a, radar), profiles(b, radar)) for a, b in pairs]
+    offset = float(np.mean([_db(a.sum() / b.sum()) for a, b in both]))
+    rough = GAINS_DB[np.argmin([_rms(both, g) for g in GAINS_DB])]
+    best = minimize_scalar(lambda g: _rms(both, g), bounds=(rough - 0.5, rough + 0.5), method="bounded")
+    free, extra = min((_rms(both, g), g) for g in (float(best.x), 0.0))  # type: ignore[attr-defined]
+    return Errors(float(signal), _rms(both, 0.0), offset, free, gain_db + extra)
+
+
+def _db(power: np.ndarray | float) -> np.ndarray:
+    return 10 * np.log10(np.maximum(power, 1e-30))
+
+
+def _rms(both: Sequence[tuple[np.ndarray, np.ndarray]], gain_db: float) -> float:
+    squares = []
+    for ours, reference in both:
+        floor = reference.max(axis=1, keepdims=True) * 10 ** (-DYNAMIC_DB / 10)
+        apart = _db(np.maximum(ours * 10 ** (gain_db / 10), floor)) - _db(np.maximum(reference, floor))
+        squares.append(np.mean(apart[reference > floor] ** 2))
+    return float(np.sqrt(np.mean(squares)))
