@@ -21,6 +21,7 @@ def seen(
     poses: np.ndarray,
     disc: Sequence[Surface],
     apart: Sequence[Surface],
+    aside: np.ndarray | None = None,
 ) -> list[Paths]:
     """Parts of all frames or of one that holds for all.
 
@@ -29,15 +30,16 @@ def seen(
         target: in its own frame, at `poses` (F, 4, 4) or (1, 4, 4); one of the two moves.
         disc: what it stands on, at rest in the world; before a radar on its way the two are one thing, and shadow each other.
         apart: other things at rest, seen directly only: posts, motors, cables.
+        aside: (3,) metres from where the log has the target, before a radar on its way.
     """  # fmt: skip
     parts: list[Paths] = []
     if len(sensor) > 1:
         together = [*disc, *(s.moved(poses[0]) for s in target)]
         for things, coupled in ((together, True), *(([one], False) for one in apart)):
             if len(sensor) < FEW:
-                parts += drives.moving(things, sensor, np.eye(4)[None], coupled)
+                parts += drives.moving(things, sensor, np.eye(4)[None], coupled, aside)
             else:
-                parts += drives.thing(things, coupled).seen(sensor, rate_hz)
+                parts += drives.thing(things, coupled, aside).seen(sensor, rate_hz)
         return parts
     parts += drives.moving(target, sensor, poses)
     at_rest = np.eye(4)[None]

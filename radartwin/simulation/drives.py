@@ -25,8 +25,10 @@ SPACING_M = 0.02  # between places along a track
 CLUTTER_SPACING_M = 0.04
 PAIRS = 0.1  # ten times what a radar at rest leaves out of clutter's ways over the room: 0.04 of the cluttered atrium's signal
 BEYOND_M = 0.04  # both ends of the nominal drive: the actual one starts early or rolls on
+THING_PRUNE = 3e-3  # of the strongest path by way of a thing; against a third of it 0.006 of its signal
 SCOUT_SHARE = 0.3  # of the last prune: what is a little less at one place may be more at the next
 TOGETHER = 8  # places traced in one go, which bounds memory
+ASIDE_M = 0.015  # by which hands put things beside their marks: three standard deviations
 BALL_M, BALL_STEP = 0.1, 1.5  # balls that legs are found for: so large, and so much larger from one size to the next
 
 
@@ -169,16 +171,23 @@ class Drives:
     def _beside(self):
         return None if self._still is None else self._still.room.beside()
 
-    def thing(self, surfaces: Sequence[Surface], coupled: bool = True) -> Track:
+    def thing(self, surfaces: Sequence[Surface], coupled: bool = True, aside: np.ndarray | None = None) -> Track:
         """Paths by way of something compact at rest in the world along the track, and of it and the room where it is `coupled`."""
         places = places_along(self._nominal, SPACING_M)
         at_rest = np.eye(4)[None]
-        some = [self.moving(surfaces, places[low : low + TOGETHER], at_rest, coupled) for low in range(0, len(places), TOGETHER)]
+        some = [self.moving(surfaces, places[low : low + TOGETHER], at_rest, coupled, aside) for low in range(0, len(places), TOGETHER)]
         longest = max(len(parts) for parts in some)
         return Track(places, [_in_turn([parts[k] if k < len(parts) else None for parts in some], len(places)) for k in range(longest)])
 
-    def moving(self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True) -> list[Paths]:
-        """Paths by way of something compact, in its own frame, at `poses` (F, 4, 4), seen from `sensor` (F, 4, 4); either may be one."""
+    def moving(
+        self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True, aside: np.ndarray | None = None
+    ) -> list[Paths]:
+        """Paths by way of something compact, in its own frame, at `poses` (F, 4, 4), seen from `sensor` (F, 4, 4); either may be one.
+
+        Args:
+            aside: (3,) metres from where the log has it to where it stands. Ways over the room are found for a ball about where the log
+                has it, so that all that is put there shares them.
+        """
         built, table = geometry.build([s.mesh for s in surfaces]), reflection(list(surfaces), self._radar)
         frames = max(len(sensor), len(poses))
         sensor, poses = poses_module.repeated(sensor, frames), poses_module.repeated(poses, frames)
@@ -186,8 +195,11 @@ class Drives:
         radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
         size = BALL_M * BALL_STEP ** np.ceil(np.log(max(radius, 1e-6) / BALL_M) / np.log(BALL_STEP))
         step = size / 2
-        ball = (np.round(centres[0] / step) * step, float(size + np.sqrt(3) / 2 * step))
+        logged = centres[0] if aside is None else centres[0] - aside
+        ball = (np.round(logged / step) * step, float(size + np.sqrt(3) / 2 * step + ASIDE_M))
         wanders = float(np.linalg.norm(centres - ball[0], axis=1).max()) + radius > ball[1]
         occluder = None if self._still is None else self._still.geometry
         room = self._beside if coupled else None
-        return self._backend.group_paths(built, table, room, occluder, self._radar, sensor, poses, ball=None if wanders else ball)
+        return self._backend.group_paths(
+            built, table, room, occluder, self._radar, sensor, poses, ball=None if wanders else ball, prune=THING_PRUNE
+        )

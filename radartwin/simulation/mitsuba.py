@@ -217,13 +217,14 @@ class MitsubaBackend:
         poses: np.ndarray,
         least: float = 0.0,
         ball: tuple[np.ndarray, float] | None = None,
+        prune: float = PRUNE,
     ) -> list[Paths]:
-        """Paths by way of surfaces that keep their place to one another, in a room or not; `least` and `ball` as in `coupling`."""
+        """Paths by way of surfaces that keep their place to one another, in a room or not; `least`, `ball` and `prune` as in `coupling`."""
         coupled = room if room is not None and room.usable.any() and self.settings.coupling and self.settings.max_bounces > 1 else None
         found = coupling.group_paths(
             coupled, built, table, sensor_poses, poses, radar,
             max_bounces=self.settings.max_bounces, cell_m=self._cell(built, sensor_poses, poses, radar, room is None),
-            occluder=occluder, prune=PRUNE, least=least, ball=ball,
+            occluder=occluder, prune=prune, least=least, ball=ball,
         )  # fmt: skip
         if found is not None:
             return found
