@@ -1,9 +1,8 @@
 """What was done once for many recordings, counted where it is done.
 
 >>> with counted() as told:
-...     count(SCOUTED)
-...     count(DRIVEN)
->>> told == {SCOUTED: 1, DRIVEN: 1}
+...     count(SETUPS)
+>>> told == {SETUPS: 1}
 True
 """
 
@@ -13,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-SCOUTED, DRIVEN = "tracks", "drives"  # tracks set up, and recordings made along one
+SETUPS = "setups"  # of tracks, with what is scouted along them, and of rooms that creep
 _now: Counter[str] = Counter()
 
 

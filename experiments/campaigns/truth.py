@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from experiments.campaigns import tally
 from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
 from experiments.campaigns.target import seen
+from experiments.campaigns.turned import Turned
 from radartwin.assemble import build_radar
 from radartwin.config import Config
-from radartwin.measured import fixtures, testbed
+from radartwin.measured import drift, fixtures, testbed
 from radartwin.measured import motion_errors as errors
 from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
@@ -65,8 +67,8 @@ class _Place:
     settings: TraceSettings
 
 
-def record(case: Case, config: Config) -> Recording:
-    """The clean recording of a case: of an ideal receiver behind the IF filter."""
+def record(case: Case, config: Config) -> Recording | Turned:
+    """The clean recording of a case: of an ideal receiver behind the IF filter. Many turns come as the aspects they are made of."""
     gaps = gaps_of(config)
     nominal = log(case, config.profile.campaign, measured=True)
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
@@ -80,9 +82,21 @@ def record(case: Case, config: Config) -> Recording:
     hardware = Hardware().scaled(gaps.hardware)
     place = _Place(hardware.front_end(radar), nominal, gaps, settings)
     seed = seed_of(case, config)
-    iq = (_turned if case.motion == "turntable" else _moved)(case, place, seed, config.seed)
     passes = None if hardware.if_filter is None else hardware.if_filter.to_dict()
-    return Recording(iq, radar, None, provenance={"kind": "testbed, clean", "if_filter": passes})
+    provenance = {"kind": "testbed, clean", "if_filter": passes}
+    creep = _creep(case, place, seed, config.seed) if case.motion == "turntable" else None
+    if case.motion == "turntable" and nominal.frames > aspects(case):
+        traced, angles = _turned(case, place, seed, config.seed)
+        return Turned(traced, angles, radar, creep, provenance)
+    iq = _moved(case, place, seed, config.seed)
+    if creep is not None:
+        creep.add_to(iq)
+    return Recording(iq, radar, None, provenance=provenance)
+
+
+def aspects(case: Case) -> int:
+    """Of a turn, that stand for all its frames, where there are more of these."""
+    return ROUND_ASPECTS if case.object.startswith(ROUND) else ASPECTS
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
@@ -98,9 +112,15 @@ def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
 
 def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
     """All that rests whatever is measured: room, clutter, and what holds a radar at rest."""
-    full, bare = rooms.room(case.room, detail="cluttered"), rooms.room(case.room, detail="furnished")
+    full = rooms.room(case.room, detail="cluttered")
     scene = full if case.motion in ROVER else full + fixtures.radar_rig(nominal.sensor_poses[0])
-    return testbed.truth(scene, gaps, seed, frozenset(set(full.names) - set(bare.names)))
+    return testbed.truth(scene, gaps, seed, _small(case))
+
+
+def _small(case: Case) -> frozenset[str]:
+    """Names of a room's clutter."""
+    full, bare = (rooms.room(case.room, detail=detail).names for detail in ("cluttered", "furnished"))
+    return frozenset(full) - frozenset(bare)
 
 
 def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
@@ -116,20 +136,18 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.nda
     drives, radar = _drives(case, place, root), place.radar
     poses = there.motion[case.object]
     disc, apart = _below(case, place.log, place.gaps, root)
+    aside = poses[0, :3, 3] - place.log.target_poses[0, :3, 3]
     if case.motion in ROVER:  # put down together
         off = poses[0] @ np.linalg.inv(place.log.target_poses[0])
         disc, apart = ([s.moved(off) for s in some] for some in (disc, apart))
     parts = drives.room(there.sensor_poses)
-    parts += seen(drives, there.sensor_poses, radar.frame_rate_hz, list(_target(case, place.gaps, root)), poses, disc, apart)
+    parts += seen(drives, there.sensor_poses, radar.frame_rate_hz, list(_target(case, place.gaps, root)), poses, disc, apart, aside)
     return received(parts, radar, max(len(there.sensor_poses), len(poses)), elements="exact", oscillator=None)
 
 
-def _turned(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
-    """Rotations from aspects: each chirp at the angle the table has then."""
+def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, np.ndarray]:
+    """Aspects of a turn, and (F, C, T) the angle that the table has at each chirp."""
     nominal, radar, gaps = place.log, place.radar, place.gaps
-    count = ROUND_ASPECTS if case.object.startswith(ROUND) else ASPECTS
-    if nominal.frames <= count:  # fewer frames than aspects: traced as they are
-        return _moved(case, place, seed, root)
     off = errors.TurntableErrors().scaled(gaps.trajectory)
     wobbling = replace(off, start_deg=0.0, rate=0.0, ripple_deg=0.0)
     clock, table, placing = (np.random.default_rng(np.random.SeedSequence([seed, *n])) for n in (b"clock", b"turntable", b"placement"))
@@ -146,14 +164,37 @@ def _turned(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
         there = errors.placed({case.object: there}, errors.PlacementErrors().scaled(gaps.placement), placing)
         return _seen(case, short, root, testbed.Actual(nominal.sensor_poses, there))[:, 0]
 
-    aspects = Aspects.traced(chirp, count)
+    traced = Aspects.traced(chirp, aspects(case))
     times = Hardware().scaled(gaps.trajectory).frame_times(nominal.frames, nominal.frame_rate_hz, clock)
     assert nominal.angle_rad is not None
     speed = float(nominal.angle_rad[1] - nominal.angle_rad[0]) * nominal.frame_rate_hz
     angle = speed * (times[:, None, None] + radar.chirp_times()[None])  # (F, C, T)
     table.bit_generator.state = state
     more = errors.turntable_angles(angle[:, 0, 0], off, table)
-    return aspects.at(angle + more[:, None, None])
+    return traced, angle + more[:, None, None]
+
+
+def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | None:
+    """What creeps around a turntable while it turns; the room's states are those of all its recordings."""
+    errors, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
+    if not errors.creep_m:
+        return None
+    around, small = list(_around(case, nominal, place.gaps, root)), _small(case)
+    # A change, not a level: three bounces hold all of it but 0.09 of its root mean square, which lies beyond 5.2 m.
+    settings = replace(place.settings, rays_per_wavelength2=1.0, max_bounces=min(3, place.settings.max_bounces))
+    short = replace(place.radar, num_chirps=1)
+
+    def signal(state: float) -> np.ndarray:
+        room = Drives(drift.shifted(around, small, state, errors, root), short, nominal.sensor_poses, settings)
+        return received(room.room(nominal.sensor_poses), short, 1, elements="exact", oscillator=None)[0, 0]
+
+    key = f"{case.room} {root} {place.gaps} {settings} {short}"
+    if key not in _creeping:
+        tally.count(tally.SETUPS)
+        _creeping.clear()
+        _creeping[key] = drift.traced(signal)
+    times = np.arange(nominal.frames) / nominal.frame_rate_hz
+    return drift.Drift(_creeping[key], drift.course(times, errors, seed))
 
 
 def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
@@ -176,6 +217,7 @@ def _carrier(place: _Place, root: int) -> np.ndarray | float:
     ).iq  # fmt: skip
 
 
+_creeping: dict[str, np.ndarray] = {}  # of the last place
 _tracks: OrderedDict[str, Drives] = OrderedDict()
 
 
@@ -184,6 +226,7 @@ def _drives(case: Case, place: _Place, root: int) -> Drives:
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {root} {place.gaps} {place.settings} {place.radar}"
     if key not in _tracks:
+        tally.count(tally.SETUPS)
         around = list(_around(case, place.log, place.gaps, root))
         _tracks[key] = Drives(around, place.radar, place.log.sensor_poses, place.settings)
         while len(_tracks) > KEPT:

@@ -50,7 +50,7 @@ class Turned:
         """Write turned.npz and turned.json into a folder under construction."""
         arrays = {"signals": self.aspects.signals, "angles": self.angles}
         if self.drift is not None:
-            arrays |= {"drift_states": self.drift.states, "drift_courses": self.drift.courses}
+            arrays |= {"drift_states": self.drift.states, "drift_course": self.drift.course}
         save_arrays(folder, arrays, _NAME)
         described = {"radar": self.radar.to_dict(), "symmetry": self.aspects.symmetry, "provenance": self.provenance}
         save_json(folder, _NAME, described)
@@ -64,6 +64,6 @@ class Turned:
         """What `save` wrote."""
         described = json.loads((folder / f"{_NAME}.json").read_text(encoding="utf-8"))
         with np.load(folder / f"{_NAME}.npz", allow_pickle=False) as kept:
-            drift = Drift(kept["drift_states"], kept["drift_courses"]) if "drift_states" in kept else None
+            drift = Drift(kept["drift_states"], kept["drift_course"]) if "drift_states" in kept else None
             aspects = Aspects(kept["signals"], described["symmetry"])
             return cls(aspects, kept["angles"], Radar.from_dict(described["radar"]), drift, described["provenance"])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments import scan
+from experiments.campaigns import tally
 from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
 from experiments.campaigns.target import seen
 from radartwin.assemble import build_radar, simulator_options
@@ -102,6 +103,7 @@ def _drives(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, la
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {labels} {settings} {radar}"
     if key not in _tracks:
+        tally.count(tally.SETUPS)
         _tracks[key] = Drives(list(room), radar, nominal.sensor_poses, settings)
         while len(_tracks) > KEPT:
             _tracks.popitem(last=False)
