@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -51,6 +52,8 @@ def write(table: registry.Table, result: Result, profile: str, output: Path) -> 
     writers.write(table, result.rows, output / "tables")
     for name, figure in result.figures.items():
         plotting.save(figure, output / "figures" / name)
+    if table.page:
+        files.write_atomically(output / "figures" / f"{table.name}.html", importlib.import_module(table.page).page(result.rows))
     index = _index(output)
     index[table.name] = {"run_key": result.run_key, "profile": profile, "figures": sorted(result.figures)}
     files.write_atomically(output / "tables" / INDEX, json.dumps(index, indent=1) + "\n")

@@ -18,6 +18,7 @@ class Table:
     title: str
     caption: str
     campaign: bool = False
+    page: str = ""  # module with page(rows), an interactive page beside the figures
 
 
 TABLES = (
@@ -38,6 +39,23 @@ TABLES = (
         "the difference. n counts paths; intervals are bootstraps over them.",
     ),
     Table(
+        name="speed_accuracy",
+        title="Speed against accuracy",
+        caption="Every method that runs here on five problems: seconds a frame (wall clock, kernels compiled, what a radar at rest shares "
+        "with a whole recording divided among its frames; processors' seconds beside), memory above idle, rays, and errors of the signal "
+        "and of the range profile within 40 dB. Methods alternate; a value is a method's time over the default's, in the median and from "
+        "least to most over n rounds. Exact references stand beside the front. RF-Genesis style as published is timed on one of the 128 "
+        "sums of a frame and scaled. Times are of the machine that the rows name and move with its load.",
+        page="experiments.speed_page",
+    ),
+    Table(
+        name="stability",
+        title="Where methods fail",
+        caption="Error of every method along sweeps that get harder, against closed forms, series, quadrature and image sources; a value "
+        "is the number of swept values, easiest first, before the error passes 3 dB. Methods without absolute level are calibrated on a "
+        "metal sphere at 1 m. Equal safe regions count as the largest.",
+    ),
+    Table(
         name="scan",
         title="From a scan to surfaces",
         caption="A virtual phone with LiDAR walks through each procedural room; its frames are fused, segmented and outlined as a "
@@ -51,6 +69,14 @@ TABLES = (
         "pictures and the prompt alone), by one uniform material and at random, against the rooms' truth, by area. Within 1 dB: the "
         "reflection of the label's material is that near the truth's, in the mean over angles and the sweep. Intervals are Wilson's at the "
         "effective number of surfaces.",
+    ),
+    Table(
+        name="campaign",
+        campaign=True,
+        title="The recordings of both domains",
+        caption="Every recording that the tables below share, and what making it took: clean and processed, on this machine, by whichever "
+        "run made it. Turntables are traced at the aspects of one turn, drives share what is set up for their track. Targets are the "
+        "project's own; intervals are bootstraps over recordings.",
     ),
     Table(
         name="turntable_shape",

@@ -77,6 +77,8 @@ def _section(section: Section, output: Path, start: Path) -> str:
     links = " ".join(
         f'<a href="{_relative(output / "tables" / name, suffix, start)}">{suffix[1:]}</a>' for suffix in (".csv", ".md", ".tex")
     )
+    if section.table.page:
+        links += f' <a href="{_relative(output / "figures" / name, ".html", start)}">interactive chart</a>'
     origin = f"Profile {section.profile}, run {section.run_key[:8]}. Files: {links}."
     return (
         f'<section id="{name}">\n<h2>{html.escape(section.table.title)}</h2>\n{figures}\n{section.html}'

@@ -129,8 +129,8 @@ def _claims(
 
     def add(one: Mapping[str, Any], metric: str, claim: str, value: tuple[float, float, float], n: int, holds: bool) -> None:
         rows.append({
-            **_case(one, machine, problem), "exact": False, "front": None, "front of the signal": None, "feature_error": None, "claim": claim,
-            "run_keys": "", "metric": metric, "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n,
+            **_case(one, machine, problem), "exact": False, "front": None, "front of the signal": None, "feature_error": None,
+            "claim": claim, "run_keys": "", "metric": metric, "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n,
             "domain": problem.truth, "verdict": "holds" if holds else "fails",
         })  # fmt: skip
 
