@@ -97,16 +97,34 @@ def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) ->
     """What surrounds the target, its materials by the configured source; the target is not in it."""
     from radartwin.label.sources import material_source
     from radartwin.scene import rooms
-    from radartwin.scene.scene import Scene
 
     if scene.name in ROOMS:
         room = rooms.room(scene.name, **scene.room_options())
     elif scene.name == "scan":
         assert scene.path is not None
-        room = Scene.load(scene.path, **({} if Path(scene.path).is_dir() else {"material": materials.material or "plasterboard"}))
+        room = load_scan(Path(scene.path), materials)
     else:
         return rooms.void() if scene.name == "void" else rooms.empty()
     return material_source(materials.source, **materials.options(seed))(room)
+
+
+def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
+    """A scene folder with its labels; or a mesh, which has none, with what the configured source puts on it.
+
+    Raises:
+        ConfigError: a mesh whose labels are asked for; MissingError, MeshError, SceneError: see `Scene.load`.
+    """
+    from radartwin.scene.scene import Scene
+    from radartwin.scene.storage import scene_folder
+
+    if not path.exists() or scene_folder(path) is not None:
+        return Scene.load(path)
+    if materials.source == "scene":
+        raise ConfigError(
+            f"{path} carries no material labels; make it a scene with radartwin reconstruct {path} --out FOLDER, "
+            "or add materials=uniform materials.material=NAME for one material"
+        )
+    return Scene.load(path, material=materials.material or "plasterboard")
 
 
 def label_wishes(options: Mapping[str, Any]) -> Wishes:
@@ -197,13 +215,18 @@ def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
 
 
 def simulate_scene(config: Config, noise: bool = False) -> Recording:
-    """The recording of a composed configuration: its scene seen by its radar along its trajectory."""
+    """The recording of a composed configuration: its scene seen by its radar along its trajectory.
+
+    Its provenance says which scene that was, and what its room was made of.
+    """
+    from radartwin.made_of import made_of
     from radartwin.scene import rooms
     from radartwin.scene.scene import Scene
     from radartwin.simulation.simulate import simulate
 
     radar = build_radar(config.radar)
     scene = build_room(config.scene, config.materials, config.seed)
+    told = made_of(scene, config.scene, config.materials)
     target = build_target(config.scene)
     foot = np.array([0.0, 0.0, stands_at(target)])
     stands = config.scene.target_position_m
@@ -214,7 +237,9 @@ def simulate_scene(config: Config, noise: bool = False) -> Recording:
     check_course(scene, radar, course.sensor_poses, course.target_poses)
     if config.scene.stand:
         scene = scene + rooms.support(course.target_poses[0, :3, 3] + foot - [0, 0, rooms.GAP])
-    return simulate(
+    recording = simulate(
         scene + Scene(target), radar, course.sensor_poses, motion=motion or None, noise=noise, seed=config.seed,
         **simulator_options(config.simulator),
     )  # fmt: skip
+    recording.provenance |= told
+    return recording

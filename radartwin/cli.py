@@ -237,6 +237,7 @@ def _simulate(options: argparse.Namespace) -> int:
     from radartwin import files
     from radartwin.assemble import simulate_scene
     from radartwin.compose import compose
+    from radartwin.made_of import line
     from radartwin.radar.recording import recording_files
 
     config = compose(_given(options), options.config_dir)
@@ -246,6 +247,8 @@ def _simulate(options: argparse.Namespace) -> int:
             raise OutputError(f"{file} is a folder; choose another name for the recording")
     files.sweep(files.check_folder(path.parent))
     recording = simulate_scene(config, noise=options.noise)
+    if materials := line(recording.provenance):
+        print(f"radartwin: {materials}", file=sys.stderr)
     recording.save(path)
     if not recording.iq.any():
         where = "trajectory.position_m, heading_deg and height_m"

@@ -41,6 +41,7 @@ MATERIALS_FIELDS: dict[str, dict[str, Any]] = {
     "void": {},
     "true": {},
     "random": {"p": 0.5, "among": "room"},
+    "scene": {},
 }  # fmt: skip
 
 
@@ -145,7 +146,7 @@ class MaterialsConfig:
     `vlm` takes recorded answers in a run; `provider` and what follows it are the defaults of `radartwin label`, which asks.
     """
 
-    source: str = "uniform"  # vlm | uniform | void | true | random
+    source: str = "uniform"  # vlm | uniform | void | true | random | scene: as a scan's manifest says
     material: str | None = None  # uniform: of every room surface
     missing: str | None = None  # vlm: the material of surfaces that nobody answered; null refuses them
     model: str | None = None  # vlm: whose answers; null takes any recorded ones, and the server's default
@@ -163,8 +164,9 @@ class MaterialsConfig:
         for name in (f.name for f in fields(self) if f.name != "source"):
             value = getattr(self, name)
             if name not in read and value is not None:
+                readers = "|".join(source for source, names in MATERIALS_FIELDS.items() if name in names)
                 raise ConfigError(
-                    f"materials.{name}={value} is not read by materials={self.source}; leave it out, or choose the source by its option"
+                    f"materials.{name}={value} is not read by materials={self.source}; leave it out, or choose materials={readers}"
                 )
         _no_password("materials.url", self.url, "set RADARTWIN_VLM_KEY instead")
         if self.p is not None and not 0 <= self.p <= 1:
@@ -451,6 +453,7 @@ class CampaignConfig:
     reflector_distances_m: list[float] = field(default_factory=lambda: [0.5, 1.0, 1.5, 2.0])  # of the corner reflector on the turntable
     frames_per_turn: int = 36
     turns: int = 2  # of a measured recording; the twin turns once
+    reflector_repeats: int = 3  # measured recordings of the reflector on the turntable, each put there anew
     rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])
     rail_repeats: int = 2
     rover_objects: list[str] = field(
@@ -462,7 +465,7 @@ class CampaignConfig:
     rover_every: int = 3  # of the frames of a drive, which one is recorded
 
     def __post_init__(self) -> None:
-        for name in ("frames_per_turn", "turns", "rail_repeats", "rover_repeats", "rover_every"):
+        for name in ("frames_per_turn", "turns", "reflector_repeats", "rail_repeats", "rover_repeats", "rover_every"):
             _positive(f"profile.campaign.{name}", getattr(self, name))
         for name in ("turntable_distances_m", "reflector_distances_m", "rover_distances_m"):
             _positive(f"profile.campaign.{name}", *getattr(self, name))
@@ -542,5 +545,9 @@ class Config:
             raise ConfigError("materials=void with scene.target=none leaves nothing to simulate; choose a scene.target")
         if self.materials.source == "true" and self.scene.name == "scan":
             raise ConfigError("materials=true needs a procedural room: nobody knows the true materials of scene=scan")
+        if self.materials.source == "scene" and self.scene.name != "scan":
+            raise ConfigError(
+                f"materials=scene needs the labels of a scan, and scene is {self.scene.name}; add scene=scan, or materials=true"
+            )
         if self.materials.source == "vlm" and self.scene.name in ("empty", "void", "plate"):
             raise ConfigError(f"materials=vlm needs a room with surfaces to label, and scene={self.scene.name} has none")

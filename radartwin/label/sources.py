@@ -35,6 +35,16 @@ class MaterialSource(Protocol):
 
 
 @dataclass(frozen=True)
+class Kept:
+    """What the scene says itself: the labels of its manifest stay as they are."""
+
+    name: ClassVar[str] = "scene"
+
+    def __call__(self, scene: Scene) -> Scene:
+        return scene
+
+
+@dataclass(frozen=True)
 class Uniform:
     """Every room surface is one and the same, smooth material; the paper's ablation takes plasterboard."""
 
@@ -197,7 +207,7 @@ def true_surfaces(scene: Scene, truth: Scene) -> list[Surface | None]:
     return [None if match is None else truth.surfaces[match[0]] for match in found]
 
 
-SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (Uniform, Void, Truth, Vlm, Random)}
+SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (Uniform, Void, Truth, Vlm, Random, Kept)}
 
 
 def material_source(name: str, **options: object) -> MaterialSource:

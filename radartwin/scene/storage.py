@@ -27,6 +27,7 @@ from radartwin.scene.mesh_file import read_meshes
 from radartwin.scene.scene import Scene, Surface
 
 FORMAT, VERSION = "radartwin-scene", 1
+GEOMETRY, MANIFEST = "scene.glb", "manifest.json"
 UV_STEPS = 2**17  # of texture coordinates: glTF counts v from the top, and 1 - v of such a number is exact in float32 up to 64 repeats
 
 
@@ -68,13 +69,20 @@ def save_scene(scene: Scene, folder: Path) -> Path:
     return folder
 
 
+def scene_folder(path: Path) -> Path | None:
+    """The scene folder that a path means, itself or that of the part it names; None for a mesh, which carries no labels."""
+    if path.name == MANIFEST or (path.name == GEOMETRY and (path.parent / MANIFEST).exists()):
+        return path.parent
+    return path if path.is_dir() else None
+
+
 def load_scene(path: Path, material: str | Layered | None = None) -> Scene:
     """See `Scene.load`."""
     if not path.exists():
         raise MissingError(f"scene {path} is not there; give a scene folder or a .glb, .ply or .obj file")
-    if path.name == "manifest.json" or (path.name == "scene.glb" and (path.parent / "manifest.json").exists()):
-        path = path.parent
-    if path.is_dir():
+    folder = scene_folder(path)
+    if folder is not None:
+        path = folder
         if material is not None:
             raise SceneError(f"scene {path} carries its own materials; relabel it through a material source instead of material=")
         return _load_folder(path)

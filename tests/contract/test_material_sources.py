@@ -28,6 +28,7 @@ def sources(scene: Scene) -> dict[str, MaterialSource]:
         "true": material_source("true"),
         "vlm": material_source("vlm", answers=answers),
         "random": material_source("random", p=0.5, seed=1),
+        "scene": material_source("scene"),
     }
 
 
@@ -56,6 +57,12 @@ def test_source_keeps_the_contract(scene, name):
 
 def test_every_source_is_under_contract(scene):
     assert {name.split()[0] for name in sources(scene)} == set(SOURCES)
+
+
+def test_a_scene_that_is_labelled_already_stays_as_it_is(scene):
+    labelled = material_source("uniform", material="brick")(scene)
+    kept = material_source("scene")(labelled)
+    assert [(s.material, dict(s.provenance)) for s in kept] == [(s.material, dict(s.provenance)) for s in labelled]
 
 
 def test_uniform_forces_every_room_surface_to_plasterboard(scene):

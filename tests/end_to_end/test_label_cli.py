@@ -17,7 +17,6 @@ from pathlib import Path
 import pytest
 from numpy import eye
 
-from radartwin.cli import main
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 
@@ -81,21 +80,6 @@ def model() -> Iterator[Model]:
     one = Model()
     yield one
     one.stop()
-
-
-@pytest.fixture
-def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """The command line in this process, which has already imported everything: the same call and result as `radartwin`."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        words = [str(word) for word in arguments]
-        capsys.readouterr()
-        status = main(words)
-        said = capsys.readouterr()
-        return subprocess.CompletedProcess(words, status, said.out, said.err)
-
-    return call
 
 
 def manifest(folder: Path) -> dict[str, dict]:

@@ -19,8 +19,8 @@ def test_real_scan_becomes_a_processed_recording(shared_data, radartwin, tmp_pat
         ("reconstruct", scan, "--out", "chair", "--material", "concrete"),
         ("view", "chair"),
         (
-            "simulate", "scene=scan", "scene.path=chair", "scene.target=none", "materials.material=concrete", "trajectory=static",
-            "trajectory.frames=2", f"trajectory.position_m=[0.0,0.0,{height}]", "simulator.rays=200000", "radar.element=isotropic",
+            "simulate", "scene=scan", "scene.path=chair", "trajectory=static", "trajectory.frames=2",
+            f"trajectory.position_m=[0.0,0.0,{height}]", "simulator.rays=200000", "radar.element=isotropic",
             "--noise", "--out", "outputs/recordings/chair",
         ),
         ("process", "outputs/recordings/chair.bin"),

@@ -49,7 +49,11 @@ MISTAKES = {
     "recordings without folder": (["measured=recordings"], ("measured=recordings", "measured.folder")),
     "true materials of a scan": (["scene=scan", "scene.path=x.glb", "materials=true"], ("materials=true", "scan")),
     "nothing to simulate": (["materials=void", "scene.target=none"], ("materials=void", "scene.target")),
-    "a field of another source": (["materials=void", "materials.material=wood"], ("materials.material=wood", "materials=void")),
+    "a field of another source": (
+        ["materials=void", "materials.material=wood"],
+        ("materials.material=wood", "materials=void", "materials=uniform"),
+    ),
+    "labels of a procedural room": (["scene=lab", "materials=scene"], ("materials=scene", "scene=scan")),
     "a share above one": (["materials=random", "materials.p=1.5"], ("materials.p=1.5", "0 to 1")),
     "a provider that does not exist": (["materials=vlm", "materials.provider=oracle"], ("oracle", "recorded", "server", "local")),
     "shots without few_shot": (["supervision.shots=3"], ("supervision.shots=3", "few_shot")),
@@ -90,7 +94,7 @@ def test_an_experiment_by_what_is_no_name_is_refused(key: str) -> None:
 
 
 def test_every_shipped_option_composes_or_says_what_it_needs() -> None:
-    needs = {"scene=scan", "radar=file", "trajectory=file", "measured=recordings"}
+    needs = {"scene=scan", "materials=scene", "radar=file", "trajectory=file", "measured=recordings"}
     for group, options in composer.groups().items():
         for option in options:
             override = f"{group}={option}"
@@ -114,6 +118,12 @@ def test_defaults_of_the_dataclasses_and_of_the_files_agree() -> None:
     assert composed.simulator == built.simulator
     assert composed.profile == built.profile
     assert composed.measured.gap == GapConfig()
+
+
+def test_a_scan_keeps_its_labels_unless_a_source_is_named() -> None:
+    assert compose(["scene=scan", "scene.path=x"]).materials.source == "scene"
+    assert compose(["scene=scan", "scene.path=x", "materials=uniform"]).materials.source == "uniform"
+    assert compose(["materials=vlm", "scene=scan", "scene.path=x"]).materials.source == "vlm"
 
 
 def test_an_experiment_file_sets_other_groups_and_yields_to_the_command_line() -> None:
