@@ -1,24 +1,27 @@
 """Environment ablation: is a range profile more like the measured one when the room is simulated too?
 
-A corner reflector turns once in front of the radar at each distance. Measured: the testbed's room with its clutter, layers and imperfect
-radar. Simulated twice: object and stand alone (void), and with the twin's room (as scanned, with the configured materials). Compared: mean
-range profiles by Pearson correlation, and the share of energy that arrives from beyond the target. Paper: environment ablation, void
-against reconstructed scene, -0.24 against +0.42 at 2 m and about 75 % of the energy beyond the target.
+A corner reflector turns in front of the radar at each distance. Measured: the campaign's recordings of it, from the testbed the room with
+its clutter, layers and imperfect radar. Simulated twice: object and stand alone (void), and with the twin's room (as scanned, with the
+configured materials). Compared: mean range profiles by Pearson correlation, and the share of energy that arrives from beyond the target.
+Paper: environment ablation, void against reconstructed scene, -0.24 against +0.42 at 2 m and about 75 % of the energy beyond the target.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import turntable
-from experiments.claims import NONE, Claim
-from experiments.statistics import bootstrap_mean
+from experiments import statistics
+from experiments.claims import NONE, Claim, row
+from experiments.readings import Campaign
 from radartwin.config import Config
+from radartwin.errors import ConfigError
 from radartwin.experiment import Result
-from radartwin.features.profile import FAR_M, NEAR_M, beyond_target_share, profile_correlation, range_time
+from radartwin.features.log import angles
+from radartwin.features.profile import FAR_M, NEAR_M, beyond_target_share, profile_correlation
 from radartwin.plotting import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.progress import Progress
 from radartwin.store import Store
@@ -26,7 +29,8 @@ from radartwin.store import Store
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
+TARGET, ROOM_NAME = "corner_reflector", "lab"
+DOMAINS = {"measured": "measured", "room": "twin", "void": "void"}  # of the table, and of the campaign
 PAPER_DISTANCE_M = 2.0  # where the paper gives figures
 ROOM = Claim(paper="+0.42")
 CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.0)
@@ -37,64 +41,104 @@ UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", 
 SCALES = {"amplitude": "amplitude", "db": "decibels"}
 
 
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """One recording: its mean range profile (B,), and the power of its first turn (F, B) over range_m (B,)."""
+
+    key: str
+    profile: np.ndarray
+    turn: np.ndarray
+    range_m: np.ndarray
+
+
+Recordings = Mapping[tuple[str, float], Sequence[Shown]]  # by domain of the table and distance
+
+
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Score the ablation at every distance; rows hold both scales of the correlation, and the energy shares."""
-    turntable.check(config)
-    source = config.materials.source
-    labels = {"measured": "measured (testbed)", "room": f"room ({source})", "void": "void"}
-    if source == "void":
-        del labels["room"]
-    distances = config.experiment.distances_m
-    repeats = {"measured": config.profile.repeats}
-    cases = [(domain, distance, i) for distance in distances for domain in labels for i in range(repeats.get(domain, 1))]
-    maps: dict[tuple[str, float], list[np.ndarray]] = {}
-    keys: dict[tuple[str, float], list[str]] = {}
-    axis = np.zeros(0)
-    for domain, distance, repeat in progress.over(cases, "environment recordings"):
-        product, recording = turntable.fetch(config, store, domain, distance, repeat)
-        power, axis = range_time(recording)
-        keys.setdefault((domain, distance), []).append(product.key)
-        maps.setdefault((domain, distance), []).append(power)
-    rows = _rows(config, {case: [power.mean(axis=0) for power in powers] for case, powers in maps.items()}, axis, labels, keys)
-    last = distances[-1]
+    from experiments.campaigns import Campaign as Recorded
+
+    check(config)
+    return score(config, Recorded(config, store, progress), progress)
+
+
+def check(config: Config) -> None:
+    """Refuse what would not be read, before anything is simulated. Raises ConfigError."""
+    for key, value, read in (
+        ("scene", config.scene.name, ROOM_NAME),
+        ("scene.target", config.scene.target, TARGET),
+        ("trajectory", config.trajectory.kind, "turntable"),
+    ):
+        if value != read:
+            raise ConfigError(
+                f"{key}={value} is not read by experiment=environment, which scores the campaign's {key}={read}; leave it out"
+            )
+
+
+def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
+    """Rows hold both scales of the correlation at every distance, and the energy shares.
+
+    Raises:
+        ConfigError: the campaign has no such recordings.
+    """
+    recordings = read(config, campaign, progress)
+    distances = sorted({distance for _, distance in recordings})
+    source, last = config.materials.source, distances[-1]
+    labels = {"measured": f"measured ({config.measured.provider})", "room": f"room ({source})", "void": "void"}
+    labels = {domain: label for domain, label in labels.items() if (domain, last) in recordings}
+    rows = _rows(config, recordings, distances, labels)
     figures: dict[str, Callable[[], Figure]] = {
-        "environment_range_time": lambda: _range_time_figure({d: maps[d, last][0] for d in labels}, axis, last, labels),
+        "environment_range_time": lambda: _range_time_figure({d: recordings[d, last][0] for d in labels}, last, labels),
         "environment_correlation": lambda: _correlation_figure(rows, distances, labels),
     }
     metrics = {
-        f"correlation_{domain}_{row['scale']}_{last:g}m": row["value"]
+        f"correlation_{domain}_{one['scale']}_{last:g}m": one["value"]
         for domain, label in labels.items()
-        for row in rows
-        if row["metric"] == "profile correlation" and row["case"] == label and row["distance_m"] == last
+        for one in rows
+        if one["metric"] == "profile correlation" and one["case"] == label and one["distance_m"] == last
     }
-    return Result("environment", rows, figures, metrics, [key for made in keys.values() for key in made])
+    return Result("environment", rows, figures, metrics, [one.key for some in recordings.values() for one in some])
 
 
-def _rows(config: Config, profiles: dict, axis: np.ndarray, labels: dict[str, str], keys: dict) -> list[dict]:
+def read(config: Config, campaign: Campaign, progress: Progress) -> Recordings:
+    """The reflector's turns by domain and distance, at the configured distances (none: all) that both domains have."""
+    domains = [domain for domain in DOMAINS if not (domain == "room" and config.materials.source == "void")]
+    wanted = {"motion": "turntable", "room": ROOM_NAME, "object": TARGET}
+    cases = [(domain, case) for domain in domains for case in campaign.cases(DOMAINS[domain], **wanted)]
+    found = {case.distance_m for _, case in cases}
+    chosen = set(config.experiment.distances_m) or found
+    common = [d for d in chosen if all(any(other == domain and case.distance_m == d for other, case in cases) for domain in domains)]
+    if missing := sorted(chosen - set(common)):
+        have = ", ".join(f"{distance:g}" for distance in sorted(found)) or "none"
+        raise ConfigError(f"experiment.distances_m: the campaign has no turning {TARGET} at {missing[0]:g} m; it has {have}")
+    if not common:
+        raise ConfigError(f"the campaign has no turning {TARGET} that is both measured and simulated")
+    out: dict[tuple[str, float], list[Shown]] = {}
+    for domain, case in progress.over([one for one in cases if one[1].distance_m in common], "environment recordings"):
+        key, processed = campaign.processed(DOMAINS[domain], case)
+        turned = angles(campaign.log(case, DOMAINS[domain]), processed.num_frames)
+        turn = processed.power[turned < turned[0] + 2 * np.pi - 1e-9]
+        shown = Shown(key, processed.power.mean(axis=0, dtype=float), turn, processed.range_m)
+        out.setdefault((domain, case.distance_m), []).append(shown)
+    return out
+
+
+def _rows(config: Config, recordings: Recordings, distances: list[float], labels: dict[str, str]) -> list[dict[str, Any]]:
     """Table rows: per distance and scale void, room and their difference; per distance the energy share in each domain."""
-    rows: list[dict] = []
+    rows: list[dict[str, Any]] = []
     gains: dict[tuple[str, float], np.ndarray] = {}
-    distances = config.experiment.distances_m
 
-    def add(
-        where: tuple[float, str, str], metric: str, samples: Sequence[float] | np.ndarray, sources: Iterable, claim: Claim = NONE
-    ) -> None:
+    def add(where: tuple[float, str, str], metric: str, samples: Sequence[float] | np.ndarray, sources: Iterable, claim: Claim = NONE):
         """One row at (distance, case, scale); `sources` are the (domain, distance) whose recordings it comes from."""
-        low, value, high = bootstrap_mean(np.asarray(samples), config.profile.resamples, config.seed)
-        distance, case, scale = where
-        rows.append({
-            "distance_m": distance, "case": case, "scale": scale, "claim": claim.text, "metric": metric,
-            "run_keys": " ".join(key[:8] for source in sources for key in keys[source]), "paper": claim.paper, "value": value,
-            "low": low, "high": high, "n": len(samples), "domain": "testbed", "verdict": claim.verdict(low, high, len(samples)),
-        })  # fmt: skip
+        found = statistics.mean(samples, config.profile.resamples, config.seed)
+        case: dict[str, Any] = dict(zip(("distance_m", "case", "scale"), where, strict=True))
+        rows.append(row(config, case, metric, found, [one.key for source in sources for one in recordings[source]], claim))
 
     for distance in distances:
-        measured = profiles["measured", distance]
         reported = distance == PAPER_DISTANCE_M
         sources = {domain: [("measured", distance), (domain, distance)] for domain in labels}
         for scale in SCALES:
             score = {
-                domain: np.array([profile_correlation(profiles[domain, distance][0], one, axis, scale) for one in measured])
+                domain: _correlations(recordings["measured", distance], recordings[domain, distance][0], scale)
                 for domain in labels
                 if domain != "measured"
             }
@@ -107,25 +151,32 @@ def _rows(config: Config, profiles: dict, axis: np.ndarray, labels: dict[str, st
                 where = (distance, f"{labels['room']} - void", scale)
                 add(where, "gain in correlation", gains[scale, distance], [(domain, distance) for domain in labels], CLOSER)
         for domain, label in labels.items():
-            shares = [beyond_target_share(one, axis, distance) for one in profiles[domain, distance]]
+            shares = [beyond_target_share(one.profile, one.range_m, distance) for one in recordings[domain, distance]]
             claim = BEYOND if reported and domain == "measured" else NONE
             add((distance, label, "power"), "energy share beyond the target", shares, [(domain, distance)], claim)
     near, far = min(distances), max(distances)
     if gains and near < far:
         for scale in SCALES:
+            count = min(len(gains[scale, near]), len(gains[scale, far]))
+            change = gains[scale, far][:count] - gains[scale, near][:count]
             where = (far, f"gain at {far:g} m - at {near:g} m", scale)
-            sources = [(domain, distance) for distance in (near, far) for domain in labels]
-            add(where, "change of gain", gains[scale, far] - gains[scale, near], sources, WIDENS)
+            add(where, "change of gain", change, [(domain, distance) for distance in (near, far) for domain in labels], WIDENS)
     return rows
 
 
-def _range_time_figure(maps: dict[str, np.ndarray], axis: np.ndarray, distance: float, labels: dict[str, str]) -> Figure:
-    """Range-time maps at one distance, measured first, on one scale."""
-    drawing, panels = figure(1, len(maps), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, sharex=True)
+def _correlations(measured: Sequence[Shown], simulated: Shown, scale: str) -> np.ndarray:
+    """Of each measured profile with the simulated one."""
+    return np.array([profile_correlation(simulated.profile, one.profile, one.range_m, scale) for one in measured])
+
+
+def _range_time_figure(shown: dict[str, Shown], distance: float, labels: dict[str, str]) -> Figure:
+    """Range-time maps of a turn at one distance, measured first, on one scale."""
+    drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, sharex=True)
+    axis = shown["measured"].range_m
     inside = (axis >= NEAR_M) & (axis <= FAR_M)
-    top = max(10 * np.log10(power[:, inside].max()) for power in maps.values())
-    for panel, (domain, power) in zip(panels, maps.items(), strict=True):
-        level = 10 * np.log10(np.maximum(power[:, inside], 1e-30))
+    top = max(10 * np.log10(one.turn[:, inside].max()) for one in shown.values())
+    for panel, (domain, one) in zip(panels, shown.items(), strict=True):
+        level = 10 * np.log10(np.maximum(one.turn[:, inside], 1e-30))
         extent = (0, 360, float(axis[inside][0]), float(axis[inside][-1]))
         panel.imshow(level.T, origin="lower", aspect="auto", extent=extent, vmin=top - 70, vmax=top, interpolation="nearest")
         panel.set(title=labels[domain], xlabel="turntable angle (deg)", xticks=[0, 90, 180, 270, 360])

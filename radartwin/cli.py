@@ -116,6 +116,10 @@ def _parser() -> argparse.ArgumentParser:
     captures.add_argument("--radar", metavar="FILE", help="as for process (default: the .mmwave.json beside each capture)")
     captures.add_argument("--cut", action="store_true", help="leave out an incomplete frame at the end of a capture")
 
+    export = _verb(verbs, "export", _export, "the virtual measurement campaign to a recording set, as measured=recordings reads it")
+    _overrides(export, "[profile=...] [profile.campaign.KEY=value ...] [measured.gap.NAME=strength ...]")
+    export.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; what it holds already stays")
+
     reconstruct = _verb(verbs, "reconstruct", _reconstruct, "a mesh or a folder of frames to a labelled scene folder")
     reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh, or a folder of RGB-D frames with poses")
     reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True)
@@ -295,6 +299,12 @@ def _import(options: argparse.Namespace) -> int:
     )
     print(f"{options.out}: {len(added)} recording{'' if len(added) == 1 else 's'} added, {len(target)} in all")
     return 0
+
+
+def _export(options: argparse.Namespace) -> int:
+    from radartwin import study
+
+    return study.module("experiments.campaigns.export").export_verb(_given(options), options.config_dir, options.out)
 
 
 def _reconstruct(options: argparse.Namespace) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from radartwin.scene.objects.catalogue import catalogue
 Motion = Literal["turntable", "radial", "diagonal", "depth", "lateral"]
 RAIL: tuple[Motion, ...] = ("radial", "diagonal")
 ROVER: tuple[Motion, ...] = ("depth", "lateral")
+REFLECTOR = "corner_reflector"
 RATE_HZ = 10.0
 TURN_S = 25.0
 BENCH_HEIGHT_M = 1.0  # of the radar before the lab's bench
@@ -79,7 +80,7 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
             raise ConfigError(f"profile.campaign: there is no object {name!r}; choose {', '.join(known)}")
     cases = []
     for name in config.turntable_objects or list(known):
-        distances = config.reflector_distances_m if name == "corner_reflector" else config.turntable_distances_m
+        distances = config.reflector_distances_m if name == REFLECTOR else config.turntable_distances_m
         cases += [Case(name, "lab", "turntable", d) for d in distances]
     for name in config.rail_objects:
         cases += [Case(name, "lab", motion, RAIL_START_M) for motion in RAIL]
@@ -91,7 +92,12 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
     repeats: dict[str, int] = {"turntable": 1, **dict.fromkeys(RAIL, config.rail_repeats), **dict.fromkeys(ROVER, config.rover_repeats)}
     if not measured:
         return cases
-    return [Case(c.object, c.room, c.motion, c.distance_m, r) for c in cases for r in range(repeats[c.motion])]
+
+    def times(case: Case) -> int:
+        again = case.motion == "turntable" and case.object == REFLECTOR
+        return config.reflector_repeats if again else repeats[case.motion]
+
+    return [replace(case, repetition=number) for case in cases for number in range(times(case))]
 
 
 def log(case: Case, config: CampaignConfig, measured: bool) -> Log:

@@ -357,7 +357,7 @@ def test_a_key_holds_the_simulator_its_settings_and_its_source():
     )
     digests = [spec_digest(semantic(compose(choice))) for choice in choices]
     assert len(set(digests)) == len(digests)
-    for root in ("experiments.environment", "experiments.turntable"):
+    for root in ("experiments.environment", "experiments.campaigns.twin"):
         reached = import_closure((root,))
         assert {
             f"radartwin.simulation.{module}"
@@ -382,12 +382,13 @@ def test_the_environment_experiment_runs_on_every_baseline(name, tmp_path):
     """And reuses what was measured, which no simulator changes."""
     from radartwin.run import run_experiment
 
-    small = ["profile.frames=2", "profile.repeats=1", "experiment.distances_m=[1.0]", "measured.gap.solver=0", "tracking=off"]
+    small = ["experiment.distances_m=[1.0]", "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1"]
+    small += ["profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "tracking=off"]
     common = ["experiment=environment", f"output={tmp_path}", *small]
     result, counts = run_experiment(compose([*common, f"simulator={name}"]))
-    assert (counts.simulated, counts.reused) == (3, 0)
+    assert counts.by_kind["clean built"] == 3
     assert result.rows
     other = "simulator.version=corrected" if name == "rfgenesis" else "simulator.cross_section=sphere"
     again, counts = run_experiment(compose([*common, f"simulator={name}", other]))
-    assert (counts.simulated, counts.reused) == (2, 1)
+    assert (counts.by_kind["clean built"], counts.by_kind["clean reused"]) == (2, 1)
     assert again.run_key != result.run_key

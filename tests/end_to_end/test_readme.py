@@ -18,9 +18,12 @@ from radartwin.cli import main
 from radartwin.scene import rooms
 
 SMALL = {
-    "run": ["profile.frames=2", "profile.repeats=1", "experiment.distances_m=[1.0]", "simulator.rays=20000", "measured.gap.solver=0"],
+    "run": [
+        "experiment.distances_m=[1.0]", "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1",
+        "profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "measured.gap.geometry=0",
+    ],
     "simulate": ["trajectory.frames=2", "simulator.rays=20000"],
-}
+}  # fmt: skip
 ROOT = Path(__file__).resolve().parents[2]
 VIEWS = ["--views", "1"]
 INSIDE = {"doctor", "import", "label", "process", "reconstruct", "view"}

@@ -5,12 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import radartwin
-from experiments import turntable
+from experiments.campaigns import Campaign, Case
 from radartwin.compose import compose
+from radartwin.digest import import_closure, spec_digest
+from radartwin.progress import Progress
+from radartwin.store import Product
 
 TESTBED = ("testbed", "variation", "motion_errors", "fixtures")
 TRUTHS = ("materials", "roughness", "contents", "clutter", "hardware", "trajectory", "placement", "solver")
@@ -42,30 +44,32 @@ def test_what_the_twin_is_made_of_imports_no_testbed():
             assert not [name for name in imports(path) if name.startswith(truth)], path
 
 
-class Asked(Exception):
-    """What a store was asked for."""
-
-
 class Store:
+    """Remembers what it was asked for, and makes nothing."""
+
+    def __init__(self):
+        self.asked = {}
+
     def fetch(self, kind, spec, roots, build):
-        raise Asked(spec)
+        self.asked[kind] = spec
+        return Product(Path(), spec_digest([kind, spec]), False)
+
+
+CASE = Case("corner_reflector", "lab", "turntable", 1.0)
 
 
 def asked(config, domain):
-    with pytest.raises(Asked) as caught:
-        turntable.fetch(config, Store(), domain, 1.0)  # pyright: ignore[reportArgumentType]
-    return caught.value.args[0]
+    store = Store()
+    Campaign(config, store, Progress(quiet=True)).clean(domain, CASE)  # pyright: ignore[reportArgumentType]
+    return spec_digest(store.asked["clean"])
 
 
 @pytest.mark.parametrize("gap", TRUTHS)
 def test_a_strength_of_the_truth_changes_nothing_of_the_twin(gap):
-    """Neither its room, mesh by mesh, nor what it is simulated with; the measured domain is asked anew."""
+    """Not what it is simulated with, its scan included; the measured domain is asked anew."""
     base = ["experiment=environment", "measured=testbed", "materials=uniform", "profile=quick"]
     one, two = (compose([*base, f"measured.gap.{gap}={s}"]) for s in (0, 2))
-    for a, b in zip(turntable.twin_room(one), turntable.twin_room(two), strict=True):
-        assert (a.name, a.material, a.roughness_m, a.kind) == (b.name, b.material, b.roughness_m, b.kind)
-        assert np.array_equal(a.mesh.vertices, b.mesh.vertices)
-    for domain in ("room", "void"):
+    for domain in ("twin", "void"):
         assert asked(one, domain) == asked(two, domain)
     assert asked(one, "measured") != asked(two, "measured")
 
@@ -74,4 +78,10 @@ def test_the_strength_of_the_scan_changes_the_twin_alone():
     base = ["experiment=environment", "measured=testbed", "materials=uniform", "profile=quick"]
     one, two = (compose([*base, f"measured.gap.geometry={s}"]) for s in (0, 2))
     assert asked(one, "measured") == asked(two, "measured")
-    assert asked(one, "room") != asked(two, "room")
+    assert asked(one, "twin") != asked(two, "twin")
+    assert asked(one, "void") == asked(two, "void")
+
+
+def test_no_module_of_one_side_of_a_campaign_reaches_the_other():
+    assert not import_closure(("experiments.campaigns.truth",)) & {"experiments.campaigns.twin", "experiments.scan"}
+    assert not import_closure(("experiments.campaigns.twin",)) & {"experiments.campaigns.truth", "radartwin.measured.testbed"}

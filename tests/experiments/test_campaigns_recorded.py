@@ -1,0 +1,179 @@
+"""Recordings instead of the testbed: the same experiment, the same code, the same bytes, and the same figures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments import environment
+from experiments.campaigns import Campaign, Case
+from experiments.campaigns.export import export
+from radartwin.compose import compose
+from radartwin.config import Config
+from radartwin.errors import ConfigError, InputError, UserError
+from radartwin.measured.checks import examine
+from radartwin.measured.recording_set import RecordingSet
+from radartwin.progress import Progress
+from radartwin.radar.recording import Recording
+from radartwin.store import Store
+
+TINY = [
+    "experiment=environment", "materials=void", "experiment.distances_m=[1.0]", "measured.gap.solver=0", "measured.gap.clutter=0",
+    "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
+    "profile.campaign.frames_per_turn=8", "profile.campaign.turns=1", "profile.campaign.reflector_repeats=2",
+    "profile.campaign.rail_repeats=1", "profile.campaign.rover_rooms=[]",
+]  # fmt: skip
+
+
+def configured(folder: Path, *more: str) -> Config:
+    return compose([*TINY, f"output={folder}", *more])
+
+
+def campaign_of(config: Config) -> Campaign:
+    return Campaign(config, Store(Path(config.output) / "cache"), Progress(quiet=True))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An output folder with the tiny campaign, and in it the set that was exported from it."""
+    made = tmp_path_factory.mktemp("campaign")
+    export(campaign_of(configured(made)), made / "set")
+    return made
+
+
+def recorded(folder: Path, *more: str) -> Config:
+    return configured(folder, "measured=recordings", f"measured.folder={folder / 'set'}", *more)
+
+
+def test_an_exported_campaign_is_a_good_set_of_what_a_log_would_hold(folder: Path) -> None:
+    report = examine(folder / "set")
+    assert [str(problem) for problem in report.problems] == []
+    assert sorted((row.motion, row.repetition) for row in report.rows) == [
+        ("diagonal", 0),
+        ("radial", 0),
+        ("turntable", 0),
+        ("turntable", 1),
+    ]
+    assert report.card is not None
+    assert "not a measurement of reality" in report.card.notes
+    turning = next(row for row in report.rows if row.motion == "turntable")
+    assert turning.value("period_s") == "25"
+    described = (folder / "set" / "recordings" / f"{turning.recording}.json").read_text()
+    assert "seed" in described  # of the receiver's noise; of the truth it says nothing
+    assert not [word for word in ("material", "gap", "placement") if word in described]
+
+
+def test_both_providers_go_through_the_same_code_to_the_same_bytes(folder: Path) -> None:
+    testbed, recordings = campaign_of(configured(folder)), campaign_of(recorded(folder))
+    assert (testbed.domain, recordings.domain) == ("testbed", "recordings")
+    cases = testbed.cases("measured")
+    assert sorted(recordings.cases("measured")) == sorted(cases)
+    for case in cases:
+        one, other = (each.process("measured", case).path for each in (testbed, recordings))
+        assert one != other
+        assert (one / "processed.npz").read_bytes() == (other / "processed.npz").read_bytes(), case.name
+        first, second = testbed.log(case), recordings.log(case)
+        assert first.frame_rate_hz == second.frame_rate_hz
+        assert np.allclose(first.distance_m, second.distance_m, atol=1e-9)
+        assert np.allclose(first.target_poses, second.target_poses, atol=1e-9)
+        assert (first.angle_rad is None) == (second.angle_rad is None)
+
+
+def test_one_experiment_gives_the_same_figures_on_either(folder: Path) -> None:
+    results = []
+    for config in (configured(folder), recorded(folder)):
+        results.append(environment.score(config, campaign_of(config), Progress(quiet=True)))
+    testbed, recordings = (result.rows for result in results)
+    assert {row["domain"] for row in testbed} == {"testbed"}
+    assert {row["domain"] for row in recordings} == {"recordings"}
+    assert len(testbed) == len(recordings) == 4  # two correlations of the void, two energy shares
+    for one, other in zip(testbed, recordings, strict=True):
+        assert (one["metric"], one["scale"], one["verdict"], one["n"]) == (other["metric"], other["scale"], other["verdict"], other["n"])
+        for column in ("value", "low", "high"):
+            assert other[column] == pytest.approx(one[column], rel=1e-12)
+    assert all(math.isfinite(row["value"]) for row in testbed)
+
+
+def test_an_export_that_was_stopped_goes_on_and_is_the_same(folder: Path, tmp_path: Path) -> None:
+    campaign = campaign_of(configured(folder))
+    whole = RecordingSet.load(folder / "set")
+    half = RecordingSet.create(tmp_path / "set", whole.card)
+    first = campaign.cases("measured")[0]
+    stopped = Recording.load(whole.path(next(row for row in whole if row.recording == first.name)))
+    half.add(stopped, next(row for row in whole if row.recording == first.name))
+    again = export(campaign, tmp_path / "set")
+    assert [row.recording for row in again] == [row.recording for row in whole]
+    for row in whole:
+        for suffix in (".bin", ".json"):
+            assert (
+                again.path(row).with_name(row.recording + suffix).read_bytes()
+                == whole.path(row).with_name(row.recording + suffix).read_bytes()
+            )
+
+
+def test_what_the_twin_cannot_simulate_is_left_out_and_told_and_a_set_of_nothing_else_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = RecordingSet.load(folder / "set")
+    row = whole.rows[0]
+    recording = whole.read(row)
+    strange = RecordingSet.create(tmp_path / "set", whole.card)
+    strange.add(recording, replace(row, recording="vase", object="vase"))
+    strange.add(recording, replace(row, recording="cellar", room="cellar"))
+    strange.add(recording, replace(row, recording="empty", object="none", motion="static", distance_m=None))
+    with pytest.raises(InputError, match="no recording of an object of the catalogue"):
+        campaign_of(configured(folder, "measured=recordings", f"measured.folder={tmp_path / 'set'}"))
+    strange.add(recording, row)
+    config = configured(folder, "measured=recordings", f"measured.folder={tmp_path / 'set'}")
+    campaign = Campaign(config, Store(tmp_path / "cache"), Progress())
+    assert [case.name for case in campaign.cases("measured")] == [row.recording]
+    assert campaign.cases("twin") == [replace(case, repetition=0) for case in campaign.cases("measured")]
+    said = capsys.readouterr().err
+    for words in ("1 of object vase", "1 of room cellar", "1 of motion static"):
+        assert words in said
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["radar.num_chirps=8"], "num_chirps 16 instead of 8"),
+        (["experiment.distances_m=[3.0]"], "no turning corner_reflector at 3 m; it has 1"),
+    ],
+)
+def test_a_set_that_does_not_fit_the_configuration_is_one_line(folder: Path, more: list[str], words: str) -> None:
+    config = recorded(folder, *more)
+    with pytest.raises(UserError, match=words) as caught:
+        environment.score(config, campaign_of(config), Progress(quiet=True))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_recording_set_is_not_exported_again(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="recording set already"):
+        export(campaign_of(recorded(folder)), tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()
+
+
+@pytest.mark.parametrize("override", ["scene=atrium", "scene.target=plate", "trajectory=static"])
+def test_what_the_environment_table_would_not_read_is_refused(folder: Path, override: str) -> None:
+    with pytest.raises(ConfigError, match="not read by experiment=environment"):
+        environment.check(configured(folder, override))
+
+
+def test_a_recorded_drive_is_logged_where_its_radar_went(folder: Path, tmp_path: Path) -> None:
+    """The rover's own trajectory, in any world, is laid at the mark where drives start."""
+    from experiments.campaigns.cases import course
+
+    case = Case("mug", "squash_court", "depth", 1.0)
+    nominal = course(case, 10.0, 20)
+    elsewhere = np.eye(4)
+    elsewhere[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    elsewhere[:3, 3] = [5.0, -3.0, 0.2]
+    slipped = nominal.sensor_poses.copy()
+    slipped[10:, 0, 3] += 0.05
+    logged = course(case, 10.0, 20, driven=elsewhere @ slipped)
+    assert np.allclose(logged.distance_m[:10], nominal.distance_m[:10])
+    assert np.allclose(nominal.distance_m[10:] - logged.distance_m[10:], 0.05)
