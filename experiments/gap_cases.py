@@ -32,6 +32,7 @@ GROUPS: dict[str, tuple[Case, ...]] = {
     "turntable": (*METAL, *FILLED), "turntable, metal": METAL, "turntable, filled bottle": FILLED, "drive": DRIVE,
 }  # fmt: skip
 CASES = (*METAL, *FILLED, *DRIVE)
+ROOM_BINS = 12  # either side of the target, 0.5 m: beyond them the Hann window has its echo 70 dB down
 QUICK_FRAMES, QUICK_EVERY = 24, 5  # of a turn; of a drive's frames
 DARKEST_DB = 200.0  # below which a level is none
 
@@ -61,8 +62,8 @@ class Reading:
 
     Attributes:
         key: of what it was read from. range_m: (B,), between NEAR_M and FAR_M as everything below, except zero_db.
-        channels: (F, A, B) complex range profiles. target: (F, B) mask of the target gate.
-        profile: (B,) mean power. brightness_db, room_db: energy in the gate without the range law, and outside of it.
+        channels: (F, A, B) complex range profiles. target, room: (F, B) masks of the target gate, and of what is ROOM_BINS from it.
+        profile: (B,) mean power. brightness_db: energy in the gate without the range law; room_db: in the room.
         multipath: share. harmonic_ratio: of a turn, else NaN. track_m: (F,) range of the target's peak; energy: (F,) in the gate.
         noise_db: median noise of a range bin; zero_db: mean power of the bins within ZERO_M.
     """
@@ -71,6 +72,7 @@ class Reading:
     range_m: NDArray[np.float64]
     channels: NDArray[np.complex64]
     target: NDArray[np.bool_]
+    room: NDArray[np.bool_]
     profile: NDArray[np.float64]
     brightness_db: float
     room_db: float
@@ -104,9 +106,10 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
     nominal = distances(log, len(log.distance_m))[:count]
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     energy = envelope.target_energy(processed, nominal)
-    in_gate, everything = gate.gate_energies(processed.power, processed.range_m, nominal)
+    in_gate, _ = gate.gate_energies(processed.power, processed.range_m, nominal)
     centre = np.abs(processed.range_m - nominal[:, None]).argmin(axis=1)
-    target = np.abs(np.arange(len(processed.range_m)) - centre[:, None]) <= gate.GATE_BINS
+    apart = np.abs(np.arange(len(processed.range_m)) - centre[:, None])[:, inside]
+    room = apart > ROOM_BINS
     ratio = float("nan")
     if log.angle_rad is not None:
         ratio = envelope.harmonic_ratio(envelope.revolution(energy, log.angle_rad[:count]))
@@ -114,10 +117,11 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
         key=key,
         range_m=processed.range_m[inside],
         channels=processed.channels[..., inside],
-        target=target[:, inside],
+        target=apart <= gate.GATE_BINS,
+        room=room,
         profile=processed.power[:, inside].mean(axis=0, dtype=np.float64),
         brightness_db=brightness.brightness_db(energy, nominal),
-        room_db=decibels(float(np.mean(everything - in_gate))),
+        room_db=decibels(float(np.sum(processed.power[:, inside], where=room, dtype=np.float64)) / count),
         multipath=gate.multipath_share(processed.power, processed.range_m, nominal),
         harmonic_ratio=ratio,
         track_m=track.around(processed, nominal, log.frame_rate_hz),
@@ -140,7 +144,7 @@ def moved(one: Reading, base: Reading) -> dict[str, float]:
         "profile correlation": profile_correlation(one.profile, base.profile, base.range_m, "db"),
         "track rms (mm)": 1e3 * float(np.sqrt(np.average((one.track_m - base.track_m) ** 2, weights=base.energy))),
         "target change (dB)": change_db(one, base, base.target),
-        "room change (dB)": change_db(one, base, ~base.target),
+        "room change (dB)": change_db(one, base, base.room),
     }
 
 

@@ -12,6 +12,7 @@ Cost, two contended cores: 4 minutes in the quick profile of a store that holds 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,13 +26,15 @@ from experiments.gap_claims import expected
 from radartwin.config import Config
 from radartwin.errors import ConfigError
 from radartwin.experiment import Result
-from radartwin.plotting import PAGE_WIDTH_IN, figure
+from radartwin.plotting import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.progress import Progress
 from radartwin.store import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+NONE_DB = -80.0  # of the figure: what is less is none
+CHANGE = " change (dB)"  # what ends the name of a ratio of signals
 SHOWN = ("turntable", "drive")  # groups whose every feature has a row
 INTERPOLATED, TURNS = METAL[1], 3  # of a round object: more frames than its 64 aspects
 Moves = dict[tuple[str, float], dict[Case, dict[str, float]]]  # by gap and strength: of each case how far each feature moves
@@ -123,34 +126,39 @@ def _rows(config: Config, step: tuple[str, float], moves: Mapping[Case, dict[str
 def _row(
     config: Config, gap: str, strength: float, cases: str, metric: str, values: list[float], keys: list[str], claim: Claim = NONE
 ) -> dict[str, Any]:
-    found = statistics.mean(np.array(values), config.profile.resamples, config.seed)
+    ratios = metric.endswith(CHANGE)  # whose decibels have no mean
+    samples = 10 ** (np.array(values) / 20) if ratios else np.array(values)
+    found = statistics.mean(samples, config.profile.resamples, config.seed)
+    if ratios:
+        value, low, high = (20 * float(np.log10(one)) for one in (found.value, found.low, found.high))
+        found = replace(found, value=value, low=low, high=high)
     return row(config, {"gap": gap, "strength": strength, "cases": cases}, metric, found, keys, claim)
 
 
 def _mean(moves: Mapping[Case, dict[str, float]], group: str, feature: str) -> float:
-    return float(np.mean([moves[case][feature] for case in GROUPS[group]]))
+    return 20 * float(np.log10(np.mean([10 ** (moves[case][feature] / 20) for case in GROUPS[group]])))
 
 
 def _figure(moves: Moves, rows: list[dict[str, Any]]) -> Figure:
     """Change of the signal in the target gate and in the room by each gap alone, turntable and drive, beside what is left with none."""
-    drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.0, sharey=True, sharex=True)
-    ordered = sorted(GAPS, key=lambda gap: _mean(moves[gap, 1.0], "turntable", "room change (dB)"))
-    names = ["none (stand)", *ordered]
-    places = np.arange(len(names))
+    drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, sharex=True)
+    ordered = sorted(GAPS, key=lambda gap: _mean(moves[gap, 1.0], "turntable", f"room{CHANGE}"))
+    places = np.arange(1 + len(ordered))
     for panel, group in zip(panels, SHOWN, strict=True):
-        left = {
-            feature: float(np.mean([r["value"] for r in rows if r["gap"] == "none" and r["metric"] == feature
-                                    and r["cases"] in {case.name for case in GROUPS[group]}]))
-            for feature in ("target change (dB)", "room change (dB)")
-        }  # fmt: skip
-        for feature, colour, marker, label in (
-            ("target change (dB)", "#D55E00", "o", "target gate"), ("room change (dB)", "#0072B2", "s", "room"),
-        ):  # fmt: skip
-            values = [left[feature], *(_mean(moves[gap, 1.0], group, feature) for gap in ordered)]
-            panel.plot(np.maximum(values, -100), places, marker, color=colour, ms=5, label=label)
+        names = {case.name for case in GROUPS[group]}
+        for part, colour, marker, shift in (("target", PALETTE[1], "o", 0.14), ("room", PALETTE[0], "s", -0.14)):
+            feature = part + CHANGE
+            left = [10 ** (r["value"] / 20) for r in rows if r["gap"] == "none" and r["metric"] == feature and r["cases"] in names]
+            values = np.array([20 * np.log10(np.mean(left)), *(_mean(moves[gap, 1.0], group, feature) for gap in ordered)])
+            label = "target gate" if part == "target" else "room, 0.5 m and more from it"
+            panel.plot(np.maximum(values, NONE_DB), places + shift, marker, color=colour, ms=4.5, label=label, clip_on=False)
         panel.axvline(0, color="0.6", lw=0.6)
         panel.grid(axis="x", color="0.9", lw=0.5)
-        panel.set(title=f"{group}: {len(GROUPS[group])} case{'s' if len(GROUPS[group]) > 1 else ''}", xlabel="change of the signal (dB)")
-    panels[0].set_yticks(places, names)
-    panels[1].legend(loc="lower right", frameon=True)
+        panel.hlines(places[1:] - 0.5, NONE_DB, 10, color="0.93", lw=0.5)
+        count = len(GROUPS[group])
+        panel.set(title=f"{group}, {count} {'object' if count == 1 else 'objects'}", xlim=(NONE_DB, 10))
+        panel.set_xlabel("change of the complex signal (dB)")
+        panel.set_xticks([NONE_DB, -60, -40, -20, 0], ["none", "−60", "−40", "−20", "0"])
+    panels[0].set_yticks(places, ["all off: the stand", *ordered])
+    drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return drawing
