@@ -1,0 +1,116 @@
+"""A campaign that is killed again and again is, once it has ended, the campaign that nothing disturbed: every file, byte for byte.
+
+Only meta.json differs, which says when and how long. The quick test puts a made-up signal in the tracer's place; the slow one traces.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+TINY = [
+    "run", "experiment=campaign", "materials=void", "tracking=off", "measured.gap.solver=0", "measured.gap.clutter=0",
+    "profile.campaign.turntable_objects=[corner_reflector,can_211_400]", "profile.campaign.reflector_distances_m=[1.0]",
+    "profile.campaign.frames_per_turn=40", "profile.campaign.reflector_repeats=2", "profile.campaign.rail_repeats=1",
+    "profile.campaign.rover_objects=[can_211_400]", "profile.campaign.rover_every=10",
+]  # fmt: skip
+RECORDINGS = 13  # of both domains
+# Recordings of noise and, where there are more frames than aspects, of aspects: a tenth of a second each.
+MADE_UP = """
+import sys, time
+import numpy as np
+from experiments.campaigns import truth, twin
+from experiments.campaigns.cases import log
+from experiments.campaigns.turned import Turned
+from radartwin.assemble import build_radar
+from radartwin.cli import main
+from radartwin.radar.recording import Recording
+from radartwin.simulation.aspects import Aspects
+
+def record(case, config, *more):
+    time.sleep(0.1)
+    rng = np.random.default_rng([*case.name.encode(), len(more)])
+    radar = build_radar(config.radar)
+    def noise(*shape):
+        return (1e-6 * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))).astype(np.complex64)
+    frames = log(case, config.profile.campaign, not more).frames
+    if case.motion == "turntable" and frames > truth.aspects(case) and not more:
+        return Turned(Aspects(noise(64, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
+    return Recording(noise(frames, 16, 2, 4, 256), radar)
+
+truth.record = twin.record = record
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def started(output: Path, program: list[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, *program, *TINY, f"output={output}"],
+        cwd=output.parent,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])},
+    )
+
+
+def completed(output: Path, program: list[str], seconds: float) -> str:
+    campaign = started(output, program)
+    said, complained = campaign.communicate(timeout=seconds)
+    assert campaign.returncode == 0, complained[-2000:]
+    return said
+
+
+def products(output: Path) -> dict[str, str]:
+    """Digest of every file that the campaign left, but for when it was made."""
+    cache = output / "cache"
+    found = [path for kind in ("clean", "processed") for path in cache.glob(f"{kind}/*/*") if path.name != "meta.json"]
+    return {path.relative_to(cache).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(found)}
+
+
+def finished(output: Path) -> int:
+    return len(list(output.glob("cache/clean/*/meta.json")))
+
+
+def disturbed(output: Path, program: list[str], kills: int, pause_s: float, seconds: float) -> str:
+    """Kill it so many times, each somewhere in the making of another recording, and let it end."""
+    chance = random.Random(0)
+    goals = sorted(chance.sample(range(RECORDINGS - 1), kills))
+    for goal in goals:
+        campaign, end = started(output, program), time.monotonic() + seconds
+        while finished(output) < goal or not list(output.glob("cache/*/*.tmp")):
+            assert campaign.poll() is None, campaign.communicate()[1][-2000:]
+            assert time.monotonic() < end, f"{finished(output)} of {goal} recordings in {seconds} s"
+            time.sleep(0.01)
+        time.sleep(pause_s * chance.random())
+        os.killpg(campaign.pid, signal.SIGKILL)
+        campaign.communicate()
+    return completed(output, program, seconds)
+
+
+def same_in_the_end(folder: Path, program: list[str], kills: int, pause_s: float, seconds: float) -> None:
+    completed(folder / "whole", program, seconds)
+    whole = products(folder / "whole")
+    assert len(whole) == 4 * RECORDINGS  # samples and description, arrays and radar
+    said = disturbed(folder / "killed", program, kills, pause_s, seconds)
+    assert products(folder / "killed") == whole
+    assert not list((folder / "killed").rglob("*.tmp"))
+    assert "wall time per frame" in said
+
+
+def test_a_campaign_killed_twice_is_the_same_in_the_end(tmp_path: Path) -> None:
+    same_in_the_end(tmp_path, ["-c", MADE_UP], kills=2, pause_s=0.2, seconds=120)
+
+
+@pytest.mark.slow
+def test_a_traced_campaign_killed_ten_times_is_the_same_in_the_end(tmp_path: Path) -> None:
+    same_in_the_end(tmp_path, ["-m", "radartwin"], kills=10, pause_s=2.0, seconds=1200)
