@@ -79,6 +79,14 @@ TABLES = (
         "project's own; intervals are bootstraps over recordings.",
     ),
     Table(
+        name="gallery",
+        title="Side by side",
+        caption="Recordings of the campaign measured (above) and simulated (below), each column on one scale of decibels: range over time, "
+        "over Doppler (on a turntable across the frames of a turn, which fold at the frame rate in both; else within the middle frame) and "
+        "over azimuth. The twin is the room as scanned, its materials by the vision-language model's answers. Other pairs: radartwin run "
+        "experiment=gallery experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M,...]. Rows: one recording each, so without intervals.",
+    ),
+    Table(
         name="gaps",
         campaign=True,
         title="Each gap by itself",

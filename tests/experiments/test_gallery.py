@@ -1,0 +1,118 @@
+"""The gallery: which pairs it takes, and that its pictures show both domains on one scale with the target where the log has it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments import gallery
+from experiments.campaigns.cases import Case, Motion, log
+from radartwin import plotting
+from radartwin.compose import compose
+from radartwin.config import CampaignConfig
+from radartwin.errors import ConfigError
+from radartwin.features.processed import Processed, process
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
+
+RADAR = Radar.iwr1843()
+C = 299_792_458.0
+
+
+def recording(case: Case, amplitude: float = 1e-3) -> Recording:
+    """A point that is where the log of the case has its target, sampled by the definition of the beat signal."""
+    course = log(case, CampaignConfig(frames_per_turn=20, turns=1), measured=False)
+    azimuth, speed, distance = gallery.course(course, course.frames)
+    time = RADAR.chirp_times()[None, :, :, None, None]
+    sample = np.arange(RADAR.num_samples) / RADAR.sample_rate_hz
+    direction = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
+    path = 2 * distance[:, None, None, None, None] + 2 * speed[:, None, None, None, None] * time
+    nearer = (RADAR.tx_positions @ direction.T).T[:, None, :, None, None] + (RADAR.rx_positions @ direction.T).T[:, None, None, :, None]
+    iq = amplitude * np.exp(2j * np.pi * (RADAR.start_frequency_hz + RADAR.slope_hz_per_s * sample) * (path - nearer) / C)
+    return Recording(iq.astype(np.complex64), RADAR)
+
+
+def seen(case: Case) -> tuple[gallery.View, Processed]:
+    made = recording(case)
+    processed = process(made, doppler=False)
+    course = log(case, CampaignConfig(frames_per_turn=20, turns=1), measured=False)
+    return gallery.view(processed, course, lambda: made), processed
+
+
+@pytest.mark.parametrize("motion", ["turntable", "diagonal", "depth", "lateral"])
+def test_the_maps_peak_where_the_log_has_the_target(motion: Motion) -> None:
+    room = "squash_court" if motion in ("depth", "lateral") else "lab"
+    view, _ = seen(Case("corner_reflector", room, motion, 1.0))
+    for panel, tolerance in (("time", None), ("Doppler", 0.15), ("azimuth", 3.0)):
+        power = view.maps[panel]
+        across, range_m = view.truth[panel]
+        if panel == "time":
+            peaks = view.range_m[power.argmax(axis=1)]
+            np.testing.assert_allclose(peaks, range_m, atol=RADAR.range_resolution_m)
+            np.testing.assert_array_equal(across, view.across[panel])
+            continue
+        place, bin_of = np.unravel_index(power.argmax(), power.shape)
+        assert view.range_m[bin_of] == pytest.approx(range_m[0], abs=RADAR.range_resolution_m)
+        if not np.isnan(across[0]):
+            assert view.across[panel][place] == pytest.approx(across[0], abs=tolerance)
+        elif panel == "Doppler":
+            assert view.across[panel][place] == 0  # it turns without a change
+
+
+def test_the_diagonal_ends_to_the_left_and_recedes() -> None:
+    course = log(Case("corner_reflector", "lab", "diagonal", 1.0), CampaignConfig(), measured=False)
+    azimuth, speed, distance = gallery.course(course, course.frames)
+    assert azimuth[0] == pytest.approx(0, abs=1e-9)
+    assert azimuth[-1] > 0.2
+    assert (speed > 0).all()
+    assert distance[-1] > 1.4
+
+
+def test_both_domains_share_scale_and_marks(tmp_path: Path) -> None:
+    view, _ = seen(Case("corner_reflector", "lab", "turntable", 1.0))
+    faint = gallery.View(view.range_m, view.across, {panel: power / 100 for panel, power in view.maps.items()}, view.truth)
+    drawn = gallery.draw({"measured": view, "twin": faint}, "a point", "testbed")
+    pictures = [axes for axes in drawn.axes if axes.images]
+    assert len(pictures) == 6
+    for column in range(3):
+        above, below = pictures[column], pictures[column + 3]
+        assert above.images[0].get_clim() == below.images[0].get_clim()
+        loudest, fainter = (float(np.ma.asarray(axes.images[0].get_array()).max()) for axes in (above, below))
+        assert loudest - fainter == pytest.approx(20, abs=0.01)
+        assert len(above.lines) == len(below.lines) == 1
+    assert "(testbed)" in pictures[0].get_ylabel()
+    assert "simulated" in pictures[3].get_ylabel()
+    plotting.save(drawn, tmp_path / "gallery")
+    assert (tmp_path / "gallery.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("pair", "told"),
+    [
+        ("mug/lab/turntable", "OBJECT/ROOM/MOTION/DISTANCE_M"),
+        ("teapot/lab/turntable/1", "no object 'teapot'; choose corner_reflector"),
+        ("mug/lab/spiral/1", "no motion 'spiral'; choose turntable"),
+        ("mug/atrium/turntable/1", "turntable is recorded in lab"),
+        ("mug/lab/lateral/1", "lateral is recorded in atrium and squash_court"),
+        ("mug/lab/turntable/near", "no distance"),
+        ("mug/lab/turntable/9", "0.5 to 2.5 m"),
+        ("corner_reflector/lab/radial/2", "at 1 m"),
+        ("mug/lab/turntable/nan", "0.5 to 2.5 m"),
+    ],
+)
+def test_pairs_that_nobody_records_are_refused_in_one_line(pair: str, told: str) -> None:
+    with pytest.raises(ConfigError, match=r"experiment.pairs") as error:
+        gallery.parse(pair)
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_pairs_are_chosen_by_configuration() -> None:
+    made = compose(["experiment=gallery", "experiment.pairs=[mug/squash_court/lateral/1,mustard/lab/turntable/0.5]"])
+    assert [gallery.parse(pair) for pair in made.experiment.pairs] == [
+        Case("mug", "squash_court", "lateral", 1.0), Case("mustard", "lab", "turntable", 0.5),
+    ]  # fmt: skip
+    for pairs in gallery.PAIRS.values():
+        assert all(gallery.parse(pair) for pair in pairs)
