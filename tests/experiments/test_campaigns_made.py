@@ -1,0 +1,154 @@
+"""What the campaign says of itself: counts of what happened, times that were taken, bytes that lie on disk. Signals are made up."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments import campaign as table
+from experiments.campaigns import Campaign, Case, tally, truth, twin
+from experiments.campaigns.campaign import load_clean
+from experiments.campaigns.cases import log
+from experiments.campaigns.turned import Turned
+from radartwin.assemble import build_radar
+from radartwin.compose import compose
+from radartwin.config import Config
+from radartwin.experiment import check_rows
+from radartwin.measured.drift import Drift
+from radartwin.progress import Progress
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
+from radartwin.simulation.aspects import Aspects
+from radartwin.store import Store
+
+TINY = [
+    "experiment=campaign", "materials=void", "profile.resamples=200", "profile.campaign.turntable_objects=[can_211_400]",
+    "profile.campaign.frames_per_turn=40", "profile.campaign.rail_repeats=1", "profile.campaign.rover_objects=[mug]",
+    "profile.campaign.rover_every=25", "profile.campaign.rover_repeats=2",
+]  # fmt: skip
+PAUSE_S = 0.05
+
+
+def noise(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    return (1e-6 * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))).astype(np.complex64)
+
+
+def record(case: Case, config: Config, *more: Any) -> Recording | Turned:
+    """Noise after a pause; the first of each motion pauses twice and says that it set something up."""
+    measured = not more
+    rng = np.random.default_rng([*case.name.encode(), measured])
+    time.sleep(PAUSE_S)
+    if case.repetition == 0:
+        time.sleep(PAUSE_S)
+        tally.count(tally.SETUPS)
+    radar, frames = build_radar(config.radar), log(case, config.profile.campaign, measured).frames
+    if case.motion == "turntable" and measured:
+        return Turned(Aspects(noise(rng, 64, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
+    return Recording(noise(rng, frames, 16, 2, 4, 256), radar)
+
+
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Config:
+    monkeypatch.setattr(truth, "record", record)
+    monkeypatch.setattr(twin, "record", record)
+    return compose([*TINY, f"output={tmp_path}"])
+
+
+def run(config: Config, tmp_path: Path) -> list[dict[str, Any]]:
+    result = table.run(config, Store(tmp_path / "cache"), Progress(quiet=True))
+    check_rows("campaign", result.rows)
+    return result.rows
+
+
+def cell(rows: list[dict[str, Any]], of: str, motion: str, metric: str) -> dict[str, Any]:
+    (found,) = [row for row in rows if (row["of"], row["motion"]) == (of, motion) and row["metric"].startswith(metric)]
+    return found
+
+
+def test_counts_are_of_what_happened_and_a_second_run_makes_nothing(config: Config, tmp_path: Path) -> None:
+    rows = run(config, tmp_path)
+    drives = cell(rows, "measured", "depth", "wall")
+    assert (drives["made"], drives["found"], drives["frames"], drives["traced"], drives["set_ups"]) == (2, 0, 4, 4, 1)
+    turning = cell(rows, "measured", "turntable", "wall")
+    assert (turning["made"], turning["frames"], turning["traced"]) == (1, 80, 64)
+    assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the twin turns once
+    assert cell(rows, "measured", "all", "wall")["made"] == 7
+    assert drives["value"] >= 1e3 * 3 * PAUSE_S / 4  # two recordings and a set-up, over four frames
+    again = run(config, tmp_path)
+    for one, other in zip(rows, again, strict=True):
+        assert (other["made"], other["found"]) == (0, one["made"])
+        assert other["metric"] == one["metric"]
+        assert other["value"] == one["value"]  # times are those of the making
+
+
+def test_disk_is_what_the_files_hold(config: Config, tmp_path: Path) -> None:
+    rows = run(config, tmp_path)
+    held = sum(path.stat().st_size for kind in ("clean", "processed") for path in (tmp_path / "cache" / kind).rglob("*") if path.is_file())
+    told = sum(cell(rows, of, "all", "disk (MB)")["value"] for of in ("measured", "simulated"))
+    assert told == pytest.approx(held / 1e6, rel=1e-6)
+
+
+def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() -> None:
+    def made(setups: int, seconds: float) -> table.Made:
+        return table.Made(
+            "measured", Case("mug", "atrium", "depth", 1.0), ("k", "k"), True, (seconds, 0.5), (1.0, 1.0), (5000, 1000), 50, 50, setups
+        )
+
+    paper = compose(["profile=paper"]).profile.campaign
+    cases = [Case("mug", room, "depth", 1.0, r) for room in ("atrium", "squash_court") for r in range(3)]
+    seconds, size = table._extrapolated([made(1, 31.0), made(0, 1.0), made(0, 1.0)], "measured", cases, paper)
+    assert seconds == pytest.approx(2 * 30 + 6 * (1.0 + 0.5))  # two rooms set up, six drives
+    assert size == 6 * 6000
+    alone, _ = table._extrapolated([made(1, 31.0)], "measured", cases, paper)
+    assert alone == pytest.approx(6 * 31.5)  # nothing tells the set-up apart: each pays it
+
+
+def test_targets_are_judged_and_shown_on_the_page(config: Config, tmp_path: Path) -> None:
+    progress = Progress(quiet=True)
+    made = table.make(Campaign(config, Store(tmp_path / "cache"), progress), progress)
+    for seconds, verdict in ((0.03, "holds"), (0.2, "fails")):  # of each frame
+        rows = table.rows(config, [replace(one, seconds=(seconds * one.frames, 0.0), setups=0) for one in made])
+        told = {row["claim"]: row["verdict"] for row in rows if row["claim"]}
+        assert told[table.FRAME.text] == verdict
+        assert told[table.DISK.text] == "holds"
+        assert told[table.MINUTES.text] == verdict  # of 70,000 states
+        assert f"frame takes at most 60 ms: {verdict}" in table.page(rows)
+    assert len([line for line in table.page(rows).splitlines() if line.split()[:1] == ["measured"]]) == 6
+
+
+def test_cheap_motions_come_first_and_what_shares_a_track_together(config: Config, tmp_path: Path) -> None:
+    plan = Campaign(config, Store(tmp_path / "cache"), Progress(quiet=True)).plan()
+    places = [(case.room, "bench" if case.motion in ("turntable", "radial", "diagonal") else case.motion) for _, case in plan]
+    assert [places[k] for k in range(len(places)) if k == 0 or places[k] != places[k - 1]] == list(dict.fromkeys(places))
+    assert places[0] == ("lab", "bench")
+    assert len(plan) == len(set(plan)) == 12
+
+
+def test_a_turned_recording_is_kept_as_its_aspects_and_read_back_to_the_bit(tmp_path: Path) -> None:
+    rng, radar = np.random.default_rng(0), Radar.iwr1843()
+    drift = Drift(noise(rng, 3, 2, 4, 256), rng.uniform(-2, 2, 30))
+    turned = Turned(Aspects(noise(rng, 16, 2, 4, 256)), rng.uniform(0, 12, (30, 16, 2)), radar, drift, {"kind": "test"})
+    turned.save(tmp_path)
+    assert Turned.is_in(tmp_path)
+    back = Turned.load(tmp_path)
+    whole = turned.recording()
+    assert np.array_equal(back.recording().iq, whole.iq)
+    assert back.provenance == {"kind": "test"}
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 0.15 * whole.iq.nbytes
+    rested = replace(turned, drift=None).recording()
+    assert np.abs(whole.iq - rested.iq).max() > 1e-8
+
+
+def test_a_clean_recording_reads_alike_however_it_is_kept(config: Config, tmp_path: Path) -> None:
+    campaign = Campaign(config, Store(tmp_path / "cache"), Progress(quiet=True))
+    for case in campaign.cases("measured", repetition=0):
+        product = campaign.clean("measured", case)
+        made = record(case, config)
+        expected = made.recording() if isinstance(made, Turned) else made
+        off = np.abs(load_clean(product).iq - expected.iq).max()
+        assert off <= 1e-4 * np.abs(expected.iq).max()
