@@ -1,8 +1,9 @@
 """The same recording measured and simulated, side by side: range over time, over Doppler and over azimuth, on one colour scale.
 
 Pairs are chosen by experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...], such as mug/squash_court/lateral/1; without any, those of the
-profile. Dashed is where the log says that the target is. On a turntable Doppler is over the frames of a turn (what turns folds at the frame
-rate, in both alike) and azimuth the mean over them; where radar or target move along, both are of the middle frame.
+profile, or the first of a recording set. Dashed and ringed is where the log says that the target is. On a turntable Doppler is over the
+frames of a turn (what turns folds at the frame rate, in both alike) and azimuth the mean over them; where radar or target move along, both
+are of the middle frame.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaigns.campaign import Campaign
-from experiments.campaigns.cases import RAIL, RAIL_START_M, ROVER, Case, Log, Motion
+from experiments.campaigns.cases import RAIL, ROVER, Case, Log, Motion
 from experiments.claims import row
 from radartwin.config import Config
 from radartwin.errors import ConfigError
@@ -42,6 +43,8 @@ PAIRS = {
         "corner_reflector/squash_court/depth/1", "mug/atrium/lateral/1",
     ),
 }  # fmt: skip
+RECORDED = 4  # pairs that are shown of a recording set where none is named
+NEAREST_M, FARTHEST_M = 0.5, 2.5  # of a target
 DRIVEN = ("atrium", "squash_court")
 LABELS = {"measured": "measured", "twin": "simulated"}
 SPAN_DB = 75.0  # from the brightest of both down: what a reflector leaves of a room's furniture
@@ -69,7 +72,7 @@ class View:
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """One figure per pair, and rows of how alike the two are."""
     campaign = Campaign(config, store, progress)
-    cases = [parse(pair) for pair in config.experiment.pairs or PAIRS.get(config.profile.name, PAIRS["quick"])]
+    cases = chosen(config, campaign)
     rows: list[dict[str, Any]] = []
     figures: dict[str, Callable[[], Figure]] = {}
     keys: list[str] = []
@@ -83,6 +86,13 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         keys += [key for key, _ in found.values()]
     metrics = {f"correlation_{r['pair'].replace('/', '_')}": r["value"] for r in rows if r["metric"] == "profile correlation"}
     return Result("gallery", rows, figures, metrics, keys)
+
+
+def chosen(config: Config, campaign: Campaign) -> list[Case]:
+    """The named pairs; else the profile's, or of a recording set its first ones."""
+    if config.experiment.pairs or config.measured.provider != "recordings":
+        return [parse(pair) for pair in config.experiment.pairs or PAIRS.get(config.profile.name, PAIRS["quick"])]
+    return list({(c.object, c.room, c.motion, c.distance_m): c for c in reversed(campaign.cases("measured"))}.values())[::-1][:RECORDED]
 
 
 def parse(pair: str) -> Case:
@@ -107,10 +117,8 @@ def parse(pair: str) -> Case:
         distance = float(text)
     except ValueError as error:
         raise ConfigError(f"{where}: {text!r} is no distance in metres") from error
-    least, most = (RAIL_START_M, RAIL_START_M) if motion in RAIL else (0.5, 2.5)
-    if not least <= distance <= most:
-        allowed = f"{least:g}" if least == most else f"{least:g} to {most:g}"
-        raise ConfigError(f"{where}: {motion} is recorded at {allowed} m, not at {text} m")
+    if not NEAREST_M <= distance <= FARTHEST_M:
+        raise ConfigError(f"{where}: {text} m is not from {NEAREST_M:g} to {FARTHEST_M:g} m")
     return Case(name, room, motion, distance)  # type: ignore[arg-type]
 
 
@@ -121,8 +129,8 @@ def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> 
     time_s, middle = np.arange(count) / log.frame_rate_hz, count // 2
     radar, weights = processed.radar, steering(processed.radar, AZIMUTH_RAD)
     azimuth, speed, nominal = course(log, count)
-    chosen = slice(count) if turning else slice(middle, middle + 1)
-    beams = np.einsum("fab,ap->pfb", processed.channels[chosen], weights, optimize=True)
+    looked_at = slice(count) if turning else slice(middle, middle + 1)
+    beams = np.einsum("fab,ap->pfb", processed.channels[looked_at], weights, optimize=True)
     if turning:
         slow = np.fft.fftshift(np.fft.fft(processed.channels[:count], axis=0) / count, axes=0)
         doppler = np.mean(np.abs(slow) ** 2, axis=1)

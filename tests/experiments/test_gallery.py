@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -98,7 +101,6 @@ def test_both_domains_share_scale_and_marks(tmp_path: Path) -> None:
         ("mug/lab/lateral/1", "lateral is recorded in atrium and squash_court"),
         ("mug/lab/turntable/near", "no distance"),
         ("mug/lab/turntable/9", "0.5 to 2.5 m"),
-        ("corner_reflector/lab/radial/2", "at 1 m"),
         ("mug/lab/turntable/nan", "0.5 to 2.5 m"),
     ],
 )
@@ -114,5 +116,13 @@ def test_pairs_are_chosen_by_configuration() -> None:
     assert [gallery.parse(pair) for pair in made.experiment.pairs] == [
         Case("mug", "squash_court", "lateral", 1.0), Case("mustard", "lab", "turntable", 0.5),
     ]  # fmt: skip
-    for pairs in gallery.PAIRS.values():
-        assert all(gallery.parse(pair) for pair in pairs)
+    for profile, pairs in gallery.PAIRS.items():
+        named = compose(["experiment=gallery", f"profile={profile}"])
+        assert gallery.chosen(named, cast(Any, None)) == [gallery.parse(pair) for pair in pairs]
+
+
+def test_a_recording_set_shows_its_first_recordings(tmp_path: Path) -> None:
+    there = [Case("mug", "lab", "turntable", distance, repetition) for distance in (0.5, 1.0) for repetition in (0, 1)]
+    made = compose(["experiment=gallery"])
+    made = replace(made, measured=SimpleNamespace(provider="recordings"))  # type: ignore[arg-type]
+    assert gallery.chosen(made, cast(Any, SimpleNamespace(cases=lambda domain: there))) == [there[0], there[2]]
