@@ -1,21 +1,23 @@
 """An answer about one surface: what it must look like, and the material it stands for.
 
-The schema admits one of the 23 MINC categories, a confidence and a reason; about objects also the thickness of the wall and what is
-inside, from which a layered shell is built. Whoever answers gets the schema's own complaint and another try.
+The schema admits one of the 23 MINC categories, a confidence, a reason and, where the category says too little, the material's own name:
+what is under paint, what "other" is. About objects it also asks for the thickness of the wall and what is inside, from which a layered
+shell is built. Whoever answers gets the schema's own complaint and another try.
 """
 
 from __future__ import annotations
 
 import functools
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from radartwin.errors import LabelError, MaterialError
 from radartwin.materials import Layered, roughness_m
-from radartwin.materials.minc import CATEGORIES, row
-from radartwin.materials.names import resolve
+from radartwin.materials.minc import BUILD_UPS, CATEGORIES, COVERED, Row, row
+from radartwin.materials.names import PERMITTIVITY, Resolved, mentioned, resolve
 from radartwin.materials.roughness import CLASSES
 
 Kind = Literal["surface", "object"]
@@ -29,7 +31,7 @@ CONTENTS: dict[str, str | None] = {
     "solid": None,
     "unknown": None,
 }
-REASON_CHARACTERS = 400
+REASON_CHARACTERS, NAME_CHARACTERS = 400, 80
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Answer:
         material: MINC category.
         confidence: 0 to 1, None where nobody said.
         wall_thickness_mm, contents: of objects; None where not asked or not known.
-        named: a material outside MINC that was named instead, and is taken as its closest row.
+        named: the material in the answerer's own words, more exact than the category; None where it adds nothing.
         invalid: no valid answer came; `material` is "other".
         attempts: how often it was asked.
     """
@@ -86,11 +88,13 @@ def _schema(kind: Kind) -> str:
         "material": {"type": "string", "enum": list(CATEGORIES)},
         "confidence": {"type": "number", "minimum": 0, "maximum": 1},
         "reason": {"type": "string", "maxLength": REASON_CHARACTERS},
+        "name": {"type": ["string", "null"], "maxLength": NAME_CHARACTERS},
     }
     if kind == "object":
         fields["wall_thickness_mm"] = {"type": ["number", "null"], "exclusiveMinimum": 0, "maximum": 500}
         fields["contents"] = {"type": "string", "enum": list(CONTENTS)}
-    return json.dumps({"type": "object", "properties": fields, "required": list(fields), "additionalProperties": False})
+    required = [field for field in fields if field != "name"]
+    return json.dumps({"type": "object", "properties": fields, "required": required, "additionalProperties": False})
 
 
 def schema(kind: Kind) -> dict[str, Any]:
@@ -118,20 +122,54 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
     problems = sorted(Draft202012Validator(schema(kind)).iter_errors(value), key=lambda e: list(map(str, e.absolute_path)))
     if problems:
         raise LabelError("; ".join(_said(problem) for problem in problems))
-    return Answer(**{key: value[key] for key in schema(kind)["properties"]}, named=named)
+    name = str(value.pop("name", None) or "").strip() or None
+    return Answer(**value, named=named or name)
 
 
 def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
-    """Material, roughness (metres) and whether it is a stand-in, of an answer."""
+    """Material, roughness (metres) and whether it is a stand-in or an uncertain build-up, of an answer.
+
+    >>> material_of(Answer("painted", named="concrete"))[0], material_of(Answer("other", named="mineral fibre ceiling tiles"))[0]
+    ('concrete', Layered(layers=(('ceiling_board', 0.015),), backing='air'))
+    """
     entry = row(answer.material)
-    base, rough, stand_in = entry.material, entry.roughness_m, entry.stand_in()
-    if answer.named is not None:
-        found = resolve(answer.named)
-        base, stand_in = found.material, found.stand_in
-        texture = next((n for n in (found.name, base) if isinstance(n, str) and n in CLASSES), None)
-        rough = roughness_m(texture) if texture else rough
+    found = specified(answer)
+    base, rough = entry.material, entry.roughness_m
+    if found is not None:
+        base = _build_up(found, entry)
+        texture = next((n for n in (found.name, found.material) if isinstance(n, str) and n in CLASSES), None)
+        rough = roughness_m(texture) if texture and answer.material not in COVERED else rough
     shell = interior(base, answer.wall_thickness_mm, answer.contents)
+    own = found is None or found.category in (answer.material, *COVERED)  # a category's build-up, which the words may confirm
+    stand_in = entry.stand_in(exact=found is not None or shell != base) if own or found is None else found.stand_in
     return shell, rough, stand_in or (shell != base and answer.contents not in ("empty", "solid", "unknown"))
+
+
+def specified(answer: Answer) -> Resolved | None:
+    """What an answer's own words say beyond its category; None where they say nothing known, or another category's material.
+
+    Under paint and wallpaper anything may be; elsewhere a name that belongs to another category contradicts the one chosen, which stands.
+    Of one thing on another, paint shows what is below and all else what is above.
+    """
+    parts = re.split(r"\b(?:on|onto|over)\b", answer.named or "")
+    found = mentioned(parts[-1 if answer.material in COVERED else 0]) or mentioned(answer.named or "")
+    if found is None or found.name == answer.material:
+        return None
+    agrees = found.category in (None, answer.material) or answer.material in (*COVERED, "other")
+    return found if agrees else None
+
+
+def _build_up(found: Resolved, entry: Row) -> str | Layered:
+    """What a named material is commonly built as: its own row's stack, its common sheet, or a sheet of the category's thickness."""
+    if isinstance(found.material, Layered):
+        return found.material
+    if found.material in BUILD_UPS and found.name not in PERMITTIVITY and found.category is None:
+        return BUILD_UPS[found.material]
+    usual = entry.material
+    plain = found.category is None and found.material != "metal"
+    if plain and isinstance(usual, Layered) and len(usual.layers) == 1 and usual.backing == "air":
+        return Layered([(found.material, usual.layers[0][1])])
+    return found.material
 
 
 def interior(material: str | Layered, wall_thickness_mm: float | None, contents: str | None) -> str | Layered:

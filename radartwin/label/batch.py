@@ -49,7 +49,7 @@ def export(questions: Sequence[Question], folder: Path) -> Path:
             write_atomically(folder / name, crop.jpeg)
         entry = {"id": question.id, "kind": question.kind, "images": names, "sha256": list(question.images), "question": question.text}
         lines.append(json.dumps(entry))
-    examples: list[dict[str, Any]] = [{"id": "0123456789ab", "material": "wood", "confidence": 0.8, "reason": "..."}]
+    examples: list[dict[str, Any]] = [{"id": "0123456789ab", "material": "wood", "confidence": 0.8, "reason": "...", "name": None}]
     examples.append({**examples[0], "wall_thickness_mm": 1.5, "contents": "empty"})
     shown = "\n".join(f"  {json.dumps(example)}   ({kind})" for example, kind in zip(examples, KINDS, strict=True))
     write_atomically(folder / "README.txt", _README.format(examples=shown, digest=prompt_digest()))

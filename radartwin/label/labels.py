@@ -15,6 +15,7 @@ from typing import Any
 from radartwin.errors import LabelError
 from radartwin.label.answers import Answer, material_of
 from radartwin.label.journal import Record
+from radartwin.label.place import overlap, place_of
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene, Surface
 
@@ -22,8 +23,8 @@ VLM = "vlm"
 SCANNED = {"segment", "planar"}  # facts that only a scan's surfaces carry
 # What a label says, as opposed to what is known of the geometry, which outlives it.
 LABEL_KEYS = (
-    "source", "confidence", "stand_in", "minc", "model", "reason", "provider", "transferred", "key", "named", "invalid", "missing",
-    "wall_thickness_mm", "contents", "wrong",
+    "source", "confidence", "stand_in", "minc", "model", "reason", "provider", "transferred", "covered", "key", "named", "invalid",
+    "missing", "wall_thickness_mm", "contents", "wrong",
 )  # fmt: skip
 
 
@@ -77,7 +78,7 @@ def labelled(
 
 
 def answer_label(given: str | Layered | Answer | Record, surface: Surface, transferred: bool = False) -> Label:
-    """The label that an answer gives a surface."""
+    """The label that an answer gives a surface; one transferred from another scan is as sure as the share of the surface it covers."""
     told: dict[str, Any] = {"source": VLM}
     answer = given.answer if isinstance(given, Record) else given
     if not isinstance(answer, Answer):
@@ -90,6 +91,9 @@ def answer_label(given: str | Layered | Answer | Record, surface: Surface, trans
         told |= {"model": given.model, "provider": given.provider, "key": given.key[:12]}
     told |= {key: value for key in ("named", "wall_thickness_mm", "contents") if (value := getattr(answer, key)) is not None}
     told |= {key: True for key, holds in (("invalid", answer.invalid), ("transferred", transferred)) if holds}
+    if transferred and isinstance(given, Record):
+        covered = overlap(place_of(surface.mesh), given.place)
+        told |= {"covered": round(covered, 3), "confidence": None if answer.confidence is None else round(answer.confidence * covered, 3)}
     return Label(material, roughness, told)
 
 

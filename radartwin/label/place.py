@@ -75,18 +75,32 @@ def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:
 
 def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, float] | None]:
     """For each place, the index of the one among others that most of its points lie on, with their share; None where none has enough."""
+    out: list[tuple[int, float] | None] = []
+    for shares in _votes(places, among):
+        winner = int(shares.argmax()) if shares.size else 0
+        out.append((winner, float(shares[winner])) if shares.size and shares[winner] >= LEAST_SHARE else None)
+    return out
+
+
+def overlap(place: Place, other: Place) -> float:
+    """Share of a place's points, 0 to 1, that lie on another."""
+    return float(_votes([place], [other])[0][0])
+
+
+def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
+    """For each place, the share of its points that each of the others gets, (len(among),)."""
     from scipy.spatial import KDTree
 
     if not among:
-        return [None for _ in places]
+        return [np.zeros(0) for _ in places]
     pool = np.concatenate([place.points for place in among])
     owner = np.repeat(np.arange(len(among)), [len(place.points) for place in among])
     normals = np.array([np.zeros(3) if place.normal is None else place.normal for place in among])
     tree = KDTree(pool)
-    out: list[tuple[int, float] | None] = []
+    out = []
     for place in places:
         distance, near = tree.query(place.points, k=min(12, len(pool)), distance_upper_bound=REACH_M)
-        distance, near = np.atleast_2d(distance), np.atleast_2d(near)
+        distance, near = distance.reshape(len(place.points), -1), near.reshape(len(place.points), -1)
         there = np.isfinite(distance)
         label = owner[np.where(there, near, 0)]
         cost = np.where(there, distance, np.inf)
@@ -95,10 +109,7 @@ def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, 
             cost = cost + np.where(flat, TURNED_M * (1 - np.abs(normals[label] @ place.normal)), 0)
         best = cost.argmin(axis=1)
         rows = np.arange(len(best))
-        votes = np.bincount(label[rows, best][np.isfinite(cost[rows, best])], minlength=len(among))
-        winner = int(votes.argmax())
-        share = float(votes[winner] / len(place.points))
-        out.append((winner, share) if share >= LEAST_SHARE else None)
+        out.append(np.bincount(label[rows, best][np.isfinite(cost[rows, best])], minlength=len(among)) / len(place.points))
     return out
 
 

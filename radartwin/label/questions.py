@@ -18,9 +18,11 @@ from radartwin.label.crops import Crop
 from radartwin.label.photos import Photo
 from radartwin.label.place import Place, place_of
 from radartwin.label.views import Views
+from radartwin.materials.itu import P2040
+from radartwin.materials.names import PERMITTIVITY
 from radartwin.scene.scene import Scene, Surface
 
-VERSION = 1
+VERSION = 2
 
 # What counts as which. No examples of things: those that happen to stand in a room would be answered by the prompt.
 MEANINGS = {
@@ -36,7 +38,7 @@ MEANINGS = {
     "metal": "metal of any kind, also under paint or enamel",
     "mirror": "mirror",
     "other": "none of these, or impossible to tell",
-    "painted": "painted plaster, plasterboard, concrete or masonry",
+    "painted": "painted plaster, plasterboard, concrete or masonry; name says which",
     "paper": "paper or cardboard",
     "plastic": "plastic of any kind",
     "polishedstone": "polished or cut stone",
@@ -48,6 +50,9 @@ MEANINGS = {
     "water": "open water",
     "wood": "wood and boards made of wood, also varnished or laminated",
 }
+
+# Materials offered by name: every row of P.2040 and of the table of permittivities that a solid of a building can be.
+NAMES = tuple(sorted({*P2040, *PERMITTIVITY} - {"vacuum", "air", "ice", "wax", *(n for n in P2040 if "ground" in n)}))
 
 _TASK = """You see {pictures} of one place in a scanned room. In each picture the same {what} is outlined in magenta, with its surroundings.
 What is it made of? Decide by its look, its shape, what it is and where it is: name the material that a radio wave would meet, under any
@@ -66,7 +71,9 @@ told) and what is inside: {contents}.
 _FORMAT = """
 Answer with one JSON object and nothing else:
 {example}
-confidence is between 0 and 1, how sure you are of the category; reason is one short sentence.
+confidence is between 0 and 1, how sure you are of the category; reason is one short sentence. name is the material more exactly than the
+category says it, in a few plain words: of what is painted or papered, what is under the paint or paper; of "other", what it is; null where
+the category says all. These names are known, use one where it fits: {names}.
 """
 
 
@@ -105,7 +112,7 @@ class Question:
 
 def prompt_digest() -> str:
     """SHA-256 of everything in a prompt but the surface's own facts, with the schemas."""
-    parts = [VERSION, _TASK, _INSIDE, _FORMAT, MEANINGS, CONTENTS, schema("surface"), schema("object")]
+    parts = [VERSION, _TASK, _INSIDE, _FORMAT, MEANINGS, NAMES, CONTENTS, schema("surface"), schema("object")]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
@@ -143,13 +150,13 @@ def prompt(kind: Kind, measured: str, origins: Sequence[str]) -> str:
     what_kind = "photograph" if "photo" in origins else "rendered picture"
     pictures = f"a {what_kind}" if count == 1 else f"{count} {what_kind}s"
     categories = "\n".join(f"- {name}: {meaning}" for name, meaning in MEANINGS.items())
-    example: dict[str, object] = {"material": "...", "confidence": 0.0, "reason": "..."}
+    example: dict[str, object] = {"material": "...", "confidence": 0.0, "reason": "...", "name": None}
     if kind == "object":
         example |= {"wall_thickness_mm": None, "contents": "..."}
     what = "surface" if kind == "surface" else "thing"
     text = _TASK.format(pictures=pictures, what=what, categories=categories, facts=measured)
     text += _INSIDE.format(contents=", ".join(f'"{name}"' for name in CONTENTS)) if kind == "object" else ""
-    return text + _FORMAT.format(example=json.dumps(example))
+    return text + _FORMAT.format(example=json.dumps(example), names=", ".join(name.replace("_", " ") for name in NAMES))
 
 
 def facts(surface: Surface, floor_m: float) -> str:

@@ -33,6 +33,8 @@ class Row:
         source: where the build-up or the permittivity comes from.
         note: what it leaves open.
         texture: the class of `radartwin.materials.roughness.CLASSES` whose height it takes.
+        uncertain: the category does not say what the radar meets (what is under the paint, how thick the plastic is), and common
+            build-ups lie more than 2.5 dB away.
     """
 
     material: str | Layered
@@ -40,15 +42,18 @@ class Row:
     source: str
     note: str
     texture: str
+    uncertain: bool = False
 
     @property
     def roughness_m(self) -> float:
         """Rms height, metres."""
         return roughness_m(self.texture)
 
-    def stand_in(self, frequency_hz: float = FREQUENCY_HZ) -> bool:
-        """Whether any of its rows stands for something it is not, by choice or because its fit ends below this frequency."""
-        return self.proxy or not all(in_range(name, frequency_hz) for name in names_in(self.material))
+    def stand_in(self, frequency_hz: float = FREQUENCY_HZ, exact: bool = False) -> bool:
+        """Whether any of its rows stands for something it is not, by choice or because its fit ends below this frequency, or the build-up
+        is uncertain; `exact`: somebody said which it is."""
+        guessed = self.uncertain and not exact
+        return self.proxy or guessed or not all(in_range(name, frequency_hz) for name in names_in(self.material))
 
 
 def names_in(material: str | Layered) -> tuple[str, ...]:
@@ -58,6 +63,14 @@ def names_in(material: str | Layered) -> tuple[str, ...]:
 
 _BOARD_ON_STUDS = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
 _BUILDING = "building practice (EN 520 board of 12.5 mm, studs of 75 mm)"
+# What a named material is commonly built as, where a category does not say.
+BUILD_UPS: dict[str, Layered] = {
+    "plasterboard": _BOARD_ON_STUDS,
+    "ceiling_board": Layered([("ceiling_board", 0.015)]),  # EN 13964 mineral tiles of 15 to 19 mm, a void above
+    "chipboard": Layered([("chipboard", 0.018)]),  # EN 312 furniture board
+    "floorboard": Layered([("floorboard", 0.008)], backing="concrete"),  # EN 13329 laminate on a slab
+}
+COVERED = ("painted", "wallpaper")  # categories that say what covers a wall, not what it is built of
 _ACCONEER = "60 GHz values of docs/pcr_tech/radar_principles, Acconeer (Clear BSD)"
 
 MINC: dict[str, Row] = {
@@ -83,12 +96,13 @@ MINC: dict[str, Row] = {
     "other": Row("concrete", True, "nobody knows: the P.2040-4 row nearest to the ROOM categories in the mean (3.1 dB)",
         "computed, see `least_wrong`; people, plants, food, water and sky do not count", "painted"),
     "painted": Row(_BOARD_ON_STUDS, False, f"plasterboard wall, {_BUILDING}",
-        "plaster on masonry lies 0.4 dB away, bare painted concrete 2.9 dB, ceiling board 5.7 dB", "painted"),
+        "plaster on masonry lies 0.4 dB away, bare painted concrete 2.9 dB, ceiling board 5.7 dB: uncertain unless named",
+        "painted", True),
     "paper": Row(Layered([("chipboard", 0.0003), ("air", 0.002), ("chipboard", 0.0003)]), True,
         "corrugated board: two liners of 0.3 mm, 2.6 mm in all; cellulose 2.6 like chipboard",
         "up to 5 mm lie 2.4 to 5.4 dB away, a stack of paper or books 4.6 dB", "paper"),
     "plastic": Row(Layered([("hdpe", 0.002)]), False, "polyolefins 2.2 to 2.3 (J. Lamb 1996); housings of 2 mm",
-        "1 to 5 mm lie 2 to 5 dB away, ABS of 3 mm 2.7 dB: a wall thickness in the answer counts", "plastic"),
+        "1 to 5 mm lie 2 to 5 dB away, ABS of 3 mm 2.7 dB: a wall thickness in the answer counts", "plastic", True),
     "polishedstone": Row("marble", False, "P.2040-4 marble, 1 to 60 GHz", "at 77 GHz glass stands in", "polishedstone"),
     "skin": Row("detergent", True, "6.6 - j 9.5 at 77 GHz, dry skin (S. Gabriel et al. 1996, extrapolated)",
         "the mixture of liquids nearest to it: 7.1 - j 9.0", "skin"),
@@ -97,7 +111,7 @@ MINC: dict[str, Row] = {
     "tile": Row(Layered([("glass", 0.008)], backing="concrete"), True, "fired clay 5 to 6.5 of 8 mm (EN 14411) on a slab; glass 6.3",
         "on plasterboard 0.2 dB away", "tile"),
     "wallpaper": Row(_BOARD_ON_STUDS, False, f"plasterboard wall, {_BUILDING}", "0.2 mm of paper (2.6) on board (2.7) is left out",
-        "wallpaper"),
+        "wallpaper", True),
     "water": Row("water", False, "H. Liebe et al. 1991", "", "water"),
     "wood": Row(Layered([("wood", 0.02)]), False, "P.2040-4 wood, to 100 GHz; boards of 20 mm",
         "18 to 40 mm lie 0.2 dB away, chipboard 2.1 dB, 8 mm floorboard on concrete 4.1 dB", "wood"),

@@ -11,6 +11,7 @@ the less certain figure (it hardly moves the reflection below 0.1).
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from radartwin.errors import MaterialError
@@ -117,6 +118,31 @@ def resolve(name: str) -> Resolved:
         material, distance = closest(real * (1 - 1j * loss), ("air", *(n for n in P2040 if in_range(n))), SWEEP_HZ)
         return Resolved(plain, material, None, True, f"permittivity {real:g}, {distance:.1f} dB from {material}")
     raise MaterialError(f"nobody knows the material {name!r}; known: {', '.join(known_names())}")
+
+
+def mentioned(words: str) -> Resolved | None:
+    """The known material that somebody's own words speak of, None where they speak of none.
+
+    The most exact one: a material before a category, then the longest name, then the last, which in English is the thing itself.
+
+    >>> mentioned("white acoustic ceiling tiles").material, mentioned("lacquered sheet steel").category, mentioned("unobtainium")
+    ('ceiling_board', 'metal', None)
+    """
+    plain = re.sub(r"[^a-z]+", " ", words.lower()).split()
+    found: list[tuple[bool, int, int, Resolved]] = []
+    for start in range(len(plain)):
+        for stop in range(start + 1, len(plain) + 1):
+            phrase = "_".join(plain[start:stop])
+            for spelling in (phrase, phrase.removesuffix("s")):
+                if _is_known(spelling):
+                    known = resolve(spelling)
+                    found.append((known.category is None, stop - start, start, known))
+                    break
+    return max(found, key=lambda entry: entry[:3])[3] if found else None
+
+
+def _is_known(name: str) -> bool:
+    return any(name in table for table in (MINC, MATERIAL_NAMES, _ROW_OF, PERMITTIVITY, _SPELLINGS))
 
 
 def known_names() -> tuple[str, ...]:

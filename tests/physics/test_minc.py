@@ -8,8 +8,8 @@ import pytest
 from radartwin.errors import MaterialError
 from radartwin.materials import MATERIAL_NAMES, Layered, itu, permittivity, roughness_m
 from radartwin.materials.distance import FLOOR_DB, INCIDENCE_DEG, closest, distance_db, reflectivity_db
-from radartwin.materials.minc import CATEGORIES, MINC, ROOM, least_wrong, names_in, row
-from radartwin.materials.names import PERMITTIVITY, SYNONYMS, known_names, resolve
+from radartwin.materials.minc import CATEGORIES, COVERED, MINC, ROOM, least_wrong, names_in, row
+from radartwin.materials.names import PERMITTIVITY, SYNONYMS, known_names, mentioned, resolve
 
 # Written out so that a category cannot go missing.
 EXPECTED = [
@@ -47,7 +47,33 @@ def test_stand_ins_are_flagged_by_frequency() -> None:
     assert row("ceramic").stand_in(30e9), "glass for porcelain, at any frequency"
     for entry in MINC.values():
         uses = any(not any(f.low_ghz <= 77 <= f.high_ghz for f in itu.P2040[n]) for n in names_in(entry.material) if n in itu.P2040)
-        assert entry.stand_in(77e9) == (entry.proxy or uses)
+        assert entry.stand_in(77e9) == (entry.proxy or entry.uncertain or uses)
+        assert entry.stand_in(77e9, exact=True) == (entry.proxy or uses)
+
+
+def test_categories_that_do_not_say_the_build_up_are_uncertain() -> None:
+    """What their notes name as common lies more than 2.5 dB from the row."""
+    assert {name for name, entry in MINC.items() if entry.uncertain} == {*COVERED, "plastic"}
+    for category, other in (("painted", "concrete"), ("wallpaper", "concrete"), ("plastic", Layered([("hdpe", 0.004)]))):
+        assert distance_db(MINC[category].material, other) > 2.5, category
+
+
+@pytest.mark.parametrize(
+    ("words", "material"),
+    [
+        ("white acoustic ceiling tiles", "ceiling_board"), ("Mineral-fibre board, ceiling board", "ceiling_board"),
+        ("painted concrete", "concrete"), ("lacquered sheet steel", "metal"), ("melamine-faced chipboard", "chipboard"),
+    ],
+)  # fmt: skip
+def test_materials_are_found_in_somebodys_own_words(words: str, material: str) -> None:
+    found = mentioned(words)
+    assert found is not None
+    assert found.material == material
+
+
+def test_words_of_no_material_are_none() -> None:
+    assert mentioned("something that nobody can tell") is None
+    assert mentioned("") is None
 
 
 def test_other_is_the_least_wrong_row() -> None:

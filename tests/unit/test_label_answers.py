@@ -83,6 +83,32 @@ def test_a_name_outside_minc_is_refused_or_taken_as_its_closest_row() -> None:
         read_answer({**GOOD, "material": "unobtainium"}, "surface", names=True)
 
 
+@pytest.mark.parametrize(
+    ("material", "name", "becomes", "stand_in"),
+    [
+        ("painted", None, MINC["painted"].material, True),  # what is under the paint is a guess
+        ("painted", "drywall", MINC["painted"].material, False),
+        ("painted", "concrete", "concrete", False),
+        ("wallpaper", "plaster on brick", "brick", True),  # its fit ends at 40 GHz
+        ("painted", "sheet steel", "metal", False),
+        ("other", "mineral fibre ceiling tiles", Layered([("ceiling_board", 0.015)]), False),
+        ("other", "felt of unknown make", MINC["fabric"].material, True),
+        ("other", None, MINC["other"].material, True),
+        ("wood", "varnished pine", MINC["wood"].material, False),
+        ("wood", "plywood", Layered([("plywood", 0.02)]), True),  # its fit ends at 40 GHz
+        ("plastic", "steel", MINC["plastic"].material, True),  # a contradiction: the category stands
+        ("tile", "ceramic tile on concrete", MINC["tile"].material, True),
+        ("stone", "something nobody can name", MINC["stone"].material, True),
+    ],
+)
+def test_an_answers_own_words_say_what_its_category_does_not(material: str, name: str | None, becomes: object, stand_in: bool) -> None:
+    answer = read_answer({**GOOD, "material": material, "name": name}, "surface")
+    assert answer.named == name
+    assert Answer.from_dict(json.loads(json.dumps(answer.to_dict()))) == answer
+    found = material_of(answer)
+    assert (found[0], found[2]) == (becomes, stand_in)
+
+
 def test_interior_builds_the_shell_that_the_radar_meets() -> None:
     bottle = Answer("plastic", 0.9, "bottle", wall_thickness_mm=1.0, contents="water-like liquid")
     material, _, _ = material_of(bottle)
@@ -175,6 +201,24 @@ def test_recorded_answers_go_by_question_first_and_by_place_then(tmp_path: Path)
     (tmp_path / "answers.json").write_text('{"format": "radartwin-answers", "version": 2}')
     with pytest.raises(LabelError, match=r"answers\.json is not a radartwin-answers version 1"):
         load_records(path)
+
+
+def test_an_answer_found_by_place_is_as_sure_as_the_share_it_covers() -> None:
+    x, y, _ = np.eye(3)
+
+    def floor(width_m: float) -> Surface:
+        return Surface(rooms.rectangle([0, 0, 0], x, y, (width_m, 4.0)), "plasterboard", "floor", role="room", provenance={"planar": True})
+
+    question = questions(Scene([floor(4.0)]), views=1)[0]
+    given = record(question)
+    for width, share in ((4.0, 1.0), (8.0, 0.5)):
+        told = answer_label(given, floor(width), transferred=True).provenance
+        assert told["transferred"] is True
+        assert told["covered"] == pytest.approx(share, abs=0.05)
+        assert told["confidence"] == pytest.approx(0.8 * told["covered"], abs=0.001)
+    own = answer_label(given, floor(8.0)).provenance
+    assert own["confidence"] == 0.8
+    assert "covered" not in own
 
 
 def test_a_room_without_recorded_answers_is_named(tmp_path: Path) -> None:

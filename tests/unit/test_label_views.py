@@ -182,11 +182,11 @@ def test_photographs_survive_the_disk_and_bad_ones_are_named(tmp_path) -> None:
 
 
 def test_a_question_tells_geometry_and_nothing_of_the_truth() -> None:
-    scene = Scene([s.replaced(name=f"secret_{s.name}", material="marble", provenance={"minc": "leather"}) for s in box_room()])
+    scene = Scene([s.replaced(name=f"secret_{s.name}", material="detergent", provenance={"minc": "leather"}) for s in box_room()])
     asked = questions(scene, views=1)
     assert len(asked) == 6
     for question in asked:
-        for word in ("secret", "marble"):
+        for word in ("secret", "detergent"):
             assert word not in question.text
         assert len(question.id) == 12
     texts = {scene.surfaces[q.surface].name: q.text for q in asked}
