@@ -33,7 +33,7 @@ GROUPS: dict[str, tuple[Case, ...]] = {
 }  # fmt: skip
 CASES = (*METAL, *FILLED, *DRIVE)
 ROOM_BINS = 12  # either side of the target, 0.5 m: beyond them the Hann window has its echo 70 dB down
-QUICK_FRAMES, QUICK_EVERY = 24, 5  # of a turn; of a drive's frames
+FRAMES, EVERY = 24, 5  # of a turn; of a drive's frames: few, in any profile
 DARKEST_DB = 200.0  # below which a level is none
 
 
@@ -47,12 +47,11 @@ def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: 
     """
     if gap is not None and gap not in GAPS:
         raise ConfigError(f"measured.gap.{gap}: there is no such gap; choose {', '.join(GAPS)}")
-    quick = config.profile.name == "quick"
-    frames = {"frames_per_turn": QUICK_FRAMES, "rover_every": QUICK_EVERY} if quick else {}
+    frames = {"frames_per_turn": FRAMES, "rover_every": EVERY, "turns": turns}
     strengths = GapConfig(**{name: strength if name == gap else 0.0 for name in GAPS})
     return replace(
         config, materials=MaterialsConfig(source="true"), measured=replace(config.measured, gap=strengths),
-        profile=replace(config.profile, campaign=replace(config.profile.campaign, turns=turns, **frames)),
+        profile=replace(config.profile, campaign=replace(config.profile.campaign, **frames)),
     )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ from experiments import gap_cases, statistics
 from experiments.campaigns import twin
 from experiments.campaigns.cases import Case
 from experiments.claims import NONE, Claim, row
-from experiments.gap_cases import CASES, GAPS, GROUPS, METAL, Reading
+from experiments.gap_cases import CASES, FILLED, GAPS, GROUPS, METAL, Reading
 from experiments.gap_claims import expected
 from radartwin.config import Config
 from radartwin.errors import ConfigError
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 NONE_DB = -80.0  # of the figure: what is less is none
 CHANGE = " change (dB)"  # what ends the name of a ratio of signals
 SHOWN = ("turntable", "drive")  # groups whose every feature has a row
-INTERPOLATED, TURNS = METAL[1], 3  # of a round object: more frames than its 64 aspects
+# Turns of so many frames that they are interpolated: from 64 aspects of what is round, from 1024 of what is not
+INTERPOLATED = {"quick": ((METAL[1], 3),), "paper": ((METAL[1], 3), (FILLED[0], 43))}
 Moves = dict[tuple[str, float], dict[Case, dict[str, float]]]  # by gap and strength: of each case how far each feature moves
 Keys = dict[tuple[str, float], list[str]]
 
@@ -60,7 +61,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         moves[gap, strength] = {case: _moved(gap, found[case], against[case]) for case in CASES}
         keys[gap, strength] = gap_cases.keys([*found.values(), *against.values()])
     rows = _agreement(config, base, exact, moves["solver", 1.0])
-    rows.append(_interpolated(config, store, progress))
+    rows += [_interpolated(config, store, progress, base[case], case, turns) for case, turns in INTERPOLATED.get(config.profile.name, ())]
     rows += [line for step in moves for line in _rows(config, step, moves[step], keys[step])]
     figures: dict[str, Callable[[], Figure]] = {"gaps": lambda: _figure(moves, rows)}
     metrics = {f"{gap}_{strength:g}_{group}_room_change_dB": _mean(moves[gap, strength], group, "room change (dB)")
@@ -99,15 +100,12 @@ def _agreement(
     return rows
 
 
-def _interpolated(config: Config, store: Store, progress: Progress) -> dict[str, Any]:
+def _interpolated(config: Config, store: Store, progress: Progress, traced: Reading, case: Case, turns: int) -> dict[str, Any]:
     """A turn that is interpolated from aspects against the same turn with every frame traced."""
-    traced = gap_cases.recorded(gap_cases.alone(config), store, progress, "measured", INTERPOLATED)
-    config_of_more = gap_cases.alone(config, turns=TURNS)
-    frames = config_of_more.profile.campaign.frames_per_turn
-    blended = gap_cases.recorded(config_of_more, store, progress, "measured", INTERPOLATED, frames)
+    many = gap_cases.alone(config, turns=turns)
+    blended = gap_cases.recorded(many, store, progress, "measured", case, gap_cases.FRAMES)
     change = gap_cases.change_db(blended, traced, traced.target)
-    keys = gap_cases.keys([traced, blended])
-    return _row(config, "none", 0.0, f"{INTERPOLATED.name}, interpolated from aspects", "target change (dB)", [change], keys)
+    return _row(config, "none", 0.0, f"{case.name}, interpolated", f"target{CHANGE}", [change], gap_cases.keys([traced, blended]))
 
 
 def _rows(config: Config, step: tuple[str, float], moves: Mapping[Case, dict[str, float]], keys: list[str]) -> list[dict[str, Any]]:
