@@ -21,10 +21,14 @@ from experiments.campaigns.cases import Case, planned
 from experiments.campaigns.cases import log as nominal_log
 from experiments.claims import NONE, Claim, row
 from experiments.statistics import Estimate
+from radartwin.assemble import build_radar
 from radartwin.compose import compose
 from radartwin.config import CampaignConfig, Config
 from radartwin.experiment import Result
+from radartwin.features.processed import MAX_RANGE_M
 from radartwin.progress import Progress
+from radartwin.radar.chirp import Radar
+from radartwin.radar.processing import azimuth_row
 from radartwin.store import Product, Store
 
 MEASURED, TWIN = "measured", "twin"
@@ -70,8 +74,10 @@ def make(campaign: Campaign, progress: Progress) -> list[Made]:
     """Every recording of the campaign, in the order of its plan."""
     wanted = campaign.plan()
     missing = [one for one in wanted if not campaign.holds(*one)]
-    frames = sum(campaign.log(case, domain).frames for domain, case in missing)
-    progress.say(f"campaign: {len(wanted)} recordings, {len(missing)} of them to be made ({frames} frames)")
+    counts = [states(domain, case, campaign.config.profile.campaign) for domain, case in missing]
+    size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
+    told = f"{len(wanted)} recordings, {len(missing)} of them to be made: {sum(frames for frames, _ in counts):,} frames"
+    progress.say(f"campaign: {told} from {sum(traced for _, traced in counts):,} traced states, about {size / 1e9:.2g} GB")
     return [_made(campaign, domain, case) for domain, case in progress.over(wanted, "recordings")]
 
 
@@ -168,6 +174,14 @@ def states(domain: str, case: Case, config: CampaignConfig) -> tuple[int, int]:
     """(frames, states to be traced) of a recording."""
     frames = nominal_log(case, config, measured=domain == MEASURED).frames
     return frames, min(frames, truth.aspects(case)) if domain == MEASURED and case.motion == "turntable" else frames
+
+
+def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
+    """Of a recording in the store: its samples as counts, or its aspects of one chirp as complex numbers, and what is processed."""
+    chirp = radar.num_tx * radar.num_rx * radar.num_samples
+    bins = int(MAX_RANGE_M / radar.range_resolution_m) + 1
+    read = bins * (4 + 8 * len(azimuth_row(radar)) + (4 * radar.num_chirps if traced == frames else 0))
+    return (8 * chirp * traced if traced < frames else 4 * chirp * radar.num_chirps * frames) + read * frames
 
 
 def metrics(made: Sequence[Made]) -> dict[str, float]:

@@ -93,6 +93,18 @@ def test_disk_is_what_the_files_hold(config: Config, tmp_path: Path) -> None:
     assert told == pytest.approx(held / 1e6, rel=1e-6)
 
 
+def test_the_first_line_tells_what_is_to_be_made(config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    progress = Progress()
+    made = table.make(Campaign(config, Store(tmp_path / "cache"), progress), progress)
+    first = capsys.readouterr().err.splitlines()[0]
+    frames, traced = sum(one.frames for one in made), sum(one.traced for one in made)
+    assert f"12 recordings, 12 of them to be made: {frames} frames from {traced} traced states" in first
+    expected = float(first.split("about ")[1].split(" GB")[0])
+    assert expected == pytest.approx(sum(sum(one.bytes) for one in made) / 1e9, rel=0.2)
+    table.make(Campaign(config, Store(tmp_path / "cache"), progress), progress)
+    assert "0 of them to be made" in capsys.readouterr().err
+
+
 def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() -> None:
     def made(setups: int, seconds: float) -> table.Made:
         return table.Made(

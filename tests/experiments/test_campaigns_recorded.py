@@ -15,6 +15,10 @@ from experiments.campaigns.export import export
 from radartwin.compose import compose
 from radartwin.config import Config
 from radartwin.errors import ConfigError, InputError, UserError
+from radartwin.features import sets
+from radartwin.features.align import start_offset
+from radartwin.features.gate import gate_energies
+from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
 from radartwin.measured.checks import examine
 from radartwin.measured.recording_set import RecordingSet
 from radartwin.progress import Progress
@@ -24,7 +28,7 @@ from radartwin.store import Store
 TINY = [
     "experiment=environment", "materials=void", "experiment.distances_m=[1.0]", "measured.gap.solver=0", "measured.gap.clutter=0",
     "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
-    "profile.campaign.frames_per_turn=8", "profile.campaign.turns=1", "profile.campaign.reflector_repeats=2",
+    "profile.campaign.frames_per_turn=14", "profile.campaign.turns=1", "profile.campaign.reflector_repeats=2",
     "profile.campaign.rail_repeats=1", "profile.campaign.rover_rooms=[]",
 ]  # fmt: skip
 
@@ -81,6 +85,24 @@ def test_both_providers_go_through_the_same_code_to_the_same_bytes(folder: Path)
         assert np.allclose(first.distance_m, second.distance_m, atol=1e-9)
         assert np.allclose(first.target_poses, second.target_poses, atol=1e-9)
         assert (first.angle_rad is None) == (second.angle_rad is None)
+
+
+def test_gate_alignment_and_features_are_those_of_the_testbed(folder: Path) -> None:
+    """One window (0.3 to 5.5 m), one gate (three bins either side), one way to find a late start, wherever a recording comes from."""
+    testbed, recordings = campaign_of(configured(folder)), campaign_of(recorded(folder))
+    assert (NEAR_M, FAR_M, GATE_BINS) == (0.3, 5.5, 3)
+    for case in testbed.cases("measured", motion="turntable"):
+        energies, vectors = [], []
+        for campaign in (testbed, recordings):
+            _, processed = campaign.processed("measured", case)
+            energies.append(gate_energies(processed.power, processed.range_m, case.distance_m))
+            vectors.append(sets.vector(processed, campaign.log(case), "rotation"))
+        assert np.array_equal(energies[0][0], energies[1][0])
+        assert np.array_equal(energies[0][1], energies[1][1])
+        late = start_offset(energies[0][0], np.roll(energies[1][0], 2), period=14)
+        assert (late.frames, round(late.correlation, 9)) == (2, 1.0)
+        assert vectors[0][0] == vectors[1][0]
+        assert np.allclose(vectors[0][1], vectors[1][1], rtol=1e-9)
 
 
 def test_one_experiment_gives_the_same_figures_on_either(folder: Path) -> None:
