@@ -39,12 +39,13 @@ def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str]
             left = x + right * scale - (0.0 if right > 0 else width if right < 0 else width / 2)
             box = (left, y + up * scale - height / 2, left + width, y + up * scale + height / 2)
             outside = max(0.0, frame.x0 - box[0]) + max(0.0, box[2] - frame.x1) + max(0.0, frame.y0 - box[1]) + max(0.0, box[3] - frame.y1)
-            cost = sum(_overlap(box, other) for other in taken) + 20 * outside * height + 0.4 * rank
+            cost = sum(_overlap(box, other) for other in taken) + 200 * outside * height + 0.4 * rank
             if cost < best:
                 best, chosen, offset = cost, box, (right, up)
         taken.append(chosen)
         side = "left" if offset[0] > 0 else "right" if offset[0] < 0 else "center"
-        axes.annotate(text, point, offset, textcoords="offset points", fontsize=SIZE, color=colour, ha=side, va="center_baseline", zorder=5)
+        label = axes.annotate(text, point, offset, textcoords="offset points", fontsize=SIZE, color=colour, ha=side, va="center_baseline")
+        label.set(zorder=5, in_layout=False)
 
 
 def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:

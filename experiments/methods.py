@@ -67,40 +67,44 @@ def ours(setting: str, elements: str = "exact", **settings: Any) -> Method:
 
 def of_problem(problem: Problem, full: bool) -> list[Method]:
     """The methods that a problem is given to, this project's default first; `full` takes all settings."""
-    mine = [ours(DEFAULT)]
-    if not problem.room:
-        mine += [
-            ours(f"{n:g} tubes per square wavelength", rays_per_wavelength2=n) for n in ((0.25, 4.0, 0.06, 16.0) if full else (0.25, 4.0))
-        ]
-        mine += [ours("1 bounce", max_bounces=1), ours("planar elements", "planar")]
-    else:
-        mine += [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3, 5) if full else (2,))]
-        if problem.exact:
-            mine += [
-                ours(f"tubes, {n / 1e6:g} million", room="tubes", rays=n)
-                for n in ((100_000, 300_000, 1_200_000, 2_900_000) if full else (300_000,))
-            ]
-        else:
-            mine += [ours("0.25 tubes per square wavelength", rays_per_wavelength2=0.25), ours("object and room uncoupled", coupling=False)]
-            mine += (
-                [ours("4 tubes per square wavelength", rays_per_wavelength2=4.0), ours("no diffuse cloud", diffuse=False)] if full else []
-            )
-            mine += [ours("planar elements", "planar")]
-            mine += [ours("room by tubes, by the width rule", room="tubes")] if full and problem.resting else []
+    images = [Method(IMAGES, "all of four bounces", "")] if problem.name == "empty room" else []
+    return [ours(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
+
+
+def _targets(full: bool) -> list[Method]:
+    densities = (0.25, 4.0, 0.06, 16.0) if full else (0.25, 4.0)
+    mine = [ours(f"{n:g} tubes per square wavelength", rays_per_wavelength2=n) for n in densities]
+    return [*mine, ours("1 bounce", max_bounces=1), *([ours("planar elements", "planar")] if full else [])]
+
+
+def _room(problem: Problem, full: bool) -> list[Method]:
+    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3, 5) if full else (2,))]
+    if problem.exact:
+        rays = (100_000, 300_000, 1_200_000, 2_900_000) if full else (300_000,)
+        return mine + [ours(f"tubes, {n / 1e6:g} million", room="tubes", rays=n) for n in rays]
+    mine += [ours("object and room uncoupled", coupling=False), ours("planar elements", "planar")]
+    if full or problem.resting:
+        mine.append(ours("0.25 tubes per square wavelength", rays_per_wavelength2=0.25))
+    if full:
+        mine += [ours("4 tubes per square wavelength", rays_per_wavelength2=4.0), ours("no diffuse cloud", diffuse=False)]
+    if full and problem.resting:
+        mine.append(ours("room by tubes, by the width rule", room="tubes"))
+    return mine
+
+
+def _peers(full: bool) -> list[Method]:
     peers = [Method(POINTS, "far-field table", "points")]
-    peers += [Method(POINTS, "sphere", "points", (("cross_section", "sphere"),))] if full else []
-    grids = ((128, "shipped"), (128, "corrected"), (512, "shipped"), (512, "corrected")) if full else ((128, "shipped"), (128, "corrected"))
-    peers += [
-        Method(RFGENESIS, f"{version}, {grid} x {grid}", "rfgenesis", (("version", version), ("grid", grid))) for grid, version in grids
-    ]
-    peers += [replace(peers[-len(grids)], setting="as published", published=True)]
+    if full:
+        peers.append(Method(POINTS, "sphere", "points", (("cross_section", "sphere"),)))
+    for version in ("shipped", "corrected"):
+        for grid in (128, 512) if full else (128,):
+            peers.append(Method(RFGENESIS, f"{version}, {grid} x {grid}", "rfgenesis", (("version", version), ("grid", grid))))
+    peers.append(Method(RFGENESIS, "as published", "rfgenesis", (("version", "shipped"), ("grid", 128)), published=True))
     if is_installed():
-        peers += [Method(SIONNA, "in one place", "sionna"), Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),))][
-            : 2 if full else 1
-        ]
-    if problem.name == "empty room":
-        peers.append(Method(IMAGES, "all of four bounces", ""))
-    return mine + peers
+        peers.append(Method(SIONNA, "in one place", "sionna"))
+        if full:
+            peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))
+    return peers
 
 
 @dataclass(frozen=True)

@@ -207,7 +207,7 @@ def _converged(name: str, scene: Scene, sensor: np.ndarray, motion: Mapping[str,
 
 def problems(full: bool) -> tuple[Problem, ...]:
     """All of them, in the order of the chart; `full` times and scores more frames."""
-    turning, driven, exact, converged = (50, DRIVE, 11, 5) if full else (20, 8, 5, 2)
+    turning, driven, exact, converged = (30, 25, 11, 3) if full else (16, 6, 4, 2)
     return (
         canonical(turning, exact), near(turning, exact), empty_room(driven, converged), object_in_room(turning, converged),
         rover(driven, converged),

@@ -34,7 +34,7 @@ ERRORS = {"signal_error": "error of the signal", "profile_error_db": "error of t
 PUBLISHED = "as published"
 SOURCES = ("experiments.measuring", "experiments.problems", "experiments.methods")
 # rounds after the first two, seconds that one repetition may fill with frames, and beyond which a method is not repeated
-QUICK, PAPER = (2, 0.4, 1.5), (5, 2.0, 20.0)
+QUICK, PAPER = (2, 0.2, 0.7), (2, 2.0, 8.0)
 
 
 def identity() -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.methods import DEFAULT, OURS
 from experiments.pareto import front
-from experiments.speed_figures import LOOKS, short
+from experiments.speed_figures import LOOKS
 
 COSTS = {
     "seconds_frame": "seconds a frame", "processor_s_frame": "processors' seconds a frame", "memory_mib": "memory above idle (MiB)",
@@ -30,7 +30,14 @@ def page(rows: Sequence[Mapping[str, Any]]) -> str:
         panels.append(
             {"title": mine[0]["title"], "truth": mine[0]["domain"], "points": [_point(row) for row in mine], "fronts": _fronts(mine)}
         )
-    content = {"panels": panels, "costs": COSTS, "errors": ERRORS, "machine": measured[0]["machine"] if measured else ""}
+    families = {row["family"]: LOOKS[row["family"]][1] for row in measured}
+    content = {
+        "panels": panels,
+        "costs": COSTS,
+        "errors": ERRORS,
+        "families": families,
+        "machine": measured[0]["machine"] if measured else "",
+    }
     data = json.dumps(content).replace("<", "\\u003c")
     return _PAGE.replace("/*DATA*/", data)
 
@@ -39,13 +46,7 @@ def _point(row: Mapping[str, Any]) -> dict[str, Any]:
     kept = {key: row[key] for key in (*COSTS, *ERRORS, *TOLD)}
     default = (row["family"], row["setting"]) == (OURS, DEFAULT)
     name = f"{row['family']}, {row['setting']}"
-    return kept | {
-        "name": name,
-        "short": short(row["setting"]),
-        "colour": LOOKS[row["family"]][1],
-        "default": default,
-        "exact": bool(row["exact"]),
-    }
+    return kept | {"name": name, "colour": LOOKS[row["family"]][1], "default": default, "exact": bool(row["exact"])}
 
 
 def _fronts(mine: Sequence[Mapping[str, Any]]) -> dict[str, list[int]]:
@@ -73,7 +74,7 @@ h2 { font-size: 14px; margin: 0; } svg { width: 100%; height: auto; } label { ma
 <p>Fast is left, accurate is down. The line is the front: nothing is cheaper and more accurate. The star is the default; a hollow mark
 knows the exact answer and is on no front. <span class="muted" id="machine"></span></p>
 <p><label>across <select id="cost"></select></label><label>up <select id="error"></select></label></p>
-<main id="panels"></main><div id="told"></div>
+<p id="families"></p><main id="panels"></main><div id="told"></div>
 <script>
 const data = /*DATA*/;
 const W = 420, H = 300, M = {l: 52, r: 16, t: 8, b: 36};
@@ -129,7 +130,7 @@ function draw() {
       const mark = p.default
         ? make("path", {d: star(at.cx, at.cy, 9), fill: p.colour, stroke: "black"}, svg)
         : make("circle", at, svg);
-      make("text", {x: at.cx + 8, y: at.cy + 3}, svg, p.short).style.fill = p.colour;
+      if (p.default) make("text", {x: at.cx + 10, y: at.cy + 3}, svg, "default");
       mark.onmousemove = event => {
         const told = document.getElementById("told"), lines = [p.name];
         for (const key in data.costs) lines.push(data.costs[key] + ": " + number(p[key]));
@@ -147,6 +148,11 @@ const star = (x, y, r) => "M" + Array.from({length: 10}, (_, i) => {
   return (x + s * Math.cos(a)).toFixed(1) + " " + (y + s * Math.sin(a)).toFixed(1);
 }).join("L") + "Z";
 document.getElementById("machine").textContent = data.machine;
+for (const name in data.families) {
+  const mark = document.getElementById("families").appendChild(document.createElement("label"));
+  mark.textContent = "\u25cf " + name;
+  mark.style.color = data.families[name];
+}
 pick("cost", data.costs); pick("error", data.errors); draw();
 </script></body></html>
 """

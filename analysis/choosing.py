@@ -1,0 +1,158 @@
+"""docs/choosing.md and its two pictures from the committed results alone: `python -m analysis.choosing`.
+
+radartwin tables --profile paper --only speed_accuracy stability
+cp outputs/tables/{speed_accuracy,stability}.csv analysis/results/ && python -m analysis.choosing
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from experiments.methods import DEFAULT, OURS, RFGENESIS
+from radartwin import files, plotting
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS, PAGE, FIGURES = ROOT / "analysis" / "results", ROOT / "docs" / "choosing.md", ROOT / "docs" / "figures"
+NAMES = ("speed_accuracy", "stability")
+GOALS_DB = (3.0, 1.0, 0.3)
+Row = Mapping[str, Any]
+KINDS = {
+    "numerical": "Numerical: a finer setting mends it",
+    "a setting": "A setting: more of it mends it, and costs",
+    "knowledge": "Knowledge: what nobody measured of the scene, no setting mends",
+    "physical": "Physical: the sensor, the wave or the model ends there",
+}
+
+
+def read(name: str, folder: Path = RESULTS) -> list[dict[str, Any]]:
+    """Rows of a committed table, numbers as numbers, empty cells as None (but for text that a row leaves out)."""
+    with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as stream:
+        return [{key: _value(key, text) for key, text in row.items()} for row in csv.DictReader(stream)]
+
+
+def _value(key: str, text: str) -> Any:
+    if key in ("values", "errors_db", "claim", "family", "fails at", "why", "run_keys"):
+        return text
+    if text in ("True", "False"):
+        return text == "True"
+    try:
+        return float(text) if text else None
+    except ValueError:
+        return text
+
+
+def text(speed: Sequence[Row], stability: Sequence[Row]) -> str:
+    """The page."""
+    measured = [row for row in speed if not row["claim"]]
+    parts = [
+        "# Choosing a method and its settings",
+        "Written by `python -m analysis.choosing` from `analysis/results/speed_accuracy.csv` and `stability.csv`: every figure is theirs. "
+        f"Times are of {measured[0]['machine'].replace('; ', ', ')}, and move with its load: compare ratios.",
+        "## What a figure of merit costs",
+        "![Seconds a frame against error of the range profile, a panel for each problem](figures/speed_accuracy.png)",
+        "Fast is left, accurate is down. The cheapest setting that keeps the range profile (rms over 40 dB) within a tolerance, and its "
+        "time over the default's; exact references are left out, for they know no other scene.",
+        _goals(measured),
+        "## The default",
+        _default(speed),
+        "## Where methods fail",
+        "![Error of each method along each sweep](figures/stability.png)",
+        "A safe region is what comes before the first error over 3 dB, easiest values first.",
+        _safe(stability),
+        "## What kind of failure it is",
+        _kinds(stability),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _goals(measured: Sequence[Row]) -> str:
+    lines = [f"| problem | {' | '.join(f'within {goal:g} dB' for goal in GOALS_DB)} | most accurate |", "|---" * (len(GOALS_DB) + 2) + "|"]
+    for name in dict.fromkeys(row["problem"] for row in measured):
+        mine = [row for row in measured if row["problem"] == name and not row["exact"]]
+        cells = []
+        for goal in GOALS_DB:
+            enough = [row for row in mine if row["profile_error_db"] <= goal]
+            cells.append(_method(min(enough, key=lambda row: row["seconds_frame"])) if enough else "none")
+        cells.append(_method(min(mine, key=lambda row: row["profile_error_db"])))
+        lines.append(f"| {mine[0]['title']} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _method(row: Row) -> str:
+    error, ratio = row["profile_error_db"], row["value"]
+    return f"{row['family']}, {row['setting']}: {error:.2g} dB, {ratio:.2g} x"
+
+
+def _default(speed: Sequence[Row]) -> str:
+    heads = ("problem", "seconds a frame", "range profile", "signal", "factor from the front", "RF-Genesis as published", "its error")
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for name in dict.fromkeys(row["problem"] for row in speed):
+        mine = [row for row in speed if row["problem"] == name]
+        own = next(row for row in mine if not row["claim"] and (row["family"], row["setting"]) == (OURS, DEFAULT))
+        naive = next((row for row in mine if row["claim"] and row["family"] == RFGENESIS), None)
+        cells = [own["title"], f"{own['seconds_frame']:.2g}", f"{own['profile_error_db']:.2g} dB", f"{own['signal_error']:.2g}"]
+        claims = [row for row in mine if row["claim"] and "front" in row["metric"]]
+        cells.append("; ".join(f"{row['value']:.2f} by the {row['metric'].rpartition(' of the ')[2]}, {row['verdict']}" for row in claims))
+        cells.append(f"{naive['value']:.3g} times its time; 500 times {naive['verdict']}" if naive else "not run")
+        cells.append(f"{naive['profile_error_db']:.2g} dB, {naive['free_error_db']:.2g} dB after one gain" if naive else "")
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _safe(stability: Sequence[Row]) -> str:
+    lines = ["| what gets harder | this tracer is safe at | fails at | safe elsewhere |", "|---|---|---|---|"]
+    for mine in _sweeps(stability).values():
+        own = next(row for row in mine if row["family"] == OURS)
+        others = [f"{_family(row)}: {row['safe']}" for row in mine if row is not own and row["value"]]
+        wider = "" if own["verdict"] == "holds" else " (not the largest)"
+        lines.append(f"| {own['title']} | {own['safe']}{wider} | {own['fails at'] or 'nowhere'} | {'; '.join(others) or 'none'} |")
+    return "\n".join(lines)
+
+
+def _family(row: Row) -> str:
+    return f"{row['family']} {row['setting']}" if row["family"] == RFGENESIS else row["family"]
+
+
+def _kinds(stability: Sequence[Row]) -> str:
+    parts = []
+    for kind, words in KINDS.items():
+        lines = [f"**{words}.**"]
+        for mine in _sweeps(stability).values():
+            own = next(row for row in mine if row["family"] == OURS)
+            if own["kind"] != kind:
+                continue
+            shared = own["fails at"] and all(row["value"] <= own["value"] for row in mine)
+            every = " Every method fails there or before." if shared else ""
+            lines.append(f"- {own['title'][0].upper()}{own['title'][1:]}: {own['why']}.{every}")
+        if len(lines) > 1:
+            parts.append("\n".join(lines[:1]) + "\n\n" + "\n".join(lines[1:]))
+    return "\n\n".join(parts)
+
+
+def _sweeps(stability: Sequence[Row]) -> dict[str, list[Row]]:
+    return {
+        name: [row for row in stability if row["sweep"] == name] for name in dict.fromkeys(r["sweep"] for r in stability if r["family"])
+    }
+
+
+def main() -> None:
+    from experiments import speed_figures, stability_figure
+
+    speed, stability = (read(name) for name in NAMES)
+    files.write_atomically(PAGE, text(speed, stability))
+    drawn = {
+        "speed_accuracy": lambda: speed_figures.chart(speed, "profile_error_db"),
+        "stability": lambda: stability_figure.map_of(stability),
+    }
+    for name, draw in drawn.items():
+        for path in plotting.save(draw, FIGURES / name):
+            if path.suffix == ".pdf":
+                path.unlink()
+    print(PAGE)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""Safe regions are read off errors as told, the map shows them, and failures that were found stay where they are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments import stability, stability_figure, sweeps
+from experiments.methods import OURS, Method, ours
+from experiments.sweeps import METHODS, SWEEPS, Sweep
+from radartwin.experiment import check_rows
+
+BY_NAME = {sweep.name: sweep for sweep in SWEEPS}
+PEER = Method("points", "table", "points")
+
+
+def rows(mine: list[float], theirs: list[float]) -> list[dict]:
+    values = tuple(float(10 * (i + 1)) for i in range(len(mine)))
+    sweep = Sweep("made up", "a made-up sweep", "m", "physical", values, lambda method, value: 0.0, "because")
+    found = stability.sweep_rows(sweep, [(ours("default"), mine), (PEER, theirs)])
+    check_rows("stability", found)
+    return found
+
+
+def test_a_safe_region_ends_before_the_first_error_over_the_limit() -> None:
+    first, second = rows([0.1, 3.0, 3.1, 0.1], [5.0, 0.1, 0.1, 0.1])
+    assert (first["value"], first["safe"], first["fails at"]) == (2, "10 to 20 m", "30 m")
+    assert (second["value"], second["safe"], second["fails at"]) == (0, "none", "10 m")
+    assert (first["verdict"], second["verdict"]) == ("holds", "untestable")
+
+
+def test_what_is_no_number_is_no_safe_value() -> None:
+    first, _ = rows([0.1, math.nan, 0.1], [5.0, 5.0, 5.0])
+    assert first["value"] == 1
+
+
+def test_equal_regions_are_both_the_largest_and_a_smaller_one_is_not() -> None:
+    assert rows([0.1, 9.0], [0.2, 9.0])[0]["verdict"] == "holds"
+    assert rows([9.0, 0.1], [0.2, 9.0])[0]["verdict"] == "fails"
+
+
+def test_samples_that_are_not_finite_are_counted_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        iq = np.full((1, 1, 1, 1, 256), np.nan + 0j)
+
+    monkeypatch.setattr(sweeps, "simulate", lambda *given, **options: Broken)
+    assert math.isnan(stability.error(BY_NAME["gap"], METHODS[0], 1.0))
+
+
+def test_the_map_shows_every_sweep_value_and_failure() -> None:
+    found = rows([0.1, 3.0, 3.1, 50.0], [5.0, 0.1, 0.1, 0.1]) + [{**row, "sweep": "other"} for row in rows([0.1] * 3, [0.1] * 3)]
+    drawing = stability_figure.map_of(found)
+    blocks = [axes for axes in drawing.axes if axes.images and axes.texts]
+    assert len(blocks) == 2
+    texts = [text.get_text() for text in blocks[0].texts]
+    assert {"fails at 30 m", "never safe", "40+"} <= set(texts)
+    assert [text.get_text() for text in blocks[1].texts].count("safe throughout") == 2
+
+
+# Where this tracer was seen to fail or stand, dB: values that must stay safe, and what is known to fail.
+STANDS = {
+    "rays": (256, 0.6), "grid": (2.5, 0.3), "facets": (16, 0.5), "holes": (5, 0.6), "noise": (0.1, 0.8), "tilt": (40, 0.8),
+    "near": (0.3, 1.5), "fold": (10.0, 0.2), "speed": (7.0, 0.5), "thickness": (0.0, 0.1), "gap": (0.03, 0.1), "snr": (20, 0.2),
+}  # fmt: skip
+FALLS = {"facets": 12, "noise": 0.8, "fold": 12.0, "speed": 8.0, "snr": -5}
+
+
+@pytest.mark.parametrize("name", STANDS)
+def test_this_tracer_stands_where_it_stood(name: str) -> None:
+    value, limit_db = STANDS[name]
+    assert BY_NAME[name].error_db(METHODS[0], value) < limit_db
+
+
+@pytest.mark.parametrize("name", FALLS)
+def test_known_failures_are_failures(name: str) -> None:
+    """Where the wave, the sensor or the mesh ends; a change that mends one moves the map."""
+    assert BY_NAME[name].error_db(METHODS[0], FALLS[name]) > stability.LIMIT_DB
+
+
+def test_a_method_without_level_is_calibrated_on_the_ball() -> None:
+    naive = next(method for method in METHODS if method.backend == "rfgenesis")
+    iq = sweeps.samples(naive, *sweeps.alone(sweeps.objects.sphere(sweeps.BALL_M, 4), 1.0))
+    assert sweeps.off(naive, iq, sweeps.sphere_echo(sweeps.BALL_M, 1.0, sweeps.MIDDLE_HZ)[0]) == pytest.approx(0, abs=1e-6)
+    assert sweeps.gain_db(METHODS[0]) == 0
+
+
+def test_every_sweep_has_the_default_safe_at_its_easiest_value_or_says_why() -> None:
+    assert all(sweep.why and sweep.kind in ("physical", "numerical", "a setting", "knowledge") for sweep in SWEEPS)
+    assert len({sweep.name for sweep in SWEEPS}) == len(SWEEPS)
+    assert METHODS[0].family == OURS
+    assert METHODS[0] == replace(ours("default"))
