@@ -78,7 +78,7 @@ def _targets(full: bool) -> list[Method]:
 
 
 def _room(problem: Problem, full: bool) -> list[Method]:
-    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3, 5) if full else (2,))]
+    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]  # references have few more
     if problem.exact:
         rays = (100_000, 300_000, 1_200_000, 2_900_000) if full else (300_000,)
         return mine + [ours(f"tubes, {n / 1e6:g} million", room="tubes", rays=n) for n in rays]
