@@ -45,6 +45,7 @@ def group_paths(
     cell_m: float,
     occluder: Geometry | None,
     prune: float,
+    coupled_cell_m: float | None = None,
     least: float = 0.0,
     ball: tuple[np.ndarray, float] | None = None,
 ) -> list[Paths] | None:
@@ -53,7 +54,7 @@ def group_paths(
     Args:
         room: panels; None for free space. built, table: the object in its own frame.
         sensor_poses, object_poses: (F, 4, 4) to the world.
-        cell_m: width of a tube on the object.
+        cell_m: width of a tube on the object; coupled_cell_m: on ways over the room, if it is another.
         occluder: static geometry that hides the object on direct legs.
         least: amplitude that does not matter; pairs of legs that stay below it are left out.
         ball: centre (3,) and radius, metres, that hold the object in every frame: legs are found for it, and kept for what comes after.
@@ -87,12 +88,15 @@ def group_paths(
     pose, out_leg, back_leg = _pairs(legs, place_of, frames, max_bounces, share, most)
     ends = [_End.of(legs, leg, pose, sensor_poses, object_poses, radar) for leg in (out_leg, back_leg)]
     out, back = ends
-    grid = launch_module.towards(built.hull_points(), out.place, built.centre, cell_m, built.grid_shift)
-    if grid is None:
-        return None
-    antennas = [tubes.Antennas(end.place, end.axis) for end in ends]
-    pieces = 3 if grid.per_pose <= FEW_TUBES else 1
-    hits = tubes.trace(built, table, grid, *antennas, max_bounces=max_bounces, prune=SCOUT_PRUNE, pieces=pieces)
+    straight = (out_leg == DIRECT) & (back_leg == DIRECT)
+    found = []
+    for rows, cell in ((straight, cell_m), (~straight, coupled_cell_m)) if coupled_cell_m else ((np.ones(len(pose), bool), cell_m),):
+        if rows.any():
+            part = _traced(built, table, ends, np.flatnonzero(rows), cell, max_bounces)
+            if part is None:
+                return None
+            found.append(part)
+    hits = tubes.Hits.concatenate(found)
     keep = np.ones(len(hits.pose), bool)
     if legs is not None:
         keep &= hits.bounce + legs.panels_met(out_leg[hits.pose]) + legs.panels_met(back_leg[hits.pose]) <= max_bounces
@@ -112,9 +116,8 @@ def group_paths(
     order = hits.bounce + (0 if legs is None else legs.panels_met(out_leg[row]) + legs.panels_met(back_leg[row]))
     departure, arrival = (np.einsum("nij,nj->ni", end.turn[row], d) for end, d in ((out, hits.departure), (back, hits.arrival)))
     rate = -np.einsum("ni,ni->n", hits.departure, out.velocity[row]) - np.einsum("ni,ni->n", hits.arrival, back.velocity[row])
-    straight = (out_leg[row] == DIRECT) & (back_leg[row] == DIRECT)
     parts = []
-    for chosen, over in ((free & straight, None), (free & ~straight, legs)):
+    for chosen, over in ((free & straight[row], None), (free & ~straight[row], legs)):
         amplitude, nodes = hits.amplitude[chosen], table.frequencies_hz
         if over is not None:
             nodes = over.frequencies_hz
@@ -133,6 +136,19 @@ def group_paths(
             part = Paths.concatenate([part, replace(there, departure=there.arrival, arrival=there.departure, **lengths)])
         parts.append(part)
     return [part.where(np.argsort(part.pose, kind="stable")) for part in pruned(parts, radar, prune)]
+
+
+def _traced(
+    built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int
+) -> tubes.Hits | None:
+    """Hits of the chosen rows of legs out and back, by row; None where no planar grid holds the object."""
+    grid = launch_module.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
+    if grid is None:
+        return None
+    antennas = [tubes.Antennas(end.place[rows], end.axis[rows]) for end in ends]
+    pieces = 3 if grid.per_pose <= FEW_TUBES else 1
+    hits = tubes.trace(built, table, grid, *antennas, max_bounces=max_bounces, prune=SCOUT_PRUNE, pieces=pieces)
+    return replace(hits, pose=rows[hits.pose])
 
 
 @dataclass(frozen=True)

@@ -196,7 +196,7 @@ class Drives:
         size = BALL_M * BALL_STEP ** np.ceil(np.log(max(radius, 1e-6) / BALL_M) / np.log(BALL_STEP))
         step = size / 2
         logged = centres[0] if aside is None else centres[0] - aside
-        ball = (np.round(logged / step) * step, float(size + np.sqrt(3) / 2 * step + ASIDE_M))
+        ball = (np.round(logged / step) * step + 0.0, float(size + np.sqrt(3) / 2 * step + ASIDE_M))
         wanders = float(np.linalg.norm(centres - ball[0], axis=1).max()) + radius > ball[1]
         occluder = None if self._still is None else self._still.geometry
         room = self._beside if coupled else None

@@ -50,6 +50,7 @@ class TraceSettings:
         room: "panels" by images, "tubes", or "auto": panels where the room is flat and no `rays` are given.
         coupling: paths between objects and the room's panels.
         diffuse: the scatter of rough surfaces.
+        coupled_rays_per_wavelength2: tubes on objects on their ways over the room, of which there are many; None: as many as on objects.
     """
 
     max_bounces: int = 4
@@ -59,6 +60,7 @@ class TraceSettings:
     room: str = "auto"
     coupling: bool = True
     diffuse: bool = True
+    coupled_rays_per_wavelength2: float | None = None
 
     def __post_init__(self) -> None:
         if self.room not in ("auto", "panels", "tubes"):
@@ -221,10 +223,12 @@ class MitsubaBackend:
     ) -> list[Paths]:
         """Paths by way of surfaces that keep their place to one another, in a room or not; `least`, `ball` and `prune` as in `coupling`."""
         coupled = room if room is not None and room.usable.any() and self.settings.coupling and self.settings.max_bounces > 1 else None
+        over_room = self.settings.coupled_rays_per_wavelength2
         found = coupling.group_paths(
             coupled, built, table, sensor_poses, poses, radar,
             max_bounces=self.settings.max_bounces, cell_m=self._cell(built, sensor_poses, poses, radar, room is None),
             occluder=occluder, prune=prune, least=least, ball=ball,
+            coupled_cell_m=None if over_room is None else radar.wavelength_m / float(np.sqrt(over_room)),
         )  # fmt: skip
         if found is not None:
             return found
