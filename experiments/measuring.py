@@ -137,17 +137,23 @@ class Timed:
             self.frames = most
         frames = self.frames * len(self.problem.parts)
         peak = Peak()
-        with counted_rays() as rays:
+        with counted_rays() as launched:
             first = self.once()
         self.memory_mib = peak.mib()
-        told = rays_of(self.method.simulator)
-        self.rays = sum(rays) / frames if told is None else float(told)
         if self.method.published or (own and not self.problem.resting):
             self._note(first)
+            self.rays = self._rays(sum(launched) / frames, 0.0)
             return
-        warm = self.once()
+        with counted_rays() as again:
+            warm = self.once()
+        self.rays = self._rays(sum(again) / frames, sum(launched) - sum(again))
         self.setup_s = max(0.0, first - warm) * self.frames if self.problem.resting else 0.0
         self.frames = most if own else int(np.clip(budget_s / max(warm * len(self.problem.parts), 1e-9), self.frames, most))
+
+    def _rays(self, each: float, once: float) -> float:
+        """Of a frame: those launched for it, and its share of those for all; or what a peer's settings tell."""
+        told = rays_of(self.method.simulator)
+        return each + once / self.problem.frames if told is None else float(told)
 
     def again(self) -> None:
         self._note(self.once())

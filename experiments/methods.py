@@ -101,9 +101,9 @@ def _peers(full: bool) -> list[Method]:
             peers.append(Method(RFGENESIS, f"{version}, {grid} x {grid}", "rfgenesis", (("version", version), ("grid", grid))))
     peers.append(Method(RFGENESIS, "as published", "rfgenesis", (("version", "shipped"), ("grid", 128)), published=True))
     if is_installed():
-        peers.append(Method(SIONNA, "in one place", "sionna"))
+        peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))  # where it finds most
         if full:
-            peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))
+            peers.append(Method(SIONNA, "in one place", "sionna"))
     return peers
 
 

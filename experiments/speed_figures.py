@@ -24,8 +24,8 @@ AXES = {
 SHORT = {
     " tubes per square wavelength": " tubes", "object and room uncoupled": "uncoupled", "planar elements": "planar", "tubes, ": "tubes ",
     " million": "M", "far-field table": "table", " x 128": "", " x 512": "", "shipped, 128": "shipped", "shipped,": "shipped",
-    "corrected, 128": "mended", "corrected,": "mended", "in one place": "Sionna",
-    "3 cm apart": "apart", "all of four bounces": "exact images", "no diffuse cloud": "no cloud",
+    "corrected, 128": "mended", "corrected,": "mended", "in one place": "Sionna, one place",
+    "3 cm apart": "Sionna", "all of four bounces": "exact images", "no diffuse cloud": "no cloud",
     "room by tubes, by the width rule": "room by tubes",
 }  # fmt: skip
 

@@ -42,7 +42,7 @@ METHODS = (
     Method(POINTS, "far-field table", "points"),
     Method(RFGENESIS, "shipped", "rfgenesis"),
     Method(RFGENESIS, "corrected", "rfgenesis", (("version", "corrected"),)),
-    Method(SIONNA, "in one place", "sionna"),
+    Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)),
 )
 
 
@@ -279,7 +279,7 @@ SWEEPS = (
           "beyond 11.16 m the sampled beat folds, in every method and in the sensor"),
     Sweep("speed", "speed of a plate", "m/s", "physical", (0.2, 1.0, 3.0, 6.0, 7.0, 8.0, 12.0), _speed,
           "beyond 7.6 m/s the chirps' phase folds, in every method and in the sensor"),
-    Sweep("thickness", "error of a board's thickness", "mm", "knowledge", (0.0, 0.1, 0.2, 0.4, 0.6, 0.8), _thickness,
+    Sweep("thickness", "error of a board's thickness", "mm", "knowledge", (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.2), _thickness,
           "front and back of a board interfere: half a millimetre moves its echo by decibels"),
     Sweep("gap", "gap before a hidden plate", "mm", "numerical", (100.0, 10.0, 1.0, 0.3, 0.1, 0.03), _gap,
           "rays start a little off the surface they left; what is nearer than that is not met"),
