@@ -78,17 +78,18 @@ def make(campaign: Campaign, progress: Progress) -> list[Made]:
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
     told = f"{len(wanted)} recordings, {len(missing)} of them to be made: {sum(frames for frames, _ in counts):,} frames"
     progress.say(f"campaign: {told} from {sum(traced for _, traced in counts):,} traced states, about {size / 1e9:.2g} GB")
-    return [_made(campaign, domain, case) for domain, case in progress.over(wanted, "recordings")]
+    campaign.prepare(missing)
+    return [_made(campaign, domain, case, (domain, case) in missing) for domain, case in progress.over(wanted, "recordings")]
 
 
-def _made(campaign: Campaign, domain: str, case: Case) -> Made:
+def _made(campaign: Campaign, domain: str, case: Case, now: bool) -> Made:
     clean = campaign.clean(domain, case)
     processed = campaign.process(domain, case)
     first, second = clean.read_json("meta"), processed.read_json("meta")
     told = first["told"]
     seconds, core_seconds = ((float(first[name]), float(second[name])) for name in ("seconds", "core_seconds"))
     return Made(
-        domain, case, (clean.key, processed.key), not clean.reused, seconds, core_seconds, (_size(clean), _size(processed)),
+        domain, case, (clean.key, processed.key), now, seconds, core_seconds, (_size(clean), _size(processed)),
         told["frames"], told["traced"], told.get(tally.SETUPS, 0),
     )  # fmt: skip
 

@@ -82,6 +82,7 @@ def read(campaign: Campaign, progress: Progress) -> dict[tuple[str, str], dict[s
     """Drives by object and motion, then by domain, where both domains have some."""
     wanted = [(domain, case) for domain in DOMAINS for motion in MOTIONS for case in campaign.cases(domain, motion=motion)]
     found: dict[tuple[str, str], dict[str, list[Drive]]] = defaultdict(lambda: {domain: [] for domain in DOMAINS})
+    campaign.prepare(wanted)
     for domain, case in progress.over(wanted, "rail recordings"):
         key, processed = campaign.processed(domain, case)
         log = campaign.log(case, domain)

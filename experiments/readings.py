@@ -143,6 +143,7 @@ def _read(
     reader: Callable[[Processed, Log], tuple[list[str], np.ndarray]], cut: Callable[[Processed, Log], Pieces] = whole,
 ) -> Readings:  # fmt: skip
     parts, keys, names = [], [], []
+    campaign.prepare([(domain, case) for case in cases], materials)
     for case in cases:
         key, processed = campaign.processed(domain, case, materials)
         for piece, part, log in cut(processed, campaign.log(case, domain)):

@@ -50,6 +50,7 @@ def read(campaign: Campaign, progress: Progress) -> dict[str, Turns]:
         raise ConfigError("the turntable campaign has no object and distance that is both measured and simulated")
     wanted = [(domain, case) for domain in DOMAINS for case in cases[domain] if (case.object, case.distance_m) in common]
     found: dict[str, dict] = {domain: defaultdict(list) for domain in DOMAINS}
+    campaign.prepare(wanted)
     for domain, case in progress.over(wanted, "turntable recordings"):
         found[domain][case.object, case.distance_m].append(_turn(campaign, domain, case))
     order = {name: number for number, name in enumerate(catalogue())}

@@ -62,6 +62,7 @@ def read(campaign: Campaign, progress: Progress) -> dict[str, Drives]:
     order = {name: number for number, name in enumerate(catalogue())}
     found: dict[str, Drives] = {domain: {} for domain in DOMAINS}
     wanted = [(domain, case) for domain in DOMAINS for case in cases[domain] if _where(case) in common]
+    campaign.prepare(wanted)
     for domain, case in progress.over(sorted(wanted, key=lambda one: (one[0], order[one[1].object], str(one[1]))), "rover recordings"):
         found[domain].setdefault(_where(case), []).append(_drive(campaign, domain, case))
     return found

@@ -522,7 +522,7 @@ class ExperimentConfig:
 
 @dataclass
 class Config:
-    """A composed run. `output` is the root of everything written; it and `tracking` say where, never what."""
+    """A composed run. `output` is the root of everything written; it, `tracking` and `jobs` say where and how, never what."""
 
     scene: SceneConfig = field(default_factory=SceneConfig)
     materials: MaterialsConfig = field(default_factory=MaterialsConfig)
@@ -537,8 +537,11 @@ class Config:
     experiment: ExperimentConfig = field(default_factory=ExperimentConfig)
     seed: int = 0
     output: str = _unkeyed("outputs")
+    jobs: int = _unkeyed(0)  # processes that make a campaign's recordings; 0: as many as there are cores and memory for
 
     def __post_init__(self) -> None:
+        if self.jobs < 0:
+            raise ConfigError(f"jobs={self.jobs} must be zero (as many as there are cores and memory for) or above")
         if self.seed < 0:
             raise ConfigError(f"seed={self.seed} must be zero or above")
         if self.materials.source == "void" and self.scene.target == "none":

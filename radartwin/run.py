@@ -23,7 +23,7 @@ from radartwin.progress import Progress
 from radartwin.store import RUN, Counts, Store
 from radartwin.tracking import Record, Tracker
 
-_UNTOLD = ("experiment", "output", "tracking", "hydra")  # overrides that do not tell runs of one table apart
+_UNTOLD = ("experiment", "output", "jobs", "tracking", "hydra")  # overrides that do not tell runs of one table apart
 
 
 def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Progress | None = None) -> tuple[Result, Counts]:

@@ -6,11 +6,12 @@ feature is read from). Noise, leakage and ADC are added when a clean recording i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from experiments.campaigns import tally, truth, twin
+from experiments.campaigns import crew, tally, truth, twin
 from experiments.campaigns.cases import Case, Log, log, planned
 from experiments.campaigns.recorded import Recorded
 from experiments.campaigns.turned import Turned
@@ -95,10 +96,20 @@ class Campaign:
         spec, make, roots = self._clean(domain, case, materials)
         return self.store.fetch(CLEAN, spec, roots, lambda folder: _save(make, folder))
 
-    def holds(self, domain: str, case: Case) -> bool:
+    def holds(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> bool:
         """Whether the clean recording is in the store."""
-        spec, _, roots = self._clean(domain, case, None)
+        spec, _, roots = self._clean(domain, case, materials)
         return self.store.holds(CLEAN, spec, roots)
+
+    def prepare(self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None) -> None:
+        """Make of these (domain, case) what is missing, processed ones too, by several processes where there are many (config.jobs)."""
+        made_here = [one for one in wanted if self._recorded is None or one[0] != "measured"]
+        missing = [one for one in made_here if not self.holds(*one, materials)]
+        count = crew.hands(self.config.jobs, len(missing))
+        if count > 1:
+            config = replace(self.config, materials=self._materials("twin", materials))
+            with self.progress.task("recordings", len(missing)) as made:
+                crew.make(config, missing, count, made)
 
     def plan(self, *domains: str) -> list[tuple[str, Case]]:
         """What there is to be made, of these domains or of both: cheap motions first, and together what shares a track."""

@@ -53,7 +53,7 @@ sys.exit(main(sys.argv[1:]))
 
 def started(output: Path, program: list[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, *program, *TINY, f"output={output}"],
+        [sys.executable, *program, *TINY, f"output={output}", *(["jobs=1"] if program[0] == "-c" else [])],  # what is made up is made here
         cwd=output.parent,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

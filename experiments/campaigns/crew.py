@@ -1,0 +1,153 @@
+"""Recordings made by several processes at once. Each goes on with what shares a track with its last, then takes over from the others.
+
+What is made does not depend on who makes it, or after what: the store holds the same bytes after any number of processes, kills included.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import traceback
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from experiments.campaigns.cases import ROVER, Case
+from radartwin.compiled import cores
+from radartwin.config import Config
+from radartwin.errors import BackendError, UserError
+
+MEMORY = 5e9  # bytes of one process, generously
+LEAST = 4  # recordings below which a second process is not worth its start
+PIECE = 12  # recordings given out at a time
+Wanted = tuple[str, Case]
+
+
+def hands(jobs: int, recordings: int) -> int:
+    """Processes for so many recordings: `jobs`, or with 0 as many as there are cores and memory for; 1 is this process itself."""
+    if recordings < LEAST:
+        return 1
+    return min(jobs or min(cores(), max(1, int(_free_bytes() / MEMORY))), -(-recordings // 2))
+
+
+def make(config: Config, wanted: Sequence[Wanted], count: int, made: Callable[[], object]) -> None:
+    """Make recordings and what features are read from, in `count` processes.
+
+    Args:
+        config: of the campaign; its output folder holds the store.
+        made: called after each recording.
+    Raises:
+        UserError: what one of the processes was refused; BackendError: one of them ended or failed.
+    """
+    left: dict[str, list[Wanted]] = defaultdict(list)
+    for domain, case in wanted:
+        left[_track(domain, case)].append((domain, case))
+    context = multiprocessing.get_context("spawn")
+    crew: dict[Connection, tuple[Any, str]] = {}
+    try:
+        for _ in range(count):
+            here, there = context.Pipe()
+            process = context.Process(target=_work, args=(there, config), daemon=True)
+            process.start()
+            there.close()
+            crew[here] = (process, "")
+            _give(here, crew, left)
+        while crew:
+            for one in wait(list(crew)):
+                assert isinstance(one, Connection)
+                _heard(one, crew, left, made)
+    finally:
+        for process, _ in crew.values():
+            process.terminate()
+
+
+def _track(domain: str, case: Case) -> str:
+    """What shares a track."""
+    return f"{domain} {case.room} {case.motion if case.motion in ROVER else 'bench'}"
+
+
+def _give(to: Connection, crew: dict[Connection, tuple[Any, str]], left: dict[str, list[Wanted]]) -> None:
+    """The next piece of its own track, else of one that nobody is on, else of the longest; or the end."""
+    process, last = crew[to]
+    taken = {track for _, track in crew.values()}
+    tracks = [track for track, some in left.items() if some]
+    if not tracks:
+        to.send(None)
+        process.join()
+        del crew[to]
+        return
+    track = min(tracks, key=lambda one: (one != last, one in taken, -len(left[one])))
+    piece, left[track] = left[track][:PIECE], left[track][PIECE:]
+    crew[to] = (process, track)
+    to.send(piece)
+
+
+def _heard(one: Connection, crew: dict[Connection, tuple[Any, str]], left: dict[str, list[Wanted]], made: Callable[[], object]) -> None:
+    try:
+        kind, *told = one.recv()
+    except (EOFError, OSError):
+        process = crew[one][0]
+        process.join()
+        raise BackendError(
+            f"campaign: a process that made recordings ended (exit status {process.exitcode}), perhaps for want of memory. "
+            "What is finished is kept and the same command makes the rest; jobs=1 needs least memory"
+        ) from None
+    if kind == "made":
+        made()
+    elif kind == "refused":
+        raise told[0]
+    elif kind == "failed":
+        raise BackendError(f"campaign: {told[0]}\n{told[1]}")
+    else:
+        _give(one, crew, left)
+
+
+def _work(parent: Connection, config: Config) -> None:
+    """A process of the crew: until there is nothing more, or nobody to make it for."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    from pathlib import Path
+
+    from experiments.campaigns.campaign import Campaign
+    from radartwin.progress import Progress
+    from radartwin.store import Store
+
+    def tell(*message: Any) -> None:
+        try:
+            parent.send(message)
+        except (BrokenPipeError, ConnectionResetError):
+            raise SystemExit from None  # nobody to make it for
+
+    try:
+        campaign = Campaign(config, Store(Path(config.output) / "cache"), Progress(quiet=True))
+        while (piece := _next(parent)) is not None:
+            for domain, case in piece:
+                campaign.process(domain, case)
+                tell("made")
+            tell("idle")
+    except UserError as refused:
+        tell("refused", refused)
+    except Exception as failure:
+        tell("failed", f"{type(failure).__name__}: {failure}", traceback.format_exc())
+
+
+def _next(parent: Connection) -> list[Wanted] | None:
+    """What is to be made now; None at the end, also where there is no parent any more."""
+    try:
+        return parent.recv()
+    except (EOFError, ConnectionResetError):
+        return None
+
+
+def _free_bytes() -> float:
+    """Memory that is free or can be freed, where the system tells; otherwise half of all, or enough for one process."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as told:
+            return next(1024.0 * int(line.split()[1]) for line in told if line.startswith("MemAvailable"))
+    except (OSError, StopIteration):
+        pass
+    try:
+        return 0.5 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, OSError, ValueError):
+        return MEMORY
