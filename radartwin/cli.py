@@ -30,7 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, lambda *_: os._exit(1))  # the impatient need not wait for what ends with the process
-        print("radartwin: interrupted; the same command resumes where it stopped", file=sys.stderr)
+        goes_on = "resumes where it stopped" if options.verb in (_run, _tables, _import, _export, _label) else "starts over"
+        print(f"radartwin: interrupted; the same command {goes_on}", file=sys.stderr)
         return 1
     except BrokenPipeError:  # the reader of a pipe has seen enough
         sys.stderr.close()
@@ -56,13 +57,24 @@ class _Parser(argparse.ArgumentParser):
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     """As parse_args, but overrides may stand on both sides of an option: run experiment=NAME -m materials=vlm,void."""
     parser = _parser()
-    options, rest = parser.parse_known_args(arguments)
+    options, rest = parser.parse_known_args(_joined(sys.argv[1:] if arguments is None else arguments))
     unknown = [word for word in rest if word.startswith("-") or not hasattr(options, "overrides")]
     if unknown:
         parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     if rest:
         options.overrides += rest
     return options
+
+
+def _joined(words: Sequence[str]) -> list[str]:
+    """--up -y as --up=-y, which argparse would read as two options."""
+    out: list[str] = []
+    for word in words:
+        if out and out[-1] == "--up" and word in ("-x", "-y", "-z"):
+            out[-1] = f"--up={word}"
+        else:
+            out.append(word)
+    return out
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -124,14 +136,20 @@ def _parser() -> argparse.ArgumentParser:
     reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh, or a folder of RGB-D frames with poses")
     reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True)
     reconstruct.add_argument("--material", default="plasterboard", help="of every surface (default: plasterboard)")
-    reconstruct.add_argument("--unit", default="auto", help="unit of the scan: auto (metres), m, cm, mm, in or ft")
-    reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto (found), x, y or z")
+    reconstruct.add_argument("--unit", default="auto", help="unit of a mesh: auto (metres), m, cm, mm, in or ft")
+    reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto (found), x, y, z, -x, -y or -z")
+    reconstruct.add_argument(
+        "--object", action=argparse.BooleanOptionalAction, help="a mesh is of an object, seen from outside (default: below 1 m)"
+    )
     reconstruct.add_argument("--depth-model", metavar="WEIGHTS", help="monocular depth model, for frames without depth")
     reconstruct.add_argument(
         "--intrinsics", metavar=("FX", "FY", "CX", "CY"), nargs=4, type=float, help="of the depth pictures, where the folder does not say"
     )
     reconstruct.add_argument(
         "--depth-unit", metavar="METRES", type=float, help="metres per count of the depth pictures (default: the layout's)"
+    )
+    reconstruct.add_argument(
+        "--poses", metavar="AXES", help="what the frames' poses are: opencv (default), opengl, opencv-inverse or opengl-inverse"
     )
 
     label = _verb(verbs, "label", _label, "a scene's materials from a vision-language model's answers: live, or as a batch file and back")
@@ -312,8 +330,9 @@ def _reconstruct(options: argparse.Namespace) -> int:
     from radartwin.reconstruct.build import reconstruct, summary
 
     scene = reconstruct(
-        options.scan, options.out, material=options.material, unit=options.unit, up=options.up,
-        depth_model=options.depth_model, intrinsics=options.intrinsics, depth_unit_m=options.depth_unit, progress=Progress(),
+        options.scan, options.out, material=options.material, unit=options.unit, up=options.up, is_object=options.object,
+        depth_model=options.depth_model, intrinsics=options.intrinsics, depth_unit_m=options.depth_unit,
+        poses=options.poses, progress=Progress(),
     )  # fmt: skip
     print("\n".join(summary(scene)))
     print(f"{options.out}: {len(scene)} surfaces")

@@ -11,6 +11,8 @@ Symbols: delta_i -> a turn and a shift of view i about `middle`, in the world.
 from __future__ import annotations
 
 import dataclasses
+import warnings
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -78,6 +80,21 @@ def align(views: Views) -> AlignmentReport:
     turned = Rotation.from_matrix(poses[:, :3, :3] @ np.swapaxes(start[:, :3, :3], 1, 2)).magnitude()
     shift = np.linalg.norm(poses[:, :3, 3] - start[:, :3, 3], axis=1)
     return AlignmentReport(len(pairs), before, after, float(shift.max()), float(np.degrees(turned.max())))
+
+
+def disagreement(views: Sequence[View], readings: Iterable[np.ndarray], scale_m: float = SCALES_M[0]) -> list[tuple[int, float]]:
+    """How far overlapping views lie apart, for each of several sets of poses (N, 4, 4): pairs that overlap, and the median in metres."""
+    depths, lenses, samples = [v.depth for v in views], np.array([_lens(v) for v in views]), [_samples(v) for v in views]
+    found = []
+    for poses in readings:
+        pairs = _pairs(poses, samples, depths, lenses)
+        apart = float("nan")
+        if len(pairs):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # of pairs that share places, but no side of a surface
+                apart = _compared(poses, samples, depths, lenses, pairs, np.zeros(3), scale_m)[1]
+        found.append((len(pairs) if np.isfinite(apart) else 0, apart))
+    return found
 
 
 def _anchored(start: np.ndarray, poses: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import trimesh
 
 from radartwin import files
+from radartwin.errors import ScanError
 from radartwin.materials import check_name
 from radartwin.progress import Progress
 from radartwin.reconstruct.assembly import assembled
@@ -42,11 +43,13 @@ def reconstruct(
     material: str | Layered = "plasterboard",
     unit: Unit = "auto",
     up: Axis = "auto",
+    is_object: bool | None = None,
     flatten: bool = True,
     segmenter: Segmenter | None = None,
     depth_model: str | Path | None = None,
     intrinsics: Sequence[float] | None = None,
     depth_unit_m: float | None = None,
+    poses: str | None = None,
     progress: Progress | None = None,
 ) -> Scene:
     """Turn a scan into a scene of named surfaces.
@@ -55,11 +58,11 @@ def reconstruct(
         path: .glb, .ply or .obj of a room, or a folder of colour-and-depth frames with poses.
         out: folder for scene.glb and manifest.json, the coloured scan and the photographs; None keeps the scene in memory.
         material: what every surface is labelled as until a material source says better.
-        unit, up: see `radartwin.reconstruct.mesh_file.load_scan`.
+        unit, up, is_object: see `radartwin.reconstruct.mesh_file.load_scan`.
         flatten: planar segments become polygons on their planes, gaps completed; without it they stay as scanned.
         segmenter: `PlanarRegionGrowing()` unless given.
         depth_model: weights of a monocular model, for frames without depth.
-        intrinsics, depth_unit_m: of frames whose folder does not say, see `Frames.load`.
+        intrinsics, depth_unit_m, poses: of frames whose folder does not say, see `Frames.load`.
         progress: says what is being done; silent unless given.
     Returns:
         The scene; its provenance holds the scan report, and how far flattening moved what was scanned.
@@ -74,9 +77,16 @@ def reconstruct(
         files.check_folder(Path(out))
     progress = progress or Progress(quiet=True)
     if Path(path).is_dir():
-        scan = _fused(Path(path), up, depth_model, intrinsics, depth_unit_m, progress)
+        if is_object is not None:
+            raise ScanError(f"{path}: --object is not read for frames, which show the side that was seen; leave it out")
+        if unit != "auto":
+            raise ScanError(f"{path}: --unit is not read for frames, whose poses are in metres; --depth-unit is that of their depth")
+        scan = _fused(Path(path), up, depth_model, intrinsics, depth_unit_m, poses, progress)
     else:
-        scan = _read(Path(path), unit, up, progress)
+        of_frames = {"--depth-model": depth_model, "--intrinsics": intrinsics, "--depth-unit": depth_unit_m, "--poses": poses}
+        for option in (name for name, value in of_frames.items() if value is not None):
+            raise ScanError(f"{path}: {option} is only read for a folder of frames; leave it out for a mesh")
+        scan = _read(Path(path), unit, up, is_object, progress)
     for line in scan.lines:
         progress.say(line)
     with progress.task("segmenting", 1) as advance:
@@ -94,17 +104,19 @@ def reconstruct(
     return scene
 
 
-def _read(path: Path, unit: Unit, up: Axis, progress: Progress) -> Scan:
+def _read(path: Path, unit: Unit, up: Axis, is_object: bool | None, progress: Progress) -> Scan:
     with progress.task(f"reading {path.name}", 1) as advance:
-        mesh, report = load_scan(path, unit, up)
+        mesh, report = load_scan(path, unit, up, is_object)
         advance()
     return Scan(mesh, report.to_dict(), report.lines())
 
 
-def _fused(path: Path, up: str, model: str | Path | None, intrinsics: Any, depth_unit_m: float | None, progress: Progress) -> Scan:
+def _fused(
+    path: Path, up: str, model: str | Path | None, intrinsics: Any, unit: float | None, poses: str | None, progress: Progress
+) -> Scan:
     from radartwin.reconstruct.from_frames import fused
 
-    return Scan(*fused(path, up, model, progress, intrinsics, depth_unit_m))
+    return Scan(*fused(path, up, model, progress, intrinsics, unit, poses))
 
 
 def summary(scene: Scene, rows: int = 30) -> list[str]:

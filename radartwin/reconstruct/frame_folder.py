@@ -102,7 +102,7 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
             raise
         raise ScanError(f"{folder / INDEX}: damaged ({type(error).__name__}: {error}); save the frames again") from error
     if entries and not colour_only:
-        check_depth(depths, unit, str(folder))
+        check_depth(depths, unit, str(folder), f"mend depth_unit_m in {INDEX}:")
 
     def read(i: int) -> Frame:
         entry = entries[i]

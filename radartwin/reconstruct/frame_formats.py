@@ -5,7 +5,8 @@ ARKit export     3d Scanner App: depth_N.png (uint16 mm), conf_N.png (0..2), fra
 pose.txt         slambook2: color/N.png, depth/N.pgm or .png (uint16 mm), pose.txt with a line tx ty tz qx qy qz qw per frame
 TUM RGB-D        rgb.txt, depth.txt (time file), groundtruth.txt (time tx ty tz qx qy qz qw); depth in 1/5000 m. See Sturm et
                  al. 2012, A Benchmark for the Evaluation of RGB-D SLAM Systems, and the data set's file format page
-frames.json      our own, `radartwin.reconstruct.frame_folder`
+
+Our own is in `radartwin.reconstruct.frame_folder`; which is which, and what each leaves to be said, in `frame_layouts`.
 """
 
 from __future__ import annotations
@@ -18,51 +19,18 @@ from pathlib import Path
 import numpy as np
 
 from radartwin.errors import MissingError, PoseError, ScanError
-from radartwin.reconstruct.frame_folder import INDEX, load_own
+from radartwin.reconstruct.axes import CAMERA_FLIP, TO_Z_UP, camera_to_world, z_up
 from radartwin.reconstruct.frame_pictures import check_depth, picture_size, read_colour, read_depth, read_picture
 from radartwin.reconstruct.frames import Frame, Frames, rescaled
 
 ARKIT_PICTURE = (1920, 1440)  # what the export's intrinsics are for
-FROM_ARKIT_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])  # y up, z back -> y down, z forward
+ARKIT_UNIT_M = POSE_FILE_UNIT_M = 0.001
 TUM_UNIT_M = 0.0002
 TUM_MAX_S = 0.02  # between a depth picture and its pose or colour, as the data set's own tools take
-# Cyclic, so that handedness is kept; y as in `mesh_file.TO_Z_UP`.
-UP = {
-    "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
-    "y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
-    "z": np.eye(3),
-    "-x": np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0]]),
-    "-y": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
-    "-z": np.diag([1, -1, -1]),
-}
 
 
-def load_frames(
-    folder: Path,
-    intrinsics: Sequence[float] | None = None,
-    depth_unit_m: float | None = None,
-    up: str | None = None,
-    colour_only: bool = False,
-) -> Frames:
-    """See `Frames.load`."""
-    if not folder.is_dir():
-        raise MissingError(f"{folder} is not a folder; give the folder that holds the scan's frames")
-    if up is not None and up not in UP:
-        raise ScanError(f"up={up}: choose {', '.join(UP)}")
-    if (folder / INDEX).is_file():
-        return load_own(folder, colour_only)
-    if any(folder.glob("frame_*.json")):
-        return _arkit(folder, depth_unit_m or 0.001, up or "y", colour_only)
-    if (folder / "groundtruth.txt").is_file():
-        return _tum(folder, intrinsics, depth_unit_m or TUM_UNIT_M, up, colour_only)
-    if (folder / "pose.txt").is_file():
-        return _pose_file(folder, intrinsics, depth_unit_m or 0.001, up, colour_only)
-    if any(folder.glob("depth_*.png")) or any((folder / name).is_dir() for name in ("depth", "color", "colour", "rgb")):
-        raise ScanError(f"{folder}: pictures but no poses; add frame_N.json, pose.txt or groundtruth.txt, whichever the app exports")
-    raise ScanError(f"{folder}: no frames found; known are {INDEX}, frame_N.json (ARKit), pose.txt and groundtruth.txt (TUM)")
-
-
-def _arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frames:
+def load_arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frames:
+    """The export of 3d Scanner App."""
     cameras = {p.stem.removeprefix("frame_"): p for p in sorted(folder.glob("frame_*.json"))}
     depths = {p.stem.removeprefix("depth_"): p for p in sorted(folder.glob("depth_*.png"))}
     colours = {p.stem.removeprefix("frame_"): p for p in sorted(folder.glob("frame_*.jpg"))}
@@ -74,7 +42,7 @@ def _arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frames:
             raise ScanError(f"{folder}: {len(cameras)} frame_N.json and {len(depths)} depth_N.png; number {odd[0]} lacks one of them")
         check_depth([depths[n] for n in numbers], unit_m, str(folder))
     described = [_arkit_camera(cameras[n]) for n in numbers]
-    poses = _turned(np.array([pose for pose, _ in described]).reshape(-1, 4, 4) @ FROM_ARKIT_CAMERA, up)
+    poses = z_up(np.array([pose for pose, _ in described]).reshape(-1, 4, 4) @ CAMERA_FLIP, up)
 
     def read(i: int) -> Frame:
         colour = read_colour(colours[numbers[i]]) if numbers[i] in colours else None
@@ -101,7 +69,10 @@ def _arkit_camera(path: Path) -> tuple[np.ndarray, np.ndarray]:
         raise ScanError(f"{path}: no camera in it ({type(error).__name__}: {error}); export the frame again") from error
 
 
-def _pose_file(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool) -> Frames:
+def load_pose_file(
+    folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool, reading: str
+) -> Frames:
+    """The pose.txt layout; `reading` is one of `axes.READINGS`."""
     rows = _numbers(folder / "pose.txt", 7)
     depths = _pictures(folder, ("depth",))
     colours = _pictures(folder, ("color", "colour", "rgb"))
@@ -109,10 +80,12 @@ def _pose_file(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, 
     if len(counted) != len(rows) or (colours and len(colours) != len(rows)):
         raise ScanError(f"{folder}: {len(rows)} poses, {len(depths)} depth and {len(colours)} colour pictures; give one of each per frame")
     names = [p.stem for p in counted]
-    return _assembled(folder, names, _from_quaternions(rows), depths, colours, intrinsics, unit_m, up, colour_only)
+    poses = camera_to_world(_from_quaternions(rows), reading)
+    return _assembled(folder, names, poses, depths, colours, intrinsics, unit_m, up, colour_only)
 
 
-def _tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool) -> Frames:
+def load_tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool, reading: str) -> Frames:
+    """The layout of TUM RGB-D; `reading` is one of `axes.READINGS`."""
     truth = _numbers(folder / "groundtruth.txt", 8)
     depth_times, depth_files = _listed(folder / "depth.txt") if not colour_only else (np.zeros(0), [])
     colour_times, colour_files = _listed(folder / "rgb.txt") if (folder / "rgb.txt").is_file() else (np.zeros(0), [])
@@ -129,7 +102,8 @@ def _tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: st
         raise ScanError(f"{folder}: no picture has a pose within {TUM_MAX_S} s in groundtruth.txt; do the clocks of the files agree?")
     names = [f"{times[i]:.6f}" for i in kept]
     depths = [depth_files[i] for i in kept] if not colour_only else []
-    return _assembled(folder, names, _from_quaternions(np.array(poses)), depths, colours, intrinsics, unit_m, up, colour_only)
+    read = camera_to_world(_from_quaternions(np.array(poses)), reading)
+    return _assembled(folder, names, read, depths, colours, intrinsics, unit_m, up, colour_only)
 
 
 def _assembled(
@@ -151,7 +125,7 @@ def _assembled(
         check_depth(depths, unit_m, str(folder))
     first = next((c for c in colours if c is not None), None)
     size = picture_size(depths[0]) if depths else picture_size(first) if first else (0, 0)
-    poses = _turned(poses, up or _upward(poses, folder))
+    poses = z_up(poses, up or _upward(poses, folder))
 
     def read(i: int) -> Frame:
         path = colours[i] if colours else None
@@ -173,7 +147,7 @@ def _camera(folder: Path, intrinsics: Sequence[float] | None) -> np.ndarray:
         except (ValueError, KeyError, TypeError) as error:
             raise ScanError(f'{file}: give {{"fx": , "fy": , "cx": , "cy": }} in pixels ({type(error).__name__}: {error})') from error
     if intrinsics is None:
-        raise ScanError(f"{folder}: the layout does not say the camera's intrinsics; pass intrinsics=fx,fy,cx,cy or add {file.name}")
+        raise ScanError(f"{folder}: the layout does not say the camera's intrinsics; give --intrinsics FX FY CX CY or add {file.name}")
     if len(intrinsics) != 4 or not np.isfinite(intrinsics).all() or min(intrinsics[:2]) <= 0:
         raise ScanError(f"{folder}: intrinsics {list(intrinsics)}; give fx, fy, cx, cy in pixels, the focal lengths positive")
     fx, fy, cx, cy = intrinsics
@@ -251,12 +225,6 @@ def _upward(poses: np.ndarray, folder: Path) -> str:
     axis = int(np.argmax(np.abs(mean)))
     if np.abs(mean[axis]) < 0.6:  # the mean of upright cameras that look down by 50 degrees
         raise ScanError(
-            f"{folder}: the cameras' tops point along {np.round(mean, 2).tolist()}, none is clearly up; pass up={' or '.join(UP)}"
+            f"{folder}: the cameras' tops point along {np.round(mean, 2).tolist()}, none is clearly up; give --up {', '.join(TO_Z_UP)}"
         )
     return ("" if mean[axis] > 0 else "-") + "xyz"[axis]
-
-
-def _turned(poses: np.ndarray, up: str) -> np.ndarray:
-    turn = np.eye(4)
-    turn[:3, :3] = UP[up]
-    return turn @ poses

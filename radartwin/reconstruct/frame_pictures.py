@@ -10,6 +10,7 @@ import numpy as np
 from radartwin.errors import MissingError, ScanError
 
 MEDIAN_DEPTH_M = (0.15, 8.0)  # what the middle of an indoor depth picture can be; phone LiDAR ends at 5 m, Kinects at 8 m
+ENOUGH = 3  # depth pictures that tell the unit
 UNITS_M = {0.001: "millimetres", 0.0002: "1/5000 m, as TUM RGB-D", 0.0001: "0.1 mm", 1.0: "metres", 0.01: "centimetres"}
 
 
@@ -69,22 +70,38 @@ def picture_size(path: Path) -> tuple[int, int]:
         raise ScanError(f"{path}: damaged picture ({error}); copy or export it again") from error
 
 
-def check_depth(paths: Sequence[Path], unit_m: float, source: str) -> None:
-    """Look at the first, middle and last depth picture before long work.
+def check_depth(paths: Sequence[Path], unit_m: float, source: str, remedy: str = "give --depth-unit") -> None:
+    """Look at three depth pictures that show something, first, middle, last and then those between, before long work.
 
     Raises:
-        ScanError: no depth in any of them, or a median that no room has.
+        ScanError: no depth in any of them all, or a median that no room has.
     """
-    chosen = sorted({0, len(paths) // 2, len(paths) - 1})
-    depths = [read_depth(paths[i], unit_m) for i in chosen]
-    valid = np.concatenate([d[d > 0] for d in depths])
-    if not len(valid):
-        raise ScanError(f"{source}: the depth pictures are empty ({paths[0].name} and others); export the scan again")
-    median = float(np.median(valid))
-    if not MEDIAN_DEPTH_M[0] <= median <= MEDIAN_DEPTH_M[1]:
-        counts = median / unit_m
-        fits = [f"{u:g} ({name})" for u, name in UNITS_M.items() if MEDIAN_DEPTH_M[0] <= counts * u <= MEDIAN_DEPTH_M[1]]
+    seen: list[np.ndarray] = []
+    for path in (paths[i] for i in _spread(len(paths))):
+        depth = read_depth(path, unit_m)
+        seen += [depth[depth > 0]] if (depth > 0).any() else []
+        if len(seen) == ENOUGH:
+            break
+    if not seen:
+        raise ScanError(f"{source}: the depth pictures are empty ({paths[0].name} and all others); export the scan again")
+    median = float(np.median(np.concatenate(seen)))
+    if not plausible(median):
+        fits = [f"{u:g} ({name}; {median / unit_m * u:.2g} m)" for u, name in UNITS_M.items() if plausible(median / unit_m * u)]
         raise ScanError(
-            f"{source}: the median depth is {median:.3g} m with {unit_m:g} m per count; the unit is wrong, "
-            f"pass depth_unit_m={' or '.join(fits[:2]) or '...'}"
+            f"{source}: the median depth is {median:.3g} m with {unit_m:g} m per count, which no room has; "
+            f"the unit is wrong, {remedy} {' or '.join(fits) or 'in metres per count'}"
         )
+
+
+def plausible(median_m: float) -> bool:
+    """Whether the middle of an indoor depth picture can be so far away."""
+    return MEDIAN_DEPTH_M[0] <= median_m <= MEDIAN_DEPTH_M[1]
+
+
+def _spread(count: int) -> list[int]:
+    """0 to count - 1: the first, the middle, the last, then evenly between them, finer and finer."""
+    order, parts = dict.fromkeys([0, count // 2, count - 1]), 4
+    while len(order) < count:
+        order |= dict.fromkeys(min(count * k // parts, count - 1) for k in range(parts))
+        parts *= 2
+    return list(order)

@@ -2,7 +2,7 @@
 
 World: z up, metres. Camera poses are 4x4 camera-to-world with the camera's x right, y down, z forward (the OpenCV axes). A pixel's
 centre has whole-numbered coordinates, so that the top left corner of the picture lies at (-0.5, -0.5). Depth is along the
-camera's z, not along the ray. Who reads which folder layout is in `radartwin.reconstruct.frame_formats`.
+camera's z, not along the ray. Which folder layouts are read is in `radartwin.reconstruct.frame_layouts`.
 """
 
 from __future__ import annotations
@@ -82,11 +82,12 @@ class Frames(Sequence[Frame]):
         depth_unit_m: float | None = None,
         up: str | None = None,
         colour_only: bool = False,
+        poses: str | None = None,
     ) -> Frames:
         """Open a folder of frames; which of the known layouts it has is told from its files.
 
         Known: the export of 3d Scanner App (ARKit), TUM RGB-D, the pose.txt layout (color/, depth/, pose.txt), and our own
-        (`save`). Poses, counts and the first depth pictures are checked here; each frame's pictures when it is read.
+        (`save`). Poses, counts and some depth pictures are checked here; each frame's pictures when it is read.
 
         Args:
             intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, for layouts that do not say (pose.txt, TUM); without it
@@ -94,15 +95,18 @@ class Frames(Sequence[Frame]):
             depth_unit_m: metres per count of the depth pictures, where the layout's own (1 mm; TUM 1/5000 m) is not true.
             up: the world axis of the poses that points up (x, y, z, -x, -y, -z). Known for ARKit and our own; for the others
                 the axis nearest to the cameras' mean upward direction.
+            poses: what the poses are where the layout does not say (pose.txt, TUM): one of `radartwin.reconstruct.axes.READINGS`,
+                "opencv" unless given.
             colour_only: ignore depth (none need be there): for `radartwin.reconstruct.monocular`.
         Raises:
             MissingError: no such folder, or a picture of it is gone.
-            ScanError: unknown layout, no poses, counts that differ, no intrinsics, damaged pictures, empty depth, implausible unit.
+            ScanError: unknown layout, no poses, counts that differ, no intrinsics, damaged pictures, empty depth, implausible unit,
+                an option that the layout does not read.
             PoseError: poses that are mirrored or not rigid.
         """
-        from radartwin.reconstruct.frame_formats import load_frames
+        from radartwin.reconstruct.frame_layouts import load_frames
 
-        return load_frames(Path(folder), intrinsics, depth_unit_m, up, colour_only)
+        return load_frames(Path(folder), intrinsics, depth_unit_m, up, colour_only, poses)
 
     def save(self, folder: str | Path) -> Path:
         """Write our own layout, see `radartwin.reconstruct.frame_folder`; depth is rounded to millimetres, colour is JPEG.

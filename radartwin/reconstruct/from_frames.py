@@ -19,17 +19,28 @@ def fused(
     progress: Progress,
     intrinsics: Sequence[float] | None = None,
     depth_unit_m: float | None = None,
+    poses: str | None = None,
 ) -> tuple[trimesh.Trimesh, dict[str, Any], list[str], Frames]:
     """The mesh, its report as plain values and for people, and the frames at the poses the mesh was fused with.
 
     Raises:
-        MissingError, ScanError, PoseError: the folder or its frames, see `Frames.load`.
+        MissingError, ScanError, PoseError: the folder or its frames, see `Frames.load` and `check_agreement`.
     """
+    from radartwin.reconstruct.agreement import check_agreement
+    from radartwin.reconstruct.frame_layouts import layout_of
     from radartwin.reconstruct.fusion import fuse
-    from radartwin.reconstruct.mesh_file import inside_out
+    from radartwin.reconstruct.plausible import check_size
 
     axis = None if up == "auto" else up
-    frames = Frames.load(path, intrinsics, depth_unit_m, axis, colour_only=depth_model is not None)
+    layout = layout_of(path)
+    if depth_model is None:
+        unturned = "z" if "--up" in layout.reads else None
+        asked = (poses or "opencv") if "--poses" in layout.reads else None
+        with progress.task("comparing views", 1) as advance:
+            seen = Frames.load(path, intrinsics, depth_unit_m, unturned or axis, poses=poses)
+            check_agreement(seen, depth_unit_m or layout.unit_m, asked, layout.told_by)
+            advance()
+    frames = Frames.load(path, intrinsics, depth_unit_m, axis, depth_model is not None, poses)
     scale = "measured"
     if depth_model is not None:
         from radartwin.reconstruct.monocular import DepthModel, with_depth
@@ -38,8 +49,8 @@ def fused(
         frames, scale = with_depth(frames, model), model.scale
     with progress.task(f"fusing {len(frames)} frames") as advance:
         mesh, report = fuse(frames, scale=scale, progress=lambda _, __: advance())
-    if inside_out(mesh):
-        mesh.invert()
+    if depth_unit_m is None:
+        check_size(report.extents_m, str(path), "--depth-unit", {})
     if len(report.poses) != len(frames):  # more than fusion takes were thinned out evenly
         frames = frames[:: -(-len(frames) // len(report.poses))]
     return mesh, report.to_dict(), report.lines(), frames.with_poses(report.poses)

@@ -16,21 +16,22 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import ScanError
+from radartwin.reconstruct.axes import TO_Z_UP
+from radartwin.reconstruct.plausible import OBJECT_M, check_size
 from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
 from radartwin.scene.mesh_file import read_meshes
 
 Unit = Literal["auto", "m", "cm", "mm", "in", "ft"]
-Axis = Literal["auto", "x", "y", "z"]
+Axis = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 
 METRES = {"auto": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
-# Cyclic, so that handedness is kept: the up axis becomes z.
-TO_Z_UP = {"x": np.roll(np.eye(3), 1, axis=1), "y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), "z": np.eye(3)}
 
 MIN_EXTENT_M = 0.05  # smaller than any object of the catalogue, let alone a room
 DEGENERATE_HEIGHT_M = 1e-5  # a sliver thinner than this has no usable normal in float32
 WELD_DIGITS = 6  # vertices closer than 1 um are one: exporters double them along seams
 FLOOR_M = 0.15  # what lies this close to the lowest or highest point is floor or ceiling
 LEVEL = 0.9
+MIRRORED = "if the scan is mirrored, export it again"
 UP_MARGIN = 1.2  # the up axis must spread this much more area than the next one
 
 
@@ -53,6 +54,7 @@ class ScanReport:
     components: int
     watertight: bool
     turned: bool = False
+    is_object: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         return dataclasses.asdict(self)
@@ -68,17 +70,22 @@ class ScanReport:
             f"{self.degenerate_faces} degenerate and {self.duplicate_faces} duplicate faces removed",
             f"{self.non_manifold_edges} non-manifold and {self.boundary_edges} boundary edges"
             + (" (watertight)" if self.watertight else ", left as they are: reflection does not need a closed mesh"),
-            *(["its faces looked outwards and were turned; if the scan is mirrored, export it again"] if self.turned else []),
+            *(["taken as an object, seen from outside (--no-object if it is a room)"] if self.is_object else []),
+            *([f"its faces looked {'inwards' if self.is_object else 'outwards'} and were turned; {MIRRORED}"] if self.turned else []),
         ]
 
 
-def load_scan(path: str | Path, unit: Unit = "auto", up: Axis = "auto") -> tuple[trimesh.Trimesh, ScanReport]:
+def load_scan(
+    path: str | Path, unit: Unit = "auto", up: Axis = "auto", is_object: bool | None = None
+) -> tuple[trimesh.Trimesh, ScanReport]:
     """Read, convert to metres with z up, weld, and remove what cannot reflect.
 
     Args:
         path: .glb, .ply or .obj.
         unit: of the file's coordinates; "auto" takes metres and refuses what cannot be.
         up: the file's up axis; "auto" finds it.
+        is_object: an object shows its outside, a room its inside, and what does the opposite is turned; None takes what is smaller than
+            a metre for an object.
     Returns:
         The mesh (vertices welded, degenerate and duplicate faces gone) and what was found on the way.
     Raises:
@@ -87,7 +94,7 @@ def load_scan(path: str | Path, unit: Unit = "auto", up: Axis = "auto") -> tuple
     """
     path = Path(path)
     if unit not in METRES or up not in ("auto", *TO_Z_UP):
-        raise ScanError(f"unit={unit}, up={up}: choose unit {', '.join(METRES)} and up auto, x, y, z")
+        raise ScanError(f"--unit {unit} --up {up}: choose --unit {', '.join(METRES)} and --up auto, {', '.join(TO_Z_UP)}")
     meshes = list(read_meshes(path).values())
     vertices, faces = _stacked(meshes)
     if len(vertices) == 0 or len(faces) == 0:
@@ -110,9 +117,13 @@ def load_scan(path: str | Path, unit: Unit = "auto", up: Axis = "auto") -> tuple
     visual: Any = mesh.visual
     colours = visual.vertex_colors if visual.defined else None
     mesh = trimesh.Trimesh(np.asarray(mesh.vertices) @ TO_Z_UP[axis].T, mesh.faces, vertex_colors=colours, process=False)
-    turned = inside_out(mesh)
+    if is_object is None:
+        is_object = bool(mesh.extents.max() < OBJECT_M)
+    turned = _hollow(mesh) if is_object else inside_out(mesh)
     if turned:
         mesh.invert()
+    if unit == "auto" and not is_object:
+        check_size(mesh.extents, str(path), "--unit", {name: m for name, m in METRES.items() if name not in ("auto", "m")})
     return mesh, ScanReport(
         source=path.name,
         unit="m" if unit == "auto" else unit,
@@ -123,6 +134,7 @@ def load_scan(path: str | Path, unit: Unit = "auto", up: Axis = "auto") -> tuple
         degenerate_faces=int(degenerate.sum()),
         duplicate_faces=int(duplicate.sum()),
         turned=turned,
+        is_object=is_object,
         **topology(mesh),
     )
 
@@ -173,6 +185,11 @@ def inside_out(mesh: trimesh.Trimesh) -> bool:
     return bool(wrong > 2 * right)
 
 
+def _hollow(mesh: trimesh.Trimesh) -> bool:
+    """Whether a closed mesh shows its inside: by the sign of its volume. An open one looks as its file says."""
+    return bool(mesh.is_watertight and mesh.volume < 0)
+
+
 def _stacked(meshes: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
     offsets = np.cumsum([0] + [len(m.vertices) for m in meshes])
     vertices = [np.asarray(m.vertices, dtype=np.float64) for m in meshes]
@@ -183,8 +200,10 @@ def _stacked(meshes: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
 def _check_size(path: Path, extent: float) -> None:
     if extent > MAX_EXTENT_M:
         raise ScanError(f"{path} spans {extent:.4g} m, over the limit of {MAX_EXTENT_M:.0f} m; {unit_hint(extent)}")
+    if extent == 0:
+        raise ScanError(f"{path} is degenerate: all its corners coincide, so no unit makes it a scan; export it again")
     if extent < MIN_EXTENT_M:
-        raise ScanError(f"{path} spans only {extent:.3g} m; say which unit it is in, for example unit=ft")
+        raise ScanError(f"{path} spans only {extent:.3g} m; say which unit it is in, for example --unit ft")
 
 
 def _heights(mesh: trimesh.Trimesh) -> np.ndarray:
@@ -210,6 +229,6 @@ def _up_axis(mesh: trimesh.Trimesh, path: Path) -> Literal["x", "y", "z"]:
     if area[order[2]] < UP_MARGIN * area[order[1]]:
         x, y, z = area
         raise ScanError(
-            f"{path}: no clear up axis (area facing x {x:.1f}, y {y:.1f}, z {z:.1f} m2); say which: up=z, or up=y as phones export"
+            f"{path}: no clear up axis (area facing x {x:.1f}, y {y:.1f}, z {z:.1f} m2); say which: --up z, or --up y as phones export"
         )
     return ("x", "y", "z")[int(order[2])]

@@ -33,15 +33,15 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
     if extent > MAX_EXTENT_M:
         raise MeshError(f"{where} spans {extent:.4g} m, over the limit of {MAX_EXTENT_M:.0f} m; {unit_hint(extent)}")
     if extent == 0:
-        raise MeshError(f"{where}: all vertices coincide; the mesh has no extent")
+        raise MeshError(f"{where}: all vertices coincide; the mesh is degenerate, export it again")
 
 
 def unit_hint(extent: float) -> str:
     """The unit that would make an over-large extent plausible, as a question."""
     if extent / 1000 <= MAX_EXTENT_M and extent / 1000 >= 0.5:
-        return "is it in millimetres? Scale it by 0.001 to metres (radartwin reconstruct: unit=mm)"
+        return "is it in millimetres? Scale it by 0.001 to metres (radartwin reconstruct --unit mm)"
     if extent / 100 <= MAX_EXTENT_M:
-        return "is it in centimetres? Scale it by 0.01 to metres (radartwin reconstruct: unit=cm)"
+        return "is it in centimetres? Scale it by 0.01 to metres (radartwin reconstruct --unit cm)"
     return "units should be metres; is it in millimetres or micrometres?"
 
 

@@ -27,6 +27,12 @@ MISTAKES = {
     "a recording to a name too long": (["simulate", "scene=plate", "--out", LONG], "too long"),
     "a scene with a name too long": (["view", LONG], "too long"),
     "a scan with a name too long": (["reconstruct", f"{LONG}.ply", "--out", "out"], "too long"),
+    "an axis nobody knows": (["reconstruct", "scan.ply", "--up", "-q", "--out", "out"], "--up"),
+    "an axis that a mesh cannot have": (["reconstruct", "scan.ply", "--up=up", "--out", "out"], "-x, -y, -z"),
+    "a depth unit for a mesh": (["reconstruct", "scan.ply", "--depth-unit", "0.001", "--out", "out"], "--depth-unit is only read for"),
+    "intrinsics for a mesh": (["reconstruct", "scan.ply", "--intrinsics", "1", "1", "1", "1", "--out", "o"], "--intrinsics is only read"),
+    "a depth model for a mesh": (["reconstruct", "scan.ply", "--depth-model", "w", "--out", "out"], "--depth-model is only read"),
+    "poses for a mesh": (["reconstruct", "scan.ply", "--poses", "opengl", "--out", "out"], "--poses is only read"),
     "a unit nobody uses": (["reconstruct", "scan.ply", "--unit", "furlong", "--out", "out"], "in, ft"),
 }
 
@@ -44,6 +50,24 @@ def test_a_mistake_is_one_line_and_status_2(
     assert status == 2
     assert said.count("\n") == 1
     assert word in said
+
+
+def test_a_negative_axis_is_taken_in_either_form() -> None:
+    for words in (["--up", "-y"], ["--up=-y"]):
+        assert cli._parse(["reconstruct", "scan.ply", "--out", "out", *words]).up == "-y"
+
+
+@pytest.mark.parametrize(("verb", "words"), [("reconstruct", "starts over"), ("label", "resumes where it stopped")])
+def test_an_interruption_says_what_the_same_command_does(
+    verb: str, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, f"_{verb}", interrupted)
+    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
+    assert cli.main([verb, "scan.ply", *(["--out", "out"] if verb == "reconstruct" else [])]) == 1
+    assert words in capsys.readouterr().err
 
 
 def test_an_error_that_is_not_about_a_path_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:

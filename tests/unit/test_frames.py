@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from radartwin.errors import MissingError, PoseError, ScanError
-from radartwin.reconstruct.frame_formats import UP
+from radartwin.reconstruct.axes import TO_Z_UP as UP
 from radartwin.reconstruct.frames import Frame, Frames, points, rescaled
 
 LENS = np.array([[40.0, 0, 15.5], [0, 40, 11.5], [0, 0, 1]])
@@ -155,7 +155,7 @@ def test_mistakes_are_named(tmp_path, own):
         Frames.of([wall("a"), wall("a")])
     with pytest.raises(ScanError, match="2 frames and 1 poses"):
         Frames.load(own).with_poses(np.eye(4)[None])
-    with pytest.raises(ScanError, match=r"up=up: choose x, y, z"):
+    with pytest.raises(ScanError, match="--up up: choose x, y, z"):
         Frames.load(own, up="up")
 
 
@@ -169,7 +169,7 @@ def test_mirrored_and_bent_poses_are_named(tmp_path):
         Frames([frame.name], frame.pose[None] * np.nan, lambda i: frame)
 
 
-@pytest.mark.parametrize(("unit", "remedy"), [(1.0, "depth_unit_m=1"), (10_000.0, "depth_unit_m=0.0001|depth_unit_m=0.0002")])
+@pytest.mark.parametrize(("unit", "remedy"), [(1.0, "--depth-unit 1 "), (10_000.0, "--depth-unit 0.0002 .* or 0.0001 ")])
 def test_depth_in_the_wrong_unit_is_named_with_the_right_one(tmp_path, unit, remedy):
     with pytest.raises(ScanError, match=remedy):
         Frames.load(arkit(tmp_path / "arkit", unit=unit))
@@ -199,7 +199,7 @@ def test_pose_files_that_do_not_fit_are_named(tmp_path):
         Frames.load(pose_file(tmp_path / "b", ["0 0 0 0 0 1"]), lens)
     with pytest.raises(PoseError, match="length 2"):
         Frames.load(pose_file(tmp_path / "c", ["0 0 0 0 0 0 2"]), lens)
-    with pytest.raises(ScanError, match=r"intrinsics=fx,fy,cx,cy"):
+    with pytest.raises(ScanError, match="give --intrinsics FX FY CX CY"):
         Frames.load(pose_file(tmp_path / "d", ["0 0 0 0 0 0 1"]))
     with pytest.raises(ScanError, match="no poses"):
         Frames.load(pose_file(tmp_path / "e", [], count=1), lens)

@@ -6,6 +6,7 @@ import trimesh
 
 from radartwin.errors import MeshError, MissingError, ScanError
 from radartwin.reconstruct.mesh_file import load_scan
+from radartwin.reconstruct.plausible import ScanWarning
 
 
 def room(length=6.0, width=5.0, height=2.8):
@@ -40,9 +41,48 @@ def test_up_axis_is_found_or_taken_and_handedness_kept(tmp_path, up, given):
 def test_a_cube_has_no_clear_up_axis(tmp_path):
     mesh = room(3, 3, 3)
     path = write_obj(tmp_path / "cube.obj", mesh.vertices, mesh.faces)
-    with pytest.raises(ScanError, match=r"cube\.obj: no clear up axis.*up=z"):
+    with pytest.raises(ScanError, match=r"cube\.obj: no clear up axis.*--up z"):
         load_scan(path)
     assert load_scan(path, up="z")[1].up == "z"
+
+
+@pytest.mark.parametrize("up", ["-x", "-y", "-z"])
+def test_a_scan_that_stands_on_its_head_is_turned_by_the_axis_given(tmp_path, up):
+    mesh = room()
+    head = np.diag([1, -1, -1]) @ mesh.vertices.T  # z down
+    path = write_obj(tmp_path / "room.obj", in_frame(head.T, up[1]), mesh.faces)
+    loaded, _ = load_scan(path, up=up)
+    assert loaded.extents == pytest.approx(mesh.extents)
+    assert loaded.volume == pytest.approx(mesh.volume)  # handedness
+    floor = loaded.triangles_center[:, 2] < loaded.bounds[0, 2] + 0.01
+    assert (loaded.face_normals[floor, 2] > 0.99).all()
+
+
+def test_an_object_shows_its_outside_and_a_room_its_inside_however_each_was_exported(tmp_path):
+    can, shell = trimesh.creation.cylinder(0.04, 0.12), trimesh.creation.box((6.0, 5.0, 2.8))
+    for name, mesh, sign in (("can", can, 1), ("shell", shell, -1)):
+        for turned in (False, True):
+            if turned:
+                mesh.invert()
+            path = write_obj(tmp_path / f"{name}{turned}.obj", mesh.vertices, mesh.faces)
+            loaded, report = load_scan(path, up="z")
+            assert np.sign(loaded.volume) == sign
+            assert report.turned == (np.sign(mesh.volume) != sign)
+            assert report.is_object == (name == "can")
+    cabinet = write_obj(tmp_path / "cabinet.obj", *(lambda m: (m.vertices, m.faces))(trimesh.creation.box((2, 1, 0.6))))
+    assert load_scan(cabinet, up="z", is_object=True)[0].volume > 0
+    assert load_scan(cabinet, up="z")[0].volume < 0
+
+
+def test_a_room_in_feet_read_as_metres_is_told_with_its_size(tmp_path):
+    mesh = room()
+    path = write_obj(tmp_path / "room.obj", mesh.vertices / 0.3048, mesh.faces)
+    with pytest.warns(
+        ScanWarning, match=r"is 19\.7 x 16\.4 x 9\.2 m, large for a room; check --unit; --unit ft would make it 6\.0 x 5\.0 x 2\.8 m"
+    ):
+        load_scan(path)
+    load_scan(path, unit="ft")
+    load_scan(path, unit="m")  # who says so is believed
 
 
 @pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("ft", 0.3048), ("in", 0.0254), ("m", 1.0)])
@@ -58,7 +98,7 @@ def test_units_are_converted_when_given(tmp_path, unit, metres):
 def test_millimetres_taken_for_metres_are_refused_with_the_remedy(tmp_path):
     mesh = room()
     path = write_obj(tmp_path / "room.obj", mesh.vertices * 1000, mesh.faces)
-    with pytest.raises(ScanError, match=r"room\.obj spans 6000 m.*millimetres.*unit=mm"):
+    with pytest.raises(ScanError, match=r"room\.obj spans 6000 m.*millimetres.*--unit mm"):
         load_scan(path)
     with pytest.raises(ScanError, match=r"spans only 0\.006 m"):
         load_scan(write_obj(tmp_path / "tiny.obj", mesh.vertices, mesh.faces), unit="mm")
@@ -138,7 +178,7 @@ def test_nan_empty_missing_and_unknown_options_are_refused(tmp_path):
         load_scan(empty)
     with pytest.raises(MissingError, match=r"gone\.ply"):
         load_scan(tmp_path / "gone.ply")
-    with pytest.raises(ScanError, match="unit=yard"):
+    with pytest.raises(ScanError, match="--unit yard"):
         load_scan(path, unit="yard")  # type: ignore[arg-type]
     flat = write_obj(tmp_path / "flat.obj", np.array([[0, 0, 0], [1, 0, 0], [2.0, 0, 0]]), [[0, 1, 2]])
     with pytest.raises(ScanError, match="all 1 faces are degenerate"):
