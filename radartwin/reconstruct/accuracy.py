@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,13 @@ import trimesh
 from radartwin.reconstruct.distance import Nearest, covered
 from radartwin.reconstruct.frames import Frames
 from radartwin.reconstruct.scanner.scan import ScanTruth
+from radartwin.reconstruct.score_truth import Sighted
 from radartwin.scene.scene import Scene
 
 SAMPLE_M = 0.04  # between points compared
 COVERED_M = 0.05  # a point of the truth with the mesh this near is shown
-SAME_M = 0.03  # the true depth at a point's pixel, when that point is what the pixel saw
+SAME_M, SAME = 0.01, 0.01  # a pixel saw a point if its true depth is that of the point's plane on the pixel's ray, to this and this share
+GRAZING = 0.02  # cosine of the angle between ray and normal below which a surface is seen edge-on: not at all
 ALIGN_STEPS, ALIGN_GATE_M = 15, 0.15
 FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # taken at random of the mesh's samples
 
@@ -63,9 +66,11 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
 
     own, face = covered(np.asarray(nearest.triangles), SAMPLE_M)
     corners = nearest.triangles
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(across, axis=1)
     area = (areas / np.bincount(face, minlength=len(areas)))[face]
-    seen = seen_points(own, nearest.mesh_of[face], truth, frames)
+    normals = (across / np.maximum(np.linalg.norm(across, axis=1), 1e-15)[:, None])[face]
+    seen = sighted(truth, frames)(own, normals, nearest.mesh_of[face])
     back = np.linalg.inv(move)
     shown = Nearest([mesh], SAMPLE_M)(own[seen] @ back[:3, :3].T + back[:3, 3])[0] < COVERED_M
     index = nearest.mesh_of[face[seen]]
@@ -115,19 +120,38 @@ def _some(points: np.ndarray, count: int) -> np.ndarray:
     return points[np.random.default_rng(0).permutation(len(points))[:count]]
 
 
-def seen_points(points: np.ndarray, surface: np.ndarray, truth: ScanTruth, frames: Frames) -> np.ndarray:
-    """Which points (N,) of surfaces (N,) some pixel of the scan measured."""
+def seen_points(points: np.ndarray, normals: np.ndarray, surface: np.ndarray, truth: ScanTruth, lenses: Sequence[np.ndarray]) -> np.ndarray:
+    """Which points (N,) with normals (N, 3) of surfaces (N,) some pixel of the scan measured.
+
+    A pixel measured a point that faces the camera if the surface it hit is the point's and the depth it should have had is where its ray
+    meets the point's own plane: the far side of a thin plate is not seen through it.
+
+    Args:
+        lenses: intrinsics (3, 3) of each frame.
+    """
     seen = np.zeros(len(points), dtype=bool)
     height, width = truth.depth_m.shape[1:]
-    for i, pose in enumerate(truth.poses):
-        k = frames[i].intrinsics
+    for i, (pose, k) in enumerate(zip(truth.poses, lenses, strict=True)):
         left = np.flatnonzero(~seen)
-        left = left[(points[left] - pose[:3, 3]) @ pose[:3, 2] > 0.1]
-        local = (points[left] - pose[:3, 3]) @ pose[:3, :3]
+        offset = points[left] - pose[:3, 3]
+        ahead = (offset @ pose[:3, 2] > 0.1) & (np.einsum("nk,nk->n", offset, normals[left]) < 0)
+        left, offset = left[ahead], offset[ahead]
+        local = offset @ pose[:3, :3]
         z = local[:, 2]
         u, v = np.rint(k[0, 0] * local[:, 0] / z + k[0, 2]).astype(int), np.rint(k[1, 1] * local[:, 1] / z + k[1, 2]).astype(int)
         inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
-        left, u, v, z = left[inside], u[inside], v[inside], z[inside]
-        same = (np.abs(truth.depth_m[i, v, u] - z) < SAME_M + 0.02 * z) & (truth.surface[i, v, u] == surface[left])
+        left, u, v, local = left[inside], u[inside], v[inside], local[inside]
+        facing = normals[left] @ pose[:3, :3]
+        ray = np.stack([(u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones(len(u))], axis=1)
+        slope = np.einsum("nk,nk->n", ray, facing)
+        square = slope < -GRAZING * np.linalg.norm(ray, axis=1)
+        depth = np.einsum("nk,nk->n", local, facing) / np.where(square, slope, -1.0)
+        same = square & (np.abs(truth.depth_m[i, v, u] - depth) < SAME_M + SAME * depth) & (truth.surface[i, v, u] == surface[left])
         seen[left[same]] = True
     return seen
+
+
+def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
+    """What a virtual scan saw of its scene, for `radartwin.reconstruct.score`."""
+    lenses = [frame.intrinsics for frame in frames]
+    return lambda points, normals, surface: seen_points(points, normals, surface, truth, lenses)

@@ -1,0 +1,133 @@
+"""The true surfaces that a segmentation is scored against: cut where they lie apart, sampled evenly, with what the sensor saw of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import trimesh
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from radartwin.reconstruct.distance import covered, spread
+from radartwin.scene.scene import Scene, Surface
+
+SPACING_M = 0.04  # of the points on scan and truth
+REACH_M = 0.12  # a point farther from every true surface belongs to none
+AGREEING = 0.7  # cosine of normals that agree: the floor is not the underside of what stands on it
+APART_M = 0.05  # parts of a true surface with a wider gap are surfaces of their own
+FLUSH_M = 0.015  # a surface no prouder than this of another one is within a phone's depth noise (10 to 20 mm)
+SHARP = np.radians(30.0)
+CLEAR = ("glass", "mirror")  # MINC categories that depth sensors see through
+
+# Which points (N, 3) with normals (N, 3) on surfaces (N,) of the scanned scene a sensor measured: (N,) bool.
+Sighted = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """True surfaces in pieces.
+
+    Attributes:
+        scene: the pieces, each a surface.
+        clear: (K,) whether a piece is glass or a mirror.
+        points, normals, piece: (N, 3), (N, 3), (N,) samples, one for each SPACING_M^2, and the piece of each.
+        seen: (N,) whether the sensor measured them.
+        outlines: (E, 3) points on the pieces' edges.
+    """
+
+    scene: Scene
+    clear: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
+    piece: np.ndarray
+    seen: np.ndarray
+    outlines: np.ndarray
+
+    @classmethod
+    def of(cls, truth: Scene, sighted: Sighted | None = None) -> Truth:
+        """A true scene in pieces; without `sighted` all of it counts as seen."""
+        parts = [(piece, number) for number, surface in enumerate(truth) for piece in pieces(surface)]
+        scene = Scene(piece for piece, _ in parts)
+        samples = [spread(s.mesh, SPACING_M) for s in scene]
+        points = np.concatenate([at for at, _ in samples])
+        normals = np.concatenate([np.asarray(s.mesh.face_normals)[face] for s, (_, face) in zip(scene, samples, strict=True)])
+        piece = np.repeat(np.arange(len(scene)), [len(at) for at, _ in samples])
+        whole = np.array([number for _, number in parts])
+        seen = np.ones(len(points), bool) if sighted is None else sighted(points, normals, whole[piece])
+        clear = np.array([s.provenance.get("minc") in CLEAR for s in scene])
+        return cls(scene, clear, points, normals, piece, seen, np.concatenate([outline_points(s.mesh) for s in scene]))
+
+    def owners(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+        """What says the piece (M,) of points (M, 3) with normals (M, 3), -1 for none: the nearest whose normal agrees, or else the nearest.
+
+        It looks at samples that leave no edge of a piece out.
+        """
+        samples = [covered(np.asarray(s.mesh.triangles, dtype=float), SPACING_M) for s in self.scene]
+        unit = np.repeat(np.arange(len(self.scene)), [len(at) for at, _ in samples])
+        normals = np.concatenate([np.asarray(s.mesh.face_normals)[face] for s, (_, face) in zip(self.scene, samples, strict=True)])
+        tree = KDTree(np.concatenate([at for at, _ in samples]), balanced_tree=False)
+        return lambda points, directions: nearest(tree, unit, normals, points, directions)
+
+    def flush(self) -> np.ndarray:
+        """Share (K,) of each piece's seen points that are no prouder than FLUSH_M of another piece, which goes on beside or behind it."""
+        tree = KDTree(self.points)
+        here = np.flatnonzero(self.seen)
+        _, near = tree.query(self.points[here], k=24, distance_upper_bound=3 * SPACING_M, workers=-1)
+        there = near < len(self.points)
+        index = np.where(there, near, 0)
+        other = there & (self.piece[index] != self.piece[here][:, None])
+        alike = np.einsum("nki,ni->nk", self.normals[index], self.normals[here]) > 0.95
+        proud = np.abs(np.einsum("nki,ni->nk", self.points[index] - self.points[here][:, None], self.normals[here]))
+        level = (other & alike & (proud < FLUSH_M)).any(axis=1)
+        count = np.bincount(self.piece[here], minlength=len(self.scene))
+        return np.bincount(self.piece[here], weights=level, minlength=len(self.scene)) / np.maximum(count, 1)
+
+
+def nearest(
+    tree: KDTree, owner: np.ndarray, owner_normals: np.ndarray, points: np.ndarray, normals: np.ndarray, strict: bool = False
+) -> np.ndarray:
+    """Owner (N,) of the sample nearest to each point, -1 for none within REACH_M; one whose normal agrees goes before nearer ones, and
+    `strict` takes no other."""
+    distance, near = tree.query(points, k=list(range(1, min(10, tree.n) + 1)), distance_upper_bound=REACH_M, workers=-1)
+    known = np.isfinite(distance)
+    index = np.where(known, near, 0)
+    agrees = np.einsum("nki,ni->nk", owner_normals[index], normals) > AGREEING
+    rank = np.where(known & (agrees | (not strict)), distance + np.where(agrees, 0.0, 0.05), np.inf)
+    best = rank.argmin(axis=1)
+    rows = np.arange(len(points))
+    return np.where(np.isfinite(rank[rows, best]), owner[index[rows, best]], -1)
+
+
+def pieces(surface: Surface) -> list[Surface]:
+    """The parts of a surface that lie more than APART_M from one another, largest first."""
+    mesh = surface.mesh.copy()
+    mesh.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=6)
+    points, face = covered(np.asarray(mesh.triangles, dtype=float), APART_M / 2)
+    pairs = KDTree(points).query_pairs(APART_M, output_type="ndarray")
+    links = np.vstack([face[pairs], np.asarray(mesh.face_adjacency).reshape(-1, 2)])
+    count, part = connected_components(sp.coo_matrix((np.ones(len(links)), links.T), shape=(len(mesh.faces),) * 2), directed=False)
+    if count == 1:
+        return [surface]
+    area = np.bincount(part, mesh.area_faces, count)
+    out = []
+    for number, k in enumerate(np.argsort(-area, kind="stable"), 1):
+        piece = trimesh.Trimesh(mesh.vertices, np.asarray(mesh.faces)[part == k], process=False)
+        out.append(surface.replaced(mesh=piece, name=f"{surface.name}.{number}"))
+    return out
+
+
+def outline_points(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M / 2) -> np.ndarray:
+    """Points (N, 3) along the edges of a mesh that end it or are sharp."""
+    vertices, index = np.unique(np.round(np.asarray(mesh.vertices), 6), axis=0, return_inverse=True)
+    welded = trimesh.Trimesh(vertices, index.reshape(-1)[np.asarray(mesh.faces)], process=False)
+    pairs, count = np.unique(welded.edges_sorted, axis=0, return_counts=True)
+    angles = np.asarray(welded.face_adjacency_angles)
+    sharp = np.asarray(welded.face_adjacency_edges).reshape(-1, 2)[angles > SHARP]
+    ends = vertices[np.vstack([pairs[count == 1], sharp])]
+    steps = np.maximum(np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / spacing_m).astype(int), 1)
+    share = np.concatenate([(np.arange(n) + 0.5) / n for n in steps]) if len(steps) else np.zeros(0)
+    start, stop = np.repeat(ends[:, 0], steps, axis=0), np.repeat(ends[:, 1], steps, axis=0)
+    return start + share[:, None] * (stop - start)
