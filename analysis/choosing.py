@@ -7,6 +7,7 @@ cp outputs/tables/{speed_accuracy,stability}.csv analysis/results/ && python -m 
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,20 @@ from radartwin import files, plotting
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS, PAGE, FIGURES = ROOT / "analysis" / "results", ROOT / "docs" / "choosing.md", ROOT / "docs" / "figures"
 NAMES = ("speed_accuracy", "stability")
-GOALS_DB = (3.0, 1.0, 0.3)
+GOALS = (
+    ("profile_error_db", 3.0, "profile", " dB"), ("profile_error_db", 1.0, "profile", " dB"), ("signal_error", 0.1, "signal", ""),
+    ("signal_error", 0.03, "signal", ""),
+)  # fmt: skip
+OPTIONS: dict[str, Any] = {
+    "default": "simulator=mitsuba",
+    "([0-9.]+) tubes per square wavelength": r"simulator.rays_per_wavelength2=\1",
+    "([0-9]+) bounces?": r"simulator.max_bounces=\1",
+    "planar elements": "simulator.elements=planar",
+    "object and room uncoupled": "simulator.coupling=false",
+    "no diffuse cloud": "simulator.diffuse=false",
+    "tubes, ([0-9.]+) million": lambda found: f"simulator.room=tubes simulator.rays={1e6 * float(found[1]):.0f}",
+    "room by tubes.*": "simulator.room=tubes",
+}
 Row = Mapping[str, Any]
 KINDS = {
     "numerical": "Numerical: a finer setting mends it",
@@ -51,11 +65,14 @@ def text(speed: Sequence[Row], stability: Sequence[Row]) -> str:
         "# Choosing a method and its settings",
         "Written by `python -m analysis.choosing` from `analysis/results/speed_accuracy.csv` and `stability.csv`: every figure is theirs. "
         f"Times are of {measured[0]['machine'].replace('; ', ', ')}, and move with its load: compare ratios.",
-        "## What a figure of merit costs",
+        "## What accuracy costs",
         "![Seconds a frame against error of the range profile, a panel for each problem](figures/speed_accuracy.png)",
-        "Fast is left, accurate is down. The cheapest setting that keeps the range profile (rms over 40 dB) within a tolerance, and its "
-        "time over the default's; exact references are left out, for they know no other scene.",
+        "Fast is left, accurate is down. The cheapest setting that keeps the range profile (rms over 40 dB), or the signal (relative to "
+        "its norm), within a tolerance: its error, and its time over the default's. Exact references are left out, for they know no other "
+        "scene; where the answer is this tracer's own run, an error is a distance from it.",
         _goals(measured),
+        "How to ask for a setting:",
+        _options(measured),
         "## The default",
         _default(speed),
         "## Where methods fail",
@@ -69,21 +86,31 @@ def text(speed: Sequence[Row], stability: Sequence[Row]) -> str:
 
 
 def _goals(measured: Sequence[Row]) -> str:
-    lines = [f"| problem | {' | '.join(f'within {goal:g} dB' for goal in GOALS_DB)} | most accurate |", "|---" * (len(GOALS_DB) + 2) + "|"]
+    heads = ["problem", *(f"{words} within {goal:g}{unit}" for _, goal, words, unit in GOALS)]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for name in dict.fromkeys(row["problem"] for row in measured):
         mine = [row for row in measured if row["problem"] == name and not row["exact"]]
         cells = []
-        for goal in GOALS_DB:
-            enough = [row for row in mine if row["profile_error_db"] <= goal]
-            cells.append(_method(min(enough, key=lambda row: row["seconds_frame"])) if enough else "none")
-        cells.append(_method(min(mine, key=lambda row: row["profile_error_db"])))
+        for error, goal, _, unit in GOALS:
+            enough = [row for row in mine if row[error] <= goal]
+            best = min(enough or mine, key=lambda row: row["seconds_frame" if enough else error])
+            cells.append(("" if enough else "none; nearest is ") + _method(best, error, unit))
         lines.append(f"| {mine[0]['title']} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
-def _method(row: Row) -> str:
-    error, ratio = row["profile_error_db"], row["value"]
-    return f"{row['family']}, {row['setting']}: {error:.2g} dB, {ratio:.2g} x"
+def _method(row: Row, error: str, unit: str) -> str:
+    return f"{row['family']}, {row['setting']}: {row[error]:.2g}{unit}, {row['value']:.2g} x"
+
+
+def _options(measured: Sequence[Row]) -> str:
+    mine = dict.fromkeys(row["setting"] for row in measured if row["family"] == OURS)
+    return "\n".join(["| setting | options |", "|---|---|", *(f"| {setting} | `{options(setting)}` |" for setting in mine)])
+
+
+def options(setting: str) -> str:
+    """What a run is given for a setting of this tracer."""
+    return next(re.sub(pattern, option, setting) for pattern, option in OPTIONS.items() if re.fullmatch(pattern, setting))
 
 
 def _default(speed: Sequence[Row]) -> str:
@@ -124,12 +151,21 @@ def _kinds(stability: Sequence[Row]) -> str:
             own = next(row for row in mine if row["family"] == OURS)
             if own["kind"] != kind:
                 continue
-            shared = own["fails at"] and all(row["value"] <= own["value"] for row in mine)
-            every = " Every method fails there or before." if shared else ""
-            lines.append(f"- {own['title'][0].upper()}{own['title'][1:]}: {own['why']}.{every}")
+            lines.append(f"- {own['title'][0].upper()}{own['title'][1:]}: {own['why']}.{_shared(own, mine)}")
         if len(lines) > 1:
             parts.append("\n".join(lines[:1]) + "\n\n" + "\n".join(lines[1:]))
     return "\n\n".join(parts)
+
+
+def _shared(own: Row, mine: Sequence[Row]) -> str:
+    """Whether the failure is this tracer's alone."""
+    others = [row for row in mine if row is not own and row["value"]]
+    if not own["fails at"]:
+        return " This tracer does not fail in this range."
+    if not others:
+        return " No other method is safe anywhere on this sweep."
+    same = all(row["value"] == own["value"] for row in others)
+    return " Shared by every method that is safe at all." if same else ""
 
 
 def _sweeps(stability: Sequence[Row]) -> dict[str, list[Row]]:
