@@ -27,7 +27,7 @@ from experiments.campaigns.cases import Case
 from experiments.claims import NONE, Claim, row
 from experiments.gap_cases import CASES, FILLED, GAPS, GROUPS, METAL, Reading
 from experiments.gap_claims import expected
-from radartwin.config import Config
+from radartwin.config import Config, GapConfig, MaterialsConfig
 from radartwin.errors import ConfigError
 from radartwin.experiment import Result
 from radartwin.plotting import PAGE_WIDTH_IN, PALETTE, figure
@@ -48,8 +48,7 @@ Keys = dict[tuple[str, float], list[str]]
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Rows of agreement with all gaps off, then of every gap alone."""
-    if config.measured.provider != "testbed":
-        raise ConfigError("gaps are the testbed's: measured=recordings has none that could be switched; leave it out")
+    check(config)
     strengths = (1.0,) if config.profile.name == "quick" else (1.0, 2.0)
     steps = [(gap, s) for gap in GAPS for s in strengths if gap != "solver" or s == 1]  # the solver is on or off
     base = {case: gap_cases.recorded(gap_cases.alone(config), store, progress, "measured", case) for case in CASES}
@@ -71,6 +70,20 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     metrics = {f"{gap}_{strength:g}_{group}_room_change_dB": _mean(moves[gap, strength], group, "room change (dB)")
                for gap, strength in moves for group in SHOWN if strength == 1}  # fmt: skip
     return Result("gaps", rows, figures, metrics, sorted({key for some in keys.values() for key in some}))
+
+
+def check(config: Config) -> None:
+    """Refuse what would be overridden without a word.
+
+    Raises:
+        ConfigError: recordings, gaps or materials that the table sets by itself.
+    """
+    if config.measured.provider != "testbed":
+        raise ConfigError("gaps are the testbed's: measured=recordings has none that could be switched; leave it out")
+    if config.measured.gap != GapConfig():
+        raise ConfigError("experiment=gaps switches every measured.gap by itself; leave measured.gap out")
+    if config.materials != MaterialsConfig(source="true"):
+        raise ConfigError(f"experiment=gaps tells the twin the true materials; leave materials={config.materials.source} out")
 
 
 def _twins(config: Config, store: Store, progress: Progress, geometry: float | None) -> dict[Case, Reading]:

@@ -80,6 +80,13 @@ def test_one_gap_alone_leaves_all_others_off(tmp_path: Path) -> None:
         gap_cases.alone(config(tmp_path), "weather")
 
 
+def test_what_the_table_sets_by_itself_is_refused(tmp_path: Path) -> None:
+    for override, told in (("measured.gap.clutter=0", "leave measured.gap out"), ("materials=vlm", "leave materials=vlm out")):
+        with pytest.raises(ConfigError, match=told):
+            gaps.check(compose(["experiment=gaps", override, f"output={tmp_path}"]))
+    gaps.check(config(tmp_path))
+
+
 def test_every_gap_has_claims_of_features_and_groups_that_there_are() -> None:
     base = reading(STEADY)
     known = set(gap_cases.moved(base, base))
