@@ -63,8 +63,8 @@ def started(output: Path, program: list[str]) -> subprocess.Popen[str]:
     )
 
 
-def completed(output: Path, program: list[str], seconds: float) -> str:
-    campaign = started(output, program)
+def completed(output: Path, program: list[str], seconds: float, *more: str) -> str:
+    campaign = started(output, program, *more)
     said, complained = campaign.communicate(timeout=seconds)
     assert campaign.returncode == 0, complained[-2000:]
     return said
@@ -113,4 +113,9 @@ def test_a_campaign_killed_twice_is_the_same_in_the_end(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_traced_campaign_killed_ten_times_is_the_same_in_the_end(tmp_path: Path) -> None:
-    same_in_the_end(tmp_path, ["-m", "radartwin"], kills=10, pause_s=2.0, seconds=1200)
+    program, seconds = ["-m", "radartwin"], 1800
+    # What the first process compiles rounds otherwise than what later ones load of it (fused products): that is none of a kill's doing.
+    completed(
+        tmp_path / "compiled", program, seconds, "profile.campaign.turntable_objects=[can_211_400]", "profile.campaign.rover_rooms=[]"
+    )
+    same_in_the_end(tmp_path, program, kills=10, pause_s=2.0, seconds=seconds)
