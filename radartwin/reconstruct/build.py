@@ -14,6 +14,7 @@ from radartwin.errors import ScanError
 from radartwin.materials import check_name
 from radartwin.progress import Progress
 from radartwin.reconstruct.assembly import assembled
+from radartwin.reconstruct.frames import scan_digest
 from radartwin.reconstruct.mesh_file import Axis, Unit, load_scan
 from radartwin.reconstruct.scan_folder import save_reconstruction
 from radartwin.reconstruct.segment import PlanarRegionGrowing, Segmenter
@@ -28,11 +29,12 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scan:
-    """A mesh in metres, z up, with what is known of it, and the photographs it was made from."""
+    """A mesh in metres, z up, with what is known of it, what it is a scan of, and the photographs it was made from."""
 
     mesh: trimesh.Trimesh
     report: dict[str, Any]
     lines: list[str]
+    scan_of: str
     frames: Frames | None = None
 
 
@@ -98,7 +100,7 @@ def reconstruct(
         with progress.task("outlining planes", sum(s.normal is not None for s in segments)) as advance:
             flattened = flatten_planes(scan.mesh, segments, cameras, advance)
     surfaces, owner, statistics = assembled(scan.mesh, segments, flattened, material)
-    scene = Scene(surfaces, {"source": Path(path).name, "scan": scan.report, "flattened": flatten, **statistics})
+    scene = Scene(surfaces, {"source": Path(path).name, "scan_of": scan.scan_of, "scan": scan.report, "flattened": flatten, **statistics})
     if out is not None:
         save_reconstruction(scene, Path(out), scan.mesh, owner, scan.frames, progress)
     return scene
@@ -108,7 +110,7 @@ def _read(path: Path, unit: Unit, up: Axis, is_object: bool | None, progress: Pr
     with progress.task(f"reading {path.name}", 1) as advance:
         mesh, report = load_scan(path, unit, up, is_object)
         advance()
-    return Scan(mesh, report.to_dict(), report.lines())
+    return Scan(mesh, report.to_dict(), report.lines(), scan_digest([path]))
 
 
 def _fused(
@@ -116,7 +118,8 @@ def _fused(
 ) -> Scan:
     from radartwin.reconstruct.from_frames import fused
 
-    return Scan(*fused(path, up, model, progress, intrinsics, unit, poses))
+    mesh, report, lines, frames = fused(path, up, model, progress, intrinsics, unit, poses)
+    return Scan(mesh, report, lines, frames.scan_of, frames)
 
 
 def summary(scene: Scene, rows: int = 30) -> list[str]:

@@ -1,7 +1,8 @@
 """Our own folder of frames, written by `Frames.save` and read by `Frames.load`.
 
     frames.json               {"format": "radartwin-frames", "version": 1, "up": "z", "camera": "x right, y down, z forward",
-                               "depth_unit_m": 0.001, "frames": [{"name", "pose" (4x4 rows, camera-to-world, metres),
+                               "depth_unit_m": 0.001, "scan_of": what was scanned or "",
+                               "frames": [{"name", "pose" (4x4 rows, camera-to-world, metres),
                                "intrinsics" (3x3 rows), "colour_intrinsics" (3x3 rows or null), "depth", "colour", "confidence"
                                (file names relative to the folder, or null)}, ...]}
     depth/NAME.png            uint16, millimetres, 0 where there is none
@@ -24,7 +25,7 @@ import numpy as np
 from radartwin.errors import ScanError
 from radartwin.files import make_folder, write_atomically
 from radartwin.reconstruct.frame_pictures import check_depth, read_colour, read_depth, read_picture
-from radartwin.reconstruct.frames import Frame, Frames
+from radartwin.reconstruct.frames import Frame, Frames, scan_digest
 
 FORMAT, VERSION = "radartwin-frames", 1
 INDEX = "frames.json"
@@ -43,6 +44,7 @@ def save_frames(frames: Frames, folder: Path) -> Path:
         "up": "z",
         "camera": "x right, y down, z forward",
         "depth_unit_m": UNIT_M,
+        "scan_of": frames.scan_of,
         "frames": entries,
     }
     write_atomically(folder / INDEX, json.dumps(index, indent=1) + "\n")
@@ -93,6 +95,7 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
         if (index["format"], index["version"]) != (FORMAT, VERSION):
             raise ScanError(f"{folder / INDEX}: format {index['format']} {index['version']}; this version reads {FORMAT} {VERSION}")
         unit, entries = float(index["depth_unit_m"]), list(index["frames"])
+        scan_of = str(index.get("scan_of", "")) or scan_digest([folder / INDEX])
         names = [str(e["name"]) for e in entries]
         poses = np.array([e["pose"] for e in entries], dtype=np.float64).reshape(-1, 4, 4)
         cameras = [np.array(e["intrinsics"], dtype=np.float64).reshape(3, 3) for e in entries]
@@ -113,4 +116,4 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
         confidence = read_picture(folder / entry["confidence"]) if entry["confidence"] else None
         return Frame(names[i], poses[i], cameras[i], read_depth(depths[i], unit), colour, camera, confidence)
 
-    return Frames(names, poses, read, str(folder))
+    return Frames(names, poses, read, str(folder), scan_of)

@@ -21,7 +21,7 @@ import numpy as np
 from radartwin.errors import MissingError, PoseError, ScanError
 from radartwin.reconstruct.axes import CAMERA_FLIP, TO_Z_UP, camera_to_world, z_up
 from radartwin.reconstruct.frame_pictures import check_depth, picture_size, read_colour, read_depth, read_picture
-from radartwin.reconstruct.frames import Frame, Frames, rescaled
+from radartwin.reconstruct.frames import Frame, Frames, rescaled, scan_digest
 
 ARKIT_PICTURE = (1920, 1440)  # what the export's intrinsics are for
 ARKIT_UNIT_M = POSE_FILE_UNIT_M = 0.001
@@ -56,7 +56,7 @@ def load_arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frame
             raise ScanError(f"{sure}: {confidence.shape} pixels, the depth has {depth.shape}; export the frame again")
         return Frame(numbers[i], poses[i], rescaled(described[i][1], ARKIT_PICTURE, depth.shape[::-1]), depth, colour, camera, confidence)
 
-    return Frames(numbers, poses, read, str(folder))
+    return Frames(numbers, poses, read, str(folder), scan_digest(cameras.values()))
 
 
 def _arkit_camera(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -81,7 +81,7 @@ def load_pose_file(
         raise ScanError(f"{folder}: {len(rows)} poses, {len(depths)} depth and {len(colours)} colour pictures; give one of each per frame")
     names = [p.stem for p in counted]
     poses = camera_to_world(_from_quaternions(rows), reading)
-    return _assembled(folder, names, poses, depths, colours, intrinsics, unit_m, up, colour_only)
+    return _assembled(folder, names, poses, depths, colours, intrinsics, unit_m, up, colour_only, folder / "pose.txt")
 
 
 def load_tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool, reading: str) -> Frames:
@@ -103,7 +103,7 @@ def load_tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up
     names = [f"{times[i]:.6f}" for i in kept]
     depths = [depth_files[i] for i in kept] if not colour_only else []
     read = camera_to_world(_from_quaternions(np.array(poses)), reading)
-    return _assembled(folder, names, read, depths, colours, intrinsics, unit_m, up, colour_only)
+    return _assembled(folder, names, read, depths, colours, intrinsics, unit_m, up, colour_only, folder / "groundtruth.txt")
 
 
 def _assembled(
@@ -116,6 +116,7 @@ def _assembled(
     unit_m: float,
     up: str | None,
     colour_only: bool,
+    told_by: Path,
 ) -> Frames:
     """Frames of one camera whose colour is the same view as its depth."""
     if not names:
@@ -135,7 +136,7 @@ def _assembled(
             return Frame(names[i], poses[i], colour_camera, np.zeros(colour.shape[:2], np.float32), colour, colour_camera)
         return Frame(names[i], poses[i], camera, read_depth(depths[i], unit_m), colour, colour_camera)
 
-    return Frames(names, poses, read, str(folder))
+    return Frames(names, poses, read, str(folder), scan_digest([told_by]))
 
 
 def _camera(folder: Path, intrinsics: Sequence[float] | None) -> np.ndarray:

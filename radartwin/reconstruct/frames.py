@@ -8,13 +8,14 @@ camera's z, not along the ray. Which folder layouts are read is in `radartwin.re
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import overload
 
 import numpy as np
 
-from radartwin.errors import PoseError, ScanError
+from radartwin.errors import MissingError, PoseError, ScanError
 
 RIGID_TOLERANCE = 1e-3  # of the rotation's products; ARKit and text files with six digits stay below 1e-5
 
@@ -50,14 +51,17 @@ class Frames(Sequence[Frame]):
         poses: (N, 4, 4) camera-to-world.
         read: gives frame i.
         source: what messages call it.
+        scan_of: what was scanned: a procedural room, or the digest of a real scan's files; empty where nobody knows.
     Raises:
         ScanError: no frames, a name twice, or another number of poses than of names.
         PoseError: a pose that is not finite, mirrored or not rigid.
     """
 
-    def __init__(self, names: Iterable[str], poses: np.ndarray, read: Callable[[int], Frame], source: str = "frames") -> None:
+    def __init__(
+        self, names: Iterable[str], poses: np.ndarray, read: Callable[[int], Frame], source: str = "frames", scan_of: str = ""
+    ) -> None:
         self.names = tuple(names)
-        self.source = source
+        self.source, self.scan_of = source, scan_of
         self._read = read
         if not self.names:
             raise ScanError(f"{source}: no frames; give a folder with depth pictures and poses")
@@ -68,11 +72,11 @@ class Frames(Sequence[Frame]):
         self.poses = check_poses(np.asarray(poses, dtype=np.float64), source, self.names)
 
     @classmethod
-    def of(cls, frames: Iterable[Frame], source: str = "frames") -> Frames:
+    def of(cls, frames: Iterable[Frame], source: str = "frames", scan_of: str = "") -> Frames:
         """Frames that are already in memory."""
         kept = list(frames)
         poses = np.array([f.pose for f in kept]).reshape(-1, 4, 4)
-        return cls((f.name for f in kept), poses, kept.__getitem__, source)
+        return cls((f.name for f in kept), poses, kept.__getitem__, source, scan_of)
 
     @classmethod
     def load(
@@ -130,14 +134,29 @@ class Frames(Sequence[Frame]):
         if isinstance(chosen, int):
             return dataclasses.replace(self._read(chosen), pose=self.poses[chosen])
         picked = list(chosen)
-        return Frames([self.names[i] for i in picked], self.poses[picked], lambda i: self._read(picked[i]), self.source)
+        return Frames([self.names[i] for i in picked], self.poses[picked], lambda i: self._read(picked[i]), self.source, self.scan_of)
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[i] for i in range(len(self)))
 
     def with_poses(self, poses: np.ndarray) -> Frames:
         """The same pictures at other poses (N, 4, 4)."""
-        return Frames(self.names, poses, self._read, self.source)
+        return Frames(self.names, poses, self._read, self.source, self.scan_of)
+
+
+def scan_digest(files: Iterable[Path]) -> str:
+    """A name for a real scan, whatever its folder is called: of the bytes of a mesh, or of the files that hold the poses.
+
+    Raises:
+        MissingError: one of them is gone.
+    """
+    total = hashlib.sha256()
+    for file in files:
+        try:
+            total.update(file.read_bytes())
+        except FileNotFoundError as error:
+            raise MissingError(f"{file} is not there; check the path, or export the scan again") from error
+    return f"sha256:{total.hexdigest()[:16]}"
 
 
 def check_poses(poses: np.ndarray, source: str, names: Sequence[str]) -> np.ndarray:

@@ -125,7 +125,7 @@ def with_depth(frames: Frames, estimate: Estimator) -> Frames:
         lens = rescaled(frame.colour_intrinsics, frame.colour.shape[1::-1], depth.shape[::-1])
         return dataclasses.replace(frame, depth_m=depth, intrinsics=lens, confidence=None)
 
-    return Frames([frames.names[i] for i in chosen], frames.poses[chosen], read, frames.source)
+    return Frames([frames.names[i] for i in chosen], frames.poses[chosen], read, frames.source, frames.scan_of)
 
 
 def _sized(depth: np.ndarray) -> np.ndarray:

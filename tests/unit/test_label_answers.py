@@ -19,11 +19,13 @@ from radartwin.label.labels import answer_label
 from radartwin.label.place import Place, matches, place_of
 from radartwin.label.questions import Question, questions
 from radartwin.label.recorded import (
+    CHAIR,
     JOURNAL,
     SHIPPED,
     Recorded,
     load_records,
     records_for,
+    room_of,
     save_records,
     ship,
     shipped,
@@ -33,6 +35,8 @@ from radartwin.label.score import accuracy_table, confusion_table, distance_tabl
 from radartwin.label.sources import material_source
 from radartwin.materials import Layered, reflection
 from radartwin.materials.minc import CATEGORIES, MINC
+from radartwin.reconstruct.frames import Frames, scan_digest
+from radartwin.reconstruct.scanner import scan
 from radartwin.scene import objects, rooms
 from radartwin.scene.scan import as_scanned
 from radartwin.scene.scene import Scene, Surface
@@ -225,7 +229,29 @@ def test_a_room_without_recorded_answers_is_named(tmp_path: Path) -> None:
     with pytest.raises(MissingError, match="no recorded answers for nowhere; they ship for"):
         shipped("nowhere")
     with pytest.raises(MissingError, match="no recorded answers for nowhere; use materials=uniform"):
+        records_for(Scene([], {"room": "nowhere"}), None)
+    with pytest.raises(MissingError, match=r"no recorded answers for nowhere; ask a model: radartwin label .* --provider server"):
         records_for(Scene([], {"room": "nowhere"}), tmp_path)
+
+
+def test_shipped_answers_go_by_what_was_scanned_and_not_by_the_name_of_a_folder(tmp_path: Path) -> None:
+    assert room_of(Scene([], {"source": "lab"})) is None
+    assert room_of(Scene([], {"source": "lab", "scan_of": "sha256:0123456789abcdef"})) is None
+    assert room_of(Scene([], {"source": "lab_frames", "scan_of": "lab"})) == "lab"
+    assert room_of(Scene([], {"room": "lab"})) == "lab"
+    frames = scan(rooms.lab(detail="shell"), seed=0, frames=3, colour_every=0)[0]
+    kept = Frames.load(frames.save(tmp_path / "lab_frames"))
+    assert [f.scan_of for f in (kept, kept[1:], kept.with_poses(kept.poses))] == ["lab"] * 3
+    stranger = Frames.load(Frames.of(list(frames)).save(tmp_path / "lab"))
+    assert stranger.scan_of.startswith("sha256:")
+    assert Frames.load(tmp_path / "lab").save(tmp_path / "elsewhere").name == "elsewhere"
+    assert Frames.load(tmp_path / "elsewhere").scan_of == stranger.scan_of
+
+
+def test_a_real_scan_is_known_by_its_files(shared_data: Path, tmp_path: Path) -> None:
+    chair = shared_data / "scans" / CHAIR
+    assert room_of(Scene([], {"scan_of": Frames.load(chair).scan_of})) == CHAIR
+    assert room_of(Scene([], {"scan_of": scan_digest([chair / "export.obj"])})) == CHAIR
 
 
 def test_shipped_answers_are_those_of_the_manifest_and_their_digest_is_source(tmp_path: Path) -> None:

@@ -25,6 +25,8 @@ from radartwin.scene.scene import Scene
 SHIPPED = Path(__file__).resolve().parent
 FORMAT, VERSION = "radartwin-answers", 1
 ANSWERS = "answers.json"  # of a room
+CHAIR = "arkit_lidar_chair_scan"
+SCANS = {"sha256:aa3721d1a49ccb05": CHAIR, "sha256:fd3b6640d1bcd7d2": CHAIR}  # real scans by `scan_of`: its frames, its exported mesh
 JOURNAL = Path("labels") / "answers.jsonl"  # in a scene folder
 
 
@@ -65,10 +67,10 @@ class Recorded:
 
 
 def room_of(scene: Scene) -> str | None:
-    """The name under which answers for a scene ship, or would: the room it is, is said to be a scan of, or the name of its scan."""
-    names = [scene.provenance.get(key) for key in ("room", "scan_of", "source")]
-    known = [Path(name).stem for name in names if isinstance(name, str) and name]
-    return next((name for name in known if name in DIGESTS), known[0] if known else None)
+    """The room whose shipped answers may serve a scene: the one it is, or is a scan of; None where none do. File names do not count."""
+    told = scene.provenance.get("room") or scene.provenance.get("scan_of")
+    room = SCANS.get(str(told), str(told))
+    return room if room in DIGESTS else None
 
 
 def shipped_rooms() -> list[str]:
@@ -93,22 +95,26 @@ def shipped(room: str) -> tuple[Record, ...]:
     return tuple(load_records(path))
 
 
-def ship(folder: Path, room: str, to: Path = SHIPPED) -> Path:
-    """Make the answers that label a scene folder the ones that ship for a room: those its manifest names, and their digest.
+def ship(folders: Path | Sequence[Path], room: str, to: Path = SHIPPED, about: str = "") -> Path:
+    """Make the answers that label scene folders the ones that ship for a room: those their manifests name, and their digest.
 
     Args:
-        folder: a scene folder labelled by `radartwin label`.
+        folders: scene folders of one room labelled by `radartwin label`, one or several scans of it.
         to: where the rooms' folders and digests.py lie.
+        about: who answered, when and how, in words.
     Returns:
         The answers.json.
     Raises:
-        MissingError: the folder has no answers that its manifest names.
+        MissingError: a folder has no answers that its manifest names.
     """
-    named = {surface.provenance.get("key") for surface in Scene.load(folder)}
-    records = [record for record in Journal(folder / JOURNAL).records if record.key[:12] in named]
-    if not records:
-        raise MissingError(f"{folder} is not labelled by answers of its own; run radartwin label on it first")
-    path = save_records(to / room / ANSWERS, room, records)
+    records = {}
+    for folder in [folders] if isinstance(folders, Path) else folders:
+        named = {surface.provenance.get("key") for surface in Scene.load(folder)}
+        own = [record for record in Journal(folder / JOURNAL).records if record.key[:12] in named]
+        if not own:
+            raise MissingError(f"{folder} is not labelled by answers of its own; run radartwin label on it first")
+        records |= {(record.model, record.key): record for record in own}
+    path = save_records(to / room / ANSWERS, room, list(records.values()), about)
     digests = {p.parent.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(to.glob(f"*/{ANSWERS}"))}
     text = (SHIPPED / "digests.py").read_text().partition("\nDIGESTS")[0]
     entries = "".join(f'    "{name}": "{digest}",\n' for name, digest in digests.items())
@@ -131,10 +137,10 @@ def load_records(path: Path) -> list[Record]:
         raise LabelError(f"{path} is not a {FORMAT} version {VERSION} file ({error}); record the answers again") from error
 
 
-def save_records(path: Path, room: str, records: Sequence[Record]) -> Path:
-    """Write an answers.json, sorted by key so that the same answers are the same bytes."""
+def save_records(path: Path, room: str, records: Sequence[Record], about: str = "") -> Path:
+    """Write an answers.json, sorted by key so that the same answers are the same bytes; `about` says who answered, when and how."""
     lines = [json.dumps(record.to_dict(), separators=(",", ":")) for record in sorted(records, key=lambda r: (r.key, r.model))]
-    head = f'{{"format": "{FORMAT}", "version": {VERSION}, "room": {json.dumps(room)}, "answers": [\n'
+    head = f'{{"format": "{FORMAT}", "version": {VERSION}, "room": {json.dumps(room)}, "about": {json.dumps(about)}, "answers": [\n'
     return write_atomically(path, head + ",\n".join(lines) + "\n]}\n")
 
 
@@ -146,11 +152,17 @@ def records_for(scene: Scene, folder: Path | None) -> list[Record]:
     """
     kept = Journal(folder / JOURNAL).records if folder is not None else []
     room = room_of(scene)
-    if room in shipped_rooms():
-        kept += shipped(str(room))
+    if room is not None:
+        kept += shipped(room)
     if not kept:
+        name = scene.provenance.get("room") or Path(str(scene.provenance.get("source") or "this scene")).stem
+        if folder is not None:
+            raise MissingError(
+                f"there are no recorded answers for {name}; ask a model: radartwin label {folder} --provider server, "
+                f"or write the questions for any other with radartwin label {folder} --export FOLDER"
+            )
         raise MissingError(
-            f"materials=vlm has no recorded answers for {room or 'this scene'}; use materials=uniform, void or true, or ask a model: "
+            f"materials=vlm has no recorded answers for {name}; use materials=uniform, void or true, or ask a model: "
             "radartwin label SCENE --provider server"
         )
     return kept

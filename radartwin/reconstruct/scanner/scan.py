@@ -103,7 +103,8 @@ def scan(
                 progress(len(taken), len(poses))
     kept, surfaces, firsts, depths = zip(*taken, strict=True)
     truth = ScanTruth(scene.names, poses, np.stack(surfaces), np.stack(firsts), np.stack(depths))
-    return Frames.of(kept, f"scan of {scene.provenance.get('room', 'a scene')}"), truth
+    room = str(scene.provenance.get("room", ""))
+    return Frames.of(kept, f"scan of {room or 'a scene'}", room), truth
 
 
 def _frame_count(scene: Scene) -> int:
