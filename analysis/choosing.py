@@ -64,7 +64,7 @@ def text(speed: Sequence[Row], stability: Sequence[Row]) -> str:
     parts = [
         "# Choosing a method and its settings",
         "Written by `python -m analysis.choosing` from `analysis/results/speed_accuracy.csv` and `stability.csv`: every figure is theirs. "
-        f"Times are of {measured[0]['machine'].replace('; ', ', ')}, and move with its load: compare ratios.",
+        f"Times are processor-seconds of {measured[0]['machine'].replace('; ', ', ')}, and move with its load: compare ratios.",
         "## What accuracy costs",
         "![Seconds a frame against error of the range profile, a panel for each problem](figures/speed_accuracy.png)",
         "Fast is left, accurate is down. The cheapest setting that keeps the range profile (rms over 40 dB), or the signal (relative to "
@@ -114,7 +114,15 @@ def options(setting: str) -> str:
 
 
 def _default(speed: Sequence[Row]) -> str:
-    heads = ("problem", "seconds a frame", "range profile", "signal", "factor from the front", "RF-Genesis as published", "its error")
+    heads = (
+        "problem",
+        "processor-seconds a frame",
+        "range profile",
+        "signal",
+        "factor from the front",
+        "RF-Genesis as published",
+        "its error",
+    )
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for name in dict.fromkeys(row["problem"] for row in speed):
         mine = [row for row in speed if row["problem"] == name]

@@ -3,7 +3,8 @@
 A recording is timed warm: kernels compiled, and of a radar at rest the room already traced. What the first recording took beyond a warm
 one is `setup_s`, which a recording of `Problem.frames` frames shares; a moving radar is timed as if nothing were kept. Seconds of a frame
 are setup over that number of frames, and the median warm recording over its own. Methods alternate, so that a machine that slows down
-slows all. The processors' seconds, of all threads and of the processes of peers, move less with what else runs.
+slows all. Seconds are the processors', of all threads and of the processes of peers, which move little with what else runs; the wall clock
+stands beside them, and in their place where rays are traced on a GPU.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from typing import Any
 import numpy as np
 
 from experiments import signal_error
-from experiments.methods import OURS, Method, counted_rays, published_seconds, quiet, rays_of, worker_pids
+from experiments.methods import OURS, Method, counted_rays, published_seconds, rays_of, worker_pids
 from experiments.problems import RADAR, Problem
 from radartwin.digest import spec_digest
-from radartwin.simulation import path_cache
+from radartwin.simulation import path_cache, variant
 
 ASIDE_M = 1e-6  # of a radar from one call to the next, where nothing may be kept
 
@@ -67,8 +68,10 @@ class Peak:
         return total / 1024
 
 
-def processor_seconds() -> float:
-    """Of this process and of the processes of peers."""
+def clock() -> float:
+    """Seconds of this process and of the processes of peers, all threads; of the wall where a GPU does the work."""
+    if variant.activate("auto").startswith("cuda"):
+        return time.perf_counter()
     total = time.process_time()
     for pid in worker_pids():
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split() if Path(f"/proc/{pid}/stat").is_file() else []
@@ -100,7 +103,8 @@ class Timed:
         self.problem, self.method, self._count = problem, method, count
         self.frames = min(part.scored for part in problem.parts)
         self.seconds: list[float] = []
-        self.cpu: list[float] = []
+        self.wall: list[float] = []
+        self._last_wall = 0.0
         self.setup_s = 0.0
         self.memory_mib: float | None = None
         self.rays: float | None = None
@@ -111,21 +115,19 @@ class Timed:
         return signal_error.compare(pairs, self.problem.parts[0].radar)
 
     def once(self, moved: bool = False) -> float:
-        """Seconds of all recordings once, over their frames; the processors' are noted beside. `moved`: with nothing that is kept."""
-        busy = processor_seconds()
-        frame = self._once(moved)
-        self._busy = (processor_seconds() - busy) / (self.frames * len(self.problem.parts))
-        return frame
-
-    def _once(self, moved: bool) -> float:
+        """Seconds of all recordings once, over their frames. `moved`: with nothing that is kept."""
         if self.method.published:
-            with quiet():
-                return float(np.mean([published_seconds(part, self.method.simulator.settings, RADAR) for part in self.problem.parts]))
+            settings = self.method.simulator.settings
+            found = [published_seconds(part, settings, RADAR, clock) for part in self.problem.parts]
+            self._last_wall = float(np.mean(found))  # of one thread, were it alone
+            return self._last_wall
         aside = ASIDE_M * self._count() if moved or not self.problem.resting else 0.0
-        began = time.perf_counter()
+        began, wall = clock(), time.perf_counter()
         for part in self.problem.parts:
             self.method.iq(part, self.frames, RADAR, aside)
-        return (time.perf_counter() - began) / (self.frames * len(self.problem.parts))
+        frames = self.frames * len(self.problem.parts)
+        self._last_wall = (time.perf_counter() - wall) / frames
+        return (clock() - began) / frames
 
     def prepare(self, budget_s: float, most: int) -> None:
         """The first recording, with its memory and rays; then how many frames a repetition has.
@@ -160,7 +162,7 @@ class Timed:
 
     def _note(self, frame_s: float) -> None:
         self.seconds.append(frame_s)
-        self.cpu.append(frame_s if self.method.published else self._busy)  # one thread, scaled
+        self.wall.append(self._last_wall)
 
     def row(self) -> dict[str, Any]:
         """Its figures: error, cost and their spread."""
@@ -173,7 +175,7 @@ class Timed:
             "setting": self.method.setting,
             "seconds_frame": float(np.median(seconds)),
             "seconds": seconds.tolist(),
-            "processor_s_frame": float(np.median(self.cpu)) + shared,
+            "wall_s_frame": float(np.median(self.wall)) + shared,
             "setup_s": self.setup_s,
             "frames timed": self.frames,
             "memory_mib": self.memory_mib,

@@ -6,9 +6,8 @@ has (`published`), whose echoes are summed one by one; of that one a share of th
 
 from __future__ import annotations
 
-import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -138,19 +137,19 @@ class ExactImages:
         return [Paths(len(sensor_poses), pose, order, level[:, None], np.array([frequency]), *ends, departure, arrival, 0 * length)]
 
 
-def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: Radar) -> float:
+def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: Radar, clock: Callable[[], float]) -> float:
     """Seconds of a frame of the naive tracer with its own signal generator: its trace, and one of its sums times their number."""
     poses, motion = part.sensor[:1], {name: pose[:1] for name, pose in part.motion.items()}
-    began = time.perf_counter()
+    began = clock()
     hits = rfgenesis.trace(part.scene, radar, poses, motion, settings)
-    traced = time.perf_counter() - began
+    traced = clock() - began
     seen = hits.distance[0] > rfgenesis.LEAST
     distance = hits.distance[0, seen]
     points = distance[:, None] * hits.directions[seen]
     one = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
-    began = time.perf_counter()
+    began = clock()
     direct_frame(points, points, distance, one)
-    return traced + (time.perf_counter() - began) * radar.num_chirps * radar.num_tx * radar.num_rx
+    return traced + (clock() - began) * radar.num_chirps * radar.num_tx * radar.num_rx
 
 
 @contextmanager

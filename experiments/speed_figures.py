@@ -58,7 +58,7 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
     for panel in panels[:, 0]:
         panel.set_ylabel(label)
     for panel in [*panels[-1, :2], panels[0, 2]]:
-        panel.set_xlabel("seconds a frame")
+        panel.set_xlabel("processor-seconds a frame")
     panels[0, 2].tick_params(labelbottom=True)
     _legend(panels.flat[-1], measured)
     drawing.draw_without_rendering()

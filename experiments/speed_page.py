@@ -11,7 +11,7 @@ from experiments.pareto import front
 from experiments.speed_figures import LOOKS
 
 COSTS = {
-    "seconds_frame": "seconds a frame", "processor_s_frame": "processors' seconds a frame", "memory_mib": "memory above idle (MiB)",
+    "seconds_frame": "processor-seconds a frame", "wall_s_frame": "wall-clock seconds a frame", "memory_mib": "memory above idle (MiB)",
     "rays": "rays a frame",
 }  # fmt: skip
 ERRORS = {
