@@ -51,7 +51,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def started(output: Path, program: list[str]) -> subprocess.Popen[str]:
+def started(output: Path, program: list[str], *more: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, *program, *TINY, f"output={output}", *(["jobs=1"] if program[0] == "-c" else [])],  # what is made up is made here
         cwd=output.parent,
