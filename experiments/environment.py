@@ -102,8 +102,8 @@ def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
 def read(config: Config, campaign: Campaign, progress: Progress) -> Recordings:
     """The reflector's turns by domain and distance, at the configured distances (none: all) that both domains have."""
     domains = [domain for domain in DOMAINS if not (domain == "room" and config.materials.source == "void")]
-    wanted = {"motion": "turntable", "room": ROOM_NAME, "object": TARGET}
-    cases = [(domain, case) for domain in domains for case in campaign.cases(DOMAINS[domain], **wanted)]
+    turning = {"motion": "turntable", "room": ROOM_NAME, "object": TARGET}
+    cases = [(domain, case) for domain in domains for case in campaign.cases(DOMAINS[domain], **turning)]
     found = {case.distance_m for _, case in cases}
     chosen = set(config.experiment.distances_m) or found
     common = [d for d in chosen if all(any(other == domain and case.distance_m == d for other, case in cases) for domain in domains)]
@@ -113,7 +113,9 @@ def read(config: Config, campaign: Campaign, progress: Progress) -> Recordings:
     if not common:
         raise ConfigError(f"the campaign has no turning {TARGET} that is both measured and simulated")
     out: dict[tuple[str, float], list[Shown]] = {}
-    for domain, case in progress.over([one for one in cases if one[1].distance_m in common], "environment recordings"):
+    wanted = [(domain, case) for domain, case in cases if case.distance_m in common]
+    campaign.prepare([(DOMAINS[domain], case) for domain, case in wanted])
+    for domain, case in progress.over(wanted, "environment recordings"):
         key, processed = campaign.processed(DOMAINS[domain], case)
         turned = angles(campaign.log(case, DOMAINS[domain]), processed.num_frames)
         turn = processed.power[turned < turned[0] + 2 * np.pi - 1e-9]

@@ -27,7 +27,7 @@ from radartwin.simulation.aspects import Aspects
 from radartwin.store import Store
 
 TINY = [
-    "experiment=campaign", "materials=void", "profile.resamples=200", "profile.campaign.turntable_objects=[can_211_400]",
+    "jobs=1", "experiment=campaign", "materials=void", "profile.resamples=200", "profile.campaign.turntable_objects=[can_211_400]",
     "profile.campaign.frames_per_turn=40", "profile.campaign.rail_repeats=1", "profile.campaign.rover_objects=[mug]",
     "profile.campaign.rover_every=25", "profile.campaign.rover_repeats=2",
 ]  # fmt: skip

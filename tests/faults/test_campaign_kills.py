@@ -53,7 +53,8 @@ sys.exit(main(sys.argv[1:]))
 
 def started(output: Path, program: list[str], *more: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, *program, *TINY, f"output={output}", *(["jobs=1"] if program[0] == "-c" else [])],  # what is made up is made here
+        # What is made up is made in this very process.
+        [sys.executable, *program, *TINY, *more, f"output={output}", *(["jobs=1"] if program[0] == "-c" else [])],
         cwd=output.parent,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

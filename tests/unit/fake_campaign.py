@@ -64,6 +64,8 @@ class FakeCampaign:
             return FakeLog(10.0, distance + 0.05 * np.linspace(-1, 1, self.frames) ** 2, None)
         return FakeLog(self.frames / 25.0, distance, angle)
 
+    def prepare(self, wanted, materials=None) -> None: ...
+
     def processed(self, domain: str, case: Case, materials=None) -> tuple[str, Processed]:
         kind = catalogue()[case.object]
         own = np.random.default_rng([catalogue_number(case.object), 1])

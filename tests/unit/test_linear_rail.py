@@ -43,6 +43,8 @@ class Rail:
     def log(self, case: Case, domain: str = "measured") -> FakeLog:
         return FakeLog(RADAR.frame_rate_hz, away(case.motion, np.arange(FRAMES) / RADAR.frame_rate_hz))
 
+    def prepare(self, wanted, materials=None) -> None: ...
+
     def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]:
         clutter = [(self.clutter, 1.45)] if domain == "measured" else []
         offset = 0.02 if domain == "measured" else 0.0
