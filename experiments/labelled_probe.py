@@ -150,6 +150,11 @@ def _measured_by(campaign: Campaign, twins: Campaign) -> Campaign:
         def cases(self, domain: Any, **chosen: Any) -> Sequence[Any]:
             return (campaign if domain == "measured" else twins).cases(domain, **chosen)
 
+        def prepare(self, wanted: Any, materials: Any = None) -> None:
+            wanted = list(wanted)
+            campaign.prepare([one for one in wanted if one[0] == "measured"], materials)
+            twins.prepare([one for one in wanted if one[0] != "measured"], materials)
+
         def processed(self, domain: Any, case: Any, materials: Any = None):
             return (campaign if domain == "measured" else twins).processed(domain, case, materials)
 

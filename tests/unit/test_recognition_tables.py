@@ -57,6 +57,8 @@ class Study:
     def cases(self, domain, **chosen):
         return [case for part in self.parts for case in part.cases(domain, **chosen)]
 
+    def prepare(self, wanted, materials=None) -> None: ...
+
     def processed(self, domain, case, materials=None):
         return self.of(case).processed(domain, case, materials)
 
