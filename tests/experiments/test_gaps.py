@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments import gap_cases, gap_claims, gaps
+from experiments import gap_cases, gap_claims, gaps, scan
 from experiments.campaigns import twin
 from experiments.campaigns.cases import Case, Log
 from radartwin.compose import compose
@@ -18,6 +18,7 @@ from radartwin.features.processed import MAX_RANGE_M, Processed
 from radartwin.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import range_axis, velocity_axis
+from radartwin.scene import rooms
 from radartwin.store import Store
 
 RADAR = Radar.iwr1843()
@@ -85,6 +86,18 @@ def test_what_the_table_sets_by_itself_is_refused(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match=told):
             gaps.check(compose(["experiment=gaps", override, f"output={tmp_path}"]))
     gaps.check(config(tmp_path))
+
+
+def test_a_scan_at_strength_0_is_the_room_without_its_clutter_and_is_not_scored(tmp_path: Path) -> None:
+    known = scan.scene_of(scan.fetch(config(tmp_path), Store(tmp_path), "lab", 0.0))
+    truth = rooms.room("lab", detail="furnished")
+    assert known.names == truth.names
+    for mine, theirs in zip(known, truth, strict=True):
+        assert mine.material == theirs.material
+        assert mine.roughness_m == theirs.roughness_m
+        np.testing.assert_allclose(mine.mesh.bounds, theirs.mesh.bounds, atol=1e-6)
+    with pytest.raises(ConfigError, match="scan_strengths"):
+        compose(["experiment=scan", "profile.scan_strengths=[0]"])
 
 
 def test_every_gap_has_claims_of_features_and_groups_that_there_are() -> None:
