@@ -1,9 +1,10 @@
 """The campaign: every recording of both domains, made where it is missing, and what that took.
 
 Resumable at any moment: what is finished is in the store, and the same command makes the rest. Times are those that were taken when each
-recording was made, by whichever process; disk is what its files hold. In other profiles the paper's campaign is extrapolated: per domain
-and motion from the time of a set-up (a track, a room that creeps), of a traced state (an aspect of a turntable, a frame of a drive) and of
-a frame that is processed. A set-up's share is told from the recordings that found theirs made; without any, each recording pays its own.
+recording was made, by whichever process; several at once share the whole campaign's time. Disk is what its files hold. In other profiles
+the paper's campaign is extrapolated: per domain and motion from the time of a set-up (a track, a room that creeps), of a traced state (an
+aspect of a turntable, a frame of a drive) and of a frame that is processed. A set-up's share is told from the recordings that found theirs
+made; without any, each recording pays its own.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.campaigns import tally, truth
+from experiments.campaigns import crew, tally, truth
 from experiments.campaigns.campaign import Campaign
 from experiments.campaigns.cases import Case, planned
 from experiments.campaigns.cases import log as nominal_log
@@ -146,13 +147,21 @@ def _paper(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
     elif all(group in cost for group in wanted):
         found = [_extrapolated(cost[domain, motion], domain, cases, paper) for (domain, motion), cases in wanted.items()]
         minutes, disk = sum(seconds for seconds, _ in found) / 60, sum(size for _, size in found) / 1e9
+    at_once = crew.hands(config.jobs, sum(len(cases) for cases in wanted.values()))
     case = {
         "of": "both", "motion": ALL, "made": sum(one.now for one in made), "found": sum(not one.now for one in made),
         "frames": sum(one.frames for one in made), "traced": sum(one.traced for one in made), "set_ups": sum(one.setups for one in made),
     }  # fmt: skip
     keys = [one.keys[0] for one in made]
     return [
-        row(config, case, f"time of the paper's campaign (min){label}", _exactly(minutes, len(made)), keys, MINUTES),
+        row(
+            config,
+            case,
+            f"time of the paper's campaign, {at_once} at once (min){label}",
+            _exactly(minutes / at_once, len(made)),
+            keys,
+            MINUTES,
+        ),
         row(config, case, f"disk of the paper's campaign (GB){label}", _exactly(disk, len(made)), keys, DISK),
     ]
 
