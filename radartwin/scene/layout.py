@@ -17,6 +17,11 @@ A layout file is YAML:
       - object: corner_reflector
         position_m: [3.0, 0.0, 1.0]
         held: true                   # by something that is not modelled: it may float
+      - object: meshes/bottle.obj    # a .glb, .ply or .obj beside the layout file, stood on its lowest point
+        material: hdpe               # of all of it: a name, or {layers: [[hdpe, 0.001]], backing: water}
+        unit: mm                     # of the mesh: m unless given, cm, mm or in
+        up: y                        # its upward axis: z unless given, or y
+        on: table
 
 Relations, all in the plane of the floor. *In front of* a surface is out of its face into the room; of furniture, the side that looks into
 the room; of the sensor, along its boresight. *Behind* is the opposite. *Left* and *right* are those of a person who stands in front
@@ -27,9 +32,11 @@ the object stays within the anchor's width. Without `on` it stands on what its a
 
 from __future__ import annotations
 
+import copy
+import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -39,6 +46,7 @@ from radartwin.errors import LayoutError, MissingError
 if TYPE_CHECKING:
     import yaml
 
+MESHES = (".glb", ".ply", ".obj")  # an object with one of these suffixes is a file
 RELATIONS = ("in front of", "behind", "left of", "right of", "beside", "under")
 SENSOR_NAMES = ("sensor", "radar")
 
@@ -81,6 +89,27 @@ SCHEMA: dict[str, Any] = {
     },
 }
 
+_MATERIAL = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["layers"],
+    "properties": {
+        "layers": {"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}},
+        "backing": {"type": "string"},
+    },
+}
+
+
+def _file_schema() -> dict[str, Any]:
+    """What a file may hold: all that a language model may answer, and meshes."""
+    schema = copy.deepcopy(SCHEMA)
+    schema["properties"]["objects"]["items"]["properties"] |= {
+        "material": {"anyOf": [{"type": ["string", "null"]}, _MATERIAL]},
+        "unit": {"enum": ["m", "cm", "mm", "in", None]},
+        "up": {"enum": ["z", "y", None]},
+    }
+    return schema
+
 
 @dataclass(frozen=True)
 class Relation:
@@ -93,7 +122,12 @@ class Relation:
 
 @dataclass(frozen=True)
 class Item:
-    """One object and where it goes: at a position, or on something, by relations."""
+    """One object and where it goes: at a position, or on something, by relations.
+
+    Attributes:
+        object: a name of the catalogue, or the path of a mesh.
+        material, unit, up: of a mesh; the material a name or, as in a manifest, layers and backing.
+    """
 
     object: str
     name: str = ""
@@ -102,6 +136,13 @@ class Item:
     relations: tuple[Relation, ...] = ()
     yaw_deg: float = 0.0
     held: bool = False
+    material: str | Mapping[str, Any] | None = None
+    unit: str = "m"
+    up: str = "z"
+
+    @property
+    def is_mesh(self) -> bool:
+        return self.object.lower().endswith(MESHES)
 
 
 @dataclass(frozen=True)
@@ -130,6 +171,10 @@ class Layout:
                 raise LayoutError(f"{where} has a height in position_m and on={item.on}; leave the height or on out")
             if item.held and (at is None or len(at) != 3):
                 raise LayoutError(f"{where} is held, so its height must be given: position_m: [x, y, z]")
+            if item.is_mesh and item.material is None:
+                raise LayoutError(f"{where} is a mesh, which does not say what it is made of; give material: NAME")
+            if not item.is_mesh and (item.material, item.unit, item.up) != (None, "m", "z"):
+                raise LayoutError(f"{where} is of the catalogue, which knows its material, unit and up; leave them out")
         return cls(items)
 
     def to_dict(self) -> dict[str, Any]:
@@ -149,12 +194,15 @@ class Layout:
                 entry["yaw_deg"] = item.yaw_deg
             if item.held:
                 entry["held"] = True
+            if item.material is not None:
+                entry["material"] = item.material if isinstance(item.material, str) else dict(item.material)
+            entry |= {key: value for key, value, usual in (("unit", item.unit, "m"), ("up", item.up, "z")) if value != usual}
             out.append(entry)
         return {"objects": out}
 
     @classmethod
     def load(cls, path: str | Path) -> Layout:
-        """Read a layout file.
+        """Read a layout file; paths of meshes are those from its folder.
 
         Raises:
             MissingError: no such file.
@@ -169,15 +217,20 @@ class Layout:
             value = yaml.load(path.read_text(encoding="utf-8"), _loader())
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise LayoutError(f"{path} is not YAML ({' '.join(str(error).split())[:160]})") from error
-        return cls.from_dict(value, str(path))
+        layout = cls.from_dict(value, str(path))
+        return cls(tuple(replace(item, object=str(path.parent / item.object)) if item.is_mesh else item for item in layout.items))
 
     def save(self, path: str | Path) -> Path:
-        """Write a layout file, atomically."""
+        """Write a layout file, atomically; paths of meshes become those from its folder."""
         import yaml
 
         from radartwin.files import write_atomically
 
-        return write_atomically(Path(path), yaml.safe_dump(self.to_dict(), sort_keys=False, allow_unicode=True))
+        folder = Path(path).resolve().parent
+        items = (
+            replace(item, object=os.path.relpath(Path(item.object).resolve(), folder)) if item.is_mesh else item for item in self.items
+        )
+        return write_atomically(Path(path), yaml.safe_dump(Layout(tuple(items)).to_dict(), sort_keys=False, allow_unicode=True))
 
 
 def _loader() -> type[yaml.SafeLoader]:
@@ -203,7 +256,7 @@ def check(value: Any, source: str) -> None:
     from jsonschema import Draft202012Validator
     from jsonschema.exceptions import best_match
 
-    error = best_match(Draft202012Validator(SCHEMA).iter_errors(value))
+    error = best_match(Draft202012Validator(_file_schema()).iter_errors(value))
     if error is not None:
         place = error.json_path.removeprefix("$").removeprefix(".") or "the document"
         raise LayoutError(f"{source}: {place}: {' '.join(error.message.split())[:200]}")

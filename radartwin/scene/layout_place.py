@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import trimesh
@@ -14,7 +15,7 @@ from radartwin.scene.collision import overlap_m, top_below
 from radartwin.scene.layout import Item, Layout, Relation
 from radartwin.scene.layout_anchor import Anchor, find, floor, supports, words
 from radartwin.scene.layout_spots import spots
-from radartwin.scene.layout_stock import stock
+from radartwin.scene.layout_stock import from_file, stock
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectory import pose
 
@@ -68,7 +69,7 @@ def furnish(scene: Scene, layout: Layout, sensor_pose: np.ndarray | None = None,
 
 
 def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stock) -> list[Surface]:
-    body = Body.of(make(item.object), item.yaw_deg)
+    body = Body.of(from_file(item) if item.is_mesh else make(item.object), item.yaw_deg)
     name = _free_name(item, scene)
     if item.position_m is not None and len(item.position_m) == 3:
         at, below = _at_height(item, body, scene, name)
@@ -79,7 +80,8 @@ def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stoc
         _check(body, at, scene, name)
     else:
         at, below = _related(item, body, scene, sensor_pose, name)
-    where = f"{item.object} on {below}" if below else f"{item.object}, held"
+    what = Path(item.object).name if item.is_mesh else item.object
+    where = f"{what} on {below}" if below else f"{what}, held"
     return [s.moved(at).replaced(name=name, provenance={**s.provenance, "layout": where}) for s in body.surfaces]
 
 
@@ -90,7 +92,7 @@ def _free_name(item: Item, scene: Scene) -> str:
         if item.name in taken:
             raise LayoutError(f"'{item.name}' is in the scene already; give the {item.object} another name")
         return item.name
-    stem = "_".join(words(item.object))
+    stem = "_".join(words(Path(item.object).stem if item.is_mesh else item.object))
     return next(n for n in itertools.chain([stem], (f"{stem}_{k}" for k in itertools.count(2))) if n not in taken)
 
 

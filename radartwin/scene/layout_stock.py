@@ -1,4 +1,4 @@
-"""The objects a layout can name: the catalogue, and the canonical targets."""
+"""The objects a layout can name: the catalogue, the canonical targets, and meshes from files."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from radartwin.errors import LayoutError
 from radartwin.scene import objects
+from radartwin.scene.layout import Item
 from radartwin.scene.layout_anchor import words
 from radartwin.scene.scene import Surface
 
@@ -48,3 +49,15 @@ def stock(name: str) -> Sequence[Surface]:
     """
     name = known(name)
     return [Surface(TARGETS[name](), "metal", name, role="object")] if name in TARGETS else objects.make(name)
+
+
+def from_file(item: Item) -> Sequence[Surface]:
+    """Surfaces of a layout's mesh in its own frame, as those of `stock`.
+
+    Raises:
+        MissingError, MeshError: no such file, unreadable, or of a size that no object has in the unit given.
+        MaterialError, SceneError: its material.
+    """
+    from radartwin.scene.storage import material_from_json
+
+    return objects.from_mesh(item.object, material_from_json(item.material), unit=item.unit, up=item.up)
