@@ -1,0 +1,229 @@
+"""References of the chart are right, errors and fronts are what they are called, and claims fail when they should."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import miepython
+import numpy as np
+import pytest
+
+from analysis import choosing
+from experiments import measuring, methods, problems, signal_error, speed_accuracy, speed_figures, speed_page
+from experiments.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
+from experiments.oracles import traced
+from experiments.oracles.point_source import cylinder_echo, sphere_echo
+from experiments.oracles.targets import corner_faces, cylinder_rcs
+from experiments.pareto import front, shortfall
+from radartwin.compose import compose
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.experiment import check_rows
+from radartwin.radar.chirp import Radar
+from radartwin.run import run_key
+from radartwin.scene import objects
+from radartwin.simulation.rfgenesis_signal import direct_frame
+
+FREQUENCY_HZ = 77e9
+WAVELENGTH_M = SPEED_OF_LIGHT / FREQUENCY_HZ
+K = 2 * np.pi / WAVELENGTH_M
+RADAR = Radar.iwr1843()
+
+
+def section(amplitude: complex, distance_m: float) -> float:
+    """Cross-section, dBsm, of a far target."""
+    return float(10 * np.log10((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2))
+
+
+@pytest.mark.parametrize("radius_m", [0.002, 0.011, 0.05])
+def test_a_far_sphere_returns_the_mie_series(radius_m: float) -> None:
+    _, _, back, _ = miepython.efficiencies_mx(1e4 - 1e4j, 2 * np.pi * radius_m / WAVELENGTH_M)
+    assert section(sphere_echo(radius_m, 300.0, FREQUENCY_HZ)[0], 300.0) == pytest.approx(
+        10 * np.log10(float(back) * np.pi * radius_m**2), abs=0.02
+    )
+
+
+@pytest.mark.parametrize(("radius_m", "gap_m"), [(0.5, 0.2), (0.2, 1.0)])
+def test_a_near_sphere_returns_a_mirrored_point_source_with_its_phase(radius_m: float, gap_m: float) -> None:
+    """Geometric optics: the wave is mirrored with radius 1/(1/d + 2/a) and spreads from there, turned by half a cycle."""
+    mirrored = 1 / (1 / gap_m + 2 / radius_m)
+    expected = -WAVELENGTH_M / (4 * np.pi * gap_m) * mirrored / (mirrored + gap_m) * np.exp(2j * K * gap_m)
+    assert sphere_echo(radius_m, radius_m + gap_m, FREQUENCY_HZ)[0] / expected == pytest.approx(1, abs=0.01)
+
+
+def test_a_cylinder_returns_its_far_field_far_away_and_a_mirror_line_near() -> None:
+    assert section(cylinder_echo(0.02, 0.04, 30.0, FREQUENCY_HZ)[0], 30.0) == pytest.approx(
+        10 * np.log10(cylinder_rcs(0.02, 0.04)), abs=0.05
+    )
+    mirrored = 1 / (1 / 0.5 + 2 / 1.0)
+    endless = -WAVELENGTH_M / (4 * np.pi * 0.5) * np.sqrt(mirrored / (mirrored + 0.5) / 2) * np.exp(2j * K * 0.5)
+    assert cylinder_echo(1.0, 60.0, 1.5, FREQUENCY_HZ)[0] / endless == pytest.approx(1, abs=0.02)
+
+
+def test_a_swept_echo_is_the_echo_at_each_sample() -> None:
+    frequencies = traced.frequencies(traced.MONOSTATIC)
+    swept = problems.swept(lambda f: cylinder_echo(0.033, 0.12, 1.0, f), 1.0)[0, 0, 0]
+    chosen = [0, 17, 128, 255]
+    assert swept[chosen] == pytest.approx(cylinder_echo(0.033, 0.12, 1.0, frequencies[chosen]), rel=1e-4)
+
+
+def test_a_turned_corner_is_looked_at_from_where_the_radar_is() -> None:
+    """A plate's echo has one level either side of its normal and less than facing; a quarter turn leaves nothing in front."""
+    faces = corner_faces(objects.plate(0.1, 0.1))
+    levels = [np.abs(problems.corner_echo(faces, problems._turned(1.0, 1, turn)[0])).mean() for turn in (0.0, 3.0, -3.0)]
+    assert levels[1] == pytest.approx(levels[2], rel=1e-6)
+    assert levels[1] < 0.7 * levels[0]
+
+
+def tone(range_m: float, amplitude: float = 1.0) -> np.ndarray:
+    cycles = 2 * range_m * RADAR.slope_hz_per_s / SPEED_OF_LIGHT * np.arange(RADAR.num_samples) / RADAR.sample_rate_hz
+    return np.tile(amplitude * np.exp(2j * np.pi * cycles), (1, RADAR.num_chirps, RADAR.num_tx, RADAR.num_rx, 1))
+
+
+def test_errors_are_told_apart() -> None:
+    low, nothing = (signal_error.compare([(gain * tone(2.0), tone(2.0))], RADAR) for gain in (0.1, 0.0))
+    assert (low.signal, low.offset_db) == pytest.approx((0.9, -20.0))
+    assert 15 < low.profile_db < 20  # its skirts are deeper than 40 dB already
+    assert (low.free_db, low.gain_db) == pytest.approx((0.0, 20.0), abs=0.01)
+    assert nothing.signal == 1
+    assert 20 < nothing.profile_db <= signal_error.DYNAMIC_DB
+    turned = signal_error.compare([(1j * tone(2.0), tone(2.0))], RADAR)
+    assert (turned.signal, turned.profile_db) == pytest.approx((np.sqrt(2), 0.0), abs=1e-9)
+    elsewhere = signal_error.compare([(tone(3.0), tone(2.0))], RADAR)
+    assert elsewhere.free_db > 10  # no gain mends a wrong range
+
+
+def test_a_front_holds_what_nothing_beats() -> None:
+    drawn = np.random.default_rng(0).integers(1, 6, (40, 2)).astype(float)
+    points = [tuple(point) for point in drawn]
+    for point, on in zip(points, front(points), strict=True):
+        better = any((other <= point).all() and (other < point).any() for other in drawn)  # type: ignore[operator]
+        assert on == (not better)
+    assert shortfall((2.0, 2.0), [(1.0, 1.5)]) == pytest.approx(4 / 3)
+    assert shortfall((2.0, 2.0), [(1.0, 2.5), (2.5, 1.0)]) == 1
+
+
+def measured(family: str, setting: str, seconds: list[float], error: float, **changes: Any) -> dict[str, Any]:
+    return {
+        "problem": "near", "family": family, "setting": setting, "seconds_frame": float(np.median(seconds)), "seconds": seconds,
+        "wall_s_frame": 2 * seconds[0], "setup_s": 0.0, "frames timed": 5, "memory_mib": None, "rays": 100.0, "signal_error": error,
+        "profile_error_db": error, "offset_db": 0.0, "free_error_db": error, "exact": False, **changes,
+    }  # fmt: skip
+
+
+def rows_of(*others: dict[str, Any]) -> list[dict[str, Any]]:
+    known = {"near": problems.near(2, 1)}
+    rows = speed_accuracy.table([measured(OURS, DEFAULT, [1.0, 1.0, 2.0], 1.0), *others], {"processor": "a", "cores": "2 cores"}, known)
+    check_rows("speed_accuracy", rows)
+    return rows
+
+
+def verdicts(rows: list[dict[str, Any]]) -> dict[str, str]:
+    return {row["metric"]: row["verdict"] for row in rows if row["claim"]}
+
+
+def test_the_default_fails_where_another_is_much_better_in_both() -> None:
+    better, close = (measured(OURS, "finer", [s] * 3, e) for s, e in ((0.8, 0.8), (0.95, 0.95)))
+    metric = "factor from the front, error of the range profile"
+    assert verdicts(rows_of(better))[metric] == "fails"
+    assert verdicts(rows_of(close))[metric] == "holds"
+    assert verdicts(rows_of({**better, "exact": True}))[metric] == "holds"  # an exact reference stands beside the front
+    marks = {row["setting"]: row["front"] for row in rows_of({**better, "exact": True}) if not row["claim"]}
+    assert marks == {DEFAULT: True, "finer": False}
+
+
+@pytest.mark.parametrize(
+    ("seconds", "error", "free", "verdict"),
+    [(1200.0, 3.0, 2.0, "holds"), (600.0, 3.0, 2.0, "fails"), (1200.0, 3.0, 0.5, "fails"), (1200.0, 0.5, 2.0, "fails")],
+)
+def test_faster_is_claimed_only_with_every_error_lower(seconds: float, error: float, free: float, verdict: str) -> None:
+    """The default's last round took 2 s."""
+    naive = measured(RFGENESIS, speed_accuracy.PUBLISHED, [seconds], error, free_error_db=free)
+    assert verdicts(rows_of(naive))["its seconds a frame over those of the default"] == verdict
+
+
+def test_ratios_are_of_the_same_rounds() -> None:
+    assert speed_accuracy.ratios_of([2.0, 8.0], [9.0, 1.0, 2.0]) == (2.0, 3.0, 4.0)
+
+
+def test_one_sum_of_the_published_generator_is_one_of_its_frame() -> None:
+    points = np.array([[1.0, 0.1, 0.0], [1.5, -0.2, 0.1]])
+    radar = Radar.iwr1843()
+    one = methods.replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
+    whole = direct_frame(points, points, np.ones(2), radar)
+    assert whole.size == direct_frame(points, points, np.ones(2), one).size * radar.num_chirps * radar.num_tx * radar.num_rx
+    assert direct_frame(points, points, np.ones(2), one)[0, 0, 0] == pytest.approx(whole[0, 0, 0])
+
+
+def test_the_default_is_right_on_canonical_targets_and_peers_are_not() -> None:
+    problem = problems.canonical(2, 1)
+
+    def error(method: Method) -> signal_error.Errors:
+        pairs = [(method.iq(part, 1, part.radar), problem.reference(part)) for part in problem.parts]
+        return signal_error.compare(pairs, problem.parts[0].radar)
+
+    mine = error(ours(DEFAULT))
+    assert mine.signal < 0.03
+    assert mine.profile_db < 0.4
+    for peer in (Method(POINTS, "table", "points"), Method(RFGENESIS, "shipped", "rfgenesis")):
+        assert error(peer).free_db > 5
+
+
+def test_exact_images_are_the_reference_of_the_bare_office_but_for_the_sweep() -> None:
+    problem = problems.empty_room(1, 1)
+    (part,) = problem.parts
+    images = Method(methods.IMAGES, "all", "")
+    found = signal_error.compare([(images.iq(part, 1, part.radar), problem.reference(part))], part.radar)
+    assert found.signal < 0.02
+
+
+def test_methods_are_measured() -> None:
+    problem = problems.near(3, 1)
+    published = Method(RFGENESIS, "as published", "rfgenesis", (("version", "shipped"), ("grid", 16)), published=True)
+    rows = measuring.measure(problem, [ours(DEFAULT), Method(POINTS, "table", "points"), published], 1, 0.01, 5.0, lambda line: None)
+    assert [row["family"] for row in rows] == [OURS, POINTS, RFGENESIS]
+    assert all(min(row["seconds"]) > 0 and row["wall_s_frame"] > 0 for row in rows)
+    assert rows[0]["rays"] > 100
+    assert rows[2]["rays"] == 256
+    assert rows[0]["frames timed"] == 3
+
+
+def test_a_run_is_of_its_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    config = compose(["experiment=speed_accuracy"])
+    here = run_key(config)
+    assert run_key(config) == here
+    monkeypatch.setattr(measuring, "machine", lambda: {"processor": "another"})
+    assert run_key(config) != here
+
+
+def test_the_page_holds_every_point_and_loads_nothing() -> None:
+    rows = rows_of(measured(POINTS, "table", [0.1] * 3, 5.0), measured(OURS, "</script>", [2.0] * 3, 5.0))
+    text = speed_page.page(rows)
+    assert not re.search(r"(src|href)=|https?://(?!www\.w3\.org/2000/svg)", text)
+    data = json.loads(re.search(r"const data = (.*);\n", text).group(1))  # type: ignore[union-attr]
+    assert text.count("</script>") == 1
+    (panel,) = data["panels"]
+    assert [point["name"] for point in panel["points"]] == ["this tracer, default", "points, table", "this tracer, </script>"]
+    assert panel["fronts"]["seconds_frame profile_error_db"] == [0, 1]
+    assert panel["fronts"]["seconds_frame feature_error"] == []
+
+
+def test_the_chart_shows_every_point() -> None:
+    drawing = speed_figures.chart(rows_of(measured(POINTS, "far-field table", [0.1] * 3, 5.0)), "profile_error_db")
+    labels = {text.get_text() for axes in drawing.axes for text in axes.texts}
+    assert {"default", "table"} <= labels
+
+
+@pytest.mark.parametrize("problem", problems.problems(True), ids=lambda problem: problem.name)
+def test_every_setting_of_the_chart_can_be_asked_for(problem: problems.Problem) -> None:
+    """The options that docs/choosing.md gives make the simulator that was measured."""
+    for method in methods.of_problem(problem, True):
+        if method.family == OURS:
+            asked = compose(choosing.options(method.setting).split()).simulator
+            assert asked.elements == method.elements
+            assert {name: getattr(asked, name) for name, _ in method.settings} == dict(method.settings)
+
+
+def test_choosing_is_what_the_committed_results_say() -> None:
+    assert choosing.PAGE.read_text(encoding="utf-8") == choosing.text(*(choosing.read(name) for name in choosing.NAMES))
