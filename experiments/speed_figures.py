@@ -19,7 +19,7 @@ Row = Mapping[str, Any]
 LOOKS = dict(zip(FAMILIES, (("o", PALETTE[0]), ("s", PALETTE[1]), ("^", PALETTE[2]), ("v", PALETTE[3]), ("D", "#595959")), strict=True))
 AXES = {
     "profile_error_db": ("error of the range profile (dB, rms)", 0.01, 60.0),
-    "signal_error": ("error of the signal, |a - b| / |b|", 1e-3, 6.0),
+    "signal_error": ("error of the signal, |a - b| / |b|", 1e-3, 30.0),
 }
 SHORT = {
     " tubes per square wavelength": " tubes", "object and room uncoupled": "uncoupled", "planar elements": "planar", "tubes, ": "tubes ",
