@@ -96,7 +96,7 @@ class _Pieces:
             flat = self._flats.get(k)
             if flat is None or colours is None:
                 return None if flat is None else flat.mesh
-            return painted(flat.mesh, flat.grid, at, colours) if alone else coloured(flat.mesh, at, colours)
+            return painted(flat.mesh, flat.grid, at, colours, flat.seen) if alone else coloured(flat.mesh, at, colours)
         if segment.noise or segment.area_m2 < LEAST_M2 or (part := simplified(self._mesh, segment.faces)) is None:
             return None
         self.error_m = max(self.error_m, part[1])

@@ -12,11 +12,12 @@ from radartwin.reconstruct.masks import nearest
 LARGEST_PX = 1024
 
 
-def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarray) -> trimesh.Trimesh:
-    """A flat mesh with a picture of what was seen on its plane; unseen cells take the nearest colour.
+def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarray, seen: np.ndarray | None = None) -> trimesh.Trimesh:
+    """A flat mesh with a picture of what was seen on its plane; unseen cells take the nearest colour, and no alpha.
 
     Args:
         grid: of the plane. points: (N, 3) on it; rgb: (N, 3) their colours, 0..255.
+        seen: mask of the grid's cells that were scanned; None: all.
     """
     from PIL import Image
     from trimesh.visual import TextureVisuals
@@ -30,6 +31,11 @@ def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarr
     count = np.bincount(index, minlength=shape[0] * shape[1])
     picture = np.stack([np.bincount(index, rgb[:, k], minlength=count.size) for k in range(3)], axis=-1) / np.maximum(count, 1)[:, None]
     picture = np.rint(picture).astype(np.uint8).reshape(*shape, 3)[nearest((count > 0).reshape(shape))]
+    if seen is not None and not seen.all():
+        column, row = (
+            np.minimum(((np.arange(n) + 0.5) * cell / grid.cell_m).astype(int), m - 1) for n, m in zip(shape, seen.shape, strict=True)
+        )
+        picture = np.dstack([picture, np.where(seen[np.ix_(column, row)], 255, 0).astype(np.uint8)])
     uv = (np.asarray(mesh.vertices) @ grid.axes.T - grid.low) / (cell * np.array(shape))
     image = Image.fromarray(np.ascontiguousarray(picture.transpose(1, 0, 2)[::-1]))
     material = PBRMaterial(baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0)

@@ -45,6 +45,7 @@ class Flat:
         grid: of its plane.
         parent: segment the pane lies in, or -1.
         filled_m2: area that was not seen and is taken to go on.
+        seen: mask of the grid's cells that the scan has, None where it has none of them.
     """
 
     segment: int
@@ -52,6 +53,7 @@ class Flat:
     grid: Grid
     parent: int = -1
     filled_m2: float = 0.0
+    seen: np.ndarray | None = None
 
 
 @dataclass(eq=False)
@@ -185,7 +187,7 @@ def _outlined(
             rest = rest.difference(shape)
     piece = outline.triangulated(grid, _cleaned(rest, cell))
     if piece is not None:
-        flats.append(Flat(group[0], piece, grid, filled_m2=done.filled_m2))
+        flats.append(Flat(group[0], piece, grid, filled_m2=done.filled_m2, seen=whole))
     return flats, done.filled_m2, done.open_m2
 
 

@@ -166,7 +166,7 @@ def _load_plain(path: Path, material: str | Layered | None) -> Scene:
         raise MeshError(f"{path} holds no triangles; give a mesh, not a point cloud")
     if material is None:
         raise SceneError(
-            f"{path} carries no material labels; pass material=NAME for one uniform material, "
-            "or turn it into a labelled scene with radartwin reconstruct"
+            f"{path} carries no material labels; make it a scene with radartwin reconstruct {path} --out FOLDER --material NAME "
+            "(in Python, Scene.load takes one material for all of it)"
         )
     return Scene([Surface(mesh, material, name) for name, mesh in meshes.items()], {"source": path.name})

@@ -99,6 +99,7 @@ def describe(
             "reflectivity": [colours.reflectivity_colour(level, stops) for level in levels],
         },
         "has_colour": any(p is not None for p in painted),
+        "has_filled": any(_filled_m2(s) > 0 for s in surfaces),
         "ramp": {
             "stops": stops,
             "low_db": colours.LOW_DB,
@@ -121,6 +122,9 @@ def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None,
     if isinstance(surface.material, Layered) and surface.material.layers:
         total = sum(thickness for _, thickness in surface.material.layers)
         facts.append(["layers", f"{len(surface.material.layers)}, {1000 * total:.4g} mm together"])
+    if (filled := _filled_m2(surface)) > 0:
+        share = "all of it, a pane that nobody saw" if provenance.get("completed") else f"{filled:.3g} m² of it, filled in"
+        facts.append(["never scanned", share])
     facts.append(["roughness", f"{1000 * surface.roughness_m:.3g} mm" if surface.roughness_m else "smooth"])
     facts.append(["reflects", "no values at this frequency" if level is None else _decibels(level)])
     facts.append(["source", str(provenance.get("source", "not recorded"))])
@@ -141,6 +145,12 @@ def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None,
         "has_colour": painted,
         "facts": facts,
     }
+
+
+def _filled_m2(surface: Surface) -> float:
+    """Area of a surface that its scan has not seen; 0 where nobody says or it is less than a square decimetre."""
+    filled = surface.provenance.get("filled_m2")
+    return float(filled) if isinstance(filled, int | float) and filled >= 0.01 else 0.0
 
 
 def _decibels(level: float) -> str:

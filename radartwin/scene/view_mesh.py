@@ -19,6 +19,7 @@ SHELL_M2 = 0.5  # smaller surfaces hide nothing
 SHELL_BEHIND_M = 0.12  # how far a scan's wall may bulge behind its own mean plane and still be one
 SHELL_SHARE = 0.02  # of the rest of the room may lie behind a wall: what a scan saw through a window
 PICTURE_PX = 512  # side of the pictures of textures in a page
+HATCH, HATCH_PX = ((158, 158, 158), (205, 205, 205)), 4  # greys of what was never scanned, and the width of a stripe in a texture
 PALE = np.array([0, 0, 0, 0], dtype=np.uint8)  # alpha 0: no colour of a scan
 
 
@@ -86,11 +87,24 @@ def pictures(meshes: Sequence[trimesh.Trimesh]) -> tuple[list[bytes], np.ndarray
         place = np.full((len(mesh.vertices), 3), -1.0)
         if image is not None and uv is not None and len(uv) == len(mesh.vertices):
             stream = io.BytesIO()
-            image.convert("RGB").resize((PICTURE_PX, PICTURE_PX)).save(stream, "JPEG", quality=85)
+            hatched(image).resize((PICTURE_PX, PICTURE_PX)).save(stream, "JPEG", quality=85)
             number = seen.setdefault(stream.getvalue(), len(seen))
             place = np.column_stack([uv[:, 0], 1 - uv[:, 1], np.full(len(uv), float(number))])
         places.append(place)
     return list(seen), np.vstack(places)
+
+
+def hatched(image: Image) -> Image:
+    """A picture without alpha: what has none, since nobody scanned it, is hatched in greys."""
+    from PIL import Image as pillow
+
+    if not image.mode.endswith("A"):
+        return image.convert("RGB")
+    pixels = np.array(image.convert("RGBA"))
+    row, column = np.nonzero(pixels[..., 3] < 128)
+    stripe = (row + column) // HATCH_PX % 2
+    pixels[row, column, :3] = np.array(HATCH, dtype=np.uint8)[stripe]
+    return pillow.fromarray(np.ascontiguousarray(pixels[..., :3]))
 
 
 def texture(mesh: trimesh.Trimesh) -> Image | None:

@@ -88,6 +88,13 @@ def test_a_mesh_without_labels_needs_a_source(inside: Command, scan: Path) -> No
     assert "concrete on 1; materials=uniform" in said
 
 
+def test_a_plain_mesh_is_not_viewed_and_the_remedy_is_a_command(inside: Command, scan: Path) -> None:
+    done = inside("view", scan)
+    assert done.returncode == 2
+    assert f"radartwin reconstruct {scan} --out FOLDER --material NAME" in done.stderr
+    assert "material=" not in done.stderr
+
+
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [

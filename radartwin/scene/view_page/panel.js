@@ -89,7 +89,8 @@ class Panel {
 
   photograph() {
     const bare = this.scene.surfaces.some((s) => !s.has_colour);
-    const note = bare ? "Colours as scanned; surfaces without any are grey." : "Colours as scanned.";
+    const filled = this.scene.has_filled ? " What was never scanned, and filled in, is hatched grey." : "";
+    const note = (bare ? "Colours as scanned; surfaces without any are grey." : "Colours as scanned.") + filled;
     return [element("h2", { textContent: "Scan colour" }), element("p", { textContent: note })];
   }
 }
