@@ -91,8 +91,8 @@ TABLES = (
         campaign=True,
         title="Each gap by itself",
         caption="With every gap off and the twin told the true materials and the exact room, what is left between the domains is the "
-        "stand under the target, whose layers the twin does not know (gap none; claimed against what finer tracing with one bounce more "
-        "changes). Then each gap alone: how far it moves the features of the same recordings, beside what physics says of it, written "
+        "room's storage in single precision (gap none; claimed against what finer tracing with one bounce more changes). Then each gap "
+        "alone: how far it moves the features of the same recordings, beside what physics says of it, written "
         "before the first run. Changes are of the complex signal, in the target gate and half a metre and more from it; geometry moves the "
         "twin, all others the testbed. Three objects on the lab's turntable and one drive in the squash court; intervals are bootstraps "
         "over objects.",

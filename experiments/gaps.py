@@ -1,10 +1,10 @@
 """Each gap between the testbed and the twin: none with all of them off, and what each one moves alone.
 
 (a) All gaps off, the twin told the true materials and the exact room: simulated and measured recordings of the same cases are the same but
-for one thing, the stand under the target, of which the twin knows the outermost material and not the layers. How much that is, is told in
-decibels of the complex signal and of the mean range profile, beside the solver's own error, which is what finer tracing with one bounce
-more changes. (b) Each gap alone at strength 1, in the paper profile at 2 too: how far it moves the features, beside what physics says of it
-(experiments/gap_claims.py, written before the run). Geometry moves the twin, all others the testbed.
+for the room's storage in single precision. How much that is, is told in decibels of the complex signal and of the mean range profile,
+beside the solver's own error, which is what finer tracing with one bounce more changes. (b) Each gap alone at strength 1, in the paper
+profile at 2 too: how far it moves the features, beside what physics says of it (experiments/gap_claims.py, written before the run).
+Geometry moves the twin, all others the testbed.
 
 Read with care: a row is one draw of the gap (measured.gap, seed), not the mean over testbeds. Roughness is a factor either way on heights
 that the rooms nominally have, and what it takes from mirror images returns as scatter, so that a room may read louder; the turntable's
@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments import gap_cases, statistics
-from experiments.campaigns import twin
 from experiments.campaigns.cases import Case
 from experiments.claims import NONE, Claim, row
 from experiments.gap_cases import CASES, FILLED, GAPS, GROUPS, METAL, Reading
@@ -88,7 +87,6 @@ def check(config: Config) -> None:
 
 def _twins(config: Config, store: Store, progress: Progress, geometry: float | None) -> dict[Case, Reading]:
     """Every case as the twin has it in the exact room (None), or in a scan."""
-    getattr(twin, "_tracks", {}).clear()  # tracks are kept by room and materials, and these are of another scan
     alone = gap_cases.alone(config) if geometry is None else gap_cases.alone(config, "geometry", geometry)
     return {case: gap_cases.recorded(alone, store, progress, "twin", case) for case in CASES}
 
@@ -174,6 +172,6 @@ def _figure(moves: Moves, rows: list[dict[str, Any]]) -> Figure:
         panel.set(title=f"{group}, {count} {'object' if count == 1 else 'objects'}", xlim=(NONE_DB, 10))
         panel.set_xlabel("change of the complex signal (dB)")
         panel.set_xticks([NONE_DB, -60, -40, -20, 0], ["none", "−60", "−40", "−20", "0"])
-    panels[0].set_yticks(places, ["all off: the stand", *ordered])
+    panels[0].set_yticks(places, ["all off", *ordered])
     drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return drawing

@@ -225,7 +225,8 @@ _tracks: OrderedDict[str, Drives] = OrderedDict()
 def _drives(case: Case, place: _Place, root: int) -> Drives:
     """Of the track a case is on; the last few are kept, so that objects and repetitions share them."""
     motion = case.motion if case.motion in ROVER else "bench"
-    key = f"{case.room} {motion} {root} {place.gaps} {place.settings} {place.radar}"
+    here = replace(place.gaps, hardware=0.0, trajectory=0.0, placement=0.0)  # the room has no part in these but for the radar's own
+    key = f"{case.room} {motion} {root} {here} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
     if key not in _tracks:
         tally.count(tally.SETUPS)
         around = list(_around(case, place.log, place.gaps, root))

@@ -68,13 +68,15 @@ def record(case: Case, config: Config, materials: MaterialsConfig, store: Store)
     nominal = log(case, config.profile.campaign, measured=False)
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
-    stand = _outermost(rooms.support(stand_top(nominal)))
+    stand = rooms.support(stand_top(nominal))
+    if materials.source != "true":  # who asks for true materials has the stand's layers told too
+        stand = _outermost(stand)
     target = list(catalogue()[case.object].surfaces())
     options = simulator_options(config.simulator)
     if not isinstance(options["simulator"], MitsubaBackend):
         motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
         return simulate(room + stand + Scene(target), radar, nominal.sensor_poses, motion=motion, **options)
-    drives = _drives(case, room, options["simulator"].settings, radar, nominal, str((materials, config.seed)))
+    drives = _drives(case, room, options["simulator"].settings, radar, nominal, str((materials, config.seed, config.measured.gap.geometry)))
     parts = drives.room(nominal.sensor_poses)
     disc, post = ([s for s in stand if s.name == name] for name in ("turntable", "stand"))
     parts += seen(drives, nominal.sensor_poses, nominal.frame_rate_hz, target, nominal.target_poses, disc, post)
@@ -98,10 +100,10 @@ def _outermost(scene: Scene) -> Scene:
 _tracks: OrderedDict[str, Drives] = OrderedDict()
 
 
-def _drives(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, labels: str) -> Drives:
-    """Of the track a case is on; the last few are kept, so that objects share them."""
+def _drives(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str) -> Drives:
+    """Of the track a case is on; the last few are kept, so that objects share them. `known`: what decides the room beside its name."""
     motion = case.motion if case.motion in ROVER else "bench"
-    key = f"{case.room} {motion} {labels} {settings} {radar}"
+    key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"
     if key not in _tracks:
         tally.count(tally.SETUPS)
         _tracks[key] = Drives(list(room), radar, nominal.sensor_poses, settings)

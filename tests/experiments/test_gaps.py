@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from experiments import gap_cases, gap_claims, gaps, scan
-from experiments.campaigns import twin
 from experiments.campaigns.cases import Case, Log
 from radartwin.compose import compose
 from radartwin.config import Config
@@ -126,15 +125,13 @@ def test_a_claim_holds_or_fails_by_what_was_found(tmp_path: Path) -> None:
         assert found["drive", "room change (dB)"] == "untestable"  # nothing is claimed of it
 
 
-def test_with_every_gap_off_and_the_stand_known_both_domains_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is left is the room's storage in single precision, far below any solver error. As it is, the twin takes the stand for a
-    half-space of its outermost material (the table tells what that costs), and that is all."""
+def test_with_every_gap_off_both_domains_are_one(tmp_path: Path) -> None:
+    """What is left is the room's storage in single precision, far below any solver error."""
     off = gap_cases.alone(config(tmp_path))
     off = replace(off, profile=replace(off.profile, campaign=replace(off.profile.campaign, frames_per_turn=16)))
     case, progress = Case("drink_can_355", "lab", "turntable", 1.0), Progress()
     store = Store(tmp_path)
     measured = gap_cases.recorded(off, store, progress, "measured", case)
-    monkeypatch.setattr(twin, "_outermost", lambda scene: scene)
     told = gap_cases.recorded(off, store, progress, "twin", case)
     for chosen in (measured.target, ~measured.target):
         assert gap_cases.change_db(told, measured, chosen) < -80
