@@ -1,4 +1,7 @@
-"""A scan beside its material map: the same view in the scan's own colours and in the colours of its materials."""
+"""A scan beside its material map: the same view in the scan's own colours and in the colours of its materials.
+
+The legend says of each MINC category seen what the tracer gets for it, most of its area first.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ PIXELS = 700
 
 
 def material_map(scene: Scene, camera: Camera | None = None, titles: tuple[str, str] = ("scan", "materials")) -> Figure:
-    """Two panels, the labelled scene as scanned and by MINC category, with a legend of the categories seen.
+    """Two panels, the labelled scene as scanned and by MINC category, with a legend of the categories seen and their materials.
 
     Args:
         camera: where from; a corner of the room, looking to the middle, unless given.
@@ -51,9 +54,25 @@ def material_map(scene: Scene, camera: Camera | None = None, titles: tuple[str, 
         name: int(sum((shown == k).sum() for k, own in enumerate(minc) if own == name)) for name in (*CATEGORIES, "none") if name in minc
     }
     names = [name for name in areas if areas[name] > 0]
-    patches = [Patch(facecolor=COLOURS.get(name, NONE), edgecolor="#555555", linewidth=0.4, label=name) for name in names]
-    figure.legend(handles=patches, loc="outside lower center", ncols=min(8, max(1, len(patches))))
+    patches = [
+        Patch(facecolor=COLOURS.get(name, NONE), edgecolor="#555555", linewidth=0.4, label=f"{name}: {_materials(scene, minc, name)}")
+        for name in names
+    ]
+    figure.legend(handles=patches, loc="outside lower center", ncols=min(2, max(1, len(patches))))
     return figure
+
+
+def _materials(scene: Scene, minc: list[str], category: str) -> str:
+    """What the tracer gets for the surfaces of a category: the material with most area, and how many others there are."""
+    from radartwin.scene.view import material_label
+
+    areas: dict[str, float] = {}
+    for surface, own in zip(scene, minc, strict=True):
+        if own == category:
+            label = material_label(surface.material)
+            areas[label] = areas.get(label, 0.0) + float(surface.mesh.area)
+    most = max(areas, key=lambda label: areas[label])
+    return most + (f" ({len(areas) - 1} more)" if len(areas) > 1 else "")
 
 
 def corner_camera(scene: Scene, drawing: Drawing | None = None, pixels: int = PIXELS) -> Camera:

@@ -1,9 +1,9 @@
 """How good labels are, against the truth beneath them: per category, and per decibel of reflection.
 
 Every surface of the labelled scene counts with its area for the true surface that most of it lies on. A label is right if its MINC category
-is the true one; what a wrong one costs is the electromagnetic distance (`radartwin.materials.distance`) between its material and the true
-material. Intervals are Wilson's (E. Wilson, JASA 22 (1927) 209) at the effective number of surfaces, (sum of areas)^2 / sum of areas^2,
-since one wall of 15 m2 is one decision and not fifteen.
+is the true one (`other` only if the material agrees); what a wrong one costs is the electromagnetic distance
+(`radartwin.materials.distance`) between its material and the true material. Intervals are Wilson's (E. Wilson, JASA 22 (1927) 209) at the
+effective number of surfaces, (sum of areas)^2 / sum of areas^2, since one wall of 15 m2 is one decision and not fifteen.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ class Judged:
     Attributes:
         label, truth: MINC categories; label is None where the material came without one.
         distance_db: between the two materials.
+        stand_in: the label's material stands for something it is not, or its build-up is a guess.
     """
 
     name: str
@@ -45,6 +46,12 @@ class Judged:
     truth: str
     distance_db: float
     confidence: float | None
+    stand_in: bool = False
+
+    @property
+    def right(self) -> bool:
+        """Whether the category is the true one; of `other`, which is none, whether the material is."""
+        return self.label == self.truth and (self.truth != "other" or self.distance_db <= CLOSE_DB)
 
 
 def judge(labelled: Scene, truth: Scene) -> list[Judged]:
@@ -69,7 +76,9 @@ def judge(labelled: Scene, truth: Scene) -> list[Judged]:
             raise SceneError(f"the true surface '{true.name}' has no MINC category in its provenance; labels cannot be scored against it")
         area = place_of(surface.mesh).area_m2
         cost = distance(surface.material, true.material)
-        out.append(Judged(surface.name, area, surface.provenance.get("minc"), str(category), cost, surface.provenance.get("confidence")))
+        told = surface.provenance
+        guessed = bool(told.get("stand_in"))
+        out.append(Judged(surface.name, area, told.get("minc"), str(category), cost, told.get("confidence"), guessed))
     return out
 
 
@@ -77,7 +86,8 @@ def accuracy_table(judged: Sequence[Judged]) -> pd.DataFrame:
     """One row per true category that occurs, in MINC's order, and "all" last.
 
     Columns: minc, n (surfaces), area_m2, accuracy with low and high (95 %), all by area; close, the share by area within CLOSE_DB of the
-    truth, with close_low and close_high; mean_db, the mean distance by area; worst_db.
+    truth, with close_low and close_high; mean_db, the mean distance by area; worst_db; guessed, the share by area of stand-ins and
+    uncertain build-ups.
     """
     import pandas as pd
 
@@ -106,7 +116,7 @@ def distance_table(judged: Sequence[Judged], edges_db: Sequence[float] = (0.0, 0
 
     areas = np.array([j.area_m2 for j in judged])
     distances = np.array([j.distance_db for j in judged])
-    right = np.array([j.label == j.truth for j in judged], bool)
+    right = np.array([j.right for j in judged], bool)
     rows = []
     for low, high in itertools.pairwise(edges_db):
         inside = (distances >= low) & (distances < high)
@@ -135,7 +145,7 @@ def wilson(weights: np.ndarray, hits: np.ndarray, z: float = Z95) -> tuple[float
 def _row(name: str, group: Sequence[Judged]) -> dict[str, object]:
     areas = np.array([j.area_m2 for j in group])
     distances = np.array([j.distance_db for j in group])
-    accuracy, low, high = wilson(areas, np.array([j.label == j.truth for j in group], bool))
+    accuracy, low, high = wilson(areas, np.array([j.right for j in group], bool))
     close, close_low, close_high = wilson(areas, distances <= CLOSE_DB)
     return {
         "minc": name,
@@ -149,4 +159,5 @@ def _row(name: str, group: Sequence[Judged]) -> dict[str, object]:
         "close_high": close_high,
         "mean_db": float(np.average(distances, weights=areas)) if len(group) else float("nan"),
         "worst_db": float(distances.max()) if len(group) else float("nan"),
+        "guessed": float(np.average([j.stand_in for j in group], weights=areas)) if len(group) else float("nan"),
     }

@@ -34,6 +34,7 @@ class SurfaceScore:
     Attributes:
         boundary_m: the median along the segment's edge.
         flush: share of what was seen that is no prouder than `score_truth.FLUSH_M` of another surface, where depth tells nothing.
+        through: of glass and mirrors, the share in segments of which at least half is glass or mirror.
     """
 
     name: str
@@ -45,6 +46,7 @@ class SurfaceScore:
     boundary_m: float
     clear: bool
     flush: float = 0.0
+    through: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -138,13 +140,8 @@ def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> S
     Raises:
         SceneError: no truth to compare with.
     """
-    points, normals, labels, ends, owner = (
-        [np.zeros((0, 3))],
-        [np.zeros((0, 3))],
-        [np.zeros(0, int)],
-        [np.zeros((0, 3))],
-        [np.zeros(0, int)],
-    )
+    nowhere, nobody = np.zeros((0, 3)), np.zeros(0, int)
+    points, normals, labels, ends, owner = [nowhere], [nowhere], [nobody], [nowhere], [nobody]
     for k, surface in enumerate(scene):
         at, face = spread(surface.mesh, SPACING_M)
         points.append(at)
@@ -152,7 +149,8 @@ def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> S
         labels.append(np.full(len(at), k))
         ends.append(outline_points(surface.mesh))
         owner.append(np.full(len(ends[-1]), k))
-    return _score(_Found(*(np.concatenate(x) for x in (points, normals, labels, ends, owner)), list(scene.names)), truth, sighted)
+    places, facing, label, edges, edge_of = (np.concatenate(x) for x in (points, normals, labels, ends, owner))
+    return _score(_Found(places, facing, label, edges, edge_of, list(scene.names)), truth, sighted)
 
 
 def _score(found: _Found, scene: Scene, sighted: Sighted | None) -> Score:
@@ -174,29 +172,28 @@ def _score(found: _Found, scene: Scene, sighted: Sighted | None) -> Score:
     flush = truth.flush()
     away = KDTree(truth.outlines).query(found.edges, workers=-1)[0] if len(found.edges) else np.zeros(0)
 
+    see_through = lies[truth.clear].sum(axis=0) >= np.maximum(0.5 * segment_area, SPACING_M**2)
     rows = []
     for k in np.argsort(-area, kind="stable"):
         if area[k] < MIN_AREA_M2:
             continue
         within = np.where(mostly == k, (lies if truth.clear[k] else holds)[k], 0.0)
         best = int(within.argmax()) if within.max(initial=0) > 0 else -1
-        name, clear = truth.scene.surfaces[k].name, bool(truth.clear[k])
+        name, clear, none = truth.scene.surfaces[k].name, bool(truth.clear[k]), float("nan")
+        through = min(float(lies[k, see_through].sum() / area[k]), 1.0) if clear else none
         if best < 0:
-            rows.append(SurfaceScore(name, float(area[k]), "-", 0.0, float("nan"), 0.0, float("nan"), clear, float(flush[k])))
+            rows.append(SurfaceScore(name, float(area[k]), "-", 0.0, none, 0.0, none, clear, float(flush[k]), through))
             continue
         recall = min(float(within[best] / area[k]), 1.0)
         precision = min(float(lies[k, best] / segment_area[best]), 1.0)
         iou = min(float(lies[k, best] / (segment_area[best] + (1 - recall) * area[k])), 1.0)
         edge = away[found.edge_of == best]
-        boundary = float(np.median(edge)) if edge.size else float("nan")
-        rows.append(SurfaceScore(name, float(area[k]), names[best], recall, precision, iou, boundary, clear, float(flush[k])))
-    solid = [r for r in rows if not r.clear]
+        boundary = float(np.median(edge)) if edge.size else none
+        rows.append(SurfaceScore(name, float(area[k]), names[best], recall, precision, iou, boundary, clear, float(flush[k]), through))
+    solid, clear_rows = [r for r in rows if not r.clear], [r for r in rows if r.clear]
     large = np.flatnonzero(segment_area >= MIN_AREA_M2)
     pure = [lies[:, s].max() >= 0.5 * segment_area[s] and lies[mostly[s]].argmax() == s for s in large]
     scored = np.isin(found.edge_of, [names.index(r.segment) for r in solid if r.segment != "-"])
-    see_through = lies[truth.clear].sum(axis=0) >= np.maximum(0.5 * segment_area, SPACING_M**2)
-    through = [min(float(lies[k, see_through].sum() / area[k]), 1.0) for k in np.flatnonzero(truth.clear & (area >= MIN_AREA_M2))]
-
     areas, recalls = np.array([r.area_m2 for r in solid]), np.array([r.recall for r in solid])
     split = [r for r in solid if r.segment != "-"]
     missed = areas * (1 - recalls)
@@ -210,10 +207,10 @@ def _score(found: _Found, scene: Scene, sighted: Sighted | None) -> Score:
         right=_mean([float(p) for p in pure]),
         boundary_median_m=float(np.median(away[scored])) if scored.any() else float("nan"),
         boundary_p95_m=float(np.quantile(away[scored], 0.95)) if scored.any() else float("nan"),
-        clear_recall=_mean(through),
+        clear_recall=_mean([r.through for r in clear_rows]),
         missed_flush=_mean([r.flush for r in solid], missed) if missed.sum() > 0 else 0.0,
         surfaces=solid,
-        clear=[r for r in rows if r.clear],
+        clear=clear_rows,
     )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.questions import asked, exact
 from radartwin.label.manifest import write_labels
 from radartwin.label.recorded import shipped, shipped_rooms
 from radartwin.label.sources import Vlm
@@ -55,3 +56,14 @@ def test_every_face_has_a_material_and_who_gave_it_and_the_manifest_brings_it_ba
     assert [s.roughness_m for s in again] == [s.roughness_m for s in scene]
     assert [dict(s.provenance) for s in again] == [json.loads(json.dumps(dict(s.provenance))) for s in scene]
     assert sum(len(s.mesh.faces) for s in again) == sum(len(s.mesh.faces) for s in before)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("room", shipped_rooms())
+def test_the_shipped_answers_belong_to_the_questions_that_are_asked_today(room: str, request: pytest.FixtureRequest) -> None:
+    """By digest of prompt and pictures, of the scan made again from nothing."""
+    data = request.getfixturevalue("shared_data") / "scans" / CHAIR if room == CHAIR else Path()
+    questions = asked(room, data)
+    share = exact(room, questions)
+    print(f"{room}: {len(questions)} questions, {share:.3f} of their area answered by the very question")
+    assert share > 0.99
