@@ -26,6 +26,7 @@ BASE_M = 0.005  # of an object's height that counts as its base
 TILT_DEG = (0.5, 15.0)  # below the first a support is level; above the second things slide: wood on wood holds to about 15 degrees
 TILT_RADIUS_M = 0.15  # around an object, over which its support's slope is taken
 STANDS_SHARE = 0.5  # of a base that must be carried
+FINE_FACES = 5000
 _TRIES = 200  # spots that are tried for a free one
 
 Stock = Callable[[str], Sequence[Surface]]
@@ -205,7 +206,7 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
         raise LayoutError(f"the {sentence} may be {' or '.join(_choice(s, r) for s, r, _ in possible)}; name one of them")
     surface, _, found = possible[0]
     reason: LayoutError | None = None
-    for spot in found[_spread(len(found))]:
+    for spot in _fine_last(found[_spread(len(found))], body, scene):
         try:
             at = _standing(body, spot, surface, scene, name)
             _check(body, at, scene, name)
@@ -254,6 +255,16 @@ def _check_inside(mesh: trimesh.Trimesh, scene: Scene, name: str) -> None:
 def _spread(count: int) -> np.ndarray:
     """Which of many spots to try: the best first, then further and further apart."""
     return np.unique(np.round(np.geomspace(1, count, min(count, _TRIES))).astype(int)) - 1
+
+
+def _fine_last(places: np.ndarray, body: Body, scene: Scene) -> np.ndarray:
+    """Spots (N, 2) in their order, those last where the object may be in a finely meshed one, which takes a second each to find out."""
+    low, high = body.mesh.bounds[:, :2]
+    near = np.zeros(len(places), dtype=bool)
+    for s in scene:
+        if s.kind == "object" and len(s.mesh.faces) > FINE_FACES:
+            near |= ((places + high > s.mesh.bounds[0, :2]) & (places + low < s.mesh.bounds[1, :2])).all(axis=1)
+    return np.concatenate([places[~near], places[near]])
 
 
 def _sentence(item: Item) -> str:

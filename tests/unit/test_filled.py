@@ -2,6 +2,7 @@
 
 import base64
 import io
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ HOLE_M2 = np.pi * 0.4**2
 @pytest.fixture(scope="module")
 def floor(tmp_path_factory) -> Surface:
     """The floor of a red room, saved and loaded, of which a round patch of 0.8 m was never scanned."""
-    room = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]])
+    room: Any = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]])
     for _ in range(6):
         room = room.subdivide()
     room.invert()
@@ -58,7 +59,7 @@ def test_the_page_hatches_it_and_the_card_says_how_much(floor):
     picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(content["pictures"][0].partition(",")[2]))).convert("RGB")).astype(int)
     middle = picture[picture.shape[0] // 2 - 8 : picture.shape[0] // 2 + 8, picture.shape[1] // 2 - 8 : picture.shape[1] // 2 + 8]
     assert (np.ptp(middle, axis=2) < 25).mean() > 0.9, "grey"
-    assert middle.mean() == pytest.approx(np.mean(HATCH), abs=20)
+    assert middle.mean() == pytest.approx(np.mean(np.array(HATCH)), abs=20)
     assert np.ptp(middle.mean(axis=2)) > 25, "hatched"
 
 
