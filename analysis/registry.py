@@ -59,16 +59,18 @@ TABLES = (
         name="scan",
         title="From a scan to surfaces",
         caption="A virtual phone with LiDAR walks through each procedural room; its frames are fused, segmented and outlined as a "
-        "user's are, and scored against the room. Strength scales every error of the phone; targets are the project's own and hold at "
-        "strength 1. n counts true surfaces of 0.25 m2 or more.",
+        "user's are, and scored against the room. Strength scales every error of the phone; targets are the project's own and are "
+        "checked at every strength. n counts true surfaces of which 0.25 m2 or more were seen, absent ones included, or scans; intervals "
+        "are bootstraps over them.",
     ),
     Table(
         name="labels",
         title="What surfaces are made of, and what a wrong answer costs",
         caption="The virtual scans labelled by recorded answers of a general-purpose vision-language model (asked blind, from the exported "
         "pictures and the prompt alone), by one uniform material and at random, against the rooms' truth, by area. Within 1 dB: the "
-        "reflection of the label's material is that near the truth's, in the mean over angles and the sweep. Intervals are Wilson's at the "
-        "effective number of surfaces.",
+        "reflection of the label's material is that near the truth's, in the mean over angles and the sweep. Whether a source beats "
+        "uniform plasterboard in mean dB is judged room by room. Intervals are Wilson's at the effective number of surfaces, and "
+        "bootstraps over surfaces for the gain.",
     ),
     Table(
         name="campaign",

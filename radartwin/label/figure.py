@@ -58,7 +58,7 @@ def material_map(scene: Scene, camera: Camera | None = None, titles: tuple[str, 
         Patch(facecolor=COLOURS.get(name, NONE), edgecolor="#555555", linewidth=0.4, label=f"{name}: {_materials(scene, minc, name)}")
         for name in names
     ]
-    figure.legend(handles=patches, loc="outside lower center", ncols=min(2, max(1, len(patches))))
+    figure.legend(handles=patches, loc="outside lower center", ncols=min(2, max(1, len(patches))), fontsize=6.5)
     return figure
 
 

@@ -31,7 +31,10 @@ MaterialClass = Literal["metal", "ceramic", "plastic"]
 CAN_M = 0.0683  # 211: 2 11/16 inches
 OUNCE_ML = 28.35  # an avoirdupois ounce of water
 CMI = "Can Manufacturers Institute, dimensional food can standards"
-VOLUME = "ordinary retail proportions, sized so that the inside holds the label's volume"
+# No drawing or data sheet was found for these bottles: their height and section are of the right order, their inside is exact.
+VOLUME = (
+    "order of magnitude, no data sheet: ordinary retail proportions, sized so that the inside holds the label's volume; PET of 0.5 mm too"
+)
 
 
 class Part(NamedTuple):
@@ -174,7 +177,8 @@ ENTRIES: tuple[Entry, ...] = (
     Entry(
         "corner_reflector", "trihedral corner reflector", (0.0577, 0.1414, 0.1225), 0.0, "metal", None, "faceted", "metal", "metal", None,
         "a metal trihedral corner reflector: three flat right-angled triangular plates that meet in one corner and open to one side",
-        "a radar calibration target of 10 cm legs: 13.9 m^2 at 77 GHz", _reflector, REFLECTOR_LEG_M / np.sqrt(6),
+        "chosen, not measured: a calibration target of 10 cm legs, 13.9 m^2 at 77 GHz by 4 pi L^4 / (3 lambda^2)",
+        _reflector, REFLECTOR_LEG_M / np.sqrt(6),
     ),
     _food_can("211_300", 0.0762, 7.93, "short food can", "label_green",
               "a short metal food can, a round cylinder of tinplate with a paper label, 76 mm tall"),
@@ -193,7 +197,8 @@ ENTRIES: tuple[Entry, ...] = (
     Entry(
         "mug", "ceramic mug", (0.116, 0.082, 0.095), MUG_WALL_M, "glass", None, "symmetric", "ceramic", "ceramic", 330,
         "a white glazed ceramic coffee mug, a round cylinder with a handle on one side, 95 mm tall",
-        "the ordinary 11 ounce mug, 82 x 95 mm with walls of 4 mm; porcelain takes the closest row, glass", _mug, 0.0475,
+        "order of magnitude, no data sheet: the ordinary 11 ounce mug, 82 x 95 mm walls of 4 mm; porcelain takes the closest row, glass",
+        _mug, 0.0475,
     ),
     Entry(
         "olive_oil", "olive oil bottle", (0.0566, 0.0566, 0.246), 0.0005, "pet", "oil", "asymmetric", "plastic", "plastic", 500,
