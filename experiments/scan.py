@@ -85,12 +85,12 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int | 
         if strength == 0:
             rooms.room(room, detail="furnished").save(folder / FOLDER)
         else:
-            save_json(folder, SCORES, _scanned(folder / FOLDER, room, strength, seed))
+            save_json(folder, SCORES, scanned(folder / FOLDER, room, strength, seed))
 
     return store.fetch("scan", spec, ROOTS, build)
 
 
-def _scanned(out: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
+def scanned(out: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
     """Scan, reconstruct into `out`, and score."""
     import trimesh
 
