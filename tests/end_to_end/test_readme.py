@@ -27,7 +27,12 @@ SMALL = {
 ROOT = Path(__file__).resolve().parents[2]
 VIEWS = ["--views", "1"]
 INSIDE = {"doctor", "import", "label", "process", "reconstruct", "view"}
-ELSEWHERE = {"dashboard"}  # serves until it is stopped; tests/end_to_end/test_dashboard.py
+# Serves until it is stopped (test_dashboard.py); takes a trained model (test_classify.py); takes minutes (tests/experiments).
+ELSEWHERE = {"dashboard", "classify", "tables"}
+CAMPAIGN = [
+    "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
+    "profile.campaign.rail_objects=[]", "profile.campaign.rover_rooms=[]",
+]  # fmt: skip
 
 
 def blocks(language):
@@ -91,7 +96,7 @@ def said(kind):
 def extra(words, folder, model):
     """What a command needs beyond what is printed: smaller sizes, a server, and the answers to what was exported."""
     if words[0] != "label":
-        return SMALL.get(words[0], [])
+        return SMALL.get(words[0], []) + (CAMPAIGN if "experiment=campaign" in words else [])
     if "--import" in words:
         asked = [json.loads(line) for line in (folder / "questions" / "questions.jsonl").read_text().splitlines()]
         lines = [json.dumps({"id": question["id"], **said(question["kind"])}) for question in asked]
