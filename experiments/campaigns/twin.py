@@ -76,11 +76,11 @@ def record(case: Case, config: Config, materials: MaterialsConfig, store: Store)
     if not isinstance(options["simulator"], MitsubaBackend):
         motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
         return simulate(room + stand + Scene(target), radar, nominal.sensor_poses, motion=motion, **options)
-    drives = _drives(case, room, options["simulator"].settings, radar, nominal, str((materials, config.seed, config.measured.gap.geometry)))
-    parts = drives.room(nominal.sensor_poses)
+    known = str((materials, config.seed, config.measured.gap.geometry, options["elements"]))
+    drives, around = _track(case, room, options["simulator"].settings, radar, nominal, known, options["elements"])
     disc, post = ([s for s in stand if s.name == name] for name in ("turntable", "stand"))
-    parts += seen(drives, nominal.sensor_poses, nominal.frame_rate_hz, target, nominal.target_poses, disc, post)
-    iq = received(parts, radar, nominal.frames, elements=options["elements"], oscillator=None)
+    parts = seen(drives, nominal.sensor_poses, nominal.frame_rate_hz, target, nominal.target_poses, disc, post)
+    iq = received(parts, radar, nominal.frames, elements=options["elements"], oscillator=None) + around
     return Recording(iq, radar, None, provenance={"kind": "simulation"})
 
 
@@ -97,16 +97,19 @@ def _outermost(scene: Scene) -> Scene:
     return Scene((s.replaced(material=s.material.layers[0][0]) if isinstance(s.material, Layered) else s for s in scene), scene.provenance)
 
 
-_tracks: OrderedDict[str, Drives] = OrderedDict()
+_tracks: OrderedDict[str, tuple[Drives, np.ndarray]] = OrderedDict()
 
 
-def _drives(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str) -> Drives:
-    """Of the track a case is on; the last few are kept, so that objects share them. `known`: what decides the room beside its name."""
+def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str, elements: str) -> tuple[Drives, np.ndarray]:
+    """What a case is driven along, and what the room alone returns there, (F or 1, C, T, R, N): the twin drives as logged, whatever is
+    measured. The last few are kept, so that objects share them. `known`: what decides the room beside its name."""
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"
     if key not in _tracks:
         tally.count(tally.SETUPS)
-        _tracks[key] = Drives(list(room), radar, nominal.sensor_poses, settings)
+        drives = Drives(list(room), radar, nominal.sensor_poses, settings)
+        parts = drives.room(nominal.sensor_poses)
+        _tracks[key] = drives, received(parts, radar, len(nominal.sensor_poses), elements=elements, oscillator=None)
         while len(_tracks) > KEPT:
             _tracks.popitem(last=False)
     _tracks.move_to_end(key)
