@@ -80,9 +80,11 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
             continue
         difference = 0.0 if colour is None else float(np.linalg.norm(colour[i] - colour[j]))
         # Without colour, parts (legs, handles) stay by themselves: what they touch may be anything.
-        alike = (convex and difference < ALIKE) or (colour is not None and difference < SAME)
-        # Likeness must not creep from side to side until a thing is two.
-        if alike and (colour is None or float(np.linalg.norm(whole[a] - whole[b])) < ALIKE):
+        if not convex and colour is None:
+            continue
+        least = ALIKE if convex else SAME
+        # Likeness must not creep from side to side, or through the rubble in a corner, until a thing is two.
+        if difference < least and (colour is None or float(np.linalg.norm(whole[a] - whole[b])) < least):
             root[b] = a
             whole[a] = (area[a] * whole[a] + area[b] * whole[b]) / (area[a] + area[b])
             area[a] += area[b]

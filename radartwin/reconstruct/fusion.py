@@ -18,7 +18,7 @@ from radartwin.reconstruct.alignment import AlignmentReport, align
 from radartwin.reconstruct.frames import Frames
 from radartwin.reconstruct.holes import Holes, holes
 from radartwin.reconstruct.marching import extract, painted, vertex_colours
-from radartwin.reconstruct.views import Views
+from radartwin.reconstruct.views import SURE_M, Views
 from radartwin.reconstruct.volume import View, Volume
 
 VOXELS_ACROSS = 450  # along the room's diagonal: 2 cm for 9 m
@@ -26,7 +26,6 @@ VOXEL_M = (0.01, 0.03)
 TRUNCATION_VOXELS = 4
 MAX_RANGE_M = 5.0  # of phone LiDAR, as Apple states it
 MAX_FRAMES = 400  # more are thinned out evenly
-MIN_WEIGHT = 0.02  # a sure pixel at 5 m, seen at 80 degrees, once: what is wrong is carved away by those that see through it
 SMALLEST_PART_M2 = 0.03  # a connected part with less area floats: a flying pixel, not a cup
 RESIDUAL_STEP = 7  # every seventh pixel of every view is enough for the residual
 
@@ -136,7 +135,8 @@ def fuse(
         if progress:
             progress(len(views) + i + 1, steps)
 
-    mesh, coloured = extract(volume, MIN_WEIGHT)
+    # A surface less sure than the truncation is none; what is wrong is carved away by those that see through it.
+    mesh, coloured = extract(volume, (SURE_M / volume.truncation_m) ** 2)
     mesh, coloured, removed = without_small_parts(mesh, coloured)
     residual = np.concatenate([_residual(volume, views[i]) for i in used])
     near = residual[np.isfinite(residual) & (np.abs(residual) < 0.99 * volume.truncation_m)]

@@ -1,6 +1,7 @@
 """Segments become surfaces: flat ones polygons of few triangles, the rest smooth meshes of few faces.
 
-A plane and what was cut from it by colour (a door in a wall) are outlined together and share their borders.
+A plane and what was cut from it by colour (a door in a wall) are outlined together and share their borders; what stands proud of it, as a
+poster on a board does, keeps its offset.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ CLOSING_M = 0.06  # gaps of noise narrower than twice this are closed
 SEAM_M = 0.1  # shorter seams are no neighbours
 COPLANAR = np.cos(np.radians(4.0))
 COPLANAR_M = 0.03
+PROUD_M = 0.01  # what stands off its plane by more keeps its offset: +-1 cm on things over 10 cm (Luetzenburg et al. 2021)
 LEAST_SHELL, LEAST_THING = 0.6, 0.85  # of the rectangle it spans that a plane covers before the rest is thought to be there
 
 _Room = tuple[float, np.ndarray, Sight]  # main direction, thinned points, lines of sight
@@ -85,10 +87,15 @@ def flattened(
     filled = opened = 0.0
     for group in _groups(faces, segments, touching):
         root = segments[group[0]]
+        proud = {k: _proud(faces, segments[k], root) for k in group}
         for k in group:
-            out.segments[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m)
-            distance.append(faces.centre[segments[k].faces] @ root.normal - root.offset_m)
+            assert root.normal is not None
+            out.segments[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m + proud[k])
+            distance.append(faces.centre[segments[k].faces] @ root.normal - root.offset_m - proud[k])
         flats, more, gaps = _outlined(faces, segments, group, bounds, touching, (main, points, sight))
+        for flat in flats:
+            if lift := proud.get(flat.segment, 0.0):
+                flat.mesh.apply_translation(lift * np.asarray(root.normal))
         out.flats += flats
         filled, opened = filled + more, opened + gaps
         step()
@@ -132,6 +139,14 @@ def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[tuple[
         taken.update(members)
         groups.append(members)
     return groups
+
+
+def _proud(faces: Faces, segment: Segment, root: Segment) -> float:
+    """How far a segment stands off the plane of the root it lies in, metres; 0 where that may be noise."""
+    if segment is root:
+        return 0.0
+    away = float(np.average(faces.centre[segment.faces] @ root.normal - root.offset_m, weights=faces.area[segment.faces]))
+    return away if abs(away) > PROUD_M else 0.0
 
 
 def _outlined(
