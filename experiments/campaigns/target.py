@@ -10,7 +10,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.paths import Paths
 
-FEW = 25  # frames, that are traced by themselves: fewer than half the places along their track
+FEW = 10  # frames, whose ways over the room are traced by themselves: there are some thirty places along a track, which all drives share
 
 
 def seen(
@@ -36,10 +36,10 @@ def seen(
     if len(sensor) > 1:
         together = [*disc, *(s.moved(poses[0]) for s in target)]
         for things, coupled in ((together, True), *(([one], False) for one in apart)):
-            if len(sensor) < FEW:
-                parts += drives.moving(things, sensor, np.eye(4)[None], coupled, aside)
-            else:
-                parts += drives.thing(things, coupled, aside).seen(sensor, rate_hz)
+            share = coupled and len(sensor) >= FEW
+            parts += drives.moving(things, sensor, np.eye(4)[None], coupled and not share, aside)
+            if share:
+                parts += drives.over_room(things, aside).seen(sensor, rate_hz)
         return parts
     parts += drives.moving(target, sensor, poses)
     at_rest = np.eye(4)[None]

@@ -218,7 +218,7 @@ def _pairs(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(frame, leg out, leg back) of everything to be traced, one of each pair and its reverse; the direct pair of every frame always is.
 
-    Of pairs that carry at least `least` of the direct one the strongest are taken, so that all frames have `most` or a few more.
+    Of pairs that carry at least `least` of the direct one the strongest are taken, so that every frame has `most` or a few more.
     """
     rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
     if legs is not None and max_bounces > 1:
@@ -229,7 +229,7 @@ def _pairs(
             worth = np.flatnonzero(strength * strength.max() >= least)
             product = strength[worth][:, None] * strength[worth][None]
             allowed = (product >= least) & (order[worth][:, None] + order[worth][None] < max_bounces)
-            weakest = np.sort(product[allowed])[::-1][: int(min(most / frames, allowed.sum()))].min(initial=np.inf)
+            weakest = np.sort(product[allowed])[::-1][: int(min(most, allowed.sum()))].min(initial=np.inf)
             i, j = np.nonzero(allowed & (product >= weakest))
             names = np.where(worth == len(share), DIRECT, worth)
             of_place.append([(a, b) for a, b in zip(names[i].tolist(), names[j].tolist(), strict=True) if a <= b and b != DIRECT])

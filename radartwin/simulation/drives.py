@@ -2,12 +2,13 @@
 
 Drives that follow one log differ by centimetres, their echoes by radians, so nothing traced for one serves another as it is. What can be
 shared is: which panel sequences matter along the track, scouted once and evaluated exactly at every pose of every drive; and paths by way
-of small and curved things, traced at places along the track and carried from the two next to it to wherever the sensor is (Paths.moved:
-lengths exactly, amplitudes blended). Panel images are not carried: the waves from a panel's edges turn against its image within
-millimetres, and blending over 2 cm left 0.23 of the signal, where it leaves 0.03 of what is only scattered.
+of clutter, and of a thing by way of the room, traced at places along the track and carried from the nearest one to wherever the sensor is:
+lengths, directions and rates exactly for the points they meet first and last, amplitudes as they are. Neither panel images are carried nor
+the echoes straight back from a thing under test: the waves from an edge turn against the flash beside it within millimetres, which left
+0.23 of the signal.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,10 +22,11 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.mitsuba import PRUNE, MitsubaBackend, TraceSettings, reflection
 from radartwin.simulation.paths import Paths
 
-SPACING_M = 0.02  # between places along a track
-CLUTTER_SPACING_M = 0.04
+SPACING_M = 0.04  # between places along a track
+OVER_ROOM = 0.25  # tubes a square wavelength on ways over the room; against one: 0.03 of a metal umbrella stand's, 0.13 of a litter bin's
 PAIRS = 0.1  # ten times what a radar at rest leaves out of clutter's ways over the room: 0.04 of the cluttered atrium's signal
 BEYOND_M = 0.04  # both ends of the nominal drive: the actual one starts early or rolls on
+CLUTTER_PRUNE = 1e-2  # of the strongest path by way of a piece of clutter: 0.003 of its signal straight back, 0.01 of it over the room
 THING_PRUNE = 3e-3  # of the strongest path by way of a thing; against a third of it 0.006 of its signal
 SCOUT_SHARE = 0.3  # of the last prune: what is a little less at one place may be more at the next
 TOGETHER = 8  # places traced in one go, which bounds memory
@@ -44,68 +46,58 @@ class Track:
         velocity = np.einsum("fji,fj->fi", poses[:, :3, :3], poses_module.relative(poses, None, frame_rate_hz)[1])
         along = self.places[-1, :3, 3] - self.places[0, :3, 3]
         where = (poses[:, :3, 3] - self.places[0, :3, 3]) @ along / (along @ along) * (len(self.places) - 1)
-        before = np.clip(np.floor(where), 0, len(self.places) - 2).astype(int)
-        share = np.clip(where - before, 0.0, 1.0)
-        turn = np.swapaxes(poses[:, None, :3, :3], 2, 3) @ self.places[before[:, None] + [0, 1], :3, :3]
-        weight = np.stack([1 - share, share], axis=1)
-        return [self._carried(part, before, weight, poses, turn, velocity) for part in self.parts]
+        place = np.clip(np.round(where), 0, len(self.places) - 1).astype(int)
+        frame, there = poses[:, :3, :3], self.places[place, :3, :3]
+        shift = np.einsum("fji,fj->fi", there, poses[:, :3, 3] - self.places[place, :3, 3])
+        return [self._carried(part, place, shift, np.swapaxes(frame, 1, 2) @ there, velocity) for part in self.parts]
 
-    def _carried(
-        self, part: Paths, before: np.ndarray, weight: np.ndarray, poses: np.ndarray, turn: np.ndarray, velocity: np.ndarray
-    ) -> Paths:
-        """Paths at the two places next to every pose, `before` (F,) and the next, moved to it as Paths.moved does, and weighted (F, 2).
+    def _carried(self, part: Paths, place: np.ndarray, shift: np.ndarray, turn: np.ndarray, velocity: np.ndarray) -> Paths:
+        """Paths at the place (F,) nearest to every pose, moved to it.
 
         Args:
-            turn: (F, 2, 3, 3) from the frames at the places to the sensor's; velocity: (F, 3) in the sensor's.
+            shift: (F, 3) of the sensor, in its frame at the place. turn: (F, 3, 3) from there to its frame at the pose.
+            velocity: (F, 3) in the latter.
         """
         assert part.mirror is None
         first = np.searchsorted(part.pose, np.arange(len(self.places) + 1))
-        count = first[before + 2] - first[before]
+        count = first[place + 1] - first[place]
         start = np.concatenate([[0], np.cumsum(count)])
-        shift = np.einsum(
-            "fkji,fkj->fki",
-            self.places[before[:, None] + [0, 1], :3, :3],
-            poses[:, None, :3, 3] - self.places[before[:, None] + [0, 1], :3, 3],
-        )
         total = int(start[-1])
         amplitude, bounces = np.empty((total, part.amplitude.shape[1]), complex), np.empty(total, part.bounces.dtype)
         length, way = np.empty((2, total)), np.empty((2, total, 3))
         rate = np.empty(total)
         read = (part.amplitude, part.bounces, part.length_in_m, part.length_out_m, part.departure, part.arrival)
-        shared_out(_carry, len(poses), start, first, before, weight, shift, turn, velocity, *read, amplitude, bounces, length, way, rate)
-        return Paths(len(poses), np.repeat(np.arange(len(poses)), count), bounces, amplitude, part.frequencies_hz, *length, *way, rate)
+        shared_out(_carry, len(place), start, first[place], shift, turn, velocity, *read, amplitude, bounces, length, way, rate)
+        return Paths(len(place), np.repeat(np.arange(len(place)), count), bounces, amplitude, part.frequencies_hz, *length, *way, rate)
 
 
 @compiled
 def _carry(
-    low, high, start, first, before, weight, shift, turn, velocity, amplitude, bounces, length_in, length_out, departure, arrival,
+    low, high, start, first, shift, turn, velocity, amplitude, bounces, length_in, length_out, departure, arrival,
     amplitude_to, bounces_to, length_to, way_to, rate_to,
 ):  # fmt: skip
-    """Paths of poses low..high from the places before and behind them."""
+    """Paths of poses low..high from the places next to them."""
     moved = np.empty(3)
     for f in range(low, high):
-        row = start[f]
-        for k in range(2):
-            place = before[f] + k
-            for n in range(first[place], first[place + 1]):
-                for q in range(amplitude.shape[1]):
-                    amplitude_to[row, q] = amplitude[n, q] * weight[f, k]
-                bounces_to[row] = bounces[n]
-                total = 0.0
-                for end in range(2):
-                    length = length_in[n] if end == 0 else length_out[n]
-                    size = 0.0
-                    for i in range(3):
-                        moved[i] = length * (departure[n, i] if end == 0 else arrival[n, i]) - shift[f, k, i]
-                        size += moved[i] ** 2
-                    size = np.sqrt(size)
-                    length_to[end, row] = size
-                    for i in range(3):
-                        turned = (turn[f, k, i, 0] * moved[0] + turn[f, k, i, 1] * moved[1] + turn[f, k, i, 2] * moved[2]) / size
-                        way_to[end, row, i] = turned
-                        total -= turned * velocity[f, i]
-                rate_to[row] = total
-                row += 1
+        for row in range(start[f], start[f + 1]):
+            n = first[f] + row - start[f]
+            for q in range(amplitude.shape[1]):
+                amplitude_to[row, q] = amplitude[n, q]
+            bounces_to[row] = bounces[n]
+            total = 0.0
+            for end in range(2):
+                length = length_in[n] if end == 0 else length_out[n]
+                size = 0.0
+                for i in range(3):
+                    moved[i] = length * (departure[n, i] if end == 0 else arrival[n, i]) - shift[f, i]
+                    size += moved[i] ** 2
+                size = np.sqrt(size)
+                length_to[end, row] = size
+                for i in range(3):
+                    turned = (turn[f, i, 0] * moved[0] + turn[f, i, 1] * moved[1] + turn[f, i, 2] * moved[2]) / size
+                    way_to[end, row, i] = turned
+                    total -= turned * velocity[f, i]
+            rate_to[row] = total
 
 
 def places_along(poses: np.ndarray, spacing_m: float) -> np.ndarray:
@@ -138,6 +130,7 @@ class Drives:
     def __init__(self, surfaces: Sequence[Surface], radar: Radar, nominal: np.ndarray, settings: TraceSettings):
         variant.activate(settings.variant)
         self._backend, self._radar, self._nominal = MitsubaBackend(settings), radar, nominal
+        self._carrying = MitsubaBackend(replace(settings, coupled_rays_per_wavelength2=OVER_ROOM))
         self._still = self._backend.still(list(surfaces), radar) if len(surfaces) else None
 
     def room(self, poses: np.ndarray) -> list[Paths]:
@@ -155,27 +148,33 @@ class Drives:
     @cached_property
     def _scouted(self):
         assert self._still is not None
-        places = places_along(self._nominal, CLUTTER_SPACING_M)
+        places = places_along(self._nominal, SPACING_M)
         return self._still.room.scouted(places, self._radar, self._backend.settings.max_bounces, SCOUT_SHARE * PRUNE)
 
     @cached_property
     def _clutter(self) -> Track:
         assert self._still is not None
-        places = places_along(self._nominal, CLUTTER_SPACING_M)
-        still = np.zeros((len(places), 3))
-        singles = self._still.room.paths(places, still, self._radar, 1, PRUNE)
+        places = places_along(self._nominal, SPACING_M)
+        singles = self._still.room.paths(places, np.zeros((len(places), 3)), self._radar, 1, PRUNE)
         loudest = float(pruning.level(singles, self._radar).max(initial=0.0))
-        return Track(places, self._backend.small_things(self._still, self._radar, places, PAIRS * loudest))
+        track = self._track(lambda some: self._carrying.small_things(self._still, self._radar, some, PAIRS * loudest))
+        return replace(track, parts=[pruning.pruned([part], self._radar, CLUTTER_PRUNE)[0] for part in track.parts])
 
     @cached_property
     def _beside(self):
         return None if self._still is None else self._still.room.beside()
 
-    def thing(self, surfaces: Sequence[Surface], coupled: bool = True, aside: np.ndarray | None = None) -> Track:
-        """Paths by way of something compact at rest in the world along the track, and of it and the room where it is `coupled`."""
-        places = places_along(self._nominal, SPACING_M)
+    def over_room(self, surfaces: Sequence[Surface], aside: np.ndarray | None = None) -> Track:
+        """Paths by way of both something compact at rest in the world and the room, along the track; `aside` as in `moving`."""
         at_rest = np.eye(4)[None]
-        some = [self.moving(surfaces, places[low : low + TOGETHER], at_rest, coupled, aside) for low in range(0, len(places), TOGETHER)]
+        return self._track(
+            lambda places: self._moving(self._carrying, surfaces, places, at_rest, True, aside)[1:]
+        )  # without the echo itself
+
+    def _track(self, traced: Callable[[np.ndarray], list[Paths]]) -> Track:
+        """What is `traced` at places along the track, a few at once."""
+        places = places_along(self._nominal, SPACING_M)
+        some = [traced(places[low : low + TOGETHER]) for low in range(0, len(places), TOGETHER)]
         longest = max(len(parts) for parts in some)
         return Track(places, [_in_turn([parts[k] if k < len(parts) else None for parts in some], len(places)) for k in range(longest)])
 
@@ -188,6 +187,12 @@ class Drives:
             aside: (3,) metres from where the log has it to where it stands. Ways over the room are found for a ball about where the log
                 has it, so that all that is put there shares them.
         """
+        return self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
+
+    def _moving(
+        self, backend: MitsubaBackend, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool,
+        aside: np.ndarray | None,
+    ) -> list[Paths]:  # fmt: skip
         built, table = geometry.build([s.mesh for s in surfaces]), reflection(list(surfaces), self._radar)
         frames = max(len(sensor), len(poses))
         sensor, poses = poses_module.repeated(sensor, frames), poses_module.repeated(poses, frames)
@@ -200,6 +205,6 @@ class Drives:
         wanders = float(np.linalg.norm(centres - ball[0], axis=1).max()) + radius > ball[1]
         occluder = None if self._still is None else self._still.geometry
         room = self._beside if coupled else None
-        return self._backend.group_paths(
+        return backend.group_paths(
             built, table, room, occluder, self._radar, sensor, poses, ball=None if wanders else ball, prune=THING_PRUNE
         )

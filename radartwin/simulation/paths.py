@@ -58,33 +58,6 @@ class Paths:
         chosen = self.where(slice(low, high))
         return replace(chosen, poses=stop - start, pose=chosen.pose - start)
 
-    def moved(self, shift_m: np.ndarray, turn: np.ndarray, velocity_mps: np.ndarray) -> "Paths":
-        """The same paths seen from a sensor that stands a little elsewhere: their lengths, directions and rates, of images exactly and of
-        hits to the second order; amplitudes stay.
-
-        Args:
-            shift_m: (F, 3) where the sensor of each pose stands now, in its old frame.
-            turn: (F, 3, 3) from the old frame to the new one.
-            velocity_mps: (F, 3) of the sensor, in its new frame; what it sees is at rest.
-        """
-        shift, turned = shift_m[self.pose], turn[self.pose]
-        if self.mirror is None:
-            way_in, way_out = self.length_in_m[:, None] * self.departure - shift, self.length_out_m[:, None] * self.arrival - shift
-            length_in, length_out = (np.linalg.norm(way, axis=1) for way in (way_in, way_out))
-            departure, arrival = way_in / length_in[:, None], way_out / length_out[:, None]
-        else:
-            way = self.length_m[:, None] * self.arrival + np.einsum("nij,nj->ni", self.mirror, shift) - shift
-            length = np.linalg.norm(way, axis=1)
-            arrival = way / length[:, None]
-            departure = -np.einsum("nji,nj->ni", self.mirror, arrival)
-            length_in = length_out = length / 2
-        departure, arrival = (np.einsum("nij,nj->ni", turned, one) for one in (departure, arrival))
-        return replace(
-            self, departure=departure, arrival=arrival, length_in_m=length_in, length_out_m=length_out,
-            rate_mps=-np.einsum("ni,ni->n", departure + arrival, velocity_mps[self.pose]),
-            mirror=None if self.mirror is None else turned @ self.mirror @ np.swapaxes(turned, 1, 2),
-        )  # fmt: skip
-
     @staticmethod
     def concatenate(parts: Sequence["Paths"]) -> "Paths":
         """Paths of the same poses and frequency nodes, ordered by pose."""

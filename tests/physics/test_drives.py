@@ -6,8 +6,9 @@ import pytest
 import radartwin as rt
 from radartwin.measured.motion_errors import RoverErrors, rover
 from radartwin.scene import objects, rooms, trajectory
-from radartwin.simulation.drives import Drives, places_along
+from radartwin.simulation.drives import Drives, Track, places_along
 from radartwin.simulation.mitsuba import TraceSettings
+from radartwin.simulation.paths import Paths
 from radartwin.simulation.simulate import trace_paths
 from radartwin.simulation.synthesis import received
 
@@ -40,35 +41,44 @@ def test_a_room_is_the_same_on_every_drive(drive):
     assert relative(shared, alone) < 0.02
 
 
-def test_a_thing_is_carried_with_the_sensor(drive):
+def test_ways_over_the_room_are_carried_with_the_sensor(drive):
     room, nominal, actual = drive
     at = rooms.bench("lab").target_position(1.0)
     can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(trajectory.pose(at)), "metal", "can", role="object")
-    shared = signal(Drives(room, RADAR, nominal, SETTINGS).thing([can]).seen(actual, RADAR.frame_rate_hz), len(actual))
-    moving = {"can": np.eye(4)[None]}
-    together = signal(trace_paths(rt.Scene([*room, can]), RADAR, actual, moving, SETTINGS)[0], len(actual))
+    drives, still = Drives(room, RADAR, nominal, SETTINGS), np.eye(4)[None]
+    echo = signal(drives.moving([can], actual, still, coupled=False), len(actual))
+    over = signal(drives.over_room([can]).seen(actual, RADAR.frame_rate_hz), len(actual))
+    together = signal(trace_paths(rt.Scene([*room, can]), RADAR, actual, {"can": still}, SETTINGS)[0], len(actual))
     without = signal(trace_paths(rt.Scene(room), RADAR, actual, None, SETTINGS)[0], len(actual))
-    assert relative(shared, together - without) < 0.08
-    assert relative(shared, np.roll(together - without, 1, axis=0)) > 0.5  # the next frame is another signal
+    assert relative(echo + over, together - without) < 0.05
+    assert relative(over, together - without - echo) < 0.3
+    assert relative(over, np.roll(over, 1, axis=0)) > 0.5  # the next frame is another signal
 
 
-def test_images_move_exactly(drive):
-    """Lengths and directions of wall echoes, moved by 3 cm and turned by 2 degrees, against those found there."""
-    room, nominal, _ = drive
-    there = nominal[:1].copy()
-    there[0, :3, :3] = trajectory.look_at([0, 0, 0], [1, np.tan(np.radians(2)), 0])[:3, :3]
-    there[0, :3, 3] += [0.02, -0.02, 0.01]
-    radar = rt.Radar.iwr1843(element="isotropic")  # which sees the walls beside it in both poses
-    before, after = (trace_paths(rt.Scene(room), radar, p, None, TraceSettings(1, diffuse=False))[0][0] for p in (nominal[:1], there))
-    shift = nominal[0, :3, :3].T @ (there[0, :3, 3] - nominal[0, :3, 3])
-    moved = before.moved(shift[None], (there[0, :3, :3].T @ nominal[0, :3, :3])[None], np.zeros((1, 3)))
-    assert len(after) >= 5
-    for path in range(len(after)):
-        away = np.abs(moved.length_m - after.length_m[path]) + np.linalg.norm(moved.arrival - after.arrival[path], axis=1)
-        nearest = int(np.argmin(away))
-        assert moved.length_m[nearest] == pytest.approx(after.length_m[path], abs=1e-9)
-        assert moved.arrival[nearest] == pytest.approx(after.arrival[path], abs=1e-9)
-        assert moved.departure[nearest] == pytest.approx(after.departure[path], abs=1e-9)
+def test_what_is_carried_keeps_its_points():
+    """Lengths, directions and rates from a sensor 3 cm on, turned by 2 degrees and driving, to the points where paths leave and return."""
+    place, there = np.eye(4), trajectory.look_at([0.01, -0.02, 0.015], [1.01, -0.02 + np.tan(np.radians(2)), 0.015])
+    first, last = np.array([2.0, 0.3, 0.1]), np.array([1.5, -0.4, 0.2])
+    between, velocity = 0.7, np.array([0.2, 0.1, 0.0])
+    lengths, ways = np.linalg.norm([first, last], axis=1), [first / np.linalg.norm(first), last / np.linalg.norm(last)]
+    path = Paths(
+        2, np.array([0, 1]), np.array([2, 2]), np.array([[1j], [3.0]]), np.array([77e9]), np.repeat(lengths[0] + between, 2),
+        np.repeat(lengths[1], 2), np.repeat([ways[0]], 2, axis=0), np.repeat([ways[1]], 2, axis=0), np.zeros(2),
+    )  # fmt: skip
+    behind = place.copy()
+    behind[0, 3] = -0.1
+    poses = np.stack([there, there])
+    poses[1, :3, 3] += velocity / 10.0
+    (found,) = Track(np.stack([behind, place]), [path]).seen(poses, 10.0)
+    for frame in range(2):
+        to_last = last - poses[frame, :3, 3]
+        assert found.amplitude[frame, 0] == 3.0  # of the nearest place
+        assert found.length_out_m[frame] == pytest.approx(np.linalg.norm(to_last), abs=1e-12)
+        assert found.arrival[frame] == pytest.approx(poses[frame, :3, :3].T @ to_last / np.linalg.norm(to_last), abs=1e-12)
+        unfolded = ways[0] * (lengths[0] + between) - poses[frame, :3, 3]  # the first point's image, where the way goes on
+        assert found.length_in_m[frame] == pytest.approx(np.linalg.norm(unfolded), abs=1e-12)
+        towards = unfolded / np.linalg.norm(unfolded) + to_last / np.linalg.norm(to_last)
+        assert found.rate_mps[frame] == pytest.approx(-towards @ velocity, abs=1e-6)
 
 
 def test_places_reach_beyond_both_ends():
