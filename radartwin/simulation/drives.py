@@ -23,7 +23,8 @@ from radartwin.simulation.mitsuba import PRUNE, MitsubaBackend, TraceSettings, r
 from radartwin.simulation.paths import Paths
 
 SPACING_M = 0.04  # between places along a track
-OVER_ROOM = 0.25  # tubes a square wavelength on ways over the room; against one: 0.03 of a metal umbrella stand's, 0.13 of a litter bin's
+OVER_ROOM = 0.25  # tubes a square wavelength on a thing's ways over the room, carried: 0.03 of all it returns; half as many, 0.06
+CLUTTER_OVER_ROOM = 0.125  # on clutter's; against one: 0.03 of a metal umbrella stand's, 0.10 of a litter bin's
 PAIRS = 0.1  # ten times what a radar at rest leaves out of clutter's ways over the room: 0.04 of the cluttered atrium's signal
 BEYOND_M = 0.04  # both ends of the nominal drive: the actual one starts early or rolls on
 CLUTTER_PRUNE = 1e-2  # of the strongest path by way of a piece of clutter: 0.003 of its signal straight back, 0.01 of it over the room
@@ -68,7 +69,8 @@ class Track:
         rate = np.empty(total)
         read = (part.amplitude, part.bounces, part.length_in_m, part.length_out_m, part.departure, part.arrival)
         shared_out(_carry, len(place), start, first[place], shift, turn, velocity, *read, amplitude, bounces, length, way, rate)
-        return Paths(len(place), np.repeat(np.arange(len(place)), count), bounces, amplitude, part.frequencies_hz, *length, *way, rate)
+        pose = np.repeat(np.arange(len(place)), count)
+        return Paths(len(place), pose, bounces, amplitude, part.frequencies_hz, length[0], length[1], way[0], way[1], rate)
 
 
 @compiled
@@ -130,7 +132,9 @@ class Drives:
     def __init__(self, surfaces: Sequence[Surface], radar: Radar, nominal: np.ndarray, settings: TraceSettings):
         variant.activate(settings.variant)
         self._backend, self._radar, self._nominal = MitsubaBackend(settings), radar, nominal
-        self._carrying = MitsubaBackend(replace(settings, coupled_rays_per_wavelength2=OVER_ROOM))
+        self._things, self._small = (
+            MitsubaBackend(replace(settings, coupled_rays_per_wavelength2=tubes)) for tubes in (OVER_ROOM, CLUTTER_OVER_ROOM)
+        )
         self._still = self._backend.still(list(surfaces), radar) if len(surfaces) else None
 
     def room(self, poses: np.ndarray) -> list[Paths]:
@@ -153,11 +157,12 @@ class Drives:
 
     @cached_property
     def _clutter(self) -> Track:
-        assert self._still is not None
+        still = self._still
+        assert still is not None
         places = places_along(self._nominal, SPACING_M)
-        singles = self._still.room.paths(places, np.zeros((len(places), 3)), self._radar, 1, PRUNE)
+        singles = still.room.paths(places, np.zeros((len(places), 3)), self._radar, 1, PRUNE)
         loudest = float(pruning.level(singles, self._radar).max(initial=0.0))
-        track = self._track(lambda some: self._carrying.small_things(self._still, self._radar, some, PAIRS * loudest))
+        track = self._track(lambda some: self._small.small_things(still, self._radar, some, PAIRS * loudest))
         return replace(track, parts=[pruning.pruned([part], self._radar, CLUTTER_PRUNE)[0] for part in track.parts])
 
     @cached_property
@@ -167,9 +172,7 @@ class Drives:
     def over_room(self, surfaces: Sequence[Surface], aside: np.ndarray | None = None) -> Track:
         """Paths by way of both something compact at rest in the world and the room, along the track; `aside` as in `moving`."""
         at_rest = np.eye(4)[None]
-        return self._track(
-            lambda places: self._moving(self._carrying, surfaces, places, at_rest, True, aside)[1:]
-        )  # without the echo itself
+        return self._track(lambda places: self._moving(self._things, surfaces, places, at_rest, True, aside)[1:])  # without the echo itself
 
     def _track(self, traced: Callable[[np.ndarray], list[Paths]]) -> Track:
         """What is `traced` at places along the track, a few at once."""

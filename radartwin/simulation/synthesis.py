@@ -38,6 +38,7 @@ DELAY_BAND = 0.1  # relative; phase noise grows with delay, so it is off by a tw
 _LEAST = 3e-6  # of the amplitudes' root mean square: terms of a path below it add less than the kernel's error
 _PATHS_PER_TASK = 8192
 _TASKS_PER_FRAME = 16
+_PATHS_AT_ONCE = 500_000  # of parts that are put together: a frame's transforms cost as much as a thousand paths
 _GRID_BYTES = 64_000_000  # of the frames in work
 _of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str], list[tuple[np.ndarray, float]]]] = weakref.WeakKeyDictionary()
 
@@ -224,10 +225,13 @@ def received(
     parts = [part for part in parts if len(part)]
     if oscillator is None or radar.phase_noise is None or not parts:
         for part in parts:
-            if part.poses == frames:
-                synthesize(part, radar, elements=elements, out=out)
-            else:
+            if part.poses != frames:
                 out += _resting(part, radar, elements)
+        for alike in _alike([part for part in parts if part.poses == frames]):
+            size = max(1, frames * _PATHS_AT_ONCE // sum(len(part) for part in alike))
+            for start in range(0, frames, size):
+                some = [part.frames(start, min(start + size, frames)) for part in alike]
+                synthesize(some[0] if len(some) == 1 else Paths.concatenate(some), radar, elements=elements, out=out[start : start + size])
         return out
     longest = max(float(part.length_m.max()) for part in parts)
     still = [
@@ -249,6 +253,14 @@ def received(
             phase = np.polynomial.chebyshev.chebvander(u, len(processes) - 1).astype(np.float32) @ processes.reshape(len(processes), -1)
             block += signal * (1 + np.complex64(1j) * phase.reshape(shape))
     return out
+
+
+def _alike(parts: Sequence[Paths]) -> list[list[Paths]]:
+    """Parts that can be synthesised as one."""
+    groups: dict[tuple[bytes, bool], list[Paths]] = {}
+    for part in parts:
+        groups.setdefault((part.frequencies_hz.tobytes(), part.mirror is None), []).append(part)
+    return list(groups.values())
 
 
 def _resting(part: Paths, radar: Radar, elements: str) -> np.ndarray:
