@@ -17,7 +17,7 @@ from experiments import scan
 from radartwin.config import Config
 from radartwin.experiment import Result
 from radartwin.label.score import CLOSE_DB, Judged, accuracy_table, judge
-from radartwin.label.sources import material_source
+from radartwin.label.sources import material_source, true_surfaces
 from radartwin.progress import Progress
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
@@ -50,13 +50,18 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     figures: dict[str, Callable[[], Figure]] = {
         f"labels_{room}": lambda room=room: _figure(labelled[room, "vlm"]) for room in config.profile.scan_rooms
     }
-    metrics = {f"{row['metric'].replace(' ', '_')}_{row['source']}_{row['room']}": row["value"] for row in rows if row["category"] == "all"}
+    metrics = {
+        f"{row['metric'].replace(' ', '_')}_{row['source']}_{row['room']}": row["value"]
+        for row in rows
+        if row["category"] == "all" and row["source"] != "random"
+    }
     return Result("labels", rows, figures, metrics, keys)
 
 
 def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
-    if source == "random":  # wrong everywhere, of the categories the room has
-        scene = material_source("true", scene=truth)(scene)
+    if source == "random":  # wrong everywhere, of the categories the room has; a flying fragment that lies on nothing has no truth
+        real = [surface for surface, below in zip(scene, true_surfaces(scene, truth), strict=True) if below is not None]
+        scene = material_source("true", scene=truth)(Scene(real, scene.provenance))
         return material_source("random", seed=seed, **SOURCES[source])(scene)
     return material_source(source, **SOURCES[source])(scene)
 

@@ -5,15 +5,23 @@ A limit that the table reports as failing (recall of the atrium, whose small thi
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.scan import TARGETS, case_rows, scanned
+from radartwin.reconstruct.accuracy import sighted
+from radartwin.reconstruct.fusion import fuse
+from radartwin.reconstruct.scanner import scan
+from radartwin.reconstruct.score import score_segments
+from radartwin.reconstruct.score_truth import Truth
+from radartwin.reconstruct.segment import PlanarRegionGrowing, Segment
+from radartwin.scene import rooms
 
 # (room, strength) -> least recall and precision, a little below what seed 0 gave; the other limits are the table's own.
 LEAST = {
-    ("lab", 0.5): (0.94, 0.95), ("lab", 1.0): (0.94, 0.95), ("lab", 2.0): (0.94, 0.95),
-    ("squash_court", 0.5): (0.87, 0.95), ("squash_court", 1.0): (0.88, 0.95), ("squash_court", 2.0): (0.87, 0.92),
-    ("atrium", 0.5): (0.60, 0.90), ("atrium", 1.0): (0.65, 0.94), ("atrium", 2.0): (0.50, 0.85),
+    ("lab", 0.5): (0.95, 0.95), ("lab", 1.0): (0.95, 0.95), ("lab", 2.0): (0.95, 0.95),
+    ("squash_court", 0.5): (0.90, 0.95), ("squash_court", 1.0): (0.92, 0.95), ("squash_court", 2.0): (0.88, 0.91),
+    ("atrium", 0.5): (0.78, 0.94), ("atrium", 1.0): (0.79, 0.93), ("atrium", 2.0): (0.70, 0.90),
 }  # fmt: skip
 BY_AREA = 0.9
 
@@ -36,3 +44,21 @@ def test_scans_are_as_good_as_the_table_says(room: str, strength: float, tmp_pat
     if strength <= 1:
         assert rows["shell_single"]["verdict"] == "holds"
     assert set(rows) >= set(TARGETS) - {"glass_recall"}
+
+
+@pytest.mark.slow
+def test_what_the_atriums_mesh_holds_bounds_what_segmentation_can_find() -> None:
+    """Faces given to the true surface they lie on, as no segmenter can: what that misses, fusion lost."""
+    room = rooms.room("atrium", detail="cluttered")
+    frames, seen = scan(room, 0, 1.0)
+    mesh, _ = fuse(frames)
+    look = sighted(seen, frames)
+    truth = Truth.of(room, look)
+    owner = truth.owners()(np.asarray(mesh.triangles_center), np.asarray(mesh.face_normals))
+    ideal = [Segment(np.flatnonzero(owner == k), float(mesh.area_faces[owner == k].sum())) for k in range(len(truth.scene))]
+    ceiling = score_segments(mesh, [s for s in ideal if s.faces.size], room, look)
+    found = score_segments(mesh, PlanarRegionGrowing()(mesh), room, look)
+    lost = {s.name: round(s.recall, 2) for s in sorted(ceiling.surfaces, key=lambda s: s.recall) if s.recall < 0.8}
+    print(f"recall {found.recall:.3f} of at most {ceiling.recall:.3f}; of the mesh itself {lost}")
+    assert ceiling.recall > 0.87
+    assert found.recall > 0.9 * ceiling.recall
