@@ -17,7 +17,7 @@ from experiments import scan
 from radartwin.config import Config
 from radartwin.experiment import Result
 from radartwin.label.score import CLOSE_DB, Judged, accuracy_table, judge
-from radartwin.label.sources import material_source, true_surfaces
+from radartwin.label.sources import material_source, without_fragments
 from radartwin.progress import Progress
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
@@ -59,9 +59,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
-    if source == "random":  # wrong everywhere, of the categories the room has; a flying fragment that lies on nothing has no truth
-        real = [surface for surface, below in zip(scene, true_surfaces(scene, truth), strict=True) if below is not None]
-        scene = material_source("true", scene=truth)(Scene(real, scene.provenance))
+    if source == "random":  # wrong everywhere, of the categories the room has
+        scene = material_source("true", scene=truth)(without_fragments(scene, truth))
         return material_source("random", seed=seed, **SOURCES[source])(scene)
     return material_source(source, **SOURCES[source])(scene)
 

@@ -14,7 +14,7 @@ from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
 from experiments.campaigns.target import seen
 from radartwin.assemble import build_radar, simulator_options
 from radartwin.config import Config, MaterialsConfig
-from radartwin.label.sources import material_source
+from radartwin.label.sources import material_source, without_fragments
 from radartwin.materials import Layered
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
@@ -57,7 +57,8 @@ def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store
         return rooms.void()
     scanned = scan.scene_of(scan.fetch(config, store, case.room, config.measured.gap.geometry))
     if materials.source in ("true", "random"):  # they are told what nobody with a scan alone could know
-        scanned = material_source("true", scene=rooms.room(case.room, detail="cluttered"))(scanned)
+        truth = rooms.room(case.room, detail="cluttered")
+        scanned = material_source("true", scene=truth)(without_fragments(scanned, truth))
         if materials.source == "true":
             return scanned
     return material_source(materials.source, **materials.options(config.seed))(scanned)

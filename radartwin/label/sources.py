@@ -207,6 +207,12 @@ def true_surfaces(scene: Scene, truth: Scene) -> list[Surface | None]:
     return [None if match is None else truth.surfaces[match[0]] for match in found]
 
 
+def without_fragments(scene: Scene, truth: Scene) -> Scene:
+    """A scan without the flying fragments that lie on no true surface, whose true material there is not."""
+    found = zip(scene, true_surfaces(scene, truth), strict=True)
+    return Scene([surface for surface, below in found if below is not None or not belongs_to_room(surface)], scene.provenance)
+
+
 SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (Uniform, Void, Truth, Vlm, Random, Kept)}
 
 
