@@ -77,14 +77,15 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress, 
     trained: dict[str, list[Encoder]] = {}
     for name, simulated in data.copies.items():
         trained[name] = encoders(config, label_free(simulated, measured))
-    for probe in PROBES:
+    probes = _probes(measured, progress)
+    for probe in probes:
         answers[RAW, probe] = [_probed(measured, probe)]
         for name, found in trained.items():
             answers[name, probe] = [_probed(encoder.embedded(measured), probe) for encoder in found]
     scores = {case: right(found, measured.label) for case, found in answers.items()}
 
     groups: dict[str, dict[str, Mapping[str, Any]]] = {}
-    for probe, (figures, gain) in PROBES.items():
+    for probe, (figures, gain) in probes.items():
         case = CASE | {"probe": probe}
         shown = groups.setdefault(probe.replace(", ", ",\n"), {})
         for method in (RAW, *data.copies):
@@ -105,21 +106,31 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress, 
                 case | {"method": f"{PRETRAINED} - {method}"}, scores[PRETRAINED, probe], scores[method, probe], measured,
                 sorted({*keys, *data.keys.get(method, ())}), paper=paper, claim=claim,
             )  # fmt: skip
-    curve = label_efficiency(config, table, data, trained[PRETRAINED], chance)
+    curve = label_efficiency(config, table, data, trained[PRETRAINED], chance) if RECORDINGS in probes else {}
     controls(config, table, data, chance)
     figures_of = {
         "labelled_probe": lambda: bars(groups, "accuracy", grey=RAW),
         "labelled_probe_confusion": lambda: confusions(
-            {method: (measured.label, answers[method, RECORDINGS][0]) for method in (RAW, PRETRAINED)}, measured.classes
+            {method: (measured.label, answers[method, list(probes)[-1]][0]) for method in (RAW, PRETRAINED)}, measured.classes
         ),
-        "label_efficiency": lambda: label_curve(curve, chance),
     }
+    if curve:
+        figures_of["label_efficiency"] = lambda: label_curve(curve, chance)
     metrics = {
         f"accuracy_{name}_{probe.replace(', ', '_').replace(' ', '_')}": float(scores[method, probe].mean())
-        for name, method in (("pretrained", PRETRAINED), ("raw", RAW)) for probe in PROBES
+        for name, method in (("pretrained", PRETRAINED), ("raw", RAW)) for probe in probes
     } | {"chance": chance}  # fmt: skip
     all_keys = sorted({key for found in data.keys.values() for key in found})
     return Result("labelled_probe", table.rows, figures_of, metrics, all_keys)
+
+
+def _probes(measured: Samples, progress: Progress) -> Mapping[str, tuple[Mapping[str, str], str]]:
+    """Those that can be asked: with one recording of an object there is no other one to know it by, and none to spare for labels."""
+    alone = [label for label in measured.classes if len(np.unique(measured.source[measured.label == label])) < 2]
+    if not alone:
+        return PROBES
+    progress.say(f"one recording alone of {len(alone)} objects: neither told from other recordings nor by number of labels")
+    return {probe: paper for probe, paper in PROBES.items() if probe != RECORDINGS}
 
 
 def _probed(rows: Samples, probe: str) -> NDArray[np.str_]:

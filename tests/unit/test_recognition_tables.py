@@ -101,6 +101,22 @@ def test_labelled_probe_recognises_what_differs(tmp_path: Path):
     assert not [one for one in result.rows if one["probe"] == "8 labels per class"]
 
 
+def test_labelled_probe_of_one_recording_each_asks_no_others(tmp_path: Path):
+    """One distance, one recording: revolutions know each other, and neither labels nor another recording are there."""
+
+    class Once(FakeCampaign):
+        def cases(self, domain, **chosen):
+            return [case for case in super().cases(domain, **chosen) if case.distance_m == 1.0]
+
+    result = checked(probe(tmp_path, Once(objects=OBJECTS, frames=24, repetitions=1, turns=2)))
+    found = row(result, probe=labelled_probe.REVOLUTIONS, method=labelled_probe.PRETRAINED)
+    assert (found["n"], found["answers"]) == (6, 12)
+    asked = {one["probe"] for one in result.rows}
+    assert labelled_probe.RECORDINGS not in asked
+    assert not any("labels per class" in one for one in asked)
+    assert "label_efficiency" not in result.figures
+
+
 @pytest.mark.slow
 def test_labelled_probe_finds_nothing_where_nothing_differs(tmp_path: Path):
     """Objects that are all alike, asked without their own recording: at chance, and no claim of recognition holds."""
