@@ -25,7 +25,7 @@ from radartwin.simulation.paths import Paths
 SPACING_M = 0.04  # between places along a track
 OVER_ROOM = 0.25  # tubes a square wavelength on a thing's ways over the room, carried: 0.03 of all it returns; half as many, 0.06
 CLUTTER_OVER_ROOM = 0.125  # on clutter's; against one: 0.03 of a metal umbrella stand's, 0.10 of a litter bin's
-PAIRS = 0.1  # ten times what a radar at rest leaves out of clutter's ways over the room: 0.04 of the cluttered atrium's signal
+PAIRS = 0.1  # ten times what a radar at rest leaves out of clutter's ways over the room
 BEYOND_M = 0.04  # both ends of the nominal drive: the actual one starts early or rolls on
 CLUTTER_PRUNE = 1e-2  # of the strongest path by way of a piece of clutter: 0.003 of its signal straight back, 0.01 of it over the room
 THING_PRUNE = 3e-3  # of the strongest path by way of a thing; against a third of it 0.006 of its signal
