@@ -26,14 +26,13 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation.aspects import Aspects
+from radartwin.simulation.aspects import Aspects, needed
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.mitsuba import TraceSettings
 from radartwin.simulation.simulate import simulate
 from radartwin.simulation.synthesis import received
 
-# Of a turn, by how far the object reaches from its axis (radartwin/simulation/aspects.py); what is round changes only by wobble.
-ASPECTS, ROUND_ASPECTS = 1024, 64
+ROUND_ASPECTS = 64  # of a turn: what is round changes only by wobble
 ROUND = ("can_", "drink_can")
 KEPT = 2  # tracks with what was scouted along them
 
@@ -97,7 +96,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
 
 def aspects(case: Case) -> int:
     """Of a turn, that stand for all its frames, where there are more of these."""
-    return ROUND_ASPECTS if case.object.startswith(ROUND) else ASPECTS
+    return ROUND_ASPECTS if case.object.startswith(ROUND) else needed(catalogue()[case.object].surfaces())
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:

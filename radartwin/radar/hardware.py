@@ -149,7 +149,11 @@ class Hardware:
     def leaked(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
         """The samples after the lines, with leakage between the antennas, in channels of unequal gain and phase."""
         kept = np.float32(10 ** (-self.line_loss_db / 20))
-        return ((kept * iq + self.leakage(radar)) * self.channels(radar)[:, :, None]).astype(np.complex64)
+        leakage, channels = _board(self, radar)
+        out = kept * iq
+        out += leakage
+        out *= channels[:, :, None]
+        return out
 
     def leakage(self, radar: Radar) -> NDArray[np.complex64]:
         """(T, R, N) of every pair, through the filter. So short a delay keeps no phase noise."""
@@ -199,6 +203,12 @@ class Hardware:
         into = np.clip(_beats(radar) / radar.band_hz / (1 - self.if_filter.pass_share), 0, 1)
         passed = 10 ** (-self.if_filter.stop_db / 20 * np.sin(np.pi / 2 * into) ** 2)
         return np.asarray(fft.ifft(np.asarray(fft.fft(iq, axis=-1)) * passed.astype(np.float32), axis=-1))
+
+
+@functools.lru_cache(maxsize=8)
+def _board(hardware: Hardware, radar: Radar) -> tuple[NDArray[np.complex64], NDArray[np.complex64]]:
+    """Leakage (T, R, N) and gains of the channels (T, R)."""
+    return hardware.leakage(radar), hardware.channels(radar)
 
 
 @functools.lru_cache(maxsize=8)

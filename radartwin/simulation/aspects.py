@@ -4,16 +4,20 @@ A target that reaches R from its axis varies with the angle like harmonics up to
 of a target that reaches 9 cm at 77 GHz. Between them a windowed sinc interpolates (0.01 of a point at that reach), each chirp by itself,
 so that any turn, however fast or uneven, comes from the same aspects. What is left is physical optics' own step where a face comes into
 view: measured in free space with 1024 aspects, 0.02 to 0.07 of the turn's root mean square, a tenth to a seventh of a single weak aspect.
+Bottles that reach 4 and 5 cm are off by 0.01 and 0.005 with 512, a mug of 7.5 cm by 0.07 (in the lab, against aspects between them).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from radartwin.compiled import compiled, shared_out
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.scene.scene import Surface
 
 ASPECTS = 1024  # of a whole turn
+LEAST = 512  # of what is not round: faceted things ripple up to 128 times in a turn
 TAPS = 8
 _OVERSAMPLING = 1.6  # that the window's width is made for
 _TOGETHER = 64  # traced in one go
@@ -48,6 +52,18 @@ class Aspects:
         weights = _window(place - first)
         shared_out(_combine, len(place), self.signals, first % count, weights, out)
         return out
+
+
+def needed(surfaces: Sequence[Surface], frequency_hz: float = 79e9) -> int:
+    """Aspects of a whole turn about z: as the window wants, in a power of two.
+
+    Args:
+        surfaces: in the frame of the turntable.
+        frequency_hz: the highest.
+    """
+    reach = max(float(np.hypot(*s.mesh.vertices[:, :2].T).max(initial=0.0)) for s in surfaces)
+    wanted = _OVERSAMPLING * 8 * np.pi * reach * frequency_hz / SPEED_OF_LIGHT
+    return max(LEAST, 1 << int(np.ceil(np.log2(max(wanted, 1.0)))))
 
 
 def _window(fraction: np.ndarray) -> np.ndarray:

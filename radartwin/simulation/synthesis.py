@@ -196,15 +196,16 @@ def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator) -> np.ndarray:
-    """Complex receiver noise in amplitude units: k T0 fs F over the transmitted power, T0 = 290 K.
+    """Complex receiver noise in amplitude units, complex64: k T0 fs F over the transmitted power, T0 = 290 K.
 
     >>> bool(thermal_noise((4, 2), Radar.iwr1843(), np.random.default_rng(0)).std() > 0)
     True
     """
     received = BOLTZMANN * 290.0 * radar.sample_rate_hz * 10 ** (radar.noise_figure_db / 10)
     transmitted = 1e-3 * 10 ** (radar.transmit_power_dbm / 10)
-    scale = np.sqrt(received / transmitted / 2)
-    return scale * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
+    parts = rng.standard_normal((*shape[:-1], 2 * shape[-1]), dtype=np.float32)
+    parts *= np.float32(np.sqrt(received / transmitted / 2))
+    return parts.view(np.complex64)
 
 
 def received(

@@ -14,6 +14,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from radartwin import memory
 from radartwin.errors import BackendError
 
 LLVM_MINIMUM = 17
@@ -64,7 +65,7 @@ def has_cuda() -> bool:
 
 @functools.cache
 def activate(preference: str = "auto", light: str = "rgb") -> str:
-    """Set the Mitsuba variant, once per process, and return its name.
+    """Set the Mitsuba variant, once per process, and return its name. From then on the process keeps the memory it frees.
 
     Args:
         preference: "auto" (CUDA where a device is found, else LLVM), "llvm" or "cuda".
@@ -90,6 +91,7 @@ def activate(preference: str = "auto", light: str = "rgb") -> str:
     if mi.variant() is not None and mi.variant() != name:
         raise BackendError(f"Mitsuba already runs as {mi.variant()!r} in this process; {name!r} needs a process of its own")
     mi.set_variant(name)
+    memory.keep_freed()
     return name
 
 

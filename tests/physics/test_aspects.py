@@ -7,7 +7,7 @@ import pytest
 
 import radartwin as rt
 from radartwin.scene import objects
-from radartwin.simulation.aspects import ASPECTS, Aspects
+from radartwin.simulation.aspects import ASPECTS, LEAST, Aspects, needed
 
 K = 2 * np.pi * 77e9 / 299792458.0
 
@@ -20,6 +20,16 @@ def test_points_on_a_turn(reach_m):
     angles = np.random.default_rng(0).uniform(-20, 20, (50, 3, 2))
     error = np.abs(aspects.at(angles)[..., 0, 0] - wave(angles))
     assert error.max() < 0.01
+
+
+@pytest.mark.parametrize(("reach_m", "expected"), [(0.01, LEAST), (0.048, 512), (0.075, 1024), (0.12, 2048)])
+def test_as_many_aspects_as_the_reach_needs(reach_m, expected):
+    """The count holds a point at the reach to a hundredth: the window's own error."""
+    assert needed([rt.Surface(objects.sphere(reach_m), "metal")]) == expected
+    wave = lambda angle: np.exp(2j * K * reach_m * np.cos(angle + 0.3))  # noqa: E731
+    aspects = Aspects.traced(lambda angle: np.tile(wave(angle)[:, None, None, None], (1, 1, 1, 1)), expected)
+    angles = np.random.default_rng(0).uniform(-20, 20, (50, 1, 1))
+    assert np.abs(aspects.at(angles)[..., 0, 0] - wave(angles)).max() < 0.01
 
 
 def test_what_does_not_turn_rests():

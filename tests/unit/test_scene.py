@@ -100,7 +100,7 @@ def test_broken_manifest_is_named(tmp_path, text):
 def test_plain_mesh_takes_one_explicit_material(tmp_path, suffix):
     path = tmp_path / f"room{suffix}"
     box(2.0).export(path)
-    with pytest.raises(SceneError, match="carries no material labels.*--material NAME"):
+    with pytest.raises(SceneError, match=r"carries no material labels.*--material NAME"):
         Scene.load(path)
     (surface,) = Scene.load(path, material="concrete")
     assert surface.material == "concrete"
