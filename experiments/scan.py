@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROOTS = ["experiments.scan"]
+KIND = "scan"
 SCORES = "scores"
 FOLDER = "scene"
 SHELL = re.compile("floor|ceiling|wall_[a-z]+")  # names of the true surfaces that are the room's shell
@@ -78,16 +79,24 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int | 
 
     At strength 0 nothing is lost: the room itself, without the clutter that a scan may miss, and no scores.
     """
-    seed = config.seed if seed is None else seed
-    spec = {"room": room, "strength": strength, "seed": seed}
+    spec = _specification(config, room, strength, seed)
 
     def build(folder: Path) -> None:
         if strength == 0:
             rooms.room(room, detail="furnished").save(folder / FOLDER)
         else:
-            save_json(folder, SCORES, scanned(folder / FOLDER, room, strength, seed))
+            save_json(folder, SCORES, scanned(folder / FOLDER, room, strength, spec["seed"]))
 
-    return store.fetch("scan", spec, ROOTS, build)
+    return store.fetch(KIND, spec, ROOTS, build)
+
+
+def key(config: Config, store: Store, room: str, strength: float) -> str:
+    """Of what `fetch` gives, whether it is made or not."""
+    return store.key(KIND, _specification(config, room, strength, None), ROOTS)
+
+
+def _specification(config: Config, room: str, strength: float, seed: int | None) -> dict[str, Any]:
+    return {"room": room, "strength": strength, "seed": config.seed if seed is None else seed}
 
 
 def scanned(out: Path, room: str, strength: float, seed: int) -> dict[str, Any]:

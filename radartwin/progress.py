@@ -59,10 +59,20 @@ class Progress:
             done += 1
             if time.monotonic() - last >= PLAIN_INTERVAL_S:
                 last = time.monotonic()
-                self.say(f"{label}: {done}/{total}" if total else f"{label}: {done}")
+                left = f"/{total}, {_duration((last - started) * (total / done - 1))} left" if total else ""
+                self.say(f"{label}: {done}{left}")
 
         yield advance
         self.say(f"{label}: {done} done in {time.monotonic() - started:.1f} s")
+
+
+def _duration(seconds: float) -> str:
+    """To the second below two minutes, else to the minute.
+
+    >>> _duration(99.6), _duration(119.7), _duration(3601)
+    ('100 s', '2 min', '60 min')
+    """
+    return f"{seconds:.0f} s" if seconds < 119.5 else f"{seconds / 60:.0f} min"
 
 
 @contextlib.contextmanager

@@ -23,6 +23,7 @@ MEMORY = 5e9  # bytes of one process, generously
 LEAST = 4  # recordings below which a second process is not worth its start
 PIECE = 12  # recordings given out at a time
 Wanted = tuple[str, Case]
+Track = tuple[str, str, str]  # domain, room, motion
 
 
 def hands(jobs: int, recordings: int) -> int:
@@ -41,18 +42,18 @@ def make(config: Config, wanted: Sequence[Wanted], count: int, made: Callable[[]
     Raises:
         UserError: what one of the processes was refused; BackendError: one of them ended or failed.
     """
-    left: dict[str, list[Wanted]] = defaultdict(list)
+    left: dict[Track, list[Wanted]] = defaultdict(list)
     for domain, case in wanted:
         left[_track(domain, case)].append((domain, case))
     context = multiprocessing.get_context("spawn")
-    crew: dict[Connection, tuple[Any, str]] = {}
+    crew: dict[Connection, tuple[Any, Track | None]] = {}
     try:
         for _ in range(count):
             here, there = context.Pipe()
             process = context.Process(target=_work, args=(there, config), daemon=True)
             process.start()
             there.close()
-            crew[here] = (process, "")
+            crew[here] = (process, None)
             _give(here, crew, left)
         while crew:
             for one in wait(list(crew)):
@@ -63,28 +64,40 @@ def make(config: Config, wanted: Sequence[Wanted], count: int, made: Callable[[]
             process.terminate()
 
 
-def _track(domain: str, case: Case) -> str:
+def _track(domain: str, case: Case) -> Track:
     """What shares a track."""
-    return f"{domain} {case.room} {case.motion if case.motion in ROVER else 'bench'}"
+    return domain, case.room, case.motion if case.motion in ROVER else "bench"
 
 
-def _give(to: Connection, crew: dict[Connection, tuple[Any, str]], left: dict[str, list[Wanted]]) -> None:
-    """The next piece of its own track, else of one that nobody is on, else of the longest; or the end."""
+def _give(to: Connection, crew: dict[Connection, tuple[Any, Track | None]], left: dict[Track, list[Wanted]]) -> None:
+    """The next piece of its own track, else of one that nobody is on; or the end.
+
+    A twin's room is scanned by the first who needs it, and the others wait: so scans come first, each for one process, and what there is
+    most of.
+    """
     process, last = crew[to]
-    taken = {track for _, track in crew.values()}
+    taken = [track for connection, (_, track) in crew.items() if track and connection is not to]
     tracks = [track for track, some in left.items() if some]
     if not tracks:
         to.send(None)
         process.join()
         del crew[to]
         return
-    track = min(tracks, key=lambda one: (one != last, one in taken, -len(left[one])))
+
+    def after(track: Track) -> tuple[bool, bool, bool, bool, int]:
+        scanned = track[0] == "twin"
+        waits = scanned and any(track[:2] == other[:2] for other in taken)
+        return track != last, track in taken, waits, not scanned, -len(left[track])
+
+    track = min(tracks, key=after)
     piece, left[track] = left[track][:PIECE], left[track][PIECE:]
     crew[to] = (process, track)
     to.send(piece)
 
 
-def _heard(one: Connection, crew: dict[Connection, tuple[Any, str]], left: dict[str, list[Wanted]], made: Callable[[], object]) -> None:
+def _heard(
+    one: Connection, crew: dict[Connection, tuple[Any, Track | None]], left: dict[Track, list[Wanted]], made: Callable[[], object]
+) -> None:
     try:
         kind, *told = one.recv()
     except (EOFError, OSError):

@@ -44,7 +44,7 @@ def specification(case: Case, config: Config, materials: MaterialsConfig, store:
     }
     if materials.source == VOID:
         return spec | {"materials": VOID}
-    return spec | {"materials": materials, "scan": scan.fetch(config, store, case.room, config.measured.gap.geometry).key}
+    return spec | {"materials": materials, "scan": scan.key(config, store, case.room, config.measured.gap.geometry)}
 
 
 def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Scene:
