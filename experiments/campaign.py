@@ -22,9 +22,9 @@ from experiments.campaigns.cases import Case, planned
 from experiments.campaigns.cases import log as nominal_log
 from experiments.claims import NONE, Claim, row
 from experiments.statistics import Estimate
-from radartwin.assemble import build_radar
 from radartwin.compose import compose
 from radartwin.config import CampaignConfig, Config
+from radartwin.configured import build_radar
 from radartwin.experiment import Result
 from radartwin.features.processed import MAX_RANGE_M
 from radartwin.progress import Progress

@@ -20,11 +20,11 @@ from radartwin.config import (
     SIMULATOR_FIELDS,
     Config,
     MaterialsConfig,
-    RadarConfig,
     SceneConfig,
     SimulatorConfig,
     TrajectoryConfig,
 )
+from radartwin.configured import build_radar
 from radartwin.errors import ConfigError
 from radartwin.radar.chirp import Radar
 from radartwin.staging import check_course, furnished, read_course
@@ -44,19 +44,6 @@ class Course:
 
     sensor_poses: np.ndarray
     target_poses: np.ndarray
-
-
-def build_radar(config: RadarConfig) -> Radar:
-    """The configured radar: read from its file, or a board's values with what the configuration sets.
-
-    Raises:
-        InputError: values that are no radar; MissingError, RecordingError: the file is absent or malformed.
-    """
-    if config.file:
-        radar = Radar.from_file(Path(config.file))
-        return replace(radar, element=config.element) if config.element else radar
-    board = Radar.iwr1843().to_dict() if config.name == "iwr1843" else {}
-    return Radar.from_dict({"element": "iwr1843", **board, **config.given()})
 
 
 def named_radar(name: str) -> Radar:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from radartwin.config import CampaignConfig
 from radartwin.errors import ConfigError
 from radartwin.scene import rooms, trajectory
 from radartwin.scene.objects.catalogue import catalogue
+
+if TYPE_CHECKING:
+    from radartwin.config import CampaignConfig
 
 Motion = Literal["turntable", "radial", "diagonal", "depth", "lateral"]
 RAIL: tuple[Motion, ...] = ("radial", "diagonal")

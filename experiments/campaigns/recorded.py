@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import get_args
 
 from experiments.campaigns.cases import TURN_S, Case, Log, Motion, course
-from radartwin.assemble import build_radar
 from radartwin.config import ROOMS, Config
+from radartwin.configured import build_radar
 from radartwin.errors import InputError
 from radartwin.measured.index import Row
 from radartwin.measured.provider import SetProvider

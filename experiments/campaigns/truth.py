@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from experiments.campaigns import tally
 from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
 from experiments.campaigns.target import seen
 from experiments.campaigns.turned import Turned
-from radartwin.assemble import build_radar
-from radartwin.config import Config
+from radartwin.configured import build_radar
 from radartwin.measured import drift, fixtures, testbed
 from radartwin.measured import motion_errors as errors
 from radartwin.radar.chirp import Radar
@@ -31,6 +30,9 @@ from radartwin.simulation.drives import Drives
 from radartwin.simulation.mitsuba import TraceSettings
 from radartwin.simulation.simulate import simulate
 from radartwin.simulation.synthesis import received
+
+if TYPE_CHECKING:
+    from radartwin.config import Config
 
 ROUND_ASPECTS = 64  # of a turn: what is round changes only by wobble
 ROUND = ("can_", "drink_can")
@@ -53,7 +55,7 @@ def specification(case: Case, config: Config) -> dict[str, Any]:
     campaign = config.profile.campaign
     course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn} if case.motion == "turntable" else {}
     course |= {"every": campaign.rover_every} if case.motion in ROVER else {}
-    return {"case": asdict(case), "course": course, "gap": gap, "radar": config.radar, "seed": config.seed}
+    return {"case": asdict(case), "course": course, "gap": gap, "radar": build_radar(config.radar).to_dict(), "seed": config.seed}
 
 
 @dataclass(frozen=True, eq=False)

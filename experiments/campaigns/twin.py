@@ -12,8 +12,9 @@ from experiments import scan
 from experiments.campaigns import tally
 from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
 from experiments.campaigns.target import seen
-from radartwin.assemble import build_radar, simulator_options
+from radartwin.assemble import simulator_options
 from radartwin.config import Config, MaterialsConfig
+from radartwin.configured import build_radar
 from radartwin.label.sources import material_source, without_fragments
 from radartwin.materials import Layered
 from radartwin.radar.recording import Recording

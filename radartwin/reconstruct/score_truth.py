@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -91,7 +92,8 @@ def nearest(
 ) -> np.ndarray:
     """Owner (N,) of the sample nearest to each point, -1 for none within REACH_M; one whose normal agrees goes before nearer ones, and
     `strict` takes no other."""
-    distance, near = tree.query(points, k=list(range(1, min(10, tree.n) + 1)), distance_upper_bound=REACH_M, workers=-1)
+    ranks: Any = range(1, min(10, tree.n) + 1)
+    distance, near = tree.query(points, k=ranks, distance_upper_bound=REACH_M, workers=-1)
     known = np.isfinite(distance)
     index = np.where(known, near, 0)
     agrees = np.einsum("nki,ni->nk", owner_normals[index], normals) > AGREEING

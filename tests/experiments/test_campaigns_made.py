@@ -15,9 +15,9 @@ from experiments.campaigns import Campaign, Case, tally, truth, twin
 from experiments.campaigns.campaign import load_clean
 from experiments.campaigns.cases import log
 from experiments.campaigns.turned import Turned
-from radartwin.assemble import build_radar
 from radartwin.compose import compose
 from radartwin.config import Config
+from radartwin.configured import build_radar
 from radartwin.experiment import check_rows
 from radartwin.measured.drift import Drift
 from radartwin.progress import Progress

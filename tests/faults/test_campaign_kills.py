@@ -30,7 +30,7 @@ import numpy as np
 from experiments.campaigns import truth, twin
 from experiments.campaigns.cases import log
 from experiments.campaigns.turned import Turned
-from radartwin.assemble import build_radar
+from radartwin.configured import build_radar
 from radartwin.cli import main
 from radartwin.radar.recording import Recording
 from radartwin.simulation.aspects import Aspects

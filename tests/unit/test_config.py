@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from radartwin import compose as composer
-from radartwin.assemble import build_radar
 from radartwin.compose import compose
 from radartwin.config import Config, GapConfig
+from radartwin.configured import build_radar
 from radartwin.errors import ConfigError, MissingError
 from radartwin.experiment import load
 from radartwin.radar.chirp import Radar

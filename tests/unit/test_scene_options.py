@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from radartwin.assemble import TARGET, build_course, build_radar, build_room, build_start, build_target, stands_at
+from radartwin.assemble import TARGET, build_course, build_room, build_start, build_target, stands_at
 from radartwin.compose import compose
+from radartwin.configured import build_radar
 from radartwin.errors import ConfigError
 from radartwin.scene import objects, rooms
 

@@ -5,8 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
-from radartwin.assemble import build_course, build_radar, build_room, build_start
+from radartwin.assemble import build_course, build_room, build_start
 from radartwin.compose import compose
+from radartwin.configured import build_radar
 from radartwin.errors import ConfigError, LayoutError, MissingError, PoseError
 from radartwin.scene import trajectory
 from radartwin.scene.scene import Scene

@@ -50,6 +50,9 @@ class Store:
     def __init__(self):
         self.asked = {}
 
+    def key(self, kind, spec, roots):
+        return spec_digest([kind, spec])
+
     def fetch(self, kind, spec, roots, build):
         self.asked[kind] = spec
         return Product(Path(), spec_digest([kind, spec]), False)
