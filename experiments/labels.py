@@ -1,6 +1,6 @@
 """Who says what a surface is made of, and what it costs: recorded answers and stand-ins against the truth.
 
-The virtual scans of `experiments.scan` are labelled as a user's are: by the vision-language model's recorded answers, by one uniform
+The virtual scans of `experiments.scanning` are labelled as a user's are: by the vision-language model's recorded answers, by one uniform
 material, and at random. A label counts by the area it covers, as right (the true MINC category) and as close (its reflection within 1 dB of
 the truth's, over angles and the sweep): plaster taken for paint costs a radar nothing, metal taken for wood everything. Each source is then
 compared with uniform plasterboard in the mean decibels it is wrong by.
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import scan
+from experiments import scanning
 from radartwin.config import Config
 from radartwin.experiment import Result
 from radartwin.label.score import CLOSE_DB, Judged, accuracy_table, judge
@@ -38,9 +38,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     rows: list[dict[str, Any]] = []
     keys, labelled = [], {}
     for room in progress.over(config.profile.scan_rooms, "labels"):
-        product = scan.fetch(config, store, room, 1.0)
+        product = scanning.fetch(config, store, room, 1.0)
         keys.append(product.key)
-        scene, truth = scan.scene_of(product), rooms.room(room, detail="cluttered")
+        scene, truth = scanning.scene_of(product), rooms.room(room, detail="cluttered")
         judged: dict[str, Sequence[Judged]] = {}
         for source in SOURCES:
             labelled[room, source] = _labelled(source, scene, truth, config.seed)

@@ -1,24 +1,22 @@
 """From a scan to surfaces: how near the reconstruction is to the truth, and whether every surface is found as one.
 
-A phone with LiDAR is walked through a procedural room (radartwin.reconstruct.scanner; its noise, dropouts and drift are from published
-evaluations, `strength` scales them all), and its frames go the way a user's go: fused, segmented, outlined. Scored against the room itself,
-which the reconstruction never sees. Targets are the project's own; the paper gives no figures for its scan. Two of them are choices: a wall
-counts as one segment from an intersection over union of 0.8, which a wall cut at a door or grown over its neighbour misses and furniture in
-front does not; and half of the glass is asked for, since a depth sensor returns nothing from it and it is completed from its frame alone.
+Scans of procedural rooms (experiments/scanning.py) are scored against the room itself, which the reconstruction never sees. Targets are
+the project's own; the paper gives no figures for its scan. Two of them are choices: a wall counts as one segment from an intersection over
+union of 0.8, which a wall cut at a door or grown over its neighbour misses and furniture in front does not; and half of the glass is asked
+for, since a depth sensor returns nothing from it and it is completed from its frame alone.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import re
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import statistics
+from experiments import scanning, statistics
 from radartwin.config import Config
 from radartwin.experiment import Result
 from radartwin.plotting import PAGE_WIDTH_IN, PALETTE, figure
@@ -31,9 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROOTS = ["experiments.scan"]
-KIND = "scan"
-SCORES = "scores"
-FOLDER = "scene"
+SCORES = "scan_scores"
 SHELL = re.compile("floor|ceiling|wall_[a-z]+")  # names of the true surfaces that are the room's shell
 SHELL_IOU = 0.8  # of a wall, floor or ceiling that is one segment
 # metric -> (what it says, limit or None where there is none, whether it is a least value)
@@ -61,59 +57,39 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """Score scans of every room at every strength of the scanner's errors."""
     cases = [(room, strength) for room in config.profile.scan_rooms for strength in config.profile.scan_strengths]
     rows: list[dict[str, Any]] = []
-    scores: dict[tuple[str, float], list[dict[str, Any]]] = {}
+    scored: dict[tuple[str, float], list[dict[str, Any]]] = {}
     keys = []
     for room, strength in progress.over(cases, "scans"):
         count = SEEDS.get((room, strength), 1) if config.profile.name == "paper" else 1
         products = [fetch(config, store, room, strength, config.seed + k) for k in range(count)]
-        scores[room, strength] = [product.read_json(SCORES) for product in products]
+        scored[room, strength] = [product.read_json(SCORES) for product in products]
         keys += [product.key for product in products]
-        rows += case_rows(room, strength, scores[room, strength], config.profile.resamples, config.seed, products[0].key)
-    figures: dict[str, Callable[[], Figure]] = {"scan_surfaces": lambda: _figure({case: found[0] for case, found in scores.items()})}
+        rows += case_rows(room, strength, scored[room, strength], config.profile.resamples, config.seed, products[0].key)
+    figures: dict[str, Callable[[], Figure]] = {"scan_surfaces": lambda: _figure({case: found[0] for case, found in scored.items()})}
     metrics = {f"{r['metric']}_{r['room']}_{r['strength']:g}": r["value"] for r in rows if r["verdict"] != "untestable"}
     return Result("scan", rows, figures, dict(list(metrics.items())[:30]), keys)
 
 
-def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None) -> Product:
-    """A scanned and reconstructed room with its scores, from the store or made now; `seed` is the configuration's unless given.
-
-    At strength 0 nothing is lost: the room itself, without the clutter that a scan may miss, and no scores.
-    """
-    spec = _specification(config, room, strength, seed)
-
-    def build(folder: Path) -> None:
-        if strength == 0:
-            rooms.room(room, detail="furnished").save(folder / FOLDER)
-        else:
-            save_json(folder, SCORES, scanned(folder / FOLDER, room, strength, spec["seed"]))
-
-    return store.fetch(KIND, spec, ROOTS, build)
+def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -> Product:
+    """Scores of a room's scan, from the store or made now."""
+    scan = scanning.fetch(config, store, room, strength, seed)
+    spec = {**scanning.specification(config, room, strength, seed), "of": scan.key}
+    return store.fetch(
+        SCORES, spec, ROOTS, lambda folder: save_json(folder, SCORES, scores(scan.path / scanning.FOLDER, room, strength, seed))
+    )
 
 
-def key(config: Config, store: Store, room: str, strength: float) -> str:
-    """Of what `fetch` gives, whether it is made or not."""
-    return store.key(KIND, _specification(config, room, strength, None), ROOTS)
-
-
-def _specification(config: Config, room: str, strength: float, seed: int | None) -> dict[str, Any]:
-    return {"room": room, "strength": strength, "seed": config.seed if seed is None else seed}
-
-
-def scanned(out: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
-    """Scan, reconstruct into `out`, and score."""
+def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
+    """Of a scene folder that was reconstructed from this scan; the scan's depth is taken again, which is cheap."""
     import trimesh
 
     from radartwin.reconstruct.accuracy import accuracy, sighted
-    from radartwin.reconstruct.build import reconstruct
     from radartwin.reconstruct.scanner import scan
     from radartwin.reconstruct.score import score_scene
 
-    truth = rooms.room(room, detail="cluttered")
-    frames, seen = scan(truth, seed, strength)
-    with tempfile.TemporaryDirectory() as folder:
-        frames.save(Path(folder) / room)
-        scene = reconstruct(Path(folder) / room, out)
-    mesh = trimesh.load(out / "scan.ply", process=False)
+    truth, scene = rooms.room(room, detail="cluttered"), Scene.load(folder)
+    frames, seen = scan(truth, seed, strength, colour_every=0)
+    mesh = trimesh.load(folder / "scan.ply", process=False)
     near = accuracy(mesh, truth, seen, frames)  # type: ignore[arg-type]
     score = score_scene(scene, truth, sighted(seen, frames))
     glass = {s.segment for s in score.clear}
@@ -165,11 +141,6 @@ def _by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -
     value = float(np.average(values, weights=areas))
     low, high = np.quantile(means, [0.025, 0.975])
     return statistics.Estimate(value, min(float(low), value), max(float(high), value), len(values))
-
-
-def scene_of(product: Product) -> Scene:
-    """The reconstructed scene of a product."""
-    return Scene.load(product.path / FOLDER)
 
 
 def _row(room: str, strength: float, metric: str, claim: str, found: statistics.Estimate, scans: int, key: str) -> dict[str, Any]:

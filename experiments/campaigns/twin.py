@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments import scan
+from experiments import scanning
 from experiments.campaigns import tally
 from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
 from experiments.campaigns.target import seen
@@ -45,7 +45,7 @@ def specification(case: Case, config: Config, materials: MaterialsConfig, store:
     }
     if materials.source == VOID:
         return spec | {"materials": VOID}
-    return spec | {"materials": materials, "scan": scan.key(config, store, case.room, config.measured.gap.geometry)}
+    return spec | {"materials": materials, "scan": scanning.key(config, store, case.room, config.measured.gap.geometry)}
 
 
 def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Scene:
@@ -56,7 +56,7 @@ def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store
     """
     if materials.source == VOID:
         return rooms.void()
-    scanned = scan.scene_of(scan.fetch(config, store, case.room, config.measured.gap.geometry))
+    scanned = scanning.scene_of(scanning.fetch(config, store, case.room, config.measured.gap.geometry))
     if materials.source in ("true", "random"):  # they are told what nobody with a scan alone could know
         truth = rooms.room(case.room, detail="cluttered")
         scanned = material_source("true", scene=truth)(without_fragments(scanned, truth))

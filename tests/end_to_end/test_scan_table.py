@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.scan import TARGETS, case_rows, scanned
+from experiments.scan import TARGETS, case_rows, scores
+from experiments.scanning import scanned
 from radartwin.reconstruct.accuracy import sighted
 from radartwin.reconstruct.fusion import fuse
 from radartwin.reconstruct.scanner import scan
@@ -29,7 +30,8 @@ BY_AREA = 0.9
 @pytest.mark.slow
 @pytest.mark.parametrize(("room", "strength"), LEAST)
 def test_scans_are_as_good_as_the_table_says(room: str, strength: float, tmp_path: Path) -> None:
-    found = scanned(tmp_path / "scene", room, strength, 0)
+    scanned(tmp_path / "scene", room, strength, 0)
+    found = scores(tmp_path / "scene", room, strength, 0)
     rows = {row["metric"]: row for row in case_rows(room, strength, [found], 1000, 0, "")}
     for row in rows.values():
         interval = f"{row['low']:.3f} to {row['high']:.3f}, n {row['n']}"

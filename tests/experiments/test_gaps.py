@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments import gap_cases, gap_claims, gaps, scan
+from experiments import gap_cases, gap_claims, gaps, scanning
 from experiments.campaigns.cases import Case, Log
 from radartwin.compose import compose
 from radartwin.config import Config
@@ -88,7 +88,7 @@ def test_what_the_table_sets_by_itself_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_scan_at_strength_0_is_the_room_without_its_clutter_and_is_not_scored(tmp_path: Path) -> None:
-    known = scan.scene_of(scan.fetch(config(tmp_path), Store(tmp_path), "lab", 0.0))
+    known = scanning.scene_of(scanning.fetch(config(tmp_path), Store(tmp_path), "lab", 0.0))
     truth = rooms.room("lab", detail="furnished")
     assert known.names == truth.names
     for mine, theirs in zip(known, truth, strict=True):

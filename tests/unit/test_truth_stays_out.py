@@ -86,5 +86,5 @@ def test_the_strength_of_the_scan_changes_the_twin_alone():
 
 
 def test_no_module_of_one_side_of_a_campaign_reaches_the_other():
-    assert not import_closure(("experiments.campaigns.truth",)) & {"experiments.campaigns.twin", "experiments.scan"}
+    assert not import_closure(("experiments.campaigns.truth",)) & {"experiments.campaigns.twin", "experiments.scanning"}
     assert not import_closure(("experiments.campaigns.twin",)) & {"experiments.campaigns.truth", "radartwin.measured.testbed"}
