@@ -478,15 +478,14 @@ class ProfileConfig:
     """How much is computed: `quick` shows every claim on two cores in minutes, `paper` is what results/ holds."""
 
     name: str = "quick"
-    frames: int = 60  # per recording
-    repeats: int = 3  # independent recordings per condition
+    repeats: int = 3  # places in each room that the backends are compared from
     resamples: int = 1000  # bootstrap
     scan_rooms: list[str] = field(default_factory=lambda: ["lab"])  # scanned by the virtual phone
     scan_strengths: list[float] = field(default_factory=lambda: [1.0])  # of its errors
     campaign: CampaignConfig = field(default_factory=CampaignConfig)
 
     def __post_init__(self) -> None:
-        for name in ("frames", "repeats", "resamples"):
+        for name in ("repeats", "resamples"):
             _positive(f"profile.{name}", getattr(self, name))
         _positive("profile.scan_strengths", *self.scan_strengths)
 
