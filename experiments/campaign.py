@@ -27,6 +27,7 @@ from radartwin.config import CampaignConfig, Config
 from radartwin.configured import build_radar
 from radartwin.experiment import Result
 from radartwin.features.processed import MAX_RANGE_M
+from radartwin.measured.testbed import Gaps
 from radartwin.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import azimuth_row
@@ -75,7 +76,8 @@ def make(campaign: Campaign, progress: Progress) -> list[Made]:
     """Every recording of the campaign, in the order of its plan."""
     wanted = campaign.plan()
     missing = [one for one in wanted if not campaign.holds(*one)]
-    counts = [states(domain, case, campaign.config.profile.campaign) for domain, case in missing]
+    gaps = truth.gaps_of(campaign.config)
+    counts = [states(domain, case, campaign.config.profile.campaign, gaps) for domain, case in missing]
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
     told = f"{len(wanted)} recordings, {len(missing)} of them to be made: {sum(frames for frames, _ in counts):,} frames"
     progress.say(f"campaign: {told} from {sum(traced for _, traced in counts):,} traced states, about {size / 1e9:.2g} GB")
@@ -168,7 +170,7 @@ def _paper(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
 
 def _extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], paper: CampaignConfig) -> tuple[float, float]:
     """(seconds, bytes) of these cases of one domain and motion, from what others of the same took."""
-    frames, traced = (sum(counts) for counts in zip(*(states(domain, case, paper) for case in cases), strict=True))
+    frames, traced = (sum(counts) for counts in zip(*(states(domain, case, paper, Gaps()) for case in cases), strict=True))
     without = [one for one in some if not one.setups]
     plain = without or some
     each_state = sum(one.seconds[0] for one in plain) / sum(one.traced for one in plain)
@@ -180,10 +182,10 @@ def _extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], pape
     return seconds + sum(one.seconds[1] for one in some) / read * frames, size + sum(one.bytes[1] for one in some) / read * frames
 
 
-def states(domain: str, case: Case, config: CampaignConfig) -> tuple[int, int]:
+def states(domain: str, case: Case, config: CampaignConfig, gaps: Gaps) -> tuple[int, int]:
     """(frames, states to be traced) of a recording."""
     frames = nominal_log(case, config, measured=domain == MEASURED).frames
-    return frames, min(frames, truth.aspects(case)) if domain == MEASURED and case.motion == "turntable" else frames
+    return frames, min(frames, truth.aspects(case, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 
 def expected_bytes(radar: Radar, frames: int, traced: int) -> int:

@@ -79,13 +79,14 @@ class Campaign:
     def process(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Product:
         """The same as a product of the store: one way for all domains, from samples to what features are read from."""
         key, recording, spec = self._source(domain, case, materials)
+        doppler = case.motion != "turntable"
 
         def build(folder: Path) -> Mapping[str, int]:
             made = recording()
-            process(made, doppler=case.motion != "turntable").save(folder)
+            process(made, doppler=doppler).save(folder)
             return {"frames": made.num_frames}
 
-        return self.store.fetch(PROCESSED, spec | {"of": key}, ["experiments.campaigns.receiving"], build)
+        return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["experiments.campaigns.receiving"], build)
 
     def recording(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Recording:
         """The recording itself, with its receiver's noise."""

@@ -18,6 +18,7 @@ Motion = Literal["turntable", "radial", "diagonal", "depth", "lateral"]
 RAIL: tuple[Motion, ...] = ("radial", "diagonal")
 ROVER: tuple[Motion, ...] = ("depth", "lateral")
 REFLECTOR = "corner_reflector"
+BENCH_ROOM = "lab"  # of turntable and rail
 RATE_HZ = 10.0
 TURN_S = 25.0
 BENCH_HEIGHT_M = 1.0  # of the radar before the lab's bench
@@ -83,9 +84,9 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
     cases = []
     for name in config.turntable_objects or list(known):
         distances = config.reflector_distances_m if name == REFLECTOR else config.turntable_distances_m
-        cases += [Case(name, "lab", "turntable", d) for d in distances]
+        cases += [Case(name, BENCH_ROOM, "turntable", d) for d in distances]
     for name in config.rail_objects:
-        cases += [Case(name, "lab", motion, RAIL_START_M) for motion in RAIL]
+        cases += [Case(name, BENCH_ROOM, motion, RAIL_START_M) for motion in RAIL]
     for room in config.rover_rooms:
         for motion in ROVER:
             for distance in config.rover_distances_m:

@@ -34,11 +34,23 @@ def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
     files.check_folder(Path(folder))
     target = RecordingSet.create(folder, card(campaign.config))
     for case in campaign.progress.over(campaign.cases("measured"), "recordings written"):
-        if case.name not in target:
+        if case.name in target:
+            _check(target, case, campaign)
+        else:
             recording = campaign.recording("measured", case)
             recording.sensor_poses = campaign.log(case).sensor_poses
             target.add(recording, row(case))
     return target
+
+
+def _check(target: RecordingSet, case: Case, campaign: Campaign) -> None:
+    """What is there already is of the same profile."""
+    (radar, frames, _), log = target.course(next(row for row in target if row.recording == case.name)), campaign.log(case)
+    if (frames, radar.frame_rate_hz) != (log.frames, log.frame_rate_hz):
+        raise InputError(
+            f"{target.folder}: {case.name} has {frames} frames at {radar.frame_rate_hz:g} Hz; profile={campaign.config.profile.name} makes "
+            f"{log.frames} at {log.frame_rate_hz:g} Hz; export to another folder"
+        )
 
 
 def card(config: Config) -> Card:

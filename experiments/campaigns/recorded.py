@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import replace
 from typing import get_args
 
-from experiments.campaigns.cases import TURN_S, Case, Log, Motion, course
+from experiments.campaigns.cases import BENCH_ROOM, ROVER, TURN_S, Case, Log, Motion, course
 from radartwin.config import ROOMS, Config
 from radartwin.configured import build_radar
 from radartwin.errors import InputError
@@ -78,4 +78,8 @@ def _reason(row: Row) -> str:
         return f"motion {row.motion}"
     if row.object not in catalogue():
         return f"object {row.object}, which is not in the catalogue"
-    return "" if row.room in ROOMS else f"room {row.room}, which has no scan"
+    if row.room not in ROOMS:
+        return f"room {row.room}, which has no scan"
+    if row.motion not in ROVER and row.room != BENCH_ROOM:
+        return f"motion {row.motion} in {row.room}, where the twin has no bench"
+    return ""

@@ -46,3 +46,25 @@ def seen(
     for things, coupled in ((disc, True), *(([one], False) for one in apart)):
         parts += drives.moving(things, sensor, at_rest, coupled)
     return parts
+
+
+def on_carriage(
+    drives: Drives,
+    sensor: np.ndarray,
+    target: Sequence[Surface],
+    poses: np.ndarray,
+    start: np.ndarray,
+    disc: Sequence[Surface],
+    apart: Sequence[Surface],
+) -> list[Paths]:
+    """Parts of all frames before a radar at rest: what the target stands on goes with it.
+
+    Args:
+        sensor: (1, 4, 4). target: in its own frame, at `poses` (F, 4, 4).
+        start: (4, 4) of the target where `disc` and `apart` stand as given.
+    """
+    back = np.linalg.inv(start)
+    parts = drives.moving([*target, *(s.moved(back) for s in disc)], sensor, poses)
+    for one in apart:
+        parts += drives.moving([one.moved(back)], sensor, poses, False)
+    return parts

@@ -11,10 +11,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from experiments.campaigns import tally
-from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
-from experiments.campaigns.target import seen
+from experiments.campaigns.cases import RAIL, ROVER, Case, Log, log, stand_top
+from experiments.campaigns.target import on_carriage, seen
 from experiments.campaigns.turned import Turned
 from radartwin.configured import build_radar
 from radartwin.measured import drift, fixtures, testbed
@@ -34,8 +35,9 @@ from radartwin.simulation.synthesis import received
 if TYPE_CHECKING:
     from radartwin.config import Config
 
-ROUND_ASPECTS = 64  # of a turn: what is round changes only by wobble
-ROUND = ("can_", "drink_can")
+ROUND = ("can_", "drink_can")  # about their own axes
+OFF_AXIS = 3.0  # standard deviations of hand and wobble that aspects hold
+RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm while a turntable turns
 KEPT = 2  # tracks with what was scouted along them
 
 
@@ -87,7 +89,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
     passes = None if hardware.if_filter is None else hardware.if_filter.to_dict()
     provenance = {"kind": "testbed, clean", "if_filter": passes}
     creep = _creep(case, place, seed, config.seed) if case.motion == "turntable" else None
-    if case.motion == "turntable" and nominal.frames > aspects(case):
+    if case.motion == "turntable" and nominal.frames > aspects(case, gaps):
         traced, angles = _turned(case, place, seed, config.seed)
         return Turned(traced, angles, radar, creep, provenance)
     iq = _moved(case, place, seed, config.seed)
@@ -96,9 +98,13 @@ def record(case: Case, config: Config) -> Recording | Turned:
     return Recording(iq, radar, None, provenance=provenance)
 
 
-def aspects(case: Case) -> int:
+def aspects(case: Case, gaps: testbed.Gaps) -> int:
     """Of a turn, that stand for all its frames, where there are more of these."""
-    return ROUND_ASPECTS if case.object.startswith(ROUND) else needed(catalogue()[case.object].surfaces())
+    surfaces = catalogue()[case.object].surfaces()
+    tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
+    height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
+    beyond = OFF_AXIS * float(np.hypot(errors.PlacementErrors().eccentric_m * gaps.placement, tilt * height))
+    return needed(surfaces, beyond, case.object.startswith(ROUND))
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
@@ -126,9 +132,11 @@ def _small(case: Case) -> frozenset[str]:
 
 
 def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
-    """What the target stands on: the disc, and what is seen directly alone."""
+    """What the target stands on: the disc, and what is seen directly alone. A turntable has a motor, a gear and a cable."""
     top = stand_top(nominal)
-    parts = rooms.support(top) if case.motion in ROVER else rooms.support(top) + fixtures.target_rig(nominal.sensor_poses[0], top)
+    parts = rooms.support(top)
+    if case.motion == "turntable":
+        parts = parts + fixtures.target_rig(nominal.sensor_poses[0], top)
     true = testbed.truth(parts, gaps, seed)
     return [s for s in true if s.name == "turntable"], [s for s in true if s.name != "turntable"]
 
@@ -142,8 +150,12 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.nda
     if case.motion in ROVER:  # put down together
         off = poses[0] @ np.linalg.inv(place.log.target_poses[0])
         disc, apart = ([s.moved(off) for s in some] for some in (disc, apart))
+    target = list(_target(case, place.gaps, root))
     parts = drives.room(there.sensor_poses)
-    parts += seen(drives, there.sensor_poses, radar.frame_rate_hz, list(_target(case, place.gaps, root)), poses, disc, apart, aside)
+    if case.motion in RAIL:
+        parts += on_carriage(drives, there.sensor_poses, target, poses, place.log.target_poses[0], disc, apart)
+    else:
+        parts += seen(drives, there.sensor_poses, radar.frame_rate_hz, target, poses, disc, apart, aside)
     return received(parts, radar, max(len(there.sensor_poses), len(poses)), elements="exact", oscillator=None)
 
 
@@ -158,15 +170,13 @@ def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, n
 
     def chirp(angles: np.ndarray) -> np.ndarray:
         poses = np.repeat(nominal.target_poses[:1], len(angles), axis=0)
-        poses[:, 0, 0] = poses[:, 1, 1] = np.cos(angles)
-        poses[:, 1, 0] = np.sin(angles)
-        poses[:, 0, 1] = -poses[:, 1, 0]
+        poses[:, :3, :3] = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix() @ nominal.target_poses[0, :3, :3]
         table.bit_generator.state, placing.bit_generator.state = state, hand  # one table, one hand, whatever the angle
         there = errors.turntable(poses, wobbling, table)
         there = errors.placed({case.object: there}, errors.PlacementErrors().scaled(gaps.placement), placing)
         return _seen(case, short, root, testbed.Actual(nominal.sensor_poses, there))[:, 0]
 
-    traced = Aspects.traced(chirp, aspects(case))
+    traced = Aspects.traced(chirp, aspects(case, gaps))
     times = Hardware().scaled(gaps.trajectory).frame_times(nominal.frames, nominal.frame_rate_hz, clock)
     assert nominal.angle_rad is not None
     speed = float(nominal.angle_rad[1] - nominal.angle_rad[0]) * nominal.frame_rate_hz
@@ -177,26 +187,32 @@ def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, n
 
 
 def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | None:
-    """What creeps around a turntable while it turns; the room's states are those of all its recordings."""
-    errors, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
-    if not errors.creep_m:
+    """What creeps around a turntable while it turns, and below it; the room's states are those of all its recordings."""
+    creeps, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
+    if not creeps.creep_m:
         return None
     around, small = list(_around(case, nominal, place.gaps, root)), _small(case)
+    below = [s for s in _below(case, nominal, place.gaps, root)[1] if s.name in RUNNING]
     # A change, not a level: three bounces hold all of it but 0.09 of its root mean square, which lies beyond 5.2 m.
     settings = replace(place.settings, rays_per_wavelength2=1.0, max_bounces=min(3, place.settings.max_bounces))
-    short = replace(place.radar, num_chirps=1)
+    short, sensor = replace(place.radar, num_chirps=1), nominal.sensor_poses
 
-    def signal(state: float) -> np.ndarray:
-        room = Drives(drift.shifted(around, small, state, errors, root), short, nominal.sensor_poses, settings)
-        return received(room.room(nominal.sensor_poses), short, 1, elements="exact", oscillator=None)[0, 0]
+    def room(state: float) -> np.ndarray:
+        parts = Drives(drift.shifted(around, small, state, creeps, root), short, sensor, settings).room(sensor)
+        return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
+
+    def running(state: float) -> np.ndarray:
+        warm = drift.shifted(below, RUNNING, state, creeps, root)
+        parts = [part for one in warm for part in _drives(case, place, root).moving([one], sensor, np.eye(4)[None], False)]
+        return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
 
     key = f"{case.room} {root} {place.gaps} {settings} {short}"
     if key not in _creeping:
         tally.count(tally.SETUPS)
         _creeping.clear()
-        _creeping[key] = drift.traced(signal)
+        _creeping[key] = drift.traced(room, creeps)
     times = np.arange(nominal.frames) / nominal.frame_rate_hz
-    return drift.Drift(_creeping[key], drift.course(times, errors, seed))
+    return drift.Drift(_creeping[key] + drift.traced(running, creeps), drift.course(times, creeps, seed))
 
 
 def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:

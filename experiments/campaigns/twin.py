@@ -10,8 +10,8 @@ import numpy as np
 
 from experiments import scanning
 from experiments.campaigns import tally
-from experiments.campaigns.cases import ROVER, Case, Log, log, stand_top
-from experiments.campaigns.target import seen
+from experiments.campaigns.cases import RAIL, ROVER, Case, Log, log, stand_top
+from experiments.campaigns.target import on_carriage, seen
 from radartwin.assemble import simulator_options
 from radartwin.config import Config, MaterialsConfig
 from radartwin.configured import build_radar
@@ -81,7 +81,10 @@ def record(case: Case, config: Config, materials: MaterialsConfig, store: Store)
     known = str((materials, config.seed, config.measured.gap.geometry, options["elements"]))
     drives, around = _track(case, room, options["simulator"].settings, radar, nominal, known, options["elements"])
     disc, post = ([s for s in stand if s.name == name] for name in ("turntable", "stand"))
-    parts = seen(drives, nominal.sensor_poses, nominal.frame_rate_hz, target, nominal.target_poses, disc, post)
+    if case.motion in RAIL:
+        parts = on_carriage(drives, nominal.sensor_poses, target, nominal.target_poses, nominal.target_poses[0], disc, post)
+    else:
+        parts = seen(drives, nominal.sensor_poses, nominal.frame_rate_hz, target, nominal.target_poses, disc, post)
     iq = received(parts, radar, nominal.frames, elements=options["elements"], oscillator=None) + around
     return Recording(iq, radar, None, provenance={"kind": "simulation"})
 

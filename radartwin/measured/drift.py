@@ -1,9 +1,9 @@
 """Small things of a room creep while a recording is made: as the room warms up and cools, each moves along a level way of its own.
 
 A tenth of a millimetre turns an echo's phase by a third of a radian, so what stands still in the log does not stand still in the
-background of a turntable's later revolutions. All things follow one course, the room's temperature; the room is traced where it is in the
-middle and at both ends, and a parabola through the three states gives its signal at every frame. Between states 0.2 mm apart it meets an
-echo straight back, whose phase goes as 4 pi s / lambda, to 0.02 of that echo (under test); a shift across the line of sight does less.
+background of a turntable's later revolutions. All things follow one course, the room's temperature; the room is traced in the middle, at
+both ends and at as many states between as leave them 0.2 mm apart, and a polynomial through them gives its signal at every frame: it meets
+an echo straight back, whose phase goes as 4 pi s / lambda, to 0.02 of that echo (under test); a shift across the line of sight does less.
 
 The size is an order of magnitude: over half a metre, a degree lengthens plastics by 0.05 mm, and ten per cent of relative humidity wood and
 cardboard by a few tenths; a board settles, a cable sways as much.
@@ -21,7 +21,7 @@ from radartwin.scene.scene import Surface
 from radartwin.scene.trajectory import pose
 
 REACH = 2.0  # standard deviations: where a course turns back
-STATES = (-REACH, 0.0, REACH)
+STEP_M = 0.2e-3  # of each thing, from state to state
 _TOGETHER = 64  # frames
 
 
@@ -43,7 +43,7 @@ class Drift:
     """What a drifting room adds to a recording in which it rests.
 
     Attributes:
-        states: (3, T, R, N) complex64, its signal at STATES.
+        states: (S, T, R, N) complex64, its signal at S places evenly over the course, S odd.
         course: (F,) where it is at each frame, in standard deviations, within REACH.
     """
 
@@ -52,9 +52,14 @@ class Drift:
 
     def at(self, frames: slice = slice(None)) -> NDArray[np.complex64]:
         """(F, T, R, N): the change against the room at rest."""
-        share = self.course[frames, None, None, None] / REACH
-        low, middle, high = self.states
-        return (share * (high - low) / 2 + share**2 * ((high + low) / 2 - middle)).astype(np.complex64)
+        at = self.course[frames]
+        nodes = np.linspace(-REACH, REACH, len(self.states))
+        weights = np.ones((len(at), len(nodes)))
+        for k, node in enumerate(nodes):
+            for other in np.delete(nodes, k):
+                weights[:, k] *= (at - other) / (node - other)
+        weights[:, len(nodes) // 2] -= 1
+        return np.tensordot(weights.astype(np.float32), self.states, axes=1).astype(np.complex64)
 
     def add_to(self, iq: NDArray[np.complex64]) -> None:
         """To all chirps of every frame of (F, C, T, R, N), in place."""
@@ -63,9 +68,10 @@ class Drift:
             iq[block] += self.at(block)[:, None]
 
 
-def traced(signal: Callable[[float], NDArray]) -> NDArray[np.complex64]:
-    """(3, T, R, N) of `signal`, which gives (T, R, N) of the room at so many standard deviations."""
-    return np.stack([signal(state) for state in STATES]).astype(np.complex64)
+def traced(signal: Callable[[float], NDArray], errors: DriftErrors) -> NDArray[np.complex64]:
+    """(S, T, R, N) of `signal`, which gives (T, R, N) of the room at so many standard deviations."""
+    half = max(1, int(np.ceil(REACH * errors.creep_m / STEP_M - 1e-9)))
+    return np.stack([signal(state) for state in np.linspace(-REACH, REACH, 2 * half + 1)]).astype(np.complex64)
 
 
 def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, errors: DriftErrors, seed: int) -> list[Surface]:

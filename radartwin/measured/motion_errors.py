@@ -1,4 +1,4 @@
-"""From where the log says things are to where they are: errors of rover, turntable and placement.
+"""From where the log says things are to where they are: errors of rover, rail, turntable and placement.
 
 The log holds nominal poses at frame f over the frame rate. Each kind of error is a frozen description with `scaled(strength)`; strength 0
 is the identity, to the bit. One generator, one course of errors: the same seed moves the same.
@@ -12,9 +12,12 @@ Defaults, chosen before anything was scored. Where no figure of such a rig is pu
 - start: 1 cm, a wheel put on a mark on the floor by hand.
 - ripple: a wheel of 80 mm that is 0.5 mm out of round, one period a turn: order of magnitude for moulded wheels.
 - bob: 0.5 mm of height over 0.1 m, rollers of a mecanum wheel and joints of a floor: order of magnitude.
-- turntable start: 5 degrees, a third of a second between recording and motor, started by hand; rate 1 %, a motor without an encoder; ripple
-  0.5 degrees twelve times a turn, its gear; wobble 0.2 degrees, 0.5 mm at the rim of a disc of 15 cm radius. Orders of magnitude.
-- placement: 5 mm across and along (a tape is read to half a centimetre), 2 mm off the axis it turns about, 2 degrees of yaw (an object
+- rail: 2 mm at the start, a carriage set against its stop by hand; 0.5 % of the way, a belt and its pulley; 0.1 mm once a turn of a pulley
+  of 40 mm round, which runs out by that much. Orders of magnitude.
+- turntable start: 5 degrees, a third of a second between recording and motor, started by hand; rate 1 %, a motor without an encoder, half
+  of its variance one for a recording and half changing within a fifth of a turn, as its load and supply do; ripple 0.5 degrees twelve times
+  a turn, its gear; wobble 0.2 degrees, 0.5 mm at the rim of a disc of 15 cm radius. Orders of magnitude.
+- placement: 5 mm across and along (a tape is read to half a centimetre), 2 mm off the axis of what turns, 2 degrees of yaw (an object
   turned by eye against a mark).
 """
 
@@ -27,8 +30,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Errors = TypeVar("Errors", bound="RoverErrors | TurntableErrors | PlacementErrors")
-_SETTINGS = frozenset({"slip_length_m", "wheel_m", "bob_length_m", "ripple_cycles", "pivot_m"})  # lengths and counts, not sizes of an error
+Errors = TypeVar("Errors", bound="RoverErrors | RailErrors | TurntableErrors | PlacementErrors")
+_SETTINGS = frozenset(
+    {"slip_length_m", "wheel_m", "bob_length_m", "pulley_m", "ripple_cycles", "rate_turns", "pivot_m"}
+)  # lengths and counts, not sizes of an error
 
 
 @dataclass(frozen=True)
@@ -57,17 +62,35 @@ class RoverErrors:
 
 
 @dataclass(frozen=True)
+class RailErrors:
+    """Of a carriage on a rail: standard deviations of its start and, relative, of its way; ripple an amplitude.
+
+    Attributes:
+        ripple_m: along the way, once per circumference pulley_m.
+    """
+
+    start_m: float = 2e-3
+    way: float = 5e-3
+    ripple_m: float = 0.1e-3
+    pulley_m: float = 0.04
+
+    def scaled(self, strength: float) -> RailErrors:
+        return _scaled(self, strength)
+
+
+@dataclass(frozen=True)
 class TurntableErrors:
     """Of a turntable.
 
     Attributes:
-        start_deg, rate: standard deviations of the angle at the start and, relative, of the speed.
+        start_deg, rate: standard deviations of the angle at the start and, relative, of the speed, which changes over rate_turns.
         ripple_deg: amplitude of what is periodic, ripple_cycles times a turn.
         wobble_deg: standard deviation of the tilt of the axis, about each level direction; pivot_m: of the bearing below the pose's origin.
     """
 
     start_deg: float = 5.0
     rate: float = 0.01
+    rate_turns: float = 0.2
     ripple_deg: float = 0.5
     ripple_cycles: int = 12
     wobble_deg: float = 0.2
@@ -134,13 +157,35 @@ def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Genera
     return out
 
 
+def rail(poses: NDArray[np.float64], errors: RailErrors, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Where a carriage that should be at `poses` (F, 4, 4), on a straight line, is."""
+    start, way = errors.start_m * rng.standard_normal(), errors.way * rng.standard_normal()
+    phase = rng.uniform(0, 2 * np.pi)
+    if _none(errors):
+        return poses.copy()
+    gone = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
+    along = (poses[-1, :3, 3] - poses[0, :3, 3]) / max(float(gone[-1]), np.finfo(float).tiny)
+    more = start + way * gone + errors.ripple_m * (np.sin(2 * np.pi * gone / errors.pulley_m + phase) - np.sin(phase))
+    out = poses.copy()
+    out[:, :3, 3] += more[:, None] * along
+    return out
+
+
+def turns(poses: NDArray[np.float64]) -> bool:
+    """Whether what takes these poses (F, 4, 4) turns; what does not, and moves, is carried along a rail."""
+    return bool(np.abs(poses[:, :3, :3] - poses[:1, :3, :3]).max() > 1e-9)
+
+
 def turntable_angles(nominal_rad: NDArray[np.float64], errors: TurntableErrors, rng: np.random.Generator) -> NDArray[np.float64]:
     """What a table that should stand at these angles has turned too far, radians, shape (F,)."""
-    start, rate = np.radians(errors.start_deg) * rng.standard_normal(), errors.rate * rng.standard_normal()
+    start, rate = np.radians(errors.start_deg) * rng.standard_normal(), rng.standard_normal()
     phase = rng.uniform(0, 2 * np.pi)
     since = nominal_rad - nominal_rad[:1]
+    wander = _wander(np.abs(since), 2 * np.pi * errors.rate_turns, rng)
+    steps = np.diff(since, prepend=since[:1])
+    too_far = errors.rate / np.sqrt(2) * (rate * since + np.cumsum(wander * steps))
     ripple = np.radians(errors.ripple_deg) * (np.sin(errors.ripple_cycles * since + phase) - np.sin(phase))
-    return start + rate * since + ripple
+    return start + too_far + ripple
 
 
 def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -160,18 +205,20 @@ def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.rando
 
 
 def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, rng: np.random.Generator) -> dict[str, NDArray[np.float64]]:
-    """Everything that stands together, off by the same: poses (F, 4, 4) by name. What turns is also off its axis, and turned on it."""
+    """Everything that stands together, off by the same: poses (F, 4, 4) by name, each by the yaw on its own axis. What turns is also
+    off the axis it turns about."""
     offset = errors.offset_m * rng.standard_normal(2)
     eccentric = errors.eccentric_m * rng.standard_normal(2)
     yaw = np.radians(errors.yaw_deg) * rng.standard_normal()
     if _none(errors):
         return {name: poses.copy() for name, poses in motion.items()}
-    on_it = np.eye(4)
-    on_it[:3, :3] = _about_z(np.array(yaw))
-    on_it[:2, 3] = eccentric
     out = {}
     for name, poses in motion.items():
-        out[name] = poses @ on_it if len(poses) > 1 else poses.copy()
+        on_it = np.eye(4)
+        on_it[:3, :3] = _about_z(np.array(yaw))
+        if turns(poses):
+            on_it[:2, 3] = eccentric
+        out[name] = poses @ on_it
         out[name][:, :2, 3] += offset
     return out
 

@@ -7,6 +7,7 @@ reality: tables scored against it test the method and each named gap. It never s
 strength: 1 as committed, 0 off, 2 doubled.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
@@ -55,13 +56,15 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) ->
 
     Args:
         scene: with all its clutter and fixtures, materials and roughness as they nominally are.
-        seed: of this place; its recordings share it.
+        seed: of the campaign; what has the same name in the same room (provenance) is the same in all its recordings.
         clutter: names that a scan does not have; surfaces of radartwin.measured.fixtures are known by their provenance.
     """
-    root = np.random.SeedSequence([seed, *b"testbed truth"])
-    surfaces = []
-    for surface, child in zip(scene, root.spawn(len(scene)), strict=True):
-        rng, stays, shift = (np.random.default_rng(s) for s in child.spawn(3))
+    surfaces, room = [], str(scene.provenance.get("room", ""))
+    before: Counter[str] = Counter()
+    for surface in scene:
+        own = np.random.SeedSequence([seed, *b"testbed truth", *room.encode(), 0, *surface.name.encode(), before[surface.name]])
+        before[surface.name] += 1
+        rng, stays, shift = (np.random.default_rng(s) for s in own.spawn(3))
         if surface.name in clutter or surface.provenance.get("fixture"):
             if stays.random() >= gaps.clutter:
                 continue
@@ -83,7 +86,8 @@ class Actual:
 def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: float, gaps: Gaps, seed: int) -> Actual:
     """From the log of one recording to where its sensor and objects were.
 
-    A sensor that moves is a rover's, an object that moves turns on a table; what rests was put where it is.
+    A sensor that moves is a rover's, an object that turns stands on a table, one that moves without turning on a rail's carriage; what
+    rests was put where it is.
 
     Args:
         sensor_poses: nominal, (F, 4, 4), (1, 4, 4) or (4, 4). motion: nominal poses (F, 4, 4) or (1, 4, 4) by name.
@@ -91,17 +95,23 @@ def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: 
         seed: of this repetition.
     """
     sensor = np.asarray(sensor_poses, float).reshape(-1, 4, 4)
-    clock, wheels, table, placing = (
-        np.random.default_rng(np.random.SeedSequence([seed, *name])) for name in (b"clock", b"rover", b"turntable", b"placement")
+    clock, wheels, table, carriage, placing = (
+        np.random.default_rng(np.random.SeedSequence([seed, *name])) for name in (b"clock", b"rover", b"turntable", b"rail", b"placement")
     )
     frames = max([len(sensor), *(len(poses) for poses in motion.values())])
     times = Hardware().scaled(gaps.trajectory).frame_times(frames, rate_hz, clock)
-    on_table = errors.TurntableErrors().scaled(gaps.trajectory)
-    table_state = table.bit_generator.state
+    strength = gaps.trajectory
+    table_state, carriage_state = table.bit_generator.state, carriage.bit_generator.state
     moved = {}
     for name, poses in motion.items():
-        table.bit_generator.state = table_state  # all that turns is on one table
-        moved[name] = errors.turntable(errors.at_times(poses, rate_hz, times), on_table, table) if len(poses) > 1 else poses
+        table.bit_generator.state, carriage.bit_generator.state = table_state, carriage_state  # all that moves is on one table or carriage
+        if len(poses) > 1:
+            there = errors.at_times(poses, rate_hz, times)
+            if errors.turns(poses):
+                poses = errors.turntable(there, errors.TurntableErrors().scaled(strength), table)
+            else:
+                poses = errors.rail(there, errors.RailErrors().scaled(strength), carriage)
+        moved[name] = poses
     if len(sensor) > 1:
         sensor = errors.rover(errors.at_times(sensor, rate_hz, times), errors.RoverErrors().scaled(gaps.trajectory), wheels)
     return Actual(sensor, errors.placed(moved, errors.PlacementErrors().scaled(gaps.placement), placing))

@@ -24,7 +24,8 @@ Where the defaults come from, all chosen before anything was scored:
   RadarML/xwr); data sheets promise only +-0.5 dB and +-3 degrees over temperature (AWR2944P, TI SWRS330).
 - chirp_late: 0 or 1.1 ns, at random, between the chirp and its samples (TI SPRACV2).
 - start: a software trigger is uncertain by "several tens of microseconds", the repetition of frames is not (TI SWRA574B).
-- stamp: 1 ms from frame to frame in the log's clock, an order of magnitude: a host stamps what arrives over Ethernet.
+- jitter: a microsecond from frame to frame, an order of magnitude, far above the 5 ns steps of its timer. What a host stamps on frames
+  that arrive over Ethernet is a millisecond off, but stamps are the log's affair: frames are taken on time.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class Hardware:
         offset_dbfs: of each ADC, over full scale.
         channel_gain_db, channel_phase_deg: standard deviation over the channels of a board; board: which one.
         chirp_late_s: a chirp starts so late, or in time.
-        start_s: a recording starts within so long after its log; stamp_s: standard deviation of a frame's time in the log.
+        start_s: a recording starts within so long after its log; jitter_s: standard deviation of a frame's time from the timer's.
         full_scale_db: received over transmitted power that drives the ADC to full scale; None has no ADC.
         if_filter, phase_noise: of the radar; None is none.
     """
@@ -78,7 +79,7 @@ class Hardware:
     board: int = 0
     chirp_late_s: float = 1.1e-9
     start_s: float = 50e-6
-    stamp_s: float = 1e-3
+    jitter_s: float = 1e-6
     full_scale_db: float | None = -35.0
     if_filter: IfFilter | None = field(default_factory=_iwr1843_filter)
     phase_noise: PhaseNoise | None = field(default_factory=PhaseNoise)
@@ -94,7 +95,7 @@ class Hardware:
         if strength <= 0:
             return replace(
                 self, line_loss_db=0.0, coupling_db=-np.inf, gain_imbalance_db=0.0, phase_imbalance_deg=0.0, offset_dbfs=-np.inf,
-                channel_gain_db=0.0, channel_phase_deg=0.0, chirp_late_s=0.0, start_s=0.0, stamp_s=0.0, full_scale_db=None,
+                channel_gain_db=0.0, channel_phase_deg=0.0, chirp_late_s=0.0, start_s=0.0, jitter_s=0.0, full_scale_db=None,
                 if_filter=None, phase_noise=None,
             )  # fmt: skip
         decibels = float(20 * np.log10(strength))
@@ -106,7 +107,7 @@ class Hardware:
             "channel_phase_deg",
             "chirp_late_s",
             "start_s",
-            "stamp_s",
+            "jitter_s",
         )
         noise = self.phase_noise and replace(self.phase_noise, level_dbc_hz=self.phase_noise.level_dbc_hz + decibels)
         return replace(
@@ -121,7 +122,7 @@ class Hardware:
     def frame_times(self, frames: int, rate_hz: float, rng: np.random.Generator) -> NDArray[np.float64]:
         """When the frames of a log that says f/rate really begin, seconds, shape (F,)."""
         late = self.start_s * rng.random()
-        return np.arange(frames) / rate_hz + late + self.stamp_s * rng.standard_normal(frames)
+        return np.arange(frames) / rate_hz + late + self.jitter_s * rng.standard_normal(frames)
 
     def echoes(self, iq: NDArray[np.complex64], radar: Radar, rng: np.random.Generator) -> NDArray[np.complex64]:
         """Clean samples (F, C, T, R, N) with late chirps and phase noise; every antenna has the same, every chirp its own."""

@@ -5,6 +5,7 @@ of a target that reaches 9 cm at 77 GHz. Between them a windowed sinc interpolat
 so that any turn, however fast or uneven, comes from the same aspects. What is left is physical optics' own step where a face comes into
 view: measured in free space with 1024 aspects, 0.02 to 0.07 of the turn's root mean square, a tenth to a seventh of a single weak aspect.
 Bottles that reach 4 and 5 cm are off by 0.01 and 0.005 with 512, a mug of 7.5 cm by 0.07 (in the lab, against aspects between them).
+A target that is round about its own axis varies as far as it stands off the table's: 64 aspects hold 6 mm of that to 0.005, 8 mm to 0.09.
 """
 
 from collections.abc import Callable, Sequence
@@ -54,16 +55,20 @@ class Aspects:
         return out
 
 
-def needed(surfaces: Sequence[Surface], frequency_hz: float = 79e9) -> int:
-    """Aspects of a whole turn about z: as the window wants, in a power of two.
+def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis: bool = False, frequency_hz: float = 79e9) -> int:
+    """Aspects of a whole turn about z, as the window wants them, in whole batches.
 
     Args:
         surfaces: in the frame of the turntable.
+        beyond_m: by which they may stand off the axis.
+        round_about_axis: what is round about its own axis varies only by standing off the table's.
         frequency_hz: the highest.
     """
-    reach = max(float(np.hypot(*s.mesh.vertices[:, :2].T).max(initial=0.0)) for s in surfaces)
-    wanted = _OVERSAMPLING * 8 * np.pi * reach * frequency_hz / SPEED_OF_LIGHT
-    return max(LEAST, 1 << int(np.ceil(np.log2(max(wanted, 1.0)))))
+    reach = beyond_m
+    if not round_about_axis:
+        reach += max(float(np.hypot(*s.mesh.vertices[:, :2].T).max(initial=0.0)) for s in surfaces)
+    batches = int(np.ceil(_OVERSAMPLING * 8 * np.pi * reach * frequency_hz / SPEED_OF_LIGHT / _TOGETHER))
+    return max(_TOGETHER if round_about_axis else LEAST, batches * _TOGETHER)
 
 
 def _window(fraction: np.ndarray) -> np.ndarray:

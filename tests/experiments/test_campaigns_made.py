@@ -28,7 +28,7 @@ from radartwin.store import Store
 
 TINY = [
     "jobs=1", "experiment=campaign", "materials=void", "profile.resamples=200", "profile.campaign.turntable_objects=[can_211_400]",
-    "profile.campaign.frames_per_turn=40", "profile.campaign.rail_repeats=1", "profile.campaign.rover_objects=[mug]",
+    "profile.campaign.frames_per_turn=40", "profile.campaign.turns=4", "profile.campaign.rail_repeats=1", "profile.campaign.rover_objects=[mug]",
     "profile.campaign.rover_every=25", "profile.campaign.rover_repeats=2",
 ]  # fmt: skip
 PAUSE_S = 0.05
@@ -48,7 +48,7 @@ def record(case: Case, config: Config, *more: Any) -> Recording | Turned:
         tally.count(tally.SETUPS)
     radar, frames = build_radar(config.radar), log(case, config.profile.campaign, measured).frames
     if case.motion == "turntable" and measured:
-        return Turned(Aspects(noise(rng, 64, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
+        return Turned(Aspects(noise(rng, 128, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
     return Recording(noise(rng, frames, 16, 2, 4, 256), radar)
 
 

@@ -22,7 +22,7 @@ def test_points_on_a_turn(reach_m):
     assert error.max() < 0.01
 
 
-@pytest.mark.parametrize(("reach_m", "expected"), [(0.01, LEAST), (0.048, 512), (0.075, 1024), (0.12, 2048)])
+@pytest.mark.parametrize(("reach_m", "expected"), [(0.01, LEAST), (0.048, 512), (0.075, 832), (0.12, 1280)])
 def test_as_many_aspects_as_the_reach_needs(reach_m, expected):
     """The count holds a point at the reach to a hundredth: the window's own error."""
     assert needed([rt.Surface(objects.sphere(reach_m), "metal")]) == expected
@@ -30,6 +30,16 @@ def test_as_many_aspects_as_the_reach_needs(reach_m, expected):
     aspects = Aspects.traced(lambda angle: np.tile(wave(angle)[:, None, None, None], (1, 1, 1, 1)), expected)
     angles = np.random.default_rng(0).uniform(-20, 20, (50, 1, 1))
     assert np.abs(aspects.at(angles)[..., 0, 0] - wave(angles)).max() < 0.01
+
+
+@pytest.mark.parametrize("off_m", [0.006, 0.012, 0.02])
+def test_what_is_round_needs_what_it_stands_off(off_m):
+    count = needed([], off_m, round_about_axis=True)
+    wave = lambda angle: np.exp(2j * K * off_m * np.cos(angle + 0.3))  # noqa: E731
+    aspects = Aspects.traced(lambda angle: np.tile(wave(angle)[:, None, None, None], (1, 1, 1, 1)), count)
+    angles = np.random.default_rng(0).uniform(-20, 20, (50, 1, 1))
+    assert count <= 256
+    assert np.abs(aspects.at(angles)[..., 0, 0] - wave(angles)).max() < 0.015
 
 
 def test_what_does_not_turn_rests():

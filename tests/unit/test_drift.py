@@ -23,7 +23,7 @@ def echo(shift_m: float) -> np.ndarray:
 
 
 def test_three_states_stand_for_all_shifts_between_them_to_the_stated_error() -> None:
-    states = drift.traced(lambda state: echo(state * ERRORS.creep_m))
+    states = drift.traced(lambda state: echo(state * ERRORS.creep_m), ERRORS)
     course = np.linspace(-REACH, REACH, 201)
     blended = Drift(states, course).at() + echo(0.0)
     exact = np.stack([echo(c * ERRORS.creep_m) for c in course])
@@ -31,6 +31,15 @@ def test_three_states_stand_for_all_shifts_between_them_to_the_stated_error() ->
     assert 0.002 < worst < 0.02
     assert np.abs(blended - exact)[[0, 100, 200]].max() < 1e-6
     assert np.abs(exact - exact[100]).max() > 0.5  # what is met to 0.02 is no small matter
+
+
+def test_twice_the_creep_has_more_states_and_no_more_error() -> None:
+    twice = ERRORS.scaled(2)
+    states = drift.traced(lambda state: echo(state * twice.creep_m), twice)
+    course = np.linspace(-REACH, REACH, 201)
+    exact = np.stack([echo(c * twice.creep_m) for c in course])
+    assert len(states) == 5
+    assert np.abs(Drift(states, course).at() + echo(0.0) - exact).max() < 0.02
 
 
 def test_a_course_is_slow_bounded_and_its_own() -> None:
@@ -62,7 +71,7 @@ def test_a_traced_sphere_between_its_states_is_where_it_would_be_traced() -> Non
         moved = drift.shifted([sphere], {"ball"}, state, ERRORS, 1)
         return simulate(Scene(moved), radar, np.eye(4)[None], max_bounces=1).iq[0, 0]
 
-    states = drift.traced(signal)
+    states = drift.traced(signal, ERRORS)
     between = states[1] + Drift(states, np.array([1.1])).at()[0]
     exact = signal(1.1)
     assert np.linalg.norm(between - exact) < 0.03 * np.linalg.norm(exact)

@@ -1,0 +1,57 @@
+"""A turn that is interpolated faces where the same turn faces with every frame traced: as the log says, and off it by the same errors."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.campaigns import Case, truth
+from radartwin.compose import compose
+
+COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
+
+
+@pytest.fixture
+def facing(monkeypatch):
+    """Recordings whose every sample tells the target's yaw and place: no tracing, no room."""
+
+    def seen(case, place, root, there):
+        poses = there.motion[case.object]
+        told = np.exp(1j * np.arctan2(poses[:, 1, 0], poses[:, 0, 0])) + 1j * (poses[:, 0, 3] - 1.0)
+        return np.tile(told[:, None, None, None, None], (1, place.radar.num_chirps, 1, 1, 1)).astype(np.complex64)
+
+    monkeypatch.setattr(truth, "_seen", seen)
+    monkeypatch.setattr(truth, "_creep", lambda *some: None)
+    monkeypatch.setattr(truth, "Recording", lambda iq, *some, **more: SimpleNamespace(iq=iq))
+    return SimpleNamespace(interpolated=_interpolated, traced=lambda case, config: _traced(monkeypatch, case, config))
+
+
+def _interpolated(case, config):
+    made: Any = truth.record(case, config)
+    return made.aspects.at(made.angles)[:, :, 0, 0, 0]
+
+
+def _traced(monkeypatch, case, config):
+    monkeypatch.setattr(truth, "aspects", lambda *some: 10**9)
+    return truth.record(case, config).iq[:, :, 0, 0, 0]
+
+
+@pytest.mark.parametrize("name", ["mug", "can_211_400"])
+@pytest.mark.parametrize("strength", [0.0, 1.0, 2.0])
+def test_interpolated_and_traced_turns_face_alike(facing, name, strength):
+    gaps = [f"measured.gap.{gap}={strength}" for gap in ("trajectory", "placement")]
+    config = compose(["experiment=campaign", *COURSE, *gaps])
+    case = Case(name, "lab", "turntable", 1.0)
+    interpolated, traced = facing.interpolated(case, config), facing.traced(case, config)
+    assert interpolated.shape == traced.shape
+    assert np.abs(interpolated - traced).max() < 0.02
+    assert np.abs(traced + traced.mean()).max() > 0.5  # it does turn
+
+
+def test_without_errors_it_starts_as_the_log_does(facing):
+    config = compose(["experiment=campaign", *COURSE, "measured.gap.trajectory=0", "measured.gap.placement=0"])
+    case = Case("mug", "lab", "turntable", 1.0)
+    start = truth.log(case, config.profile.campaign, measured=True).target_poses[0]
+    yaw = np.angle(facing.interpolated(case, config)[0, 0] - 1j * (start[0, 3] - 1.0))
+    assert np.cos(yaw - np.arctan2(start[1, 0], start[0, 0])) > 0.9999
