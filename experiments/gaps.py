@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 NONE_DB = -80.0  # of the figure: what is less is none
 CHANGE = " change (dB)"  # what ends the name of a ratio of signals
 SHOWN = ("turntable", "drive")  # groups whose every feature has a row
-# Turns of so many frames that they are interpolated: from 64 aspects of what is round, from 1024 of what is not
-INTERPOLATED = {"quick": ((METAL[1], 3),), "paper": ((METAL[1], 3), (FILLED[0], 43))}
+# Turns of so many frames that they are interpolated (experiments/campaigns/truth.py, aspects)
+INTERPOLATED = {"quick": ((METAL[1], 6),), "paper": ((METAL[1], 6), (FILLED[0], 43))}
 Moves = dict[tuple[str, float], dict[Case, dict[str, float]]]  # by gap and strength: of each case how far each feature moves
 Keys = dict[tuple[str, float], list[str]]
 
@@ -120,7 +120,8 @@ def _interpolated(config: Config, store: Store, progress: Progress, traced: Read
     many = gap_cases.alone(config, turns=turns)
     blended = gap_cases.recorded(many, store, progress, "measured", case, gap_cases.FRAMES)
     change = gap_cases.change_db(blended, traced, traced.target)
-    return _row(config, "none", 0.0, f"{case.name}, interpolated", f"target{CHANGE}", [change], gap_cases.keys([traced, blended]))
+    claim = Claim("aspects stand for every frame", below=-20.0, least=1)
+    return _row(config, "none", 0.0, f"{case.name}, interpolated", f"target{CHANGE}", [change], gap_cases.keys([traced, blended]), claim)
 
 
 def _rows(config: Config, step: tuple[str, float], moves: Mapping[Case, dict[str, float]], keys: list[str]) -> list[dict[str, Any]]:

@@ -78,7 +78,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
     fine = gaps.solver > 0
     settings = TraceSettings(
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
-        # what is carried along a track is blended to a few hundredths (radartwin/simulation/drives.py), more than finer tubes give
+        # what is carried along a track is off by a few hundredths (radartwin/simulation/drives.py), more than finer tubes give
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
         coupled_rays_per_wavelength2=1.0,  # against four: 0.016 of what turns, a bottle at 1 m in the lab, at a sixth of the cost
         variant=config.simulator.variant,
@@ -247,7 +247,7 @@ def _drives(case: Case, place: _Place, root: int) -> Drives:
     if key not in _tracks:
         tally.count(tally.SETUPS)
         around = list(_around(case, place.log, place.gaps, root))
-        _tracks[key] = Drives(around, place.radar, place.log.sensor_poses, place.settings)
+        _tracks[key] = Drives(around, place.radar, place.log.sensor_poses, place.settings, offset=0.5 if place.gaps.solver else 0.0)
         while len(_tracks) > KEPT:
             _tracks.popitem(last=False)
     _tracks.move_to_end(key)

@@ -181,7 +181,8 @@ def turntable_angles(nominal_rad: NDArray[np.float64], errors: TurntableErrors, 
     start, rate = np.radians(errors.start_deg) * rng.standard_normal(), rng.standard_normal()
     phase = rng.uniform(0, 2 * np.pi)
     since = nominal_rad - nominal_rad[:1]
-    wander = _wander(np.abs(since), 2 * np.pi * errors.rate_turns, rng)
+    own = np.random.default_rng(rng.integers(2**63))  # however long the course, what is drawn next is the same
+    wander = _wander(np.abs(since), 2 * np.pi * errors.rate_turns, own)
     steps = np.diff(since, prepend=since[:1])
     too_far = errors.rate / np.sqrt(2) * (rate * since + np.cumsum(wander * steps))
     ripple = np.radians(errors.ripple_deg) * (np.sin(errors.ripple_cycles * since + phase) - np.sin(phase))

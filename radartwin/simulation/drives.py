@@ -102,12 +102,13 @@ def _carry(
             rate_to[row] = total
 
 
-def places_along(poses: np.ndarray, spacing_m: float) -> np.ndarray:
-    """(P, 4, 4) places along a straight nominal drive (F, 4, 4), from before its start to behind its end, facing as it starts."""
+def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np.ndarray:
+    """(P, 4, 4) places along a straight nominal drive (F, 4, 4), from before its start to behind its end, facing as it starts; further on
+    by `offset` of a spacing."""
     start, way = poses[0, :3, 3], poses[-1, :3, 3] - poses[0, :3, 3]
     length = float(np.linalg.norm(way))
     beyond = int(np.ceil(BEYOND_M / spacing_m))
-    steps = np.arange(-beyond, int(np.ceil(length / spacing_m)) + beyond + 1) * spacing_m
+    steps = (np.arange(-beyond, int(np.ceil(length / spacing_m)) + beyond + 1) + offset) * spacing_m
     out = np.repeat(poses[:1], len(steps), axis=0)
     out[:, :3, 3] = start + steps[:, None] * (way / length if length > 0 else np.eye(3)[0])
     return out
@@ -127,11 +128,13 @@ class Drives:
         radar: waveform, frame rate and element pattern.
         nominal: (F, 4, 4) the drive of the log, straight.
         settings: of the tracer; `rays` and room="tubes" are not for this.
+        offset: of a spacing, by which the places are set off, so that two courses of one track do not share what carrying gets wrong.
     """
 
-    def __init__(self, surfaces: Sequence[Surface], radar: Radar, nominal: np.ndarray, settings: TraceSettings):
+    def __init__(self, surfaces: Sequence[Surface], radar: Radar, nominal: np.ndarray, settings: TraceSettings, offset: float = 0.0):
         variant.activate(settings.variant)
-        self._backend, self._radar, self._nominal = MitsubaBackend(settings), radar, nominal
+        self._backend, self._radar = MitsubaBackend(settings), radar
+        self._places = places_along(nominal, SPACING_M, offset)
         self._things, self._small = (
             MitsubaBackend(replace(settings, coupled_rays_per_wavelength2=tubes)) for tubes in (OVER_ROOM, CLUTTER_OVER_ROOM)
         )
@@ -152,14 +155,13 @@ class Drives:
     @cached_property
     def _scouted(self):
         assert self._still is not None
-        places = places_along(self._nominal, SPACING_M)
-        return self._still.room.scouted(places, self._radar, self._backend.settings.max_bounces, SCOUT_SHARE * PRUNE)
+        return self._still.room.scouted(self._places, self._radar, self._backend.settings.max_bounces, SCOUT_SHARE * PRUNE)
 
     @cached_property
     def _clutter(self) -> Track:
         still = self._still
         assert still is not None
-        places = places_along(self._nominal, SPACING_M)
+        places = self._places
         singles = still.room.paths(places, np.zeros((len(places), 3)), self._radar, 1, PRUNE)
         loudest = float(pruning.level(singles, self._radar).max(initial=0.0))
         track = self._track(lambda some: self._small.small_things(still, self._radar, some, PAIRS * loudest))
@@ -176,7 +178,7 @@ class Drives:
 
     def _track(self, traced: Callable[[np.ndarray], list[Paths]]) -> Track:
         """What is `traced` at places along the track, a few at once."""
-        places = places_along(self._nominal, SPACING_M)
+        places = self._places
         some = [traced(places[low : low + TOGETHER]) for low in range(0, len(places), TOGETHER)]
         longest = max(len(parts) for parts in some)
         return Track(places, [_in_turn([parts[k] if k < len(parts) else None for parts in some], len(places)) for k in range(longest)])

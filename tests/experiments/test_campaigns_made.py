@@ -28,8 +28,8 @@ from radartwin.store import Store
 
 TINY = [
     "jobs=1", "experiment=campaign", "materials=void", "profile.resamples=200", "profile.campaign.turntable_objects=[can_211_400]",
-    "profile.campaign.frames_per_turn=40", "profile.campaign.turns=4", "profile.campaign.rail_repeats=1", "profile.campaign.rover_objects=[mug]",
-    "profile.campaign.rover_every=25", "profile.campaign.rover_repeats=2",
+    "profile.campaign.frames_per_turn=40", "profile.campaign.turns=4", "profile.campaign.rail_repeats=1",
+    "profile.campaign.rover_objects=[mug]", "profile.campaign.rover_every=25", "profile.campaign.rover_repeats=2",
 ]  # fmt: skip
 PAUSE_S = 0.05
 
@@ -75,7 +75,7 @@ def test_counts_are_of_what_happened_and_a_second_run_makes_nothing(config: Conf
     drives = cell(rows, "measured", "depth", "wall")
     assert (drives["made"], drives["found"], drives["frames"], drives["traced"], drives["set_ups"]) == (2, 0, 4, 4, 1)
     turning = cell(rows, "measured", "turntable", "wall")
-    assert (turning["made"], turning["frames"], turning["traced"]) == (1, 80, 64)
+    assert (turning["made"], turning["frames"], turning["traced"]) == (1, 160, 128)
     assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the twin turns once
     assert cell(rows, "measured", "all", "wall")["made"] == 7
     assert drives["value"] >= 1e3 * 3 * PAUSE_S / 4  # two recordings and a set-up, over four frames

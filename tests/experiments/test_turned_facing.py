@@ -14,11 +14,11 @@ COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
 
 @pytest.fixture
 def facing(monkeypatch):
-    """Recordings whose every sample tells the target's yaw and place: no tracing, no room."""
+    """Recordings whose every sample tells the target's yaw, place and tilt: no tracing, no room."""
 
     def seen(case, place, root, there):
         poses = there.motion[case.object]
-        told = np.exp(1j * np.arctan2(poses[:, 1, 0], poses[:, 0, 0])) + 1j * (poses[:, 0, 3] - 1.0)
+        told = np.exp(1j * np.arctan2(poses[:, 1, 0], poses[:, 0, 0])) + 1j * (poses[:, 0, 3] - 1.0) + 100 * poses[:, 2, 0]  # and tilt
         return np.tile(told[:, None, None, None, None], (1, place.radar.num_chirps, 1, 1, 1)).astype(np.complex64)
 
     monkeypatch.setattr(truth, "_seen", seen)
