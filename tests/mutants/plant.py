@@ -101,8 +101,8 @@ FAULTS = (
     Fault("radartwin/simulation/synthesis.py", "motion = 2 * np.pi * reach", "motion = np.pi * reach", "half the Doppler shift", SYNTHESIS),
     Fault(
         "radartwin/simulation/synthesis.py",
-        "scale = np.sqrt(received / transmitted / 2)",
-        "scale = np.sqrt(received / transmitted)",
+        "np.float32(np.sqrt(received / transmitted / 2))",
+        "np.float32(np.sqrt(received / transmitted))",
         "noise 3 dB high",
         SYNTHESIS,
     ),
