@@ -62,9 +62,10 @@ class Campaign:
         return [case for case in found if all(getattr(case, name) == value for name, value in wanted.items())]
 
     def log(self, case: Case, domain: str = "measured") -> Log:
-        """The nominal course of a recording of that domain."""
-        if domain == "measured" and self._recorded is not None:
-            return self._recorded.log(case)
+        """The nominal course of a recording of that domain. Beside recorded ones the twin has the course of a condition's first
+        repetition, of a turntable one turn."""
+        if self._recorded is not None:
+            return self._recorded.log(case) if domain == "measured" else self._recorded.twin_log(case)
         return log(case, self.config.profile.campaign, measured=domain == "measured")
 
     def processed(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> tuple[str, Processed]:
@@ -130,8 +131,9 @@ class Campaign:
             spec = {"domain": "measured", **truth.specification(case, self.config)}
             return spec, lambda: truth.record(case, self.config), ["experiments.campaigns.truth"]
         chosen = self._materials(domain, materials)
-        spec = {"domain": "twin", **twin.specification(case, self.config, chosen, self.store)}
-        return spec, lambda: twin.record(case, self.config, chosen, self.store), ["experiments.campaigns.twin"]
+        nominal = self.log(case, domain)
+        spec = {"domain": "twin", **twin.specification(case, nominal, self.config, chosen, self.store)}
+        return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store), ["experiments.campaigns.twin"]
 
     def _source(
         self, domain: str, case: Case, materials: str | MaterialsConfig | None

@@ -11,8 +11,7 @@ from radartwin.config import ROOMS, Config
 from radartwin.configured import build_radar
 from radartwin.errors import InputError
 from radartwin.measured.index import Row
-from radartwin.measured.provider import SetProvider
-from radartwin.measured.recording_set import difference
+from radartwin.measured.recording_set import RecordingSet, difference
 from radartwin.progress import Progress
 from radartwin.radar.recording import Recording
 from radartwin.scene.objects.catalogue import catalogue
@@ -34,10 +33,10 @@ class Recorded:
     def __init__(self, config: Config, progress: Progress):
         folder = config.measured.folder
         assert folder is not None
-        self._provider = SetProvider(folder)
+        self._set = RecordingSet.load(folder)
         self._rows: dict[Case, Row] = {}
         left: Counter[str] = Counter()
-        for row in self._provider.rows():
+        for row in self._set:
             if reason := _reason(row):
                 left[reason] += 1
             else:
@@ -47,7 +46,7 @@ class Recorded:
             progress.say(f"{folder}: left out {', '.join(f'{number} of {reason}' for reason, number in left.items())}")
         if not self._rows:
             raise InputError(f"{folder}: it has no recording of an object of the catalogue on a turntable, rail or rover in a known room")
-        radar, twin = self._provider.radar, build_radar(config.radar)
+        radar, twin = self._set.radar, build_radar(config.radar)
         like = replace(twin, **{name: getattr(radar, name) for name in _OWN})
         if radar != like:
             raise InputError(f"{folder}: its radar is not the one that is simulated: {difference(radar, like)}; choose radar=... to match")
@@ -55,21 +54,34 @@ class Recorded:
         self.conditions = list(dict.fromkeys(replace(case, repetition=0) for case in self.cases))
 
     def key(self, case: Case) -> str:
-        return self._provider.key(self._row(case))
+        return self._set.digest(self._row(case))
 
     def recording(self, case: Case) -> Recording:
-        return self._provider.set.read(self._row(case))
+        return self._set.read(self._row(case))
 
     def log(self, case: Case) -> Log:
         """From the recording's frames and rate, the turntable's period and the rover's trajectory where the index has them."""
         row = self._row(case)
-        radar, frames, driven = self._provider.set.course(row)
-        return course(case, radar.frame_rate_hz, frames, float(row.extra.get(TURN) or TURN_S), driven)
+        radar, frames, driven = self._set.course(row)
+        return course(case, radar.frame_rate_hz, frames, _turn_s(row), driven)
+
+    def twin_log(self, condition: Case) -> Log:
+        """What the twin simulates for all repetitions of a condition: the course of the first; a turntable turns once."""
+        first = min(case for case in self.cases if replace(case, repetition=0) == condition)
+        if condition.motion != "turntable":
+            return self.log(first)
+        row = self._row(first)
+        rate = self._set.course(row)[0].frame_rate_hz
+        return course(condition, rate, max(1, round(rate * _turn_s(row))), _turn_s(row))
 
     def _row(self, case: Case) -> Row:
         if case not in self._rows:
-            raise InputError(f"{self._provider.set.folder}: it has no recording of {case.name}")
+            raise InputError(f"{self._set.folder}: it has no recording of {case.name}")
         return self._rows[case]
+
+
+def _turn_s(row: Row) -> float:
+    return float(row.extra.get(TURN) or TURN_S)
 
 
 def _reason(row: Row) -> str:

@@ -10,11 +10,12 @@ import numpy as np
 
 from experiments import scanning
 from experiments.campaigns import tally
-from experiments.campaigns.cases import RAIL, ROVER, Case, Log, log, stand_top
+from experiments.campaigns.cases import RAIL, ROVER, Case, Log, stand_top
 from experiments.campaigns.target import on_carriage, seen
 from radartwin.assemble import simulator_options
 from radartwin.config import Config, MaterialsConfig
 from radartwin.configured import build_radar
+from radartwin.digest import spec_digest
 from radartwin.label.sources import material_source, without_fragments
 from radartwin.materials import Layered
 from radartwin.radar.recording import Recording
@@ -31,14 +32,11 @@ KEPT = 2  # tracks with what was scouted along them
 VOID = "void"
 
 
-def specification(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> dict[str, Any]:
+def specification(case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store) -> dict[str, Any]:
     """What decides a simulated recording."""
-    campaign = config.profile.campaign
-    course = {"frames_per_turn": campaign.frames_per_turn} if case.motion == "turntable" else {}
-    course |= {"every": campaign.rover_every} if case.motion in ROVER else {}
     spec: dict[str, Any] = {
         "case": asdict(case),
-        "course": course,
+        "course": spec_digest(vars(nominal)),
         "radar": config.radar,
         "simulator": config.simulator,
         "seed": config.seed,
@@ -65,9 +63,8 @@ def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store
     return material_source(materials.source, **materials.options(config.seed))(scanned)
 
 
-def record(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Recording:
-    """The simulated recording of a case, with the radar's thermal noise."""
-    nominal = log(case, config.profile.campaign, measured=False)
+def record(case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store) -> Recording:
+    """The simulated recording of a case along its logged course, without noise."""
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
     stand = rooms.support(stand_top(nominal))

@@ -14,6 +14,7 @@ no row is not part of the set, so a writer may be killed at any moment, and addi
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import replace
@@ -148,6 +149,16 @@ class RecordingSet:
             path = self.folder / TRAJECTORIES / row.trajectory
             recording.sensor_poses = course_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
         return recording
+
+    def digest(self, row: Row) -> str:
+        """32 hexadecimal digits that change with the recording's content, for run keys."""
+        from radartwin.radar.recording import recording_files
+
+        total = hashlib.sha256()
+        for path in recording_files(self.path(row)):
+            with path.open("rb") as stream:
+                total.update(hashlib.file_digest(stream, "sha256").digest())
+        return total.hexdigest()[:32]
 
     def course(self, row: Row) -> tuple[Radar, int, NDArray[np.float64] | None]:
         """(radar, frames, poses (F, 4, 4) of a radar that moves or None) of a row, without reading its samples. Errors as `read`."""

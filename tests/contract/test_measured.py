@@ -1,4 +1,4 @@
-"""What every measured domain gives an experiment, on a set made by simulation; and the whole road from it to features."""
+"""What a recording set gives an experiment, on one made by simulation; and the whole road from it to features."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from radartwin.compose import compose
-from radartwin.errors import ConfigError, InputError, MissingError, RecordingError
+from radartwin.errors import ConfigError, InputError, RecordingError
 from radartwin.features.align import overlap, start_offset
 from radartwin.features.gate import gate_energies, multipath_share
 from radartwin.features.profile import range_time
 from radartwin.measured.card import Card
 from radartwin.measured.index import Row
-from radartwin.measured.provider import Measured, SetProvider
 from radartwin.measured.recording_set import RecordingSet
 from radartwin.radar.chirp import Radar
 from radartwin.scene import objects, trajectory
@@ -54,50 +53,42 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def measured(folder: Path) -> Measured:
-    return SetProvider(folder)
+def measured(folder: Path) -> RecordingSet:
+    return RecordingSet.load(folder)
 
 
-def test_a_domain_says_what_it_is_and_has_one_radar(measured: Measured, folder: Path) -> None:
-    assert isinstance(measured, Measured)
-    assert measured.domain == "recordings"
-    assert SetProvider(folder, domain="testbed").domain == "testbed"
-    assert measured.radar == RADAR
-
-
-def test_rows_and_recordings_agree_whatever_is_asked(measured: Measured) -> None:
+def test_rows_and_recordings_agree_whatever_is_asked(measured: RecordingSet) -> None:
     for wanted in (
         {},
         {"distance_m": 2.0},
         {"object": "corner_reflector", "repetition": 1},
         {"room": ["void", "lab"], "motion": "turntable"},
     ):
-        rows = measured.rows(**wanted)
+        rows = measured.select(**wanted)
         assert rows
         given = list(measured.recordings(**wanted))
         assert [row for row, _ in given] == rows
         assert all(recording.radar == measured.radar and recording.num_frames == FRAMES for _, recording in given)
 
 
-def test_conditions_nobody_recorded_are_named_at_once(measured: Measured) -> None:
-    assert measured.rows(object="mug") == []
-    with pytest.raises(MissingError, match="no recording of object=mug, distance_m=1"):
-        measured.recordings(object="mug", distance_m=1)
+def test_conditions_nobody_recorded_are_none_and_a_column_there_is_not_is_named(measured: RecordingSet) -> None:
+    assert measured.select(object="mug") == []
     with pytest.raises(InputError, match="'colour'"):
-        measured.rows(colour="red")
+        measured.select(colour="red")
 
 
-def test_keys_are_of_the_content(measured: Measured, tmp_path: Path, folder: Path) -> None:
-    keys = [measured.key(row) for row in measured.rows()]
+def test_keys_are_of_the_content(measured: RecordingSet, tmp_path: Path, folder: Path) -> None:
+    keys = [measured.digest(row) for row in measured]
     assert len(set(keys)) == 4
     assert all(len(key) == 32 for key in keys)
-    assert keys == [SetProvider(folder).key(row) for row in measured.rows()]
+    again = RecordingSet.load(folder)
+    assert keys == [again.digest(row) for row in again]
     copy = RecordingSet.create(tmp_path / "copy", CARD)
     row, recording = next(measured.recordings())
     copy.add(recording, dataclasses.replace(row, recording="other"))
-    assert SetProvider(copy.folder).key(copy.rows[0]) == keys[0]
+    assert copy.digest(copy.rows[0]) == keys[0]
     (copy.folder / "recordings/other.bin").write_bytes(bytes(os.path.getsize(copy.folder / "recordings/other.bin")))
-    assert SetProvider(copy.folder).key(copy.rows[0]) != keys[0]
+    assert copy.digest(copy.rows[0]) != keys[0]
 
 
 def test_a_simulated_set_has_no_problems(folder: Path) -> None:
@@ -105,7 +96,7 @@ def test_a_simulated_set_has_no_problems(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("distance", DISTANCES_M)
-def test_a_late_start_is_found_from_the_recordings_and_taken_out(measured: Measured, distance: float) -> None:
+def test_a_late_start_is_found_from_the_recordings_and_taken_out(measured: RecordingSet, distance: float) -> None:
     power, axis = zip(*(range_time(recording) for _, recording in measured.recordings(distance_m=distance)), strict=True)
     gated = [gate_energies(p, axis[0], distance)[0] for p in power]
     found = start_offset(gated[0], gated[1], period=FRAMES)
@@ -133,8 +124,8 @@ def test_the_configuration_refuses_what_is_no_set_in_one_line(tmp_path: Path, fo
         assert "\n" not in str(caught.value)
 
 
-def test_a_damaged_set_is_no_domain(folder: Path, tmp_path: Path) -> None:
+def test_a_damaged_set_is_refused(folder: Path, tmp_path: Path) -> None:
     CARD.save(tmp_path)
     (tmp_path / "index.csv").write_text("recording,object\n")
     with pytest.raises(RecordingError, match="no column distance_m"):
-        SetProvider(tmp_path)
+        RecordingSet.load(tmp_path)

@@ -13,7 +13,7 @@ import pytest
 from radartwin import cli
 from radartwin.features.gate import multipath_share
 from radartwin.features.profile import range_time
-from radartwin.measured.provider import SetProvider
+from radartwin.measured.recording_set import RecordingSet
 from radartwin.radar.captures import load_capture
 from radartwin.radar.inspect import inspect
 from radartwin.radar.maps import Chain
@@ -62,7 +62,7 @@ def test_a_real_mmwave_studio_capture_becomes_a_set_that_is_whole_and_shows_the_
         "motion      static 1",
         "doctor: the set can be used",
     ]
-    measured = SetProvider(tmp_path / "room")
+    measured = RecordingSet.load(tmp_path / "room")
     row, recording = next(measured.recordings(object="none"))
     assert row.extra == {"started": "2024-11-19T20:02:23", "lost_packets": "0"}
     assert recording.provenance["log"]["received"] == 143473
@@ -94,7 +94,7 @@ def test_a_real_capture_with_q_first_keeps_its_bytes_and_is_read_rightly(
     np.fromfile(source, "<i2").reshape(-1, 2, 2)[:, ::-1].tofile(tmp_path / "raw/swapped.bin")
     assert call("import", "raw", "--out", "room", *ABOUT_ROOM)[0] == 0
     assert (tmp_path / "room/recordings/swapped.bin").read_bytes() == (tmp_path / "raw/swapped.bin").read_bytes()
-    _, recording = next(SetProvider(tmp_path / "room").recordings())
+    _, recording = next(RecordingSet.load(tmp_path / "room").recordings())
     assert recording.iq_swapped
     np.testing.assert_array_equal(recording.iq, load_capture(source).iq)
     assert call("doctor", "--data", "room")[0] == 0

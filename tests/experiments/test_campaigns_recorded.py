@@ -199,3 +199,32 @@ def test_a_recorded_drive_is_logged_where_its_radar_went(folder: Path, tmp_path:
     logged = course(case, 10.0, 20, driven=elsewhere @ slipped)
     assert np.allclose(logged.distance_m[:10], nominal.distance_m[:10])
     assert np.allclose(nominal.distance_m[10:] - logged.distance_m[10:], 0.05)
+
+
+def test_the_twin_follows_the_recorded_course_and_rate(folder: Path, tmp_path: Path) -> None:
+    """A set at 20 Hz, of fewer frames than planned, on a turntable of 2 s a turn: the twin's frames are the recording's own."""
+    whole = RecordingSet.load(folder / "set")
+    faster = RecordingSet.create(tmp_path / "set", whole.card)
+    for row in whole:
+        if row.repetition == 0 and row.motion != "diagonal":
+            recording = whole.read(row)
+            radar = replace(recording.radar, frame_rate_hz=20.0)
+            faster.add(Recording(recording.iq[:10], radar, recording.sensor_poses), replace(row, extra={"period_s": "0.4"}))
+    config = configured(tmp_path, "measured=recordings", f"measured.folder={tmp_path / 'set'}")
+    campaign = campaign_of(config)
+    assert len(campaign.cases("twin")) == 2
+    for condition in campaign.cases("twin"):
+        case = next(case for case in campaign.cases("measured") if replace(case, repetition=0) == condition)
+        ours, theirs = campaign.log(condition, "twin"), campaign.log(case)
+        assert ours.frame_rate_hz == theirs.frame_rate_hz == 20.0
+        turns = condition.motion == "turntable"
+        assert (ours.frames, theirs.frames) == (8 if turns else 10, 10)  # one turn of the table
+        assert np.allclose(ours.distance_m, theirs.distance_m[: ours.frames])
+        if turns:
+            assert theirs.angle_rad is not None
+            assert np.allclose(np.diff(theirs.angle_rad), 2 * np.pi / 8)
+        made = campaign.recording("void", condition)
+        assert (made.num_frames, made.radar.frame_rate_hz) == (ours.frames, 20.0)
+    other = configured(folder, "materials=void")
+    nominal = campaign_of(other).clean("void", campaign.cases("twin")[0])
+    assert nominal.key != campaign.clean("void", campaign.cases("twin")[0]).key
