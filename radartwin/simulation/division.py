@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from radartwin.simulation import scouting
+from radartwin.simulation import coverage, scouting
 from radartwin.simulation.device import Device
 from radartwin.simulation.flight import Chosen
 from radartwin.simulation.launch import Launch
@@ -25,11 +25,19 @@ TUBES_PER_LAUNCH = 1 << 20  # bounds a kernel's memory to a few hundred megabyte
 
 
 def blocks(
-    device: Device, launch: Launch, max_bounces: int, first_hit: int, pieces: int, found: np.ndarray | None, walls: Any = None
+    device: Device,
+    launch: Launch,
+    corners: np.ndarray,
+    max_bounces: int,
+    first_hit: int,
+    pieces: int,
+    found: np.ndarray | None,
+    walls: Any = None,
 ) -> Iterator[Chosen]:
     """Tubes of a launch in blocks that fit in memory, of whole poses unless one pose is larger than a block.
 
     Args:
+        corners: (N, 3, 3) of the facets that are hit: of a large pose, tubes that could meet none are left out.
         pieces: odd, parts of a straddling tube each way; 1, or a pose too large for one block, for whole tubes only.
         found: (N,) sorted indices to trace and no others; None: all.
         walls: `transit.Walls` that tubes go through; None: they are mirrored.
@@ -39,7 +47,9 @@ def blocks(
         stride = max(1, TUBES_PER_LAUNCH // launch.per_pose) * launch.per_pose
         several = (np.arange(low, min(low + stride, end)) for low in range(0, end, stride))
         if found is not None:
-            several = (found[low : low + TUBES_PER_LAUNCH] for low in range(0, len(found), TUBES_PER_LAUNCH))
+            several = _parts(found)
+        elif launch.per_pose > TUBES_PER_LAUNCH:
+            several = (part for pose in range(launch.poses) for part in _parts(_met(launch, pose, corners)))
         yield from (Chosen(index.astype(np.uint32)) for index in several if len(index))
         return
     step = max(1, TUBES_PER_LAUNCH // (2 * launch.per_pose))
@@ -53,6 +63,16 @@ def blocks(
         for start in range(0, len(index), TUBES_PER_LAUNCH):
             part = slice(start, start + TUBES_PER_LAUNCH)
             yield Chosen(index[part].astype(np.uint32), share[part], whole[part], pieces)
+
+
+def _parts(index: np.ndarray) -> Iterator[np.ndarray]:
+    return (index[low : low + TUBES_PER_LAUNCH] for low in range(0, len(index), TUBES_PER_LAUNCH))
+
+
+def _met(launch: Launch, pose: int, corners: np.ndarray) -> np.ndarray:
+    """Indices of one pose's tubes that could meet anything."""
+    cells = coverage.covered(launch, pose, corners)
+    return pose * launch.per_pose + (np.arange(launch.per_pose) if cells is None else cells)
 
 
 def divided(met: np.ndarray, launch: Launch, first_pose: int, pieces: int, curved: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

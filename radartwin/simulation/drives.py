@@ -164,8 +164,12 @@ class Drives:
         places = self._places
         singles = still.room.paths(places, np.zeros((len(places), 3)), self._radar, 1, PRUNE)
         loudest = float(pruning.level(singles, self._radar).max(initial=0.0))
-        track = self._track(lambda some: self._small.small_things(still, self._radar, some, PAIRS * loudest))
-        return replace(track, parts=[pruning.pruned([part], self._radar, CLUTTER_PRUNE)[0] for part in track.parts])
+
+        def traced(some: np.ndarray) -> list[Paths]:
+            parts = self._small.small_things(still, self._radar, some, PAIRS * loudest)
+            return [pruning.pruned([part], self._radar, CLUTTER_PRUNE)[0] for part in parts]
+
+        return self._track(traced)
 
     @cached_property
     def _beside(self):

@@ -177,7 +177,7 @@ def _reflected(
         walls = None if shells is None else transit.Walls(device, shells)
         frequency_hz = float(table.frequencies_hz.mean())
         run = _Run(device, walls, launch, transmit, receive, frequency_hz, max_bounces, first_hit, occluder, prune, geometry.convex)
-        blocks = division.blocks(device, launch, max_bounces, first_hit, pieces, found, walls)
+        blocks = division.blocks(device, launch, geometry.corners, max_bounces, first_hit, pieces, found, walls)
         return [part for chosen in blocks for part in run.block(chosen, read)]
 
     if not len(geometry.corners):

@@ -1,0 +1,79 @@
+"""A large thing seen from near: tubes that could meet nothing are left out, in blocks that fit in memory, and every hit stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from radartwin.scene.scene import Scene, Surface
+from radartwin.simulation import coverage, division, launch
+
+pytest.importorskip("mitsuba")
+
+
+def slanted_frame() -> trimesh.Trimesh:
+    """A bent bar that runs away from the radar, and a ball at its end."""
+    bar = trimesh.creation.box((2.0, 0.03, 0.03))
+    bar.apply_transform(trimesh.transformations.rotation_matrix(0.9, [0, 0, 1]))
+    post = trimesh.creation.box((0.03, 0.03, 1.2))
+    ball = trimesh.creation.icosphere(2, 0.1)
+    ball.apply_translation([0.6, 0.9, 0.2])
+    return trimesh.util.concatenate([bar, post, ball])
+
+
+def test_no_cell_that_a_ray_meets_is_left_out() -> None:
+    mesh = slanted_frame()
+    mesh.apply_translation([1.5, 0.0, 0.0])
+    source = np.array([[0.0, 0.0, 0.0], [0.2, -0.4, 0.3]])
+    grid = launch.towards(mesh.vertices, source, mesh.bounds.mean(0), 0.02, (0.3, 0.7))
+    assert grid is not None
+    for pose in range(2):
+        cells = coverage.covered(grid, pose, mesh.triangles)
+        assert cells is not None
+        on_it = trimesh.sample.sample_surface(mesh, 20_000, seed=pose)[0] - source[pose]
+        depth = on_it @ grid.forward[pose]
+        u = np.rint((on_it @ grid.u_axis[pose] / depth - grid.low_u[pose]) / grid.step_u[pose]).astype(int)
+        v = np.rint((on_it @ grid.v_axis[pose] / depth - grid.low_v[pose]) / grid.step_v[pose]).astype(int)
+        within = (u >= 0) & (u < grid.count_u) & (v >= 0) & (v < grid.count_v)
+        hit = set((v * grid.count_u + u)[within])
+        assert len(hit) > 300
+        assert hit <= set(cells)
+        assert len(cells) < 0.35 * grid.per_pose
+
+
+def test_what_is_partly_behind_the_source_takes_all_cells() -> None:
+    mesh = slanted_frame()
+    grid = launch.towards(mesh.vertices + np.array([[3.0, 0.0, 0.0]]), np.zeros((1, 3)), np.array([3.0, 0.0, 0.0]), 0.02, (0.5, 0.5))
+    assert grid is not None
+    assert coverage.covered(grid, 0, mesh.triangles) is None
+
+
+@pytest.mark.parametrize("bounces", [1, 3])
+def test_the_signal_is_the_same_in_small_blocks(monkeypatch: pytest.MonkeyPatch, bounces: int) -> None:
+    from radartwin.radar.chirp import Radar
+    from radartwin.simulation.simulate import simulate
+
+    mesh = slanted_frame()
+    mesh.apply_translation([1.5, 0.0, 0.0])
+    scene = Scene([Surface(mesh, "metal", "frame", role="object")])
+
+    made = []
+    blocks = division.blocks
+
+    def seen(device, one, *arguments):
+        made.append(one.per_pose)
+        return blocks(device, one, *arguments)
+
+    monkeypatch.setattr(division, "blocks", seen)
+
+    def signal() -> np.ndarray:
+        return simulate(scene, Radar.iwr1843(), np.eye(4), max_bounces=bounces).iq
+
+    divided = signal()
+    monkeypatch.setattr(division, "TUBES_PER_LAUNCH", max(made))  # whole poses, not divided at edges
+    whole = signal()
+    monkeypatch.setattr(division, "TUBES_PER_LAUNCH", max(made) // 7)
+    parts = signal()
+    assert np.linalg.norm(whole - divided) < 0.1 * np.linalg.norm(divided)
+    assert np.linalg.norm(parts - whole) < 1e-4 * np.linalg.norm(whole)
