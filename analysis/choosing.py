@@ -193,7 +193,7 @@ def main() -> None:
     }
     for name, draw in drawn.items():
         for path in plotting.save(draw, FIGURES / name):
-            if path.suffix == ".pdf":
+            if path.suffix != ".png":
                 path.unlink()
     print(PAGE)
 

@@ -53,7 +53,7 @@ def write(table: registry.Table, result: Result, profile: str, output: Path) -> 
     for name, figure in result.figures.items():
         plotting.save(figure, output / "figures" / name)
     if table.page:
-        files.write_atomically(output / "figures" / f"{table.name}.html", importlib.import_module(table.page).page(result.rows))
+        files.write_atomically(output / "figures" / f"{table.name}_page.html", importlib.import_module(table.page).page(result.rows))
     index = _index(output)
     index[table.name] = {"run_key": result.run_key, "profile": profile, "figures": sorted(result.figures)}
     files.write_atomically(output / "tables" / INDEX, json.dumps(index, indent=1) + "\n")

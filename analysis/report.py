@@ -71,14 +71,15 @@ def _section(section: Section, output: Path, start: Path) -> str:
     figures = "\n".join(
         f'<figure><img src="{_relative(stem, ".png", start)}" alt="{html.escape(_spoken(stem))}">'
         f"<figcaption>{html.escape(_spoken(stem))} "
-        f'(<a href="{_relative(stem, ".pdf", start)}">PDF</a>)</figcaption></figure>'
+        f'(<a href="{_relative(stem, ".html", start)}">zoom and values</a>, <a href="{_relative(stem, ".pdf", start)}">PDF</a>)'
+        "</figcaption></figure>"
         for stem in section.figures
     )
     links = " ".join(
         f'<a href="{_relative(output / "tables" / name, suffix, start)}">{suffix[1:]}</a>' for suffix in (".csv", ".md", ".tex")
     )
     if section.table.page:
-        links += f' <a href="{_relative(output / "figures" / name, ".html", start)}">interactive chart</a>'
+        links += f' <a href="{_relative(output / "figures" / name, "_page.html", start)}">interactive chart</a>'
     origin = f"Profile {section.profile}, run {section.run_key[:8]}. Files: {links}."
     return (
         f'<section id="{name}">\n<h2>{html.escape(section.table.title)}</h2>\n{figures}\n{section.html}'

@@ -155,7 +155,7 @@ def save(result: Result, folder: Path) -> None:
 
 
 def read(product: Product) -> Result:
-    """The result a product holds; its figures are paths without suffix (.png and .pdf exist)."""
+    """The result a product holds; its figures are paths without suffix (.png, .pdf and .html exist)."""
     content = product.read_json("result")
     figures = {name: product.path / "figures" / name for name in content["figures"]}
     models = {name: product.path / MODELS / name for name in content["models"]}

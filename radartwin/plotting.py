@@ -1,7 +1,7 @@
 """One style for every figure: the Okabe-Ito palette, readable without colour vision, and print sizes in inches.
 
 Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. Figures are drawn without a
-display and without pyplot's global state: make one with `figure`, return it, and `save` writes PNG and PDF.
+display and without pyplot's global state: make one with `figure`, return it, and `save` writes PNG, PDF and a page to zoom and read values.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
 COLUMN_WIDTH_IN, PAGE_WIDTH_IN = 3.33, 7.0  # acmart sigconf, one and two columns
 SEQUENTIAL = "viridis"
-SUFFIXES = (".png", ".pdf")
+SUFFIXES = (".png", ".pdf", ".html")
 
 
 def style() -> dict[Any, Any]:
@@ -39,6 +39,8 @@ def style() -> dict[Any, Any]:
         "lines.linewidth": 1.2,
         "pdf.fonttype": 42,
         "savefig.dpi": 200,
+        "svg.fonttype": "none",
+        "svg.hashsalt": "radartwin",
         "xtick.labelsize": 7,
         "ytick.labelsize": 7,
     }
@@ -57,8 +59,10 @@ def figure(
 
 
 def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path]:
-    """Write `stem`.png and `stem`.pdf from a figure, a function that draws one, or files of another stem."""
+    """Write `stem`.png, .pdf and .html from a figure, a function that draws one, or files of another stem."""
     import matplotlib
+
+    from radartwin import files, interactive
 
     stem.parent.mkdir(parents=True, exist_ok=True)
     paths = [stem.with_name(stem.name + suffix) for suffix in SUFFIXES]
@@ -68,7 +72,8 @@ def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path
         return paths
     with matplotlib.rc_context(style()):
         drawn = drawing() if callable(drawing) else drawing
-        for path in paths:
+        for path in paths[:-1]:
             # A PDF without its creation date is the same bytes for the same figure.
             drawn.savefig(path, metadata={"CreationDate": None} if path.suffix == ".pdf" else None)
+        files.write_atomically(paths[-1], interactive.page(drawn, stem.name.replace("_", " ")))
     return paths

@@ -62,7 +62,7 @@ def test_a_run_is_computed_once_and_read_back(radartwin: Command, own: list[str]
     results = list((tmp_path / "outputs" / "cache" / "run").glob("*/result.json"))
     assert len(results) == 1
     assert json.loads(results[0].read_text())["rows"][0]["value"] == 0.4
-    assert {p.name for p in (results[0].parent / "figures").iterdir()} == {"curve.png", "curve.pdf"}
+    assert {p.name for p in (results[0].parent / "figures").iterdir()} == {"curve.png", "curve.pdf", "curve.html"}
     assert list((tmp_path / "outputs").rglob("*.tmp")) == []
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from analysis import main, registry, tables
+from radartwin import plotting
 from radartwin.errors import ConfigError, InputError, MissingError
 from radartwin.experiment import Result, check_rows
 
@@ -116,15 +117,15 @@ def test_the_caption_owns_up_to_a_virtual_measurement() -> None:
 def test_the_report_links_every_file_relative_to_itself(tmp_path: Path) -> None:
     stem = tmp_path / "store" / "curve"
     stem.parent.mkdir()
-    for suffix in (".png", ".pdf"):
+    for suffix in plotting.SUFFIXES:
         stem.with_name(stem.name + suffix).write_bytes(b"x")
     table = registry.TABLES[0]
     main.write(table, Result(table.name, [row()], {"curve": stem}, run_key="f" * 32), "quick", tmp_path / "out")
     page = main.write_report(tmp_path / "out", current=lambda name, profile, output: "f" * 32)
     moved = shutil.move(tmp_path / "out", tmp_path / "elsewhere")
     links = [part.split('"')[0] for part in page_text(Path(moved)).split('="')[1:]]
-    files = [link for link in links if link.endswith((".png", ".pdf", ".csv", ".md", ".tex"))]
-    assert len(files) == 5
+    files = [link for link in links if link.endswith((".png", ".pdf", ".html", ".csv", ".md", ".tex"))]
+    assert len(files) == 6
     for link in files:
         assert (Path(moved) / "report" / link).is_file()
     assert page.name == "index.html"
