@@ -11,13 +11,13 @@ from radartwin.errors import ConfigError
 class Table:
     """An entry: `name` is also the experiment (experiments/NAME.py, conf/experiment/NAME.yaml) and the file name.
 
-    `campaign`: scored on the campaigns, whose recordings take longer than the quick profile has: on request, and in the paper profile.
+    `on_request`: takes longer than the quick profile has; there it is made when it is named, in the paper profile always.
     """
 
     name: str
     title: str
     caption: str
-    campaign: bool = False
+    on_request: bool = False
     page: str = ""  # module with page(rows), an interactive page beside the figures
 
 
@@ -56,6 +56,13 @@ TABLES = (
         "metal sphere at 1 m. Equal safe regions count as the largest.",
     ),
     Table(
+        name="campaign",
+        title="The recordings of both domains",
+        caption="Every recording that the tables below share, and what making it took: clean and processed, on this machine, by whichever "
+        "run made it. Turntables are traced at the aspects of one turn, drives share what is set up for their track. Targets are the "
+        "project's own; intervals are bootstraps over recordings.",
+    ),
+    Table(
         name="scan",
         title="From a scan to surfaces",
         caption="A virtual phone with LiDAR walks through each procedural room; its frames are fused, segmented and outlined as a "
@@ -73,14 +80,6 @@ TABLES = (
         "bootstraps over surfaces for the gain.",
     ),
     Table(
-        name="campaign",
-        campaign=True,
-        title="The recordings of both domains",
-        caption="Every recording that the tables below share, and what making it took: clean and processed, on this machine, by whichever "
-        "run made it. Turntables are traced at the aspects of one turn, drives share what is set up for their track. Targets are the "
-        "project's own; intervals are bootstraps over recordings.",
-    ),
-    Table(
         name="gallery",
         title="Side by side",
         caption="Recordings of the campaign measured (above) and simulated (below), each column on one scale of decibels: range over time, "
@@ -90,7 +89,7 @@ TABLES = (
     ),
     Table(
         name="gaps",
-        campaign=True,
+        on_request=True,
         title="Each gap by itself",
         caption="With every gap off and the twin told the true materials and the exact room, what is left between the domains is the "
         "room's storage in single precision (gap none; claimed against what finer tracing with one bounce more changes). Then each gap "
@@ -101,7 +100,6 @@ TABLES = (
     ),
     Table(
         name="turntable_shape",
-        campaign=True,
         title="Shape",
         caption="Objects on a turntable in the laboratory: angular harmonic ratio (power at 1 to 6 cycles per turn over DC, of "
         "the target gate less the noise), its order over objects in both domains, the distances between objects over all "
@@ -111,7 +109,6 @@ TABLES = (
     ),
     Table(
         name="turntable_material",
-        campaign=True,
         title="Material",
         caption="Objects of similar size on a turntable: target-gate brightness with the range law taken out, by class of "
         "material at each distance, measured and simulated; the corner reflector is left out. Intervals are 95 % "
@@ -119,14 +116,12 @@ TABLES = (
     ),
     Table(
         name="turntable_size",
-        campaign=True,
         title="Size",
         caption="Six cans of one diameter and several heights on a turntable: order of brightness by height (Spearman, exact p) "
         "and its slope (Theil and Sen). Intervals are 95 % bootstraps over cans.",
     ),
     Table(
         name="linear_rail",
-        campaign=True,
         title="Translation",
         caption="A corner reflector on a 60 cm rail from one metre, radially and at 45 degrees: power-weighted range of the "
         "tracked peak, sought in the whole span of the rail; the strongest path that does not jump (continuous) and the "
@@ -142,7 +137,6 @@ TABLES = (
     ),
     Table(
         name="rover_fidelity",
-        campaign=True,
         title="Along trajectories",
         caption="Objects before a driving rover: tracked range after the start offset, mean normalised range profile, velocity "
         "from Doppler against the log, order of objects by each feature at matched distance (Spearman; exact binomial p "
@@ -151,7 +145,6 @@ TABLES = (
     ),
     Table(
         name="rover_disentangle",
-        campaign=True,
         title="Object, distance, room",
         caption="Agreement of simulated and measured features with two of object, distance and room held and the third varied; "
         "correlations pooled over distances and matched; and how the variance of their disagreement divides among the "
@@ -159,14 +152,12 @@ TABLES = (
     ),
     Table(
         name="corner_reflector_calibration",
-        campaign=True,
         title="Calibrated by one corner reflector",
         caption="Brightness that is left between measured and simulated revolutions after an affine map out of one unlabelled recording of "
         "the reflector at the middle distance; the reflector is not scored. Intervals are bootstraps over objects and distances.",
     ),
     Table(
         name="labelled_probe",
-        campaign=True,
         title="What training on simulation is worth",
         caption="An encoder trained on noise copies of simulated revolutions, frozen; measured revolutions are told by the nearest "
         "centroid of others. Other recordings are of other distances, so nothing of the same recording helps. RF-Genesis is the"
@@ -176,21 +167,18 @@ TABLES = (
     ),
     Table(
         name="turntable_label_free",
-        campaign=True,
         title="What is told without labels on the turntable",
         caption="Rotation vectors rank-normalised within domain and distance; an encoder trained on the simulated ones, and a linear probe "
         "on its embeddings. Chance of geometry and material is the share of the majority.",
     ),
     Table(
         name="contrastive",
-        campaign=True,
         title="Simulated radar aligned with descriptions",
         caption="Balanced accuracy of linear probes on embeddings of measured revolutions, learned from other recordings or from other "
         "objects alone; a class of one object has no other and is left out there.",
     ),
     Table(
         name="rover_recognition",
-        campaign=True,
         title="Recognition by supervision level",
         caption="Random forests on frames and the majority per recording. Label-free: ranks within domain and distance. Calibrated: "
         "energy features mapped by one unlabelled recording of the reflector, which is not scored; chance of material is the "
@@ -198,7 +186,6 @@ TABLES = (
     ),
     Table(
         name="reconstruction_ablation",
-        campaign=True,
         title="What the reconstruction is worth",
         caption="Label-free recognition of lateral drives in the squash court from twins with labelled materials, with plasterboard "
         "everywhere, and without the room. Unequal answers are recordings that one twin alone gets right, by the majority of "
@@ -206,7 +193,6 @@ TABLES = (
     ),
     Table(
         name="material_errors",
-        campaign=True,
         title="What wrong materials cost",
         caption="The reconstruction ablation's protocol with a share of the room's labels drawn at random; the level error is the root "
         "mean square over range, 0.3 to 5.5 m, against the twin with true materials.",
@@ -233,4 +219,4 @@ def select(names: list[str] | None, profile: str = "paper") -> list[Table]:
     for name in names or ():
         if name not in known:
             raise ConfigError(f"--only {name}: there is no such table; tables: {', '.join(known)}")
-    return [known[name] for name in names] if names else [table for table in TABLES if profile != "quick" or not table.campaign]
+    return [known[name] for name in names] if names else [table for table in TABLES if profile != "quick" or not table.on_request]

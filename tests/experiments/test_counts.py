@@ -1,0 +1,73 @@
+"""What a change recomputes, by counts of what was simulated, reused and scored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from radartwin.compose import compose
+from radartwin.run import run_experiment, run_key
+from radartwin.store import Counts
+
+TINY = [
+    "experiment=environment", "jobs=1", "tracking=off", "measured.gap.solver=0", "measured.gap.clutter=0", "measured.gap.geometry=0",
+    "experiment.distances_m=[1.0]", "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
+    "profile.campaign.frames_per_turn=4", "profile.campaign.turns=1", "profile.campaign.reflector_repeats=1",
+    "profile.campaign.rail_objects=[]", "profile.campaign.rover_rooms=[]",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def counted(tmp_path_factory: pytest.TempPathFactory):
+    """Run with these overrides in one output folder; what it took."""
+    folder = tmp_path_factory.mktemp("counts")
+
+    def run(*more: str, into: Path = folder) -> tuple[str, Counts]:
+        result, counts = run_experiment(compose([*TINY, f"output={into}", *more]))
+        return result.run_key, counts
+
+    first, counts = run()
+    # scan, one measured recording, the twin's room and its void, and what features are read from of each
+    assert counts.by_kind["clean built"] == 3
+    assert counts.by_kind["processed built"] == 3
+    assert (counts.reused, counts.scored) == (counts.by_kind["scan reused"], 1)
+    run.first = first  # pyright: ignore[reportFunctionMemberAccess]
+    return run
+
+
+@pytest.mark.parametrize("more", [["jobs=2"], ["hydra/launcher=joblib"], ["measured=testbed"]])
+def test_what_changes_no_figure_recomputes_nothing(counted, more: list[str]) -> None:
+    key, counts = counted(*more)
+    assert key == counted.first
+    assert (counts.simulated, counts.reused, counts.scored) == (0, 1, 0)
+
+
+def test_another_output_folder_has_the_same_key(counted, tmp_path: Path) -> None:
+    assert run_key(compose([*TINY, f"output={tmp_path}"])) == counted.first
+
+
+def test_another_material_simulates_the_twins_room_again_and_nothing_else(counted) -> None:
+    key, counts = counted("materials.material=concrete")
+    assert key != counted.first
+    assert (counts.by_kind["clean built"], counts.by_kind["clean reused"]) == (1, 2)
+    assert (counts.by_kind["processed built"], counts.by_kind["processed reused"]) == (1, 2)
+    assert counts.by_kind["scan built"] == 0
+    assert counts.scored == 1
+
+
+def test_louder_hardware_hears_the_same_recordings_again(counted) -> None:
+    _, counts = counted("measured.gap.hardware=2")
+    assert counts.by_kind["clean built"] == 0
+    assert (counts.by_kind["processed built"], counts.by_kind["processed reused"]) == (1, 2)
+
+
+def test_another_bounce_simulates_the_twin_and_not_the_testbed(counted) -> None:
+    _, counts = counted("simulator.max_bounces=2")
+    assert (counts.by_kind["clean built"], counts.by_kind["clean reused"]) == (2, 1)
+
+
+def test_more_resamples_score_what_is_there(counted) -> None:
+    _, counts = counted("profile.resamples=50")
+    assert (counts.simulated, counts.scored) == (0, 1)
+    assert counts.by_kind["processed reused"] == 3
