@@ -157,6 +157,15 @@ TABLES = (
         "the reflector at the middle distance; the reflector is not scored. Intervals are bootstraps over objects and distances.",
     ),
     Table(
+        name="sensitivity",
+        on_request=True,
+        title="What each simulator setting is worth",
+        caption="One setting at a time changed from the default. Feature error: root mean square, over a recording's features, of the "
+        "difference from the finest twin's (four times the rays, five bounces), each in units of its standard deviation over the finest "
+        "twin's recordings of that motion; cost is of the twin's frames, set-ups of tracks included. Below them every headline of the "
+        "fidelity tables, with its change from the default's.",
+    ),
+    Table(
         name="labelled_probe",
         title="What training on simulation is worth",
         caption="An encoder trained on noise copies of simulated revolutions, frozen; measured revolutions are told by the nearest "
