@@ -16,8 +16,9 @@ from pathlib import Path
 
 import pytest
 
+WITHOUT = ["materials=void", "measured.gap.solver=0", "measured.gap.clutter=0"]  # scan, clutter and creep
 TINY = [
-    "run", "experiment=campaign", "materials=void", "tracking=off", "measured.gap.solver=0", "measured.gap.clutter=0",
+    "run", "experiment=campaign", "tracking=off",
     "profile.campaign.turntable_objects=[corner_reflector,can_211_400]", "profile.campaign.reflector_distances_m=[1.0]",
     "profile.campaign.frames_per_turn=40", "profile.campaign.reflector_repeats=2", "profile.campaign.rail_repeats=1",
     "profile.campaign.rover_objects=[can_211_400]", "profile.campaign.rover_every=10",
@@ -35,18 +36,24 @@ from radartwin.cli import main
 from radartwin.radar.recording import Recording
 from radartwin.simulation.aspects import Aspects
 
-def record(case, config, *more):
+def measured(case, config):
+    return record(case, config, True)
+
+def simulated(case, nominal, config, *more):
+    return record(case, config, False)
+
+def record(case, config, measured):
     time.sleep(0.1)
-    rng = np.random.default_rng([*case.name.encode(), len(more)])
+    rng = np.random.default_rng([*case.name.encode(), measured])
     radar = build_radar(config.radar)
     def noise(*shape):
         return (1e-6 * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))).astype(np.complex64)
-    frames = log(case, config.profile.campaign, not more).frames
-    if case.motion == "turntable" and frames > truth.aspects(case, truth.gaps_of(config)) and not more:
+    frames = log(case, config.profile.campaign, measured).frames
+    if case.motion == "turntable" and frames > truth.aspects(case, truth.gaps_of(config)) and measured:
         return Turned(Aspects(noise(64, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
     return Recording(noise(frames, 16, 2, 4, 256), radar)
 
-truth.record = twin.record = record
+truth.record, twin.record = measured, simulated
 sys.exit(main(sys.argv[1:]))
 """
 
@@ -54,7 +61,7 @@ sys.exit(main(sys.argv[1:]))
 def started(output: Path, program: list[str], *more: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         # What is made up is made in this very process.
-        [sys.executable, *program, *TINY, *more, f"output={output}", *(["jobs=1"] if program[0] == "-c" else [])],
+        [sys.executable, *program, *TINY, *(more or WITHOUT), f"output={output}", *(["jobs=1"] if program[0] == "-c" else [])],
         cwd=output.parent,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -82,12 +89,12 @@ def finished(output: Path) -> int:
     return len(list(output.glob("cache/clean/*/meta.json")))
 
 
-def disturbed(output: Path, program: list[str], kills: int, pause_s: float, seconds: float) -> str:
+def disturbed(output: Path, program: list[str], kills: int, pause_s: float, seconds: float, *more: str) -> str:
     """Kill it so many times, each somewhere in the making of another recording, and let it end."""
     chance = random.Random(0)
     goals = sorted(chance.sample(range(RECORDINGS - 1), kills))
     for goal in goals:
-        campaign, end = started(output, program), time.monotonic() + seconds
+        campaign, end = started(output, program, *more), time.monotonic() + seconds
         while finished(output) < goal or not list(output.glob("cache/*/*.tmp")):
             assert campaign.poll() is None, campaign.communicate()[1][-2000:]
             assert time.monotonic() < end, f"{finished(output)} of {goal} recordings in {seconds} s"
@@ -95,7 +102,7 @@ def disturbed(output: Path, program: list[str], kills: int, pause_s: float, seco
         time.sleep(pause_s * chance.random())
         os.killpg(campaign.pid, signal.SIGKILL)
         campaign.communicate()
-    return completed(output, program, seconds)
+    return completed(output, program, seconds, *more)
 
 
 def same_in_the_end(folder: Path, program: list[str], kills: int, pause_s: float, seconds: float) -> None:
@@ -115,3 +122,14 @@ def test_a_campaign_killed_twice_is_the_same_in_the_end(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_traced_campaign_killed_ten_times_is_the_same_in_the_end(tmp_path: Path) -> None:
     same_in_the_end(tmp_path, ["-m", "radartwin"], kills=10, pause_s=2.0, seconds=1800)
+
+
+@pytest.mark.slow
+def test_scan_clutter_and_creep_are_the_same_from_one_process_two_and_after_kills(tmp_path: Path) -> None:
+    whole = ["materials=uniform", "measured.gap.solver=0", "profile.campaign.rover_rooms=[]"]
+    program, seconds = ["-m", "radartwin"], 1800
+    completed(tmp_path / "one", program, seconds, *whole, "jobs=1")
+    one = products(tmp_path / "one")
+    assert len([name for name in one if name.startswith("clean")]) > 10
+    disturbed(tmp_path / "killed", program, 3, 2.0, seconds, *whole, "jobs=2")
+    assert products(tmp_path / "killed") == one
