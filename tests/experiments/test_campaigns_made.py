@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from experiments import campaign as table
+from experiments import scanning
 from experiments.campaigns import Campaign, Case, tally, truth, twin
 from experiments.campaigns.campaign import load_clean
 from experiments.campaigns.cases import log
@@ -38,9 +39,12 @@ def noise(rng: np.random.Generator, *shape: int) -> np.ndarray:
     return (1e-6 * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))).astype(np.complex64)
 
 
-def record(case: Case, config: Config, *more: Any) -> Recording | Turned:
+def simulated(case: Case, nominal: Any, config: Config, *more: Any) -> Recording | Turned:
+    return record(case, config, measured=False)
+
+
+def record(case: Case, config: Config, measured: bool = True) -> Recording | Turned:
     """Noise after a pause; the first of each motion pauses twice and says that it set something up."""
-    measured = not more
     rng = np.random.default_rng([*case.name.encode(), measured])
     time.sleep(PAUSE_S)
     if case.repetition == 0:
@@ -55,7 +59,7 @@ def record(case: Case, config: Config, *more: Any) -> Recording | Turned:
 @pytest.fixture
 def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Config:
     monkeypatch.setattr(truth, "record", record)
-    monkeypatch.setattr(twin, "record", record)
+    monkeypatch.setattr(twin, "record", simulated)
     return compose([*TINY, f"output={tmp_path}"])
 
 
@@ -103,6 +107,23 @@ def test_the_first_line_tells_what_is_to_be_made(config: Config, tmp_path: Path,
     assert expected == pytest.approx(sum(sum(one.bytes) for one in made) / 1e9, rel=0.2)
     table.make(Campaign(config, Store(tmp_path / "cache"), progress), progress)
     assert "0 of them to be made" in capsys.readouterr().err
+
+
+def test_a_scan_that_was_made_before_counts_with_its_room(config: Config, tmp_path: Path) -> None:
+    store, progress = Store(tmp_path / "cache"), Progress(quiet=True)
+    campaign = Campaign(config, store, progress)
+    before = table.make(campaign, progress)
+    spec = scanning.specification(config, "lab", config.measured.gap.geometry)
+
+    def slowly(folder: Path) -> None:
+        time.sleep(3.0)
+        (folder / "scan").write_text("made up")
+
+    store.fetch(scanning.KIND, spec, scanning.ROOTS, slowly)
+    scanned = [(one.setups, round(one.seconds[0])) for one in table.make(campaign, progress) if one.domain == "twin"]
+    alone = [(one.setups, round(one.seconds[0])) for one in before if one.domain == "twin"]
+    assert scanned[0] == (alone[0][0] + 1, alone[0][1] + 3)
+    assert scanned[1:] == alone[1:]
 
 
 def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() -> None:
