@@ -22,6 +22,7 @@ from experiments.campaigns import crew, tally, truth
 from experiments.campaigns.campaign import Campaign
 from experiments.campaigns.cases import Case, planned
 from experiments.campaigns.cases import log as nominal_log
+from experiments.campaigns.twin import VOID
 from experiments.claims import NONE, Claim, row
 from experiments.statistics import Estimate
 from radartwin.compose import compose
@@ -80,7 +81,7 @@ def make(campaign: Campaign, progress: Progress) -> list[Made]:
     wanted = campaign.plan()
     missing = [one for one in wanted if not campaign.holds(*one)]
     gaps = truth.gaps_of(campaign.config)
-    counts = [states(domain, case, campaign.config.profile.campaign, gaps) for domain, case in missing]
+    counts = [states(domain, case, campaign.log(case, domain).frames, gaps) for domain, case in missing]
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
     told = f"{len(wanted)} recordings, {len(missing)} of them to be made: {sum(frames for frames, _ in counts):,} frames"
     progress.say(f"campaign: {told} from {sum(traced for _, traced in counts):,} traced states, about {size / 1e9:.2g} GB")
@@ -106,6 +107,8 @@ def _with_scans(campaign: Campaign, made: list[Made]) -> list[Made]:
     """A room's scan belongs to the first simulated recording of the room, also where it was made before it."""
     out, config, store = list(made), campaign.config, campaign.store
     strength = config.measured.gap.geometry
+    if config.materials.source == VOID:
+        return out  # no scan
     for room in dict.fromkeys(one.case.room for one in made if one.domain == TWIN):
         if not store.holds(scanning.KIND, scanning.specification(config, room, strength), scanning.ROOTS):
             continue  # nothing was scanned for it
@@ -146,7 +149,7 @@ def rows(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
             out += _group(config, domain, motion, [one for one in own if one.case.motion == motion])
         if own:
             out += _group(config, domain, ALL, own)
-    return out + _paper(config, made)
+    return out + (_paper(config, made) if config.measured.provider == "testbed" else [])
 
 
 def _group(config: Config, domain: str, motion: str, some: Sequence[Made]) -> list[dict[str, Any]]:
@@ -206,7 +209,8 @@ def _paper(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
 
 def _extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], paper: CampaignConfig) -> tuple[float, float]:
     """(seconds, bytes) of these cases of one domain and motion, from what others of the same took."""
-    frames, traced = (sum(counts) for counts in zip(*(states(domain, case, paper, Gaps()) for case in cases), strict=True))
+    lengths = [nominal_log(case, paper, measured=domain == MEASURED).frames for case in cases]
+    frames, traced = np.sum([states(domain, case, length, Gaps()) for case, length in zip(cases, lengths, strict=True)], axis=0)
     without = [one for one in some if not one.setups]
     plain = without or some
     each_state = sum(one.seconds[0] for one in plain) / sum(one.traced for one in plain)
@@ -218,9 +222,8 @@ def _extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], pape
     return seconds + sum(one.seconds[1] for one in some) / read * frames, size + sum(one.bytes[1] for one in some) / read * frames
 
 
-def states(domain: str, case: Case, config: CampaignConfig, gaps: Gaps) -> tuple[int, int]:
-    """(frames, states to be traced) of a recording."""
-    frames = nominal_log(case, config, measured=domain == MEASURED).frames
+def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
+    """(frames, states to be traced) of a recording of so many."""
     return frames, min(frames, truth.aspects(case, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 

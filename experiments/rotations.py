@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.readings import Campaign, Case
-from radartwin.errors import ConfigError
+from radartwin.errors import ConfigError, InputError
 from radartwin.features import sets
 from radartwin.features.log import angles, distances
 from radartwin.features.profile import FAR_M, NEAR_M, gate
@@ -42,7 +42,7 @@ def read(campaign: Campaign, progress: Progress) -> dict[str, Turns]:
     """Turns of both domains at the objects and distances that both have, in the catalogue's order.
 
     Raises:
-        ConfigError: the campaign has none in common.
+        ConfigError: the campaign has none in common. InputError: turns of different numbers of frames.
     """
     cases = {domain: campaign.cases(domain, motion="turntable") for domain in DOMAINS}
     common = set.intersection(*({(case.object, case.distance_m) for case in chosen} for chosen in cases.values()))
@@ -53,6 +53,10 @@ def read(campaign: Campaign, progress: Progress) -> dict[str, Turns]:
     campaign.prepare(wanted)
     for domain, case in progress.over(wanted, "turntable recordings"):
         found[domain][case.object, case.distance_m].append(_turn(campaign, domain, case))
+    shapes = {turn.signature.level.shape for turns in found.values() for some in turns.values() for turn in some}
+    if len(shapes) > 1:
+        told = " and ".join(str(frames) for frames in sorted({shape[0] for shape in shapes}))
+        raise InputError(f"turns of {told} frames cannot be compared; record all turntables at one frame rate and period")
     order = {name: number for number, name in enumerate(catalogue())}
     return {domain: dict(sorted(turns.items(), key=lambda item: (order[item[0][0]], item[0][1]))) for domain, turns in found.items()}
 

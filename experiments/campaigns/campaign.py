@@ -62,7 +62,7 @@ class Campaign:
         return [case for case in found if all(getattr(case, name) == value for name, value in wanted.items())]
 
     def log(self, case: Case, domain: str = "measured") -> Log:
-        """The nominal course of a recording of that domain. Beside recorded ones the twin has the course of a condition's first
+        """The nominal course of a recording of that domain. Beside recorded ones the twin has the course of a condition's longest
         repetition, of a turntable one turn."""
         if self._recorded is not None:
             return self._recorded.log(case) if domain == "measured" else self._recorded.twin_log(case)
@@ -130,7 +130,7 @@ class Campaign:
                 raise InputError("measured=recordings has no clean recordings")
             spec = {"domain": "measured", **truth.specification(case, self.config)}
             return spec, lambda: truth.record(case, self.config), ["experiments.campaigns.truth"]
-        chosen = self._materials(domain, materials)
+        chosen, case = self._materials(domain, materials), replace(case, repetition=0)  # the twin repeats nothing
         nominal = self.log(case, domain)
         spec = {"domain": "twin", **twin.specification(case, nominal, self.config, chosen, self.store)}
         return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store), ["experiments.campaigns.twin"]
@@ -147,7 +147,7 @@ class Campaign:
         if domain == "measured":
             spec = {"hardware": self.config.measured.gap.hardware, "seed": truth.seed_of(case, self.config)}
             return product.key, lambda: truth.receive(load_clean(product), case, self.config), spec
-        return product.key, lambda: twin.noisy(load_clean(product), case, self.config), {"seed": self.config.seed}
+        return product.key, lambda: twin.noisy(load_clean(product), replace(case, repetition=0), self.config), {"seed": self.config.seed}
 
     def _materials(self, domain: str, materials: str | MaterialsConfig | None) -> MaterialsConfig:
         if domain == twin.VOID:

@@ -114,7 +114,7 @@ def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
 
 
 def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driven: np.ndarray | None = None) -> Log:
-    """The nominal course of a recording of so many frames.
+    """The nominal course of a recording of so many frames; what goes along rests once it has gone its way.
 
     Args:
         turn_s: of one revolution of the turntable.
@@ -125,7 +125,7 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
     if case.motion in ROVER:
         bench = rooms.bench(case.room)
         start, way = _rover_start(case.motion, bench.sensor_pose)
-        poses = _straight(start, way, _TRAVEL[case.motion][1], rate_hz, frames)
+        poses = _straight(start, way, case.motion, rate_hz, frames)
         if driven is not None:
             poses = start @ np.linalg.inv(driven[0]) @ driven
         return Log(rate_hz, poses, trajectory.pose(bench.target_position(case.distance_m) - aim, FACING)[None])
@@ -136,7 +136,7 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
         return Log(rate_hz, sensor, trajectory.turntable(at, frames, rate_hz, turn_s, np.pi), angle)
     angle = np.radians(45.0 if case.motion == "diagonal" else 0.0)
     way = sensor[0, :3, 0] * np.cos(angle) + sensor[0, :3, 1] * np.sin(angle)
-    return Log(rate_hz, sensor, _straight(trajectory.pose(at, FACING), way, SPEED_MPS, rate_hz, frames))
+    return Log(rate_hz, sensor, _straight(trajectory.pose(at, FACING), way, case.motion, rate_hz, frames))
 
 
 def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -146,8 +146,11 @@ def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.nda
     return middle, -middle[:3, 0]
 
 
-def _straight(start: np.ndarray, way: np.ndarray, speed_mps: float, rate_hz: float, frames: int) -> np.ndarray:
-    return trajectory.rail(start, way, speed_mps / rate_hz * (frames - 1), frames)
+def _straight(start: np.ndarray, way: np.ndarray, motion: Motion, rate_hz: float, frames: int) -> np.ndarray:
+    length, speed = _TRAVEL[motion]
+    moving = min(frames, int(np.floor(length * rate_hz / speed + 1e-9)) + 1)
+    poses = trajectory.rail(start, way, speed / rate_hz * (moving - 1), moving)
+    return np.concatenate([poses, np.repeat(poses[-1:], frames - moving, axis=0)])
 
 
 def stand_top(nominal: Log) -> np.ndarray:

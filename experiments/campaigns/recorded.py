@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import replace
 from typing import get_args
+
+import numpy as np
 
 from experiments.campaigns.cases import BENCH_ROOM, ROVER, TURN_S, Case, Log, Motion, course
 from radartwin.config import ROOMS, Config
 from radartwin.configured import build_radar
 from radartwin.errors import InputError
-from radartwin.measured.index import Row
+from radartwin.features.envelope import frames_per_revolution
+from radartwin.measured.index import INDEX, Row
 from radartwin.measured.recording_set import RecordingSet, difference
 from radartwin.progress import Progress
+from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.scene.objects.catalogue import catalogue
 
@@ -35,6 +40,7 @@ class Recorded:
         assert folder is not None
         self._set = RecordingSet.load(folder)
         self._rows: dict[Case, Row] = {}
+        self._courses: dict[Case, tuple[Radar, int, np.ndarray | None]] = {}
         left: Counter[str] = Counter()
         for row in self._set:
             if reason := _reason(row):
@@ -62,17 +68,28 @@ class Recorded:
     def log(self, case: Case) -> Log:
         """From the recording's frames and rate, the turntable's period and the rover's trajectory where the index has them."""
         row = self._row(case)
-        radar, frames, driven = self._set.course(row)
+        radar, frames, driven = self._course(case)
         return course(case, radar.frame_rate_hz, frames, _turn_s(row), driven)
 
     def twin_log(self, condition: Case) -> Log:
-        """What the twin simulates for all repetitions of a condition: the course of the first; a turntable turns once."""
-        first = min(case for case in self.cases if replace(case, repetition=0) == condition)
-        if condition.motion != "turntable":
-            return self.log(first)
-        row = self._row(first)
-        rate = self._set.course(row)[0].frame_rate_hz
-        return course(condition, rate, max(1, round(rate * _turn_s(row))), _turn_s(row))
+        """What the twin simulates for all repetitions of a condition: the course of the longest; a turntable turns once."""
+        condition = replace(condition, repetition=0)
+        some = [case for case in self.cases if replace(case, repetition=0) == condition]
+        if not some:
+            raise InputError(f"{self._set.folder}: it has no recording of {condition.name}")
+        nominal = self.log(max(some, key=lambda case: (self._course(case)[1], -case.repetition)))
+        if nominal.angle_rad is None:
+            return nominal
+        turn_s = _turn_s(self._row(some[0]))
+        frames = max(3, math.ceil(nominal.frame_rate_hz * turn_s) + 1)
+        angle_rad = course(condition, nominal.frame_rate_hz, frames, turn_s).angle_rad
+        assert angle_rad is not None
+        return course(condition, nominal.frame_rate_hz, frames_per_revolution(angle_rad), turn_s)
+
+    def _course(self, case: Case) -> tuple[Radar, int, np.ndarray | None]:
+        if case not in self._courses:
+            self._courses[case] = self._set.course(self._row(case))
+        return self._courses[case]
 
     def _row(self, case: Case) -> Row:
         if case not in self._rows:
@@ -81,7 +98,15 @@ class Recorded:
 
 
 def _turn_s(row: Row) -> float:
-    return float(row.extra.get(TURN) or TURN_S)
+    """Raises InputError for what is no duration."""
+    text = row.extra.get(TURN) or str(TURN_S)
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0 < seconds < math.inf:
+        raise InputError(f"{INDEX}, recording {row.recording}: {TURN} is {text!r}; give the seconds of one revolution, such as 25")
+    return seconds
 
 
 def _reason(row: Row) -> str:

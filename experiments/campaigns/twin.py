@@ -22,7 +22,7 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.scene import Scene
-from radartwin.simulation.drives import Drives
+from radartwin.simulation.drives import Drives, straight
 from radartwin.simulation.mitsuba import MitsubaBackend
 from radartwin.simulation.simulate import simulate
 from radartwin.simulation.synthesis import received
@@ -36,7 +36,7 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
     """What decides a simulated recording."""
     spec: dict[str, Any] = {
         "case": asdict(case),
-        "course": spec_digest(vars(nominal)),
+        "course": spec_digest({name: None if value is None else np.round(value, 9) for name, value in vars(nominal).items()}),
         "radar": config.radar,
         "simulator": config.simulator,
         "seed": config.seed,
@@ -72,7 +72,7 @@ def record(case: Case, nominal: Log, config: Config, materials: MaterialsConfig,
         stand = _outermost(stand)
     target = list(catalogue()[case.object].surfaces())
     options = simulator_options(config.simulator)
-    if not isinstance(options["simulator"], MitsubaBackend):
+    if not isinstance(options["simulator"], MitsubaBackend) or not straight(nominal.sensor_poses):
         motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
         return simulate(room + stand + Scene(target), radar, nominal.sensor_poses, motion=motion, **options)
     known = str((materials, config.seed, config.measured.gap.geometry, options["elements"]))

@@ -132,8 +132,16 @@ class RecordingSet:
         return [row for row in self.rows if all(_matches(row.value(column), value) for column, value in wanted.items())]
 
     def recordings(self, **wanted: Any) -> Iterator[tuple[Row, Recording]]:
-        """The selected rows with their recordings, each read when its turn comes. Errors as `select` and `read`."""
-        return ((row, self.read(row)) for row in self.select(**wanted))
+        """The selected rows with their recordings, each read when its turn comes. Errors as `select` and `read`.
+
+        Raises:
+            MissingError: no recording is of these conditions.
+        """
+        rows = self.select(**wanted)
+        if wanted and not rows:
+            conditions = ", ".join(f"{column}={value}" for column, value in wanted.items())
+            raise MissingError(f"{self.folder}: it has no recording of {conditions}; see radartwin doctor --data {self.folder}")
+        return ((row, self.read(row)) for row in rows)
 
     def read(self, row: Row) -> Recording:
         """The recording of a row; where its file has no sensor poses, they are those of the row's trajectory.

@@ -6,10 +6,11 @@ from radartwin.compiled import compiled
 from radartwin.simulation.launch import Launch
 
 MARGIN = 1  # cells around what is in a facet's box
+BEFORE = 1e-3  # of the distance to a corner: less far before the source than that, and it is not said to be before it
 
 
 def covered(launch: Launch, pose: int, corners: np.ndarray) -> np.ndarray | None:
-    """Cells of one pose, ascending, whose centre ray could meet a facet; None where some facet is not wholly before the source.
+    """Cells of one pose, ascending, whose centre ray could meet a facet; None where some facet is not clearly before the source.
 
     Args:
         corners: (N, 3, 3) of the facets, in the launch's frame.
@@ -18,10 +19,11 @@ def covered(launch: Launch, pose: int, corners: np.ndarray) -> np.ndarray | None
     u, v = relative @ launch.u_axis[pose], relative @ launch.v_axis[pose]
     if not launch.plane:
         depth = relative @ launch.forward[pose]
-        if depth.min(initial=np.inf) <= 0:
+        if (depth <= BEFORE * np.linalg.norm(relative, axis=-1)).any():
             return None
         u, v = u / depth, v / depth
     u, v = (u - launch.low_u[pose]) / launch.step_u[pose], (v - launch.low_v[pose]) / launch.step_v[pose]
+    u, v = u.clip(-2 - MARGIN, launch.count_u + 1 + MARGIN), v.clip(-2 - MARGIN, launch.count_v + 1 + MARGIN)
     seen = np.zeros((launch.count_v, launch.count_u), np.bool_)
     _mark(seen, u, v)
     return np.flatnonzero(seen)

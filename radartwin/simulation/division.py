@@ -16,11 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from radartwin.errors import BackendError
 from radartwin.simulation import coverage, scouting
 from radartwin.simulation.device import Device
 from radartwin.simulation.flight import Chosen
 from radartwin.simulation.launch import Launch
 
+MOST_TUBES = (1 << 32) - 1  # indices are of 32 bits
 TUBES_PER_LAUNCH = 1 << 20  # bounds a kernel's memory to a few hundred megabytes
 
 
@@ -43,6 +45,10 @@ def blocks(
         walls: `transit.Walls` that tubes go through; None: they are mirrored.
     """
     end = launch.poses * launch.per_pose
+    if end > MOST_TUBES:
+        raise BackendError(
+            f"{end:.3g} tubes in one launch are more than the {MOST_TUBES:.3g} that can be counted; trace fewer poses at once"
+        )
     if pieces == 1 or launch.per_pose > TUBES_PER_LAUNCH // 2:
         stride = max(1, TUBES_PER_LAUNCH // launch.per_pose) * launch.per_pose
         several = (np.arange(low, min(low + stride, end)) for low in range(0, end, stride))

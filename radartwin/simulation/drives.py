@@ -31,6 +31,7 @@ CLUTTER_PRUNE = 1e-2  # of the strongest path by way of a piece of clutter: 0.00
 THING_PRUNE = 3e-3  # of the strongest path by way of a thing; against a third of it 0.006 of its signal
 SCOUT_SHARE = 0.3  # of the last prune: what is a little less at one place may be more at the next
 TOGETHER = 8  # places traced in one go, which bounds memory
+TURNED_RAD = np.deg2rad(3.0)  # that a shared drive may swerve: what is carried was judged by the element pattern at the start's heading
 ASIDE_M = 0.015  # by which hands put things beside their marks: three standard deviations
 BALL_M, BALL_STEP = 0.1, 1.5  # balls that legs are found for: so large, and so much larger from one size to the next
 
@@ -100,6 +101,17 @@ def _carry(
                     way_to[end, row, i] = turned
                     total -= turned * velocity[f, i]
             rate_to[row] = total
+
+
+def straight(poses: np.ndarray) -> bool:
+    """Whether a drive (F, 4, 4) is one that can be shared: along one line, one way, facing as at its start."""
+    at, way = poses[:, :3, 3] - poses[0, :3, 3], poses[-1, :3, 3] - poses[0, :3, 3]
+    length = float(np.linalg.norm(way))
+    along = at @ (way / length) if length > 0 else np.zeros(len(at))
+    aside = np.linalg.norm(at - along[:, None] * (way / length if length > 0 else way), axis=1)
+    turned = np.arccos(np.clip((np.einsum("fij,ij->f", poses[:, :3, :3], poses[0, :3, :3]) - 1) / 2, -1, 1))
+    back = float(np.diff(along).min(initial=0.0))
+    return bool(aside.max() <= 0.5 * SPACING_M and turned.max() <= TURNED_RAD and back >= -0.5 * SPACING_M)
 
 
 def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np.ndarray:

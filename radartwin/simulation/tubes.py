@@ -138,7 +138,7 @@ def trace(
             launches of different density share the scene between them.
         labels: (faces,) below 4095, to be told which faces a path met.
         occluder: static geometry tested between sensor and first and last hit.
-        prune: leave out hits below this share of the strongest of their pose in this launch.
+        prune: leave out hits below this share of the strongest of their pose in its block (division.blocks).
         hats: hat tubes everywhere (rooms); otherwise on curved facets only.
         pieces: odd; tubes across which the sequence of smooth patches changes are traced in so many parts each way, and those that a
             curved surface spreads onto another.

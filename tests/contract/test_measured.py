@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from radartwin.compose import compose
-from radartwin.errors import ConfigError, InputError, RecordingError
+from radartwin.errors import ConfigError, InputError, MissingError, RecordingError
 from radartwin.features.align import overlap, start_offset
 from radartwin.features.gate import gate_energies, multipath_share
 from radartwin.features.profile import range_time
@@ -73,6 +73,8 @@ def test_rows_and_recordings_agree_whatever_is_asked(measured: RecordingSet) -> 
 
 def test_conditions_nobody_recorded_are_none_and_a_column_there_is_not_is_named(measured: RecordingSet) -> None:
     assert measured.select(object="mug") == []
+    with pytest.raises(MissingError, match="no recording of object=mug, distance_m=1"):
+        measured.recordings(object="mug", distance_m=1)
     with pytest.raises(InputError, match="'colour'"):
         measured.select(colour="red")
 

@@ -17,7 +17,7 @@ from experiments.campaigns.campaign import load_clean
 from experiments.campaigns.cases import log
 from experiments.campaigns.turned import Turned
 from radartwin.compose import compose
-from radartwin.config import Config
+from radartwin.config import Config, MaterialsConfig
 from radartwin.configured import build_radar
 from radartwin.experiment import check_rows
 from radartwin.measured.drift import Drift
@@ -111,6 +111,8 @@ def test_the_first_line_tells_what_is_to_be_made(config: Config, tmp_path: Path,
 
 def test_a_scan_that_was_made_before_counts_with_its_room(config: Config, tmp_path: Path) -> None:
     store, progress = Store(tmp_path / "cache"), Progress(quiet=True)
+    void = config
+    config = replace(config, materials=MaterialsConfig(source="uniform"))
     campaign = Campaign(config, store, progress)
     before = table.make(campaign, progress)
     spec = scanning.specification(config, "lab", config.measured.gap.geometry)
@@ -124,6 +126,8 @@ def test_a_scan_that_was_made_before_counts_with_its_room(config: Config, tmp_pa
     alone = [(one.setups, round(one.seconds[0])) for one in before if one.domain == "twin"]
     assert scanned[0] == (alone[0][0] + 1, alone[0][1] + 3)
     assert scanned[1:] == alone[1:]
+    without = [one.setups for one in table.make(Campaign(void, store, progress), progress) if one.domain == "twin"]
+    assert without == [setups for setups, _ in alone]  # without a room nothing was scanned for it
 
 
 def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() -> None:

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from experiments import environment
 from experiments.campaigns import Campaign, Case
+from experiments.campaigns.cases import Motion, course
 from experiments.campaigns.export import export
 from radartwin.compose import compose
 from radartwin.config import Config
 from radartwin.errors import ConfigError, InputError, UserError
 from radartwin.features import sets
 from radartwin.features.align import start_offset
+from radartwin.features.envelope import frames_per_revolution
 from radartwin.features.gate import gate_energies
 from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
 from radartwin.measured.checks import examine
+from radartwin.measured.index import Row
 from radartwin.measured.recording_set import RecordingSet
 from radartwin.progress import Progress
 from radartwin.radar.recording import Recording
+from radartwin.simulation.drives import straight
 from radartwin.store import Store
 
 TINY = [
@@ -187,8 +193,6 @@ def test_what_the_environment_table_would_not_read_is_refused(folder: Path, over
 
 def test_a_recorded_drive_is_logged_where_its_radar_went(folder: Path, tmp_path: Path) -> None:
     """The rover's own trajectory, in any world, is laid at the mark where drives start."""
-    from experiments.campaigns.cases import course
-
     case = Case("mug", "squash_court", "depth", 1.0)
     nominal = course(case, 10.0, 20)
     elsewhere = np.eye(4)
@@ -201,30 +205,98 @@ def test_a_recorded_drive_is_logged_where_its_radar_went(folder: Path, tmp_path:
     assert np.allclose(nominal.distance_m[10:] - logged.distance_m[10:], 0.05)
 
 
-def test_the_twin_follows_the_recorded_course_and_rate(folder: Path, tmp_path: Path) -> None:
-    """A set at 20 Hz, of fewer frames than planned, on a turntable of 2 s a turn: the twin's frames are the recording's own."""
+def remade(folder: Path, tmp_path: Path, rate_hz: float, chosen: Callable[[Row], list[tuple[Row, int]]]) -> Campaign:
+    """A campaign of rows and frames chosen from the set, said to be of another rate."""
     whole = RecordingSet.load(folder / "set")
-    faster = RecordingSet.create(tmp_path / "set", whole.card)
+    other = RecordingSet.create(tmp_path / "set", whole.card)
     for row in whole:
-        if row.repetition == 0 and row.motion != "diagonal":
-            recording = whole.read(row)
-            radar = replace(recording.radar, frame_rate_hz=20.0)
-            faster.add(Recording(recording.iq[:10], radar, recording.sensor_poses), replace(row, extra={"period_s": "0.4"}))
-    config = configured(tmp_path, "measured=recordings", f"measured.folder={tmp_path / 'set'}")
-    campaign = campaign_of(config)
+        recording = whole.read(row)
+        for new, frames in chosen(row):
+            radar = replace(recording.radar, frame_rate_hz=rate_hz)
+            iq = np.resize(recording.iq, (frames, *recording.iq.shape[1:]))
+            other.add(Recording(iq, radar, recording.sensor_poses[:1] if recording.sensor_poses is not None else None), new)
+    return campaign_of(configured(tmp_path, "measured=recordings", f"measured.folder={tmp_path / 'set'}"))
+
+
+def test_the_twin_follows_the_recorded_course_and_rate(folder: Path, tmp_path: Path) -> None:
+    """A set at 20 Hz, of fewer frames than planned, on a turntable of 0.4 s a turn: the twin's frames are the recording's own."""
+
+    def chosen(row: Row) -> list[tuple[Row, int]]:
+        return [(replace(row, extra={"period_s": "0.4"}), 10)] if row.repetition == 0 and row.motion != "diagonal" else []
+
+    campaign = remade(folder, tmp_path, 20.0, chosen)
     assert len(campaign.cases("twin")) == 2
     for condition in campaign.cases("twin"):
-        case = next(case for case in campaign.cases("measured") if replace(case, repetition=0) == condition)
-        ours, theirs = campaign.log(condition, "twin"), campaign.log(case)
+        ours, theirs = campaign.log(condition, "twin"), campaign.log(condition)
         assert ours.frame_rate_hz == theirs.frame_rate_hz == 20.0
         turns = condition.motion == "turntable"
         assert (ours.frames, theirs.frames) == (8 if turns else 10, 10)  # one turn of the table
-        assert np.allclose(ours.distance_m, theirs.distance_m[: ours.frames])
         if turns:
             assert theirs.angle_rad is not None
             assert np.allclose(np.diff(theirs.angle_rad), 2 * np.pi / 8)
+        else:
+            assert np.allclose(ours.distance_m, 1.0 + 0.2 / 20 * np.arange(10))  # the rail's speed, the recording's rate
         made = campaign.recording("void", condition)
         assert (made.num_frames, made.radar.frame_rate_hz) == (ours.frames, 20.0)
-    other = configured(folder, "materials=void")
-    nominal = campaign_of(other).clean("void", campaign.cases("twin")[0])
+    nominal = campaign_of(configured(folder, "materials=void")).clean("void", campaign.cases("twin")[0])
     assert nominal.key != campaign.clean("void", campaign.cases("twin")[0]).key
+
+
+def test_repetitions_count_from_anywhere_and_the_longest_is_simulated(folder: Path, tmp_path: Path) -> None:
+    def chosen(row: Row) -> list[tuple[Row, int]]:
+        if row.motion != "radial":
+            return []
+        return [(replace(row, recording=f"run{k}", repetition=k), frames) for k, frames in ((1, 4), (2, 9), (5, 9))]
+
+    campaign = remade(folder, tmp_path, 10.0, chosen)
+    (condition,) = campaign.cases("twin")
+    assert condition.repetition == 0
+    assert campaign.log(condition, "twin").frames == 9
+    for case in campaign.cases("measured"):
+        assert campaign.log(case, "twin").frames == 9
+        assert campaign.clean("void", case).key == campaign.clean("void", condition).key
+    with pytest.raises(InputError, match="no recording of lab-radial-mug-1m-0"):
+        campaign.log(Case("mug", "lab", "radial", 1.0), "twin")
+
+
+@pytest.mark.parametrize(("rate_hz", "period", "frames"), [(10.0, "10.25", 103), (10.0, "25", 250), (20.0, "0.5", 10)])
+def test_the_twins_turn_is_the_one_that_features_cut(folder: Path, tmp_path: Path, rate_hz: float, period: str, frames: int) -> None:
+    def chosen(row: Row) -> list[tuple[Row, int]]:
+        return [(replace(row, extra={"period_s": period}), 5)] if (row.motion, row.repetition) == ("turntable", 0) else []
+
+    campaign = remade(folder, tmp_path, rate_hz, chosen)
+    (condition,) = campaign.cases("twin")
+    angle = campaign.log(condition, "twin").angle_rad
+    assert angle is not None
+    assert len(angle) == frames_per_revolution(angle)
+    assert len(angle) == pytest.approx(frames, abs=1)
+
+
+@pytest.mark.parametrize("period", ["25,0", "0", "nan"])
+def test_a_period_that_is_none_is_one_line(folder: Path, tmp_path: Path, period: str) -> None:
+    def chosen(row: Row) -> list[tuple[Row, int]]:
+        return [(replace(row, extra={"period_s": period}), 5)] if (row.motion, row.repetition) == ("turntable", 0) else []
+
+    campaign = remade(folder, tmp_path, 10.0, chosen)
+    with pytest.raises(InputError, match=r"period_s is .*one revolution"):
+        campaign.log(campaign.cases("measured")[0])
+
+
+@pytest.mark.parametrize(("motion", "end_m"), [("depth", 2.0), ("radial", 1.6)])
+def test_what_goes_along_rests_at_the_end_of_its_way(motion: Motion, end_m: float) -> None:
+    away = course(Case("mug", "lab" if motion == "radial" else "squash_court", motion, 1.0), 10.0, 200).distance_m
+    assert away[0] == pytest.approx(1.0, abs=1e-9)
+    assert away[-1] == away[-50] == pytest.approx(end_m, abs=1e-6)
+
+
+def test_only_drives_along_a_line_share_what_is_found_along_it() -> None:
+    line = course(Case("mug", "squash_court", "depth", 1.0), 10.0, 50).sensor_poses
+    assert straight(line)
+    assert straight(line[:1])
+    weaving, back, turning = line.copy(), line[[*range(50), *range(49, -1, -1)]], line.copy()
+    weaving[:, 1, 3] += 0.1 * np.sin(np.arange(50) / 5)
+    turning[:, :3, :3] = Rotation.from_rotvec(np.linspace(0, 0.3, 50)[:, None] * [0, 0, 1]).as_matrix() @ line[:, :3, :3]
+    swaying = line.copy()
+    swaying[:, 1, 3] += 0.005 * np.sin(np.arange(50) / 5)
+    assert straight(swaying)
+    assert not any(straight(poses) for poses in (weaving, back, turning))

@@ -36,7 +36,7 @@ def counted(tmp_path_factory: pytest.TempPathFactory):
     return run
 
 
-@pytest.mark.parametrize("more", [["jobs=2"], ["hydra/launcher=joblib"], ["measured=testbed"]])
+@pytest.mark.parametrize("more", [["jobs=2"], ["hydra/launcher=joblib"]])
 def test_what_changes_no_figure_recomputes_nothing(counted, more: list[str]) -> None:
     key, counts = counted(*more)
     assert key == counted.first

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from radartwin.errors import BackendError
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import coverage, division, launch
 
@@ -49,6 +50,23 @@ def test_what_is_partly_behind_the_source_takes_all_cells() -> None:
     assert coverage.covered(grid, 0, mesh.triangles) is None
 
 
+def test_a_corner_beside_the_source_takes_all_cells() -> None:
+    """A depth of one rounding error is no depth: 0.1 + 0.2 is not 0.3."""
+    grid = launch.all_around(np.array([[0.3, 0.0, 0.0]]), np.eye(3)[None], 6 * 50**2)[0]
+    corners = np.array([[[0.1 + 0.2, 1.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0]]])
+    assert coverage.covered(grid, 0, corners) is None
+    grazing = np.array([[[0.3 + 2e-3, 1.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0]]])
+    cells = coverage.covered(grid, 0, grazing)
+    assert cells is not None
+    assert 0 < len(cells) < grid.per_pose
+
+
+def test_more_tubes_than_can_be_counted_are_refused() -> None:
+    grid = launch.all_around(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), 6 * 8000**2)[0]
+    with pytest.raises(BackendError, match="more than the"):
+        next(division.blocks(None, grid, np.zeros((0, 3, 3)), 1, 0, 1, None))  # pyright: ignore[reportArgumentType]
+
+
 @pytest.mark.parametrize("bounces", [1, 3])
 def test_the_signal_is_the_same_in_small_blocks(monkeypatch: pytest.MonkeyPatch, bounces: int) -> None:
     from radartwin.radar.chirp import Radar
@@ -58,6 +76,8 @@ def test_the_signal_is_the_same_in_small_blocks(monkeypatch: pytest.MonkeyPatch,
     mesh.apply_translation([1.5, 0.0, 0.0])
     scene = Scene([Surface(mesh, "metal", "frame", role="object")])
 
+    poses = np.repeat(np.eye(4)[None], 3, axis=0)
+    poses[:, 1, 3] = [0.0, 0.1, -0.2]
     made = []
     blocks = division.blocks
 
@@ -68,12 +88,16 @@ def test_the_signal_is_the_same_in_small_blocks(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr(division, "blocks", seen)
 
     def signal() -> np.ndarray:
-        return simulate(scene, Radar.iwr1843(), np.eye(4), max_bounces=bounces).iq
+        return simulate(scene, Radar.iwr1843(), np.eye(4), motion={"frame": poses}, max_bounces=bounces).iq
 
     divided = signal()
     monkeypatch.setattr(division, "TUBES_PER_LAUNCH", max(made))  # whole poses, not divided at edges
     whole = signal()
     monkeypatch.setattr(division, "TUBES_PER_LAUNCH", max(made) // 7)
+    covered, left = coverage.covered, []
+    monkeypatch.setattr(coverage, "covered", lambda *arguments: left.append(covered(*arguments)) or left[-1])
     parts = signal()
+    assert len(left) >= 3  # every pose
+    assert all(cells is not None and len(cells) < 0.7 * max(made) for cells in left)
     assert np.linalg.norm(whole - divided) < 0.1 * np.linalg.norm(divided)
     assert np.linalg.norm(parts - whole) < 1e-4 * np.linalg.norm(whole)
