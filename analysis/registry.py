@@ -11,13 +11,13 @@ from radartwin.errors import ConfigError
 class Table:
     """An entry: `name` is also the experiment (experiments/NAME.py, conf/experiment/NAME.yaml) and the file name.
 
-    `on_request`: takes longer than the quick profile has; there it is made when it is named, in the paper profile always.
+    `named_in`: profiles in which it takes too long to be made without being named.
     """
 
     name: str
     title: str
     caption: str
-    on_request: bool = False
+    named_in: tuple[str, ...] = ()
     page: str = ""  # module with page(rows), an interactive page beside the figures
 
 
@@ -89,7 +89,7 @@ TABLES = (
     ),
     Table(
         name="gaps",
-        on_request=True,
+        named_in=("quick",),
         title="Each gap by itself",
         caption="With every gap off and the twin told the true materials and the exact room, what is left between the domains is the "
         "room's storage in single precision (gap none; claimed against what finer tracing with one bounce more changes). Then each gap "
@@ -158,12 +158,13 @@ TABLES = (
     ),
     Table(
         name="sensitivity",
-        on_request=True,
+        named_in=("quick", "paper"),
         title="What each simulator setting is worth",
-        caption="One setting at a time changed from the default. Feature error: root mean square, over a recording's features, of the "
-        "difference from the finest twin's (four times the rays, five bounces), each in units of its standard deviation over the finest "
-        "twin's recordings of that motion; cost is of the twin's frames, set-ups of tracks included. Below them every headline of the "
-        "fidelity tables, with its change from the default's.",
+        caption="The default with one thing changed at a time, and the finest, with four times the rays and a fifth bounce. Feature "
+        "error: root mean square, over a recording's features, of the difference from the finest twin's, each in units of its standard "
+        "deviation over the finest twin's recordings of that motion; what drives carry is as coarse in the finest. Times are of recordings "
+        "that found their track set up, and of set-ups apart. Below them every headline of the fidelity tables, with its change from the "
+        "default's.",
     ),
     Table(
         name="labelled_probe",
@@ -228,4 +229,4 @@ def select(names: list[str] | None, profile: str = "paper") -> list[Table]:
     for name in names or ():
         if name not in known:
             raise ConfigError(f"--only {name}: there is no such table; tables: {', '.join(known)}")
-    return [known[name] for name in names] if names else [table for table in TABLES if profile != "quick" or not table.on_request]
+    return [known[name] for name in names] if names else [table for table in TABLES if profile not in table.named_in]

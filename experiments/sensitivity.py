@@ -1,27 +1,43 @@
 """What each simulator setting costs and changes: the twin's features against the finest setting's, and every fidelity figure.
 
-One setting at a time is changed from the default. The feature error of a recording is the root mean square, over the features of its
-motion's set, of the difference from the finest twin's, each in units of that feature's standard deviation over the finest twin's recordings
-of that motion: 1 is as much as objects, distances and rooms differ. The measured side is the same throughout. The same as a sweep:
-docs/sweeps.md.
+Each setting is the default with one thing changed, but for the finest, with more rays and a bounce more. The feature error of a
+recording is the root mean square, over the features of its motion's set, of the difference from the finest twin's, each in units of that
+feature's standard deviation over the finest twin's recordings of that motion: recordings of different objects, distances and rooms differ
+by 1.4. The measured side is the same throughout. What drives carry (simulation/drives.py) is as coarse in the finest as in the others, so
+that the error understates it. Costs are of recordings that found their track set up, set-ups apart, as they were made in this store. As a
+sweep: docs/sweeps.md.
 """
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import statistics
+from experiments import (
+    corner_reflector_calibration,
+    environment,
+    linear_rail,
+    measuring,
+    rover_disentangle,
+    rover_fidelity,
+    statistics,
+    turntable_material,
+    turntable_shape,
+    turntable_size,
+)
+from experiments.campaigns import tally
 from experiments.campaigns.campaign import Campaign
 from experiments.campaigns.cases import Case
 from experiments.claims import row
 from experiments.statistics import Estimate
 from radartwin.compose import compose
 from radartwin.config import Config, MaterialsConfig
+from radartwin.digest import semantic
+from radartwin.errors import ConfigError, UserError
 from radartwin.experiment import Result
 from radartwin.features import sets
 from radartwin.plotting import PAGE_WIDTH_IN, PALETTE, figure
@@ -32,11 +48,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIDELITY = (
-    "turntable_shape", "turntable_material", "turntable_size", "linear_rail", "environment", "rover_fidelity", "rover_disentangle",
-    "corner_reflector_calibration",
+    turntable_shape, turntable_material, turntable_size, linear_rail, environment, rover_fidelity, rover_disentangle,
+    corner_reflector_calibration,
 )  # fmt: skip
 FEATURES = {"turntable": "rotation", "depth": "depth", "lateral": "lateral"}  # by motion
 FINEST, DEFAULT = "finest", "default"
+ERROR, COST, SETUP = "feature error", "core time per frame (ms)", "core time of a set-up (s)"
+LEAST = 3  # recordings of a motion, below which features have no spread to speak of
 
 
 @dataclass(frozen=True)
@@ -68,27 +86,53 @@ class Twin:
     """The twin's recordings under one setting.
 
     Attributes:
-        values: {motion: (recordings, features)}. keys: of all recordings. core_seconds: (recordings,) of one frame, by motion.
-        figures: {(table, metric): value} of the fidelity tables.
+        values: {motion: (recordings, features)}. keys: {motion: of the recordings}.
+        frame_s: {motion: (recordings,) core seconds of a frame}. setups: {motion: (recordings,) set-ups made with each}.
+        frames: {motion: of one recording}.
+        figures: {(table, metric): (value, keys of the recordings)} of the fidelity tables.
     """
 
     values: dict[str, np.ndarray]
     keys: dict[str, list[str]]
-    core_seconds: dict[str, np.ndarray]
-    figures: dict[tuple[str, str], float]
+    frame_s: dict[str, np.ndarray]
+    setups: dict[str, np.ndarray]
+    frames: dict[str, int]
+    figures: dict[tuple[str, str], tuple[float, list[str]]]
+
+
+def identity() -> dict[str, Any]:
+    """What a run's key holds beside configuration and source: how each fidelity table is configured, and the machine that was timed."""
+    return {"tables": {_name(module): semantic(_own(module)) for module in FIDELITY}, "machine": measuring.machine()}
+
+
+def _name(module: ModuleType) -> str:
+    return module.__name__.rpartition(".")[2]
+
+
+def _own(module: ModuleType) -> Config:
+    return compose([f"experiment={_name(module)}"])
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Every setting on the twin's side of the campaign. Raises UserError for a campaign that cannot be made."""
+    """Every setting on the twin's side of the campaign.
+
+    Raises:
+        ConfigError: a configured twin that is one of the settings already. UserError: a campaign that cannot be made.
+    """
+    if config.materials.source in {setting.materials for setting in SETTINGS}:
+        raise ConfigError(
+            f"materials={config.materials.source} is one of the settings that experiment=sensitivity tries; leave materials out"
+        )
     twins = {}
     for setting in SETTINGS:
         progress.say(f"sensitivity: {setting.name}")
         changed = _changed(config, setting)
-        twins[setting.name] = read(Campaign(changed, store, progress), changed, store, progress)
+        twins[setting.name] = read(Campaign(changed, store, progress), changed, progress)
     rows = table(config, twins)
     metrics = {f"feature_error_{r['motion']}_{r['setting'].replace(' ', '_')}": r["value"] for r in rows if r["metric"] == ERROR}
-    keys = sorted({key for twin in twins.values() for some in twin.keys.values() for key in some})
-    return Result("sensitivity", rows, {"sensitivity": lambda: chart(rows)}, metrics, keys)
+    keys = {key for twin in twins.values() for some in twin.keys.values() for key in some}
+    keys |= {key for twin in twins.values() for _, some in twin.figures.values() for key in some}
+    return Result("sensitivity", rows, {"sensitivity": lambda: chart(rows)}, metrics, sorted(keys))
 
 
 def _changed(config: Config, setting: Setting) -> Config:
@@ -96,62 +140,72 @@ def _changed(config: Config, setting: Setting) -> Config:
     return replace(config, simulator=replace(config.simulator, **setting.simulator), materials=materials)
 
 
-def read(campaign: Campaign, config: Config, store: Store, progress: Progress) -> Twin:
+def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
     """Features and cost of the twin's recordings, and the fidelity figures, under one setting."""
-    cases = {motion: campaign.cases("twin", motion=motion) for motion in FEATURES}
+    found = Twin({}, {}, {}, {}, {}, {})
+    cases = {motion: some for motion in FEATURES if len(some := campaign.cases("twin", motion=motion)) >= LEAST}
     campaign.prepare([("twin", case) for some in cases.values() for case in some])
-    values, keys, cost = {}, {}, {}
     for motion, some in cases.items():
-        if some:
-            read = [_one(campaign, case) for case in progress.over(some, motion)]
-            values[motion] = np.stack([one[0] for one in read])
-            keys[motion], cost[motion] = [one[1] for one in read], np.array([one[2] for one in read])
-    figures = {}
-    for name in FIDELITY:
-        own = compose([f"experiment={name}"])
+        values, keys, seconds, setups, frames = zip(*(_one(campaign, case) for case in progress.over(some, motion)), strict=True)
+        found.values[motion], found.keys[motion] = np.stack(values), list(keys)
+        found.frame_s[motion], found.setups[motion], found.frames[motion] = np.array(seconds), np.array(setups), frames[0]
+    for module in FIDELITY:
         same = {
             part: getattr(config, part) for part in ("simulator", "materials", "radar", "measured", "profile", "seed", "output", "jobs")
         }
-        module = importlib.import_module(f"experiments.{name}")
-        quick = {"ripple": False} if name == "turntable_shape" else {}
-        result = module.score(replace(own, **same), campaign, progress, **quick)
-        figures |= {(name, metric): value for metric, value in result.metrics.items()}
-    return Twin(values, keys, cost, figures)
+        quick = {"ripple": False} if module is turntable_shape else {}
+        try:
+            result = module.score(replace(_own(module), **same), campaign, progress, **quick)
+        except UserError as error:  # a campaign without its motion, or with too few objects
+            progress.say(f"sensitivity: without {_name(module)}: {error}")
+            continue
+        for metric, value in result.metrics.items():
+            found.figures[_name(module), metric] = value, result.keys
+    return found
 
 
-def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float]:
-    """(features, key, core seconds a frame) of a twin's recording; what its track shares is in the first that used it."""
+def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, int]:
+    """(features, key, core seconds a frame, set-ups made with it, frames) of a twin's recording."""
     key, processed = campaign.processed("twin", case)
-    clean = campaign.clean("twin", case).read_json("meta")
+    made = campaign.clean("twin", case).read_json("meta")
+    told = made["told"]
     values = sets.vector(processed, campaign.log(case, "twin"), FEATURES[case.motion])[1]
-    return values, key, float(clean["core_seconds"]) / clean["told"]["frames"]
+    return values, key, float(made["core_seconds"]) / told["frames"], int(told.get(tally.SETUPS, 0)), int(told["frames"])
 
 
-ERROR, COST = "feature error", "core time per frame (ms)"
-
-
-def table(config: Config, twins: dict[str, Twin]) -> list[dict[str, Any]]:
+def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
     """Per setting: error and cost by motion, and each fidelity figure beside the default's."""
     finest, default = twins[FINEST], twins[DEFAULT]
-    spread = {motion: np.where((s := values.std(axis=0)) > 0, s, 1.0) for motion, values in finest.values.items()}
+    seeds = config.profile.resamples, config.seed
     rows = []
     for name, twin in twins.items():
         for motion, values in twin.values.items():
-            case = {"setting": name, "table": "", "motion": motion}
-            error = np.sqrt((((values - finest.values[motion]) / spread[motion]) ** 2).mean(axis=1))
-            seeds = config.profile.resamples, config.seed
-            rows.append(row(config, case, ERROR, statistics.mean(error, *seeds), twin.keys[motion]))
-            rows.append(row(config, case, COST, statistics.mean(1e3 * twin.core_seconds[motion], *seeds), twin.keys[motion]))
-        for (table_name, metric), value in twin.figures.items():
-            case = {"setting": name, "table": table_name, "motion": ""}
-            every = [key for some in twin.keys.values() for key in some]
-            nothing = float("nan")
-            rows.append(row(config, case, metric, Estimate(value, nothing, nothing, len(every)), every))
-            rows[-1]["change"] = value - default.figures[table_name, metric]
-    return [
-        {"setting": one["setting"], "table": one["table"], "motion": one["motion"], "change": one.pop("change", None), **one}
-        for one in rows
-    ]
+            case = {"setting": name, "table": "", "motion": motion, "change": None}
+            error = feature_error(values, finest.values[motion])
+            keys, plain = twin.keys[motion], twin.setups[motion] == 0
+            rows.append(row(config, case, ERROR, statistics.mean(error, *seeds), {*keys, *finest.keys[motion]}))
+            if plain.any():
+                each = twin.frame_s[motion][plain]
+                rows.append(row(config, case, COST, statistics.mean(1e3 * each, *seeds), np.array(keys)[plain].tolist()))
+                if not plain.all():
+                    whole = (twin.frame_s[motion][~plain] - each.mean()) * twin.frames[motion] / twin.setups[motion][~plain]
+                    rows.append(row(config, case, SETUP, statistics.mean(whole, *seeds), np.array(keys)[~plain].tolist()))
+        for (table_name, metric), (value, keys) in twin.figures.items():
+            change = value - default.figures[table_name, metric][0] if (table_name, metric) in default.figures else None
+            case = {"setting": name, "table": table_name, "motion": "", "change": change}
+            rows.append(row(config, case, metric, Estimate(value, float("nan"), float("nan"), len(keys)), keys))
+    return rows
+
+
+def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
+    """(recordings,) root mean square over features of the difference in spreads; features without spread do not count.
+
+    Args:
+        values, finest: (recordings, features).
+    """
+    spread = finest.std(axis=0)
+    tells = spread > 1e-9 * np.abs(finest).max(axis=0, initial=0.0)
+    return np.sqrt((((values - finest)[:, tells] / spread[tells]) ** 2).mean(axis=1))
 
 
 def chart(rows: Sequence[dict[str, Any]]) -> Figure:
@@ -161,13 +215,17 @@ def chart(rows: Sequence[dict[str, Any]]) -> Figure:
     names = [one.name for one in SETTINGS if one.name != FINEST]
     marks = "osD^v<>PX*"
 
-    def value(name: str, motion: str, metric: str) -> float:
-        return next(r["value"] for r in rows if (r["setting"], r["motion"], r["metric"]) == (name, motion, metric))
+    def value(name: str, motion: str, metric: str) -> float | None:
+        return next((r["value"] for r in rows if (r["setting"], r["motion"], r["metric"]) == (name, motion, metric)), None)
 
     for axes, motion in zip(panels[0], motions, strict=True):
         for k, name in enumerate(names):
-            point = value(name, motion, COST), max(value(name, motion, ERROR), 1e-3)
-            axes.plot(*point, marks[k % len(marks)], color=PALETTE[k % len(PALETTE)], label=name)
+            cost = value(name, motion, COST)
+            if cost is None:
+                continue
+            axes.plot(
+                cost, max(value(name, motion, ERROR) or 0.0, 1e-3), marks[k % len(marks)], color=PALETTE[k % len(PALETTE)], label=name
+            )
         axes.set(xscale="log", yscale="log", xlabel=COST, title=motion)
     panels[0][0].set_ylabel("feature error (spreads)")
     handles, labels = panels[0][0].get_legend_handles_labels()

@@ -19,9 +19,23 @@ def drawn():
     figure, axes = plotting.figure(1, 3, height_in=2.5)
     axes[0].plot([0, 1, 2, 3], [1.0, 10.0, 100.0, 1000.0], "o-", label="rising")
     axes[0].set(yscale="log", xlabel="distance (m)", ylabel="level")
-    axes[1].imshow(np.arange(12.0).reshape(3, 4), origin="lower", extent=(0, 4, 0, 3), aspect="auto")
-    axes[2].bar([0, 1], [0.4, 0.8], label="share")
+    axes[1].imshow(np.arange(12.0).reshape(3, 4) / 100, aspect="auto")  # the first row on top
+    axes[2].bar([-0.2, 0.8], [0.4, 0.8], width=0.4, yerr=[0.1, 0.1], label="ours")
+    axes[2].bar([0.2, 1.2], [0.3, 0.6], width=0.4, label="theirs")
     axes[2].set_xticks([0, 1], ["mug", "can"])
+    return figure
+
+
+def others():
+    """What a page must survive, and tell rightly where it can."""
+    figure, axes = plotting.figure(2, 3, height_in=4)
+    axes[0, 0].plot(["mug", "can"], [1, 2])
+    axes[0, 1].pcolormesh([1, 10, 100], [0, 1], [[1.0, 2.0]])
+    axes[0, 2].pcolormesh(np.arange(3), np.arange(3), np.ones((3, 3)), shading="gouraud")
+    axes[1, 0].plot([0, 1, 4, 16], [0, 1, 2, 3])
+    axes[1, 0].set_xscale("symlog", linthresh=1)
+    axes[1, 1].imshow([[1.0, 2.0], [3.0, 4.0]], origin="lower", extent=(0, 2, 5, 3), aspect="auto")
+    axes[1, 2].errorbar([1, 2], np.ma.masked_array([0.5, 99.0], [False, True]), [0.1, 0.1], capsize=2, label="room")
     return figure
 
 
@@ -51,11 +65,24 @@ def test_the_page_knows_what_was_drawn_and_is_the_same_bytes_twice(path: Path, t
     left, middle, right = data_of(path)["axes"]
     assert left["series"] == [{"name": "rising", "points": [[0, 1], [1, 10], [2, 100], [3, 1000]]}]
     assert left["y"]["log"]
-    assert middle["pictures"][0]["values"][2] == [8, 9, 10, 11]
-    assert right["series"][0]["points"] == [[0, 0.4], [1, 0.8]]
+    (picture,) = middle["pictures"]
+    assert picture["extent"] == [-0.5, 3.5, 2.5, -0.5]
+    assert picture["values"] == [[0.08, 0.09, 0.1, 0.11], [0.04, 0.05, 0.06, 0.07], [0, 0.01, 0.02, 0.03]]  # from 2.5 to -0.5
+    assert right["series"] == [
+        {"name": "ours", "points": [[-0.2, 0.4, 0.4], [0.8, 0.8, 0.8]]}, {"name": "theirs", "points": [[0.2, 0.3, 0.3], [1.2, 0.6, 0.6]]},
+    ]  # fmt: skip
     assert right["x"]["names"] == [[0, "mug"], [1, "can"]]
     again = plotting.save(drawn, tmp_path / "three_panels")[-1]
     assert again.read_bytes() == path.read_bytes()
+
+
+def test_what_cannot_be_read_is_drawn_and_has_no_values(tmp_path: Path) -> None:
+    names, uneven, shaded, other, low, bars = data_of(plotting.save(others, tmp_path / "others")[-1])["axes"]
+    assert names["series"][0]["points"] == [[0, 1], [1, 2]]
+    assert uneven["pictures"] == shaded["pictures"] == []
+    assert len(other["x"]["steps"]) == 257
+    assert low["pictures"] == [{"extent": [0, 2, 5, 3], "values": [[1, 2], [3, 4]]}]
+    assert bars["series"] == [{"name": "room", "points": [[1, 0.5]]}]
 
 
 def over(opened, axes: dict, x: float, y: float) -> str:
@@ -77,12 +104,28 @@ def test_values_under_the_pointer_are_those_of_the_data(opened, path: Path) -> N
         return (at - low) / (high - low)
 
     assert over(opened, left, share(left["x"], 2) + 0.01, share(left["y"], 100)) == "rising · distance (m) 2 · level 100"
-    assert over(opened, middle, 0.6, 0.9).endswith("value 10")
-    assert "can" in over(opened, right, share(right["x"], 1), share(right["y"], 0.8))
+    assert over(opened, middle, 0.6, 0.9).endswith("value 0.02")  # third column, upper row
+    assert over(opened, middle, 0.1, 0.1).endswith("value 0.08")
+    said = over(opened, right, share(right["x"], 1.2), share(right["y"], 0.6))
+    assert said == "theirs · across can · up 0.6 · bar 0.6"
+    assert over(opened, right, share(right["x"], -0.2), share(right["y"], 0.4)).startswith("ours · across mug")
     for key in ("+", "+"):  # zoomed, the same places say the same
         opened.run(f'holder.dispatchEvent(new KeyboardEvent("keydown", {{key: "{key}"}}))')
     assert opened.run("view[2] < data.size[0] / 1.4")
-    assert over(opened, middle, 0.6, 0.9).endswith("value 10")
+    assert over(opened, middle, 0.6, 0.9).endswith("value 0.02")
+    before = opened.run("view.join()")
+    opened.run('holder.dispatchEvent(new KeyboardEvent("keydown", {key: "ArrowRight"}))')
+    assert opened.run("view.join()") != before
+    opened.run('holder.dispatchEvent(new KeyboardEvent("keydown", {key: "+", ctrlKey: true}))')  # the browser's own
+    wheel = 'holder.dispatchEvent(new WheelEvent("wheel", {deltaY: -100, clientX: 300, clientY: 300, cancelable: true}))'
+    before = opened.run("view[2]")
+    opened.run(wheel)
+    assert opened.run("view[2]") == before  # the page scrolls until the figure has been chosen
+    opened.run("holder.focus()")
+    opened.run(wheel)
+    assert opened.run("view[2]") < before
     opened.run('holder.dispatchEvent(new KeyboardEvent("keydown", {key: "0"}))')
     assert opened.run("view[2] === data.size[0]")
+    opened.run('holder.dispatchEvent(new KeyboardEvent("keydown", {key: "n"}))')
+    assert opened.run("told.textContent") == "rising · distance (m) 0 · level 1"
     assert opened.messages == []
