@@ -19,7 +19,7 @@ from radartwin.compiled import cores
 from radartwin.config import Config
 from radartwin.errors import BackendError, UserError
 
-MEMORY = 5e9  # bytes of one process, generously
+MEMORY = 8e9  # bytes of one process, along the atrium
 LEAST = 4  # recordings below which a second process is not worth its start
 PIECE = 12  # recordings given out at a time
 Wanted = tuple[str, Case]
