@@ -102,5 +102,5 @@ def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
     axis.set_xticks(ticks, [str(tick) for tick in ticks])
     axis.minorticks_off()
     axis.set(xlabel="labelled measured revolutions per class", ylabel="accuracy", ylim=(0, 1.02))
-    axis.legend(loc="center left", bbox_to_anchor=(0.02, 0.35))
+    drawing.legend(loc="outside upper center", ncols=2)
     return drawing

@@ -37,7 +37,7 @@ def panels_figure(drives: dict[str, Drives]) -> Figure:
             panel.imshow(level.T, origin="lower", aspect="auto", extent=extent, vmin=-DEPTH_DB, vmax=0, interpolation="nearest")
             panel.plot((np.arange(len(level)) + 0.5) / one.frame_rate_hz, one.track_m, color="white", lw=0.8, ls=":")
             if domain == MEASURED:
-                panel.set_title(catalogue()[name].label)
+                panel.set_title(catalogue()[name].label, fontsize=8)
         line[0].set_ylabel(f"{LABELS[domain]}\nrange (m)")
     for panel in panels[-1]:
         panel.set_xlabel("time (s)")
