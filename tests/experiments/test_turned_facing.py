@@ -34,7 +34,8 @@ def _interpolated(case, config):
 
 def _traced(monkeypatch, case, config):
     monkeypatch.setattr(truth, "aspects", lambda *some: 10**9)
-    return truth.record(case, config).iq[:, :, 0, 0, 0]
+    made: Any = truth.record(case, config)
+    return made.iq[:, :, 0, 0, 0]
 
 
 @pytest.mark.parametrize("name", ["mug", "can_211_400"])

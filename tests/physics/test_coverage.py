@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -13,7 +15,7 @@ from radartwin.simulation import coverage, division, launch
 pytest.importorskip("mitsuba")
 
 
-def slanted_frame() -> trimesh.Trimesh:
+def slanted_frame() -> Any:
     """A bent bar that runs away from the radar, and a ball at its end."""
     bar = trimesh.creation.box((2.0, 0.03, 0.03))
     bar.apply_transform(trimesh.transformations.rotation_matrix(0.9, [0, 0, 1]))
