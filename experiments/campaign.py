@@ -2,7 +2,7 @@
 
 Resumable at any moment: what is finished is in the store, and the same command makes the rest. Times are those that were taken when each
 recording was made, by whichever process; several at once share the whole campaign's time. Disk is what its files hold. In other profiles
-the paper's campaign is extrapolated: per domain and motion from the time of a set-up (a track, a room that creeps), of a traced state (an
+the paper's campaign is extrapolated, its disk from shapes, its time per domain and motion: from the time of a set-up (a track, a room that creeps), of a traced state (an
 aspect of a turntable, a frame of a drive) and of a frame that is processed. A set-up's share is told from the recordings that found theirs
 made; without any, each recording pays its own.
 """
@@ -186,8 +186,10 @@ def _paper(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
     if own:
         minutes, disk = sum(sum(one.seconds) for one in made) / 60, sum(sum(one.bytes) for one in made) / 1e9
     elif all(group in cost for group in wanted):
-        found = [_extrapolated(cost[domain, motion], domain, cases, paper) for (domain, motion), cases in wanted.items()]
-        minutes, disk = sum(seconds for seconds, _ in found) / 60, sum(size for _, size in found) / 1e9
+        minutes = sum(_extrapolated(cost[domain, motion], domain, cases, paper) for (domain, motion), cases in wanted.items()) / 60
+        radar = build_radar(config.radar)
+        counts = [count for (domain, _), cases in wanted.items() for count in _states(domain, cases, paper)]
+        disk = sum(expected_bytes(radar, *count) for count in counts) / 1e9
     at_once = crew.hands(config.jobs, sum(len(cases) for cases in wanted.values()))
     case = {
         "of": "both", "motion": ALL, "made": sum(one.now for one in made), "found": sum(not one.now for one in made),
@@ -207,19 +209,23 @@ def _paper(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
     ]
 
 
-def _extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], paper: CampaignConfig) -> tuple[float, float]:
-    """(seconds, bytes) of these cases of one domain and motion, from what others of the same took."""
-    lengths = [nominal_log(case, paper, measured=domain == MEASURED).frames for case in cases]
-    frames, traced = np.sum([states(domain, case, length, Gaps()) for case, length in zip(cases, lengths, strict=True)], axis=0)
+def _states(domain: str, cases: Sequence[Case], campaign: CampaignConfig) -> list[tuple[int, int]]:
+    """(frames, states to be traced) of each planned case."""
+    lengths = [nominal_log(case, campaign, measured=domain == MEASURED).frames for case in cases]
+    return [states(domain, case, length, Gaps()) for case, length in zip(cases, lengths, strict=True)]
+
+
+def _extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], paper: CampaignConfig) -> float:
+    """Seconds of these cases of one domain and motion, from what others of the same took."""
+    frames, traced = np.sum(_states(domain, cases, paper), axis=0)
     without = [one for one in some if not one.setups]
     plain = without or some
     each_state = sum(one.seconds[0] for one in plain) / sum(one.traced for one in plain)
     setups = [one.seconds[0] - each_state * one.traced for one in some if one.setups]
     places = len({case.room for case in cases})
     seconds = each_state * traced + (places * float(np.mean(setups)) if without and setups else 0.0)
-    size = sum(one.bytes[0] for one in some) / sum(one.traced for one in some) * traced
     read = sum(one.frames for one in some)
-    return seconds + sum(one.seconds[1] for one in some) / read * frames, size + sum(one.bytes[1] for one in some) / read * frames
+    return seconds + sum(one.seconds[1] for one in some) / read * frames
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
