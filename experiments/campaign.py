@@ -2,9 +2,9 @@
 
 Resumable at any moment: what is finished is in the store, and the same command makes the rest. Times are those that were taken when each
 recording was made, by whichever process; several at once share the whole campaign's time. Disk is what its files hold. In other profiles
-the paper's campaign is extrapolated, its disk from shapes, its time per domain and motion: from the time of a set-up (a track, a room that creeps), of a traced state (an
-aspect of a turntable, a frame of a drive) and of a frame that is processed. A set-up's share is told from the recordings that found theirs
-made; without any, each recording pays its own.
+the paper's campaign is extrapolated, its disk from shapes, its time per domain and motion: from the time of a set-up (a track, a room that
+creeps), of a traced state (an aspect of a turntable, a frame of a drive) and of a frame that is processed. A set-up's share is told from
+the recordings that found theirs made; without any, each recording pays its own.
 """
 
 from __future__ import annotations
