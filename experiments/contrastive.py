@@ -46,7 +46,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
     table, shown = Rows(config, []), {}
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
         for left_out, groups in (("recording", split.test.source), ("object", split.test.label)):
-            case = {"level": split.level, "attribute": attribute, "left out": left_out}
+            case = {"level": f"{split.level} encoder, labelled probe", "attribute": attribute, "left out": left_out}
             scored = _told_by_others(split.test, classes) if left_out == "object" else np.ones(len(split.test), bool)
             rows = split.test.take(scored).relabelled(classes)
             if len(rows.classes) < 2:
@@ -54,8 +54,8 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
             chance = 1 / len(rows.classes)
             for method, values in ((RAW, [split.test]), (EMBEDDED, [encoder.embedded(split.test) for encoder in trained])):
                 answers = [linear_probe(one.take(scored).relabelled(classes), groups[scored]) for one in values]
-                told = method == EMBEDDED and left_out == "recording"
-                claim, paper = (f"{attribute} is read off measured embeddings", PAPER[attribute]) if told else ("", "")
+                claim = f"{attribute} is read off measured embeddings" if method == EMBEDDED else ""
+                paper = PAPER[attribute] if claim and left_out == "recording" else ""
                 hits = right(answers, rows.label)
                 row = table.share(case | {"method": method}, hits, rows, keys, chance, paper=paper, claim=claim, balanced=True)
                 shown.setdefault(f"{attribute},\nother {left_out}s", {})[method] = row

@@ -65,7 +65,8 @@ def stratum(case: Case) -> str:
 
 
 def shared_cases(campaign: Campaign, motion: str, room: str | None = None, domain: str = "twin") -> tuple[list[Any], list[Any]]:
-    """(measured, simulated) cases of the objects and distances that both have, at distances that tell two objects or more apart.
+    """(measured, simulated) cases of the objects and distances that both have, at distances that tell two objects or more apart; of the
+    measured ones equally many of each object.
 
     Raises:
         InputError: there are none.
@@ -79,7 +80,16 @@ def shared_cases(campaign: Campaign, motion: str, room: str | None = None, domai
         place = f" in {room}" if room else ""
         raise InputError(f"the campaign has no {motion} recordings{place} of two objects at one distance, both measured and simulated")
     measured, simulated = ([case for case in side if (case.object, case.room, case.distance_m) in kept] for side in cases)
-    return measured, simulated
+    return balanced(measured), simulated
+
+
+def balanced(cases: Sequence[Any]) -> list[Any]:
+    """As many recordings of every object at a place as of the one with the fewest there, the first repetitions."""
+    found: dict[tuple[str, float], dict[str, list[Any]]] = {}
+    for case in sorted(cases, key=lambda case: case.repetition):
+        found.setdefault((case.room, case.distance_m), {}).setdefault(case.object, []).append(case)
+    kept = {id(case) for of in found.values() for some in of.values() for case in some[: min(map(len, of.values()))]}
+    return [case for case in cases if id(case) in kept]
 
 
 def vectors(

@@ -110,10 +110,9 @@ class Rows:
         """By how much the first is right more often than the second on the same recordings; the claim is that the interval is above 0."""
         difference = np.atleast_2d(first).mean(axis=0) - np.atleast_2d(second).mean(axis=0)
         interval = seed_mean(difference, cells(recordings), self.config.profile.resamples, self.config.seed)
-        told_of = {**case, "chance": 0.0, "seed_sd": None}
-        return self.add(
-            told_of, metric, interval, len(recordings), keys, paper=paper, claim=claim, holds=interval[0] > 0 if claim else None
-        )
+        told_of = {**case, "answers": len(recordings), "chance": 0.0, "p": None, "seed_sd": None}
+        n = np.unique(recordings.source).size
+        return self.add(told_of, metric, interval, n, keys, paper=paper, claim=claim, holds=interval[0] > 0 if claim else None)
 
     def control(
         self,

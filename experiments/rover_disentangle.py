@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import rover_drives, statistics
+from experiments import rover_drives
 from experiments.claims import NONE, Claim, row
 from experiments.readings import Campaign
 from experiments.rotations import DOMAINS, MEASURED, TWIN
@@ -30,6 +30,7 @@ from radartwin.progress import Progress
 from radartwin.store import Store
 
 FACTORS = ("object", "distance", "room")
+SHARE = "share of the disagreement, per degree of freedom"
 INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", above=0.0)
 ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", above=0.0)
 Cells = dict[tuple[str, str, float], NDArray[np.floating]]  # (2, features), measured and simulated, by object, room and distance
@@ -81,21 +82,25 @@ def _rows(
         values = slice_correlations(cells, factor)
         if len(values):
             slices[motion, factor] = values
-            add(f"{factor} slice", "correlation of features, mean", statistics.mean(values, *seeds))
+            add(
+                f"{factor} slice",
+                "correlation of features, mean",
+                _bootstrap(cells, lambda some, f=factor: _mean(slice_correlations(some, f)), *seeds),
+            )
     signs = room_signs(cells)
     if len(signs):
         slices[motion, "room"] = 2 * signs - 1
-        add("room slice", "share of features that change alike", statistics.mean(signs, *seeds))
+        add("room slice", "share of features that change alike", _bootstrap(cells, lambda some: _mean(room_signs(some)), *seeds))
     if len({distance for _, _, distance in cells}) > 1:
         for case, figure in (("pooled", pooled), ("matched", matched)):
             add(case, "highest correlation of a feature", _bootstrap(cells, lambda some, f=figure: float(np.nanmax(f(some))), *seeds))
-        add("pooled less matched", "correlation of features, mean", _bootstrap(cells, _inflation, *seeds), INFLATED)
+        add("pooled less matched", "highest correlation of a feature", _bootstrap(cells, _inflation, *seeds), INFLATED)
     shares = effects(cells)
     for factor, value in shares.items():
         found = _bootstrap(cells, lambda some, f=factor: effects(some).get(f, float("nan")), *seeds)
-        add(factor, "share of the disagreement", Estimate(value, min(found.low, value), max(found.high, value), found.n))
+        add(factor, SHARE, Estimate(value, min(found.low, value), max(found.high, value), found.n))
     if len(shares) == len(FACTORS):
-        add("room less the larger of the others", "share of the disagreement", _bootstrap(cells, _room_lead, *seeds), ROOM_FIRST)
+        add("room less the larger of the others", SHARE, _bootstrap(cells, _room_lead, *seeds), ROOM_FIRST)
     return rows
 
 
@@ -134,7 +139,8 @@ def matched(cells: Cells) -> NDArray[np.floating]:
 
 
 def effects(cells: Cells) -> dict[str, float]:
-    """Share of the variance of simulated less measured that the mean at each level of a factor explains, mean over features.
+    """Share of the variance of simulated less measured that the mean at each level of a factor explains, per degree of freedom (levels less
+    one: more levels explain more of anything), mean over features.
 
     Factors with one level explain nothing and are left out.
     """
@@ -152,12 +158,16 @@ def effects(cells: Cells) -> dict[str, float]:
             rows = [label[position] == level for label in labels]
             explained += np.sum(rows) * gap[rows].mean(axis=0) ** 2
         varies = total > 1e-12
-        found[factor] = float(np.mean(explained[varies] / total[varies])) if varies.any() else 0.0
+        found[factor] = float(np.mean(explained[varies] / total[varies])) / (len(levels) - 1) if varies.any() else 0.0
     return found
 
 
 def _inflation(cells: Cells) -> float:
-    return float(np.nanmean(pooled(cells)) - np.nanmean(matched(cells)))
+    return float(np.nanmax(pooled(cells)) - np.nanmax(matched(cells)))
+
+
+def _mean(values: NDArray) -> float:
+    return float(values.mean()) if len(values) else float("nan")
 
 
 def _room_lead(cells: Cells) -> float:

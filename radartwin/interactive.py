@@ -9,6 +9,7 @@ from __future__ import annotations
 import html
 import io
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,11 +31,17 @@ def page(drawing: Figure, title: str) -> str:
     stream = io.StringIO()
     drawing.savefig(stream, format="svg", metadata={"Date": None})
     drawn = stream.getvalue()
-    drawn = drawn[drawn.index("<svg") :]
+    drawn = _numbered(drawn[drawn.index("<svg") :])
     size = [float(inches) * POINTS_PER_INCH for inches in drawing.get_size_inches()]
     data = json.dumps({"size": size, "axes": [_axes(one, size) for one in drawing.axes]}).replace("<", "\\u003c")
     text = PAGE.read_text(encoding="utf-8")
     return text.replace("/*TITLE*/", html.escape(title)).replace("<!--DRAWING-->", drawn).replace("/*DATA*/", data)
+
+
+def _numbered(drawn: str) -> str:
+    """The drawing with its shared parts numbered; Matplotlib names some of them by where they lay in memory."""
+    names = {name: f"part{number}" for number, name in enumerate(dict.fromkeys(re.findall(r'id="([a-zA-Z]+[0-9a-f]{10})"', drawn)))}
+    return re.sub(r"\b[a-zA-Z]+[0-9a-f]{10}\b", lambda found: names.get(found[0], found[0]), drawn)
 
 
 def _axes(axes: Axes, size: list[float]) -> dict[str, Any]:

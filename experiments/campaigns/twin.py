@@ -68,7 +68,7 @@ def record(case: Case, nominal: Log, config: Config, materials: MaterialsConfig,
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
     stand = rooms.support(stand_top(nominal))
-    if materials.source != "true":  # who asks for true materials has the stand's layers told too
+    if materials.source not in ("true", "random"):  # who is told true materials, or some wrong ones, has the stand's layers told too
         stand = _outermost(stand)
     target = list(catalogue()[case.object].surfaces())
     options = simulator_options(config.simulator)

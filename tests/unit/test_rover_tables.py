@@ -138,8 +138,18 @@ def test_the_disagreement_is_put_down_to_the_factor_that_makes_it(factor: str) -
         return true, true + made
 
     shares = rover_disentangle.effects(cells(values))
-    assert shares[factor] == pytest.approx(1)
-    assert sum(shares.values()) == pytest.approx(1)
+    levels = {"object": len(OBJECTS), "distance": 3, "room": len(ROOMS)}
+    assert shares[factor] == pytest.approx(1 / (levels[factor] - 1))
+    assert max(shares, key=lambda name: shares[name]) == factor
+    assert sum(share * (levels[name] - 1) for name, share in shares.items()) == pytest.approx(1)
+
+
+def test_no_factor_leads_where_none_makes_the_disagreement() -> None:
+    """Ten levels explain more of noise than two: shares are per degree of freedom."""
+    rng = np.random.default_rng(1)
+    made = {(f"{k}", room, d): rng.standard_normal((2, 400)) for k in range(11) for room in ROOMS for d in (0.5, 1.0, 2.0)}
+    shares = rover_disentangle.effects(made)
+    assert max(shares.values()) < 1.3 * min(shares.values())
 
 
 def test_a_change_between_rooms_that_goes_the_same_way_is_counted() -> None:
