@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import fields
 from pathlib import Path
 
@@ -135,6 +136,21 @@ def test_the_same_table_whatever_the_order_of_the_files(tmp_path: Path):
     given = {"objects": OBJECTS, "frames": 24, "repetitions": 2, "turns": 2}
     first, second = (probe(tmp_path, made, name) for name, made in (("a", FakeCampaign(**given)), ("b", Reversed(**given))))
     assert first.rows == second.rows
+
+
+def test_an_object_recorded_more_often_counts_no_more():
+    """As the reflector, which stands on the turntable three times at each distance."""
+
+    class Often(FakeCampaign):
+        def cases(self, domain, **chosen):
+            found = super().cases(domain, **chosen)
+            return [case for case in found if case.repetition < (3 if case.object == "corner_reflector" else 2)]
+
+    measured, _ = shared_cases(Often(objects=OBJECTS), "turntable")
+    number = Counter((case.object, case.distance_m) for case in measured)
+    assert set(number.values()) == {2}
+    assert {case.repetition for case in measured} == {0, 1}
+    assert len(number) == 2 * len(OBJECTS)
 
 
 def test_distances_of_one_object_alone_compare_nothing():
