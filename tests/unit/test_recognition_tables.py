@@ -226,7 +226,8 @@ def test_the_ablation_sees_what_the_room_is_worth(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_material_errors_start_at_the_truth(tmp_path: Path):
+@pytest.mark.parametrize(("profile", "shares"), [("quick", 1), ("paper", 3)])
+def test_material_errors_start_at_the_truth(tmp_path: Path, profile: str, shares: int):
     class Labelled(FakeCampaign):
         source = ""
 
@@ -238,10 +239,12 @@ def test_material_errors_start_at_the_truth(tmp_path: Path):
         made.source = chosen.materials.source
         return made
 
-    result = checked(material_errors.score(config("material_errors"), campaign_of, Progress()), tmp_path / "result")
+    chosen = config("material_errors", f"profile.name={profile}")
+    result = checked(material_errors.score(chosen, campaign_of, Progress()), tmp_path / "result")
     errors = [one["value"] for one in result.rows if one["metric"].startswith("level error")]
     assert errors[0] == 0
-    assert min(errors[1:4]) > 0.1
+    assert len(errors) == shares + 2  # and as configured
+    assert min(errors[1 : shares + 1]) > 0.1
 
 
 def test_calibration_takes_out_a_gain_and_does_not_score_the_reflector(tmp_path: Path):
