@@ -12,8 +12,6 @@ from radartwin.errors import BackendError
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import coverage, division, launch
 
-pytest.importorskip("mitsuba")
-
 
 def slanted_frame() -> Any:
     """A bent bar that runs away from the radar, and a ball at its end."""
