@@ -99,14 +99,27 @@ class Page:
             time.sleep(0.05)
 
     def click(self, selector: str) -> None:
-        """A real click in the middle of an element, and two frames for the page to draw."""
-        box = self.run(
-            f"(() => {{ const b = document.querySelector({selector!r}).getBoundingClientRect(); "
-            "return [b.left + b.width / 2, b.top + b.height / 2]; })()"
-        )
+        """A real click in the middle of an element that has come to rest and that nothing covers, and two frames for the page to draw."""
+        x, y = self._at_rest(selector)
         for kind in ("mousePressed", "mouseReleased"):
-            self.call("Input.dispatchMouseEvent", type=kind, x=box[0], y=box[1], button="left", clickCount=1)
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
         self.settle()
+
+    def _at_rest(self, selector: str) -> tuple[float, float]:
+        """The middle of an element once it has been in one place for a quarter of a second: frames that load may move what follows them."""
+        end, since, last = time.monotonic() + 30, time.monotonic(), None
+        while True:
+            x, y, hit = self.run(
+                f"(() => {{ const e = document.querySelector({selector!r}), b = e.getBoundingClientRect(); "
+                "const x = b.left + b.width / 2, y = b.top + b.height / 2; "
+                "return [x, y, e.contains(document.elementFromPoint(x, y))]; })()"
+            )
+            if not hit or (x, y) != last:
+                since, last = time.monotonic(), (x, y)
+            elif time.monotonic() - since > 0.25:
+                return x, y
+            assert time.monotonic() < end, f"{selector} does not come to rest, or something covers it"
+            time.sleep(0.03)
 
     def hover(self, x: float, y: float) -> None:
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
