@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radartwin.errors import InputError
 from radartwin.features import envelope, sets, track
-from radartwin.features.log import Log, distances
+from radartwin.features.log import Log, Nominal, distances
 from radartwin.features.processed import Processed
 from radartwin.recognize.augment import added_noise, copies
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather
@@ -120,15 +119,6 @@ def signatures(campaign: Campaign, domain: str, cases: Sequence[Case], materials
     return _read(campaign, domain, cases, materials, picture_of)
 
 
-@dataclass(frozen=True, eq=False)
-class Cut:
-    """The log of some frames of a recording."""
-
-    frame_rate_hz: float
-    distance_m: NDArray[np.float64]
-    angle_rad: NDArray[np.float64] | None
-
-
 Pieces = list[tuple[str, Processed, Log]]
 
 
@@ -145,7 +135,7 @@ def revolutions(processed: Processed, log: Log) -> Pieces:
     pieces: Pieces = []
     for number in range(processed.num_frames // period):
         at = slice(number * period, (number + 1) * period)
-        pieces.append((f" turn {number:02d}", processed.frames(at), Cut(log.frame_rate_hz, log.distance_m[at], log.angle_rad[at])))
+        pieces.append((f" turn {number:02d}", processed.frames(at), Nominal(log.frame_rate_hz, log.distance_m[at], log.angle_rad[at])))
     return pieces
 
 

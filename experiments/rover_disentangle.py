@@ -11,7 +11,7 @@ environment factor dominates.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ FACTORS = ("object", "distance", "room")
 SHARE = "share of the disagreement, per degree of freedom"
 INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", above=0.0)
 ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", above=0.0)
-Cells = dict[tuple[str, str, float], NDArray[np.floating]]  # (2, features), measured and simulated, by object, room and distance
+Cells = Mapping[tuple[str, str, float], NDArray[np.floating]]  # (2, features), measured and simulated, by object, room and distance
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

@@ -6,7 +6,7 @@ unless it is placed, the target stands on the radar's boresight.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,9 +30,11 @@ from radartwin.radar.chirp import Radar
 from radartwin.staging import check_course, furnished, read_course
 
 if TYPE_CHECKING:
+    from radartwin.adaptive.probe import Probe
     from radartwin.label.labelling import Wishes
     from radartwin.radar.recording import Recording
     from radartwin.scene.scene import Scene, Surface
+    from radartwin.store import Store
 
 TARGET = "target"  # the name of the surface under test
 MAX_FRAMES = 10_000  # a thousand seconds at 10 Hz; beyond it the recording outgrows memory
@@ -195,21 +197,61 @@ def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
     """
     from radartwin.simulation.backend import backend, settings_of
 
-    chosen = {name: getattr(config, name) for name in SIMULATOR_FIELDS[config.backend]}
+    chosen = {name: getattr(config, name) for name in SIMULATOR_FIELDS[config.backend] if name != "parts"}  # which are the scene's
     if "variant" in settings_of(config.backend):
         chosen["variant"] = config.variant
     return {"simulator": backend(config.backend, **chosen), "elements": config.elements}
 
 
-def simulate_scene(config: Config, noise: bool = False) -> Recording:
+def simulate_scene(
+    config: Config, noise: bool = False, store: Store | None = None, say: Callable[[str], None] = lambda line: None
+) -> Recording:
     """The recording of a composed configuration: its scene seen by its radar along its trajectory.
 
     Its provenance says which scene that was, and what its room was made of.
+
+    Args:
+        store, say: where simulator=auto keeps its choices, and what receives them; without, it chooses anew and silently.
     """
+    from radartwin.simulation.simulate import simulate
+
+    at = staged(config)
+    simulator = config.simulator
+    if simulator.backend == "auto":
+        from radartwin.adaptive.limits import Limits
+        from radartwin.least_model import chosen
+
+        probe = probe_of(config, at)
+        simulator = chosen(simulator, probe, Limits.shipped(*measured_as(config, at)), store, say)
+    recording = simulate(
+        parts_of(simulator, at.room) + at.kept, at.radar, at.course.sensor_poses, motion=at.motion or None, noise=noise, seed=config.seed,
+        **simulator_options(simulator),
+    )  # fmt: skip
+    recording.provenance |= at.told
+    return recording
+
+
+@dataclass(frozen=True, eq=False)
+class Staged:
+    """Everything in its place: the room with what was put into it, and `kept`, the thing under test and its stand.
+
+    Attributes:
+        motion: poses by surface name, of what moves. told: which scene it is, and what its room is made of.
+    """
+
+    room: Scene
+    kept: Scene
+    radar: Radar
+    course: Course
+    motion: dict[str, np.ndarray]
+    told: dict[str, Any]
+
+
+def staged(config: Config) -> Staged:
+    """What a composed configuration describes."""
     from radartwin.made_of import made_of
     from radartwin.scene import rooms
     from radartwin.scene.scene import Scene
-    from radartwin.simulation.simulate import simulate
 
     radar = build_radar(config.radar)
     scene = build_room(config.scene, config.materials, config.seed)
@@ -219,14 +261,48 @@ def simulate_scene(config: Config, noise: bool = False) -> Recording:
     stands = config.scene.target_position_m
     place = None if stands is None else np.array(stands) - foot
     course = build_course(config.trajectory, radar, build_start(config.trajectory, scene), place)
-    motion = {TARGET: course.target_poses} if target else {}
     scene = furnished(config.scene, scene, course.sensor_poses[0])
     check_course(scene, radar, course.sensor_poses, course.target_poses)
+    kept = Scene(target)
     if config.scene.stand:
-        scene = scene + rooms.support(course.target_poses[0, :3, 3] + foot - [0, 0, rooms.GAP])
-    recording = simulate(
-        scene + Scene(target), radar, course.sensor_poses, motion=motion or None, noise=noise, seed=config.seed,
-        **simulator_options(config.simulator),
-    )  # fmt: skip
-    recording.provenance |= told
-    return recording
+        kept = rooms.support(course.target_poses[0, :3, 3] + foot - [0, 0, rooms.GAP]) + kept
+    return Staged(scene, kept, radar, course, {TARGET: course.target_poses} if target else {}, told)
+
+
+def measured_as(config: Config, at: Staged) -> tuple[str, str]:
+    """(motion, thing) that a configured recording is measured as; "" where nothing moves in a way that is measured."""
+    kind = config.trajectory.kind
+    if kind == "turntable" and len(at.course.target_poses) < round(config.trajectory.period_s * at.radar.frame_rate_hz):
+        kind = ""  # not one whole turn
+    if kind == "rail":
+        kind = "radial" if abs(config.trajectory.angle_deg) < 22.5 else "diagonal"
+    return (kind if at.motion else ""), config.scene.target
+
+
+def probe_of(config: Config, at: Staged, count: int | None = None, between: bool = False) -> Probe:
+    """A few frames of a configured recording, or `count` of them, with the features that are asked of it; `between` as `thinned`.
+
+    Raises:
+        ConfigError: a recording whose repeatability is not known, or features that it does not have.
+    """
+    from radartwin.adaptive.probe import thinned
+    from radartwin.features.log import Nominal
+    from radartwin.least_model import families_of
+
+    sensor, target = at.course.sensor_poses, at.course.target_poses
+    frames = max(len(sensor), len(target))
+    away = np.linalg.norm(target[:, :2, 3] - sensor[:, :2, 3], axis=1) * np.ones(frames)
+    rate = at.radar.frame_rate_hz
+    motion = measured_as(config, at)[0]
+    turned = np.arange(frames, dtype=np.float64) * (2 * np.pi / (rate * config.trajectory.period_s))
+    angle = turned if motion == "turntable" else None
+    families = families_of(config.features, motion)
+    course = Nominal(rate, away, angle)
+    return thinned(at.room, at.kept, at.radar, sensor, at.motion, course, families, config.simulator.variant, count, between)
+
+
+def parts_of(config: SimulatorConfig, room: Scene) -> Scene:
+    """What the simulator is told of a room."""
+    from radartwin.adaptive.model import reduced
+
+    return room if config.parts is None else reduced(room, config.parts)

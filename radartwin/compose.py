@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from radartwin.config import Config
 from radartwin.errors import ConfigError, MissingError
+from radartwin.targets import check_secrets, check_targets
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -98,10 +99,15 @@ class Composer:
     def _of(self, options: Sequence[str]) -> DictConfig:
         import hydra
         from hydra.core.global_hydra import GlobalHydra
+        from omegaconf import open_dict
 
         GlobalHydra.instance().clear()
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            return hydra.compose(CONFIG_NAME, overrides=[*options, *self._searched])
+            composed = hydra.compose(CONFIG_NAME, overrides=[*options, *self._searched], return_hydra_config=True)
+        check_targets(composed)
+        with open_dict(composed):
+            del composed["hydra"]
+        return composed
 
 
 @contextlib.contextmanager
@@ -168,6 +174,7 @@ def typed(composed: DictConfig) -> Config:
 
     _refuse_additions(composed)
     try:
+        check_secrets(composed)
         config = OmegaConf.to_object(composed)
     except OmegaConfBaseException as error:
         raise ConfigError(explain(error)) from error

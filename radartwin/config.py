@@ -18,11 +18,15 @@ from typing import Any
 from radartwin.errors import ConfigError
 from radartwin.features.names import families
 
+PARTS = ("none", "large", "whole")
+CHOSEN = ("parts", "max_bounces", "rays_per_wavelength2", "coupling", "diffuse")  # by simulator=auto, where they are null
 # What each simulator reads besides backend, variant and elements; and the choices of what is chosen by name.
 SIMULATOR_FIELDS: dict[str, dict[str, tuple[str, ...]]] = {
     "mitsuba": {
         "max_bounces": (), "rays": (), "rays_per_wavelength2": (), "room": ("auto", "panels", "tubes"), "coupling": (), "diffuse": (),
+        "parts": PARTS,
     },
+    "auto": {"tolerance": (), "parts": PARTS, "max_bounces": (), "rays_per_wavelength2": (), "coupling": (), "diffuse": ()},
     "rfgenesis": {"version": ("shipped", "columns", "corrected"), "grid": (), "fov_deg": ()},
     "points": {
         "cross_section": ("table", "sphere"), "points": ("centre", "box"), "room": ("images", "void"), "step_deg": (),
@@ -195,11 +199,13 @@ class SimulatorConfig:
     A field that the chosen simulator does not read is null; `elements` belongs to the signal and is read with all of them.
     """
 
-    backend: str = "mitsuba"  # mitsuba | rfgenesis | points | sionna
+    backend: str = "mitsuba"  # mitsuba | auto: mitsuba with no more modelled than the features need | rfgenesis | points | sionna
     variant: str = _unkeyed("auto")  # auto | llvm | cuda
     elements: str = "exact"  # exact | planar | auto: distances over each antenna element, or a plane wave across the array
+    tolerance: float | None = None  # auto: how far a feature may move, in limits of its repeatability (radartwin/adaptive/limits.py)
     room: str | None = "auto"  # mitsuba: panels by images, tubes, or auto (panels where the room is flat); points: images | void
-    # mitsuba
+    # mitsuba; null with simulator=auto, which chooses what is null
+    parts: str | None = "whole"  # of the room: none, large (without small things) or whole
     max_bounces: int | None = 4  # sionna: too
     rays: int | None = None  # per frame; null: by the width rule; sionna: its samples
     rays_per_wavelength2: float | None = 1.0  # on objects; points: of its table
@@ -220,7 +226,7 @@ class SimulatorConfig:
         _one_of("simulator.backend", self.backend, tuple(SIMULATOR_FIELDS))
         _one_of("simulator.variant", self.variant, ("auto", "llvm", "cuda"))
         _one_of("simulator.elements", self.elements, ("exact", "planar", "auto"))
-        for name in ("max_bounces", "rays", "rays_per_wavelength2", "grid", "fov_deg", "step_deg"):
+        for name in ("max_bounces", "rays", "rays_per_wavelength2", "grid", "fov_deg", "step_deg", "tolerance"):
             _positive(f"simulator.{name}", getattr(self, name))
         read = SIMULATOR_FIELDS[self.backend]
         for other in SIMULATOR_FIELDS:
@@ -229,10 +235,10 @@ class SimulatorConfig:
                 if name not in read and value is not None:
                     unread = f"simulator.{name}={value} is not read by simulator={self.backend}"
                     raise ConfigError(f"{unread}; choose simulator={other}, or leave it out")
-                if name in read and value is None and name != "rays":
+                if name in read and value is None and name != "rays" and not (self.backend == "auto" and name in CHOSEN):
                     raise ConfigError(f"simulator.{name}=null: simulator={self.backend} needs a value; leave it out for the default")
         for name, options in read.items():
-            if options:
+            if options and getattr(self, name) is not None:
                 _one_of(f"simulator.{name}", str(getattr(self, name)), options)
         if self.fov_deg is not None and not self.fov_deg < 180:
             raise ConfigError(f"simulator.fov_deg={self.fov_deg:g} must be below 180")

@@ -133,7 +133,7 @@ class Campaign:
         chosen, case = self._materials(domain, materials), replace(case, repetition=0)  # the twin repeats nothing
         nominal = self.log(case, domain)
         spec = {"domain": "twin", **twin.specification(case, nominal, self.config, chosen, self.store)}
-        return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store), ["experiments.campaigns.twin"]
+        return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store, self.progress.say), ["experiments.campaigns.twin"]
 
     def _source(
         self, domain: str, case: Case, materials: str | MaterialsConfig | None

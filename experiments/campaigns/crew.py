@@ -40,7 +40,8 @@ def make(config: Config, wanted: Sequence[Wanted], count: int, made: Callable[[]
         config: of the campaign; its output folder holds the store.
         made: called after each recording.
     Raises:
-        UserError: what one of the processes was refused; BackendError: one of them ended or failed.
+        UserError: what one of the processes was refused; BackendError: one of them ended or ran out of memory; RuntimeError: a defect, with
+            its traceback.
     """
     left: dict[Track, list[Wanted]] = defaultdict(list)
     for domain, case in wanted:
@@ -103,18 +104,24 @@ def _heard(
     except (EOFError, OSError):
         process = crew[one][0]
         process.join()
-        raise BackendError(
-            f"campaign: a process that made recordings ended (exit status {process.exitcode}), perhaps for want of memory. "
-            "What is finished is kept and the same command makes the rest; jobs=1 needs least memory"
-        ) from None
+        raise _short_of_memory(f"ended (exit status {process.exitcode}), perhaps for want of memory") from None
     if kind == "made":
         made()
     elif kind == "refused":
         raise told[0]
     elif kind == "failed":
-        raise BackendError(f"campaign: {told[0]}\n{told[1]}")
+        raise RuntimeError(f"a process of the campaign failed:\n{told[0]}")
+    elif kind == "short":
+        raise _short_of_memory(f"ran out of memory ({told[0]})")
     else:
         _give(one, crew, left)
+
+
+def _short_of_memory(what: str) -> BackendError:
+    return BackendError(
+        f"campaign: a process that made recordings {what}. "
+        "What is finished is kept and the same command makes the rest; jobs=1 needs least memory"
+    )
 
 
 def _work(parent: Connection, config: Config) -> None:
@@ -141,8 +148,10 @@ def _work(parent: Connection, config: Config) -> None:
             tell("idle")
     except UserError as refused:
         tell("refused", refused)
-    except Exception as failure:
-        tell("failed", f"{type(failure).__name__}: {failure}", traceback.format_exc())
+    except MemoryError as short:
+        tell("short", str(short) or "no more is to be had")
+    except Exception:
+        tell("failed", traceback.format_exc())
 
 
 def _next(parent: Connection) -> list[Wanted] | None:

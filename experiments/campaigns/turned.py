@@ -5,13 +5,13 @@ Three hundred seconds at 10 Hz are 800 MB of samples, all of them combinations o
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from radartwin import files, plain_json
 from radartwin.measured.drift import Drift
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
@@ -62,8 +62,8 @@ class Turned:
     @classmethod
     def load(cls, folder: Path) -> Turned:
         """What `save` wrote."""
-        described = json.loads((folder / f"{_NAME}.json").read_text(encoding="utf-8"))
-        with np.load(folder / f"{_NAME}.npz", allow_pickle=False) as kept:
-            drift = Drift(kept["drift_states"], kept["drift_course"]) if "drift_states" in kept else None
-            aspects = Aspects(kept["signals"], described["symmetry"])
-            return cls(aspects, kept["angles"], Radar.from_dict(described["radar"]), drift, described["provenance"])
+        described = plain_json.read(folder / f"{_NAME}.json")
+        kept = files.read_arrays(folder / f"{_NAME}.npz")
+        drift = Drift(kept["drift_states"], kept["drift_course"]) if "drift_states" in kept else None
+        aspects = Aspects(kept["signals"], described["symmetry"])
+        return cls(aspects, kept["angles"], Radar.from_dict(described["radar"]), drift, described["provenance"])

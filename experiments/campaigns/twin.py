@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -12,10 +13,14 @@ from experiments import scanning
 from experiments.campaigns import tally
 from experiments.campaigns.cases import RAIL, ROVER, Case, Log, stand_top
 from experiments.campaigns.target import on_carriage, seen
-from radartwin.assemble import simulator_options
-from radartwin.config import Config, MaterialsConfig
+from radartwin import least_model
+from radartwin.adaptive.limits import Limits
+from radartwin.adaptive.probe import thinned
+from radartwin.assemble import parts_of, simulator_options
+from radartwin.config import Config, FeaturesConfig, MaterialsConfig
 from radartwin.configured import build_radar
 from radartwin.digest import spec_digest
+from radartwin.features.names import SETS
 from radartwin.label.sources import material_source, without_fragments
 from radartwin.materials import Layered
 from radartwin.radar.recording import Recording
@@ -41,6 +46,8 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
         "simulator": config.simulator,
         "seed": config.seed,
     }
+    if config.simulator.backend == "auto":
+        spec |= {"families": _families(config, case), "limits": Limits.shipped(case.motion, case.object).of}  # decide what is chosen
     if materials.source == VOID:
         return spec | {"materials": VOID}
     return spec | {"materials": materials, "scan": scanning.key(config, store, case.room, config.measured.gap.geometry)}
@@ -63,19 +70,29 @@ def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store
     return material_source(materials.source, **materials.options(config.seed))(scanned)
 
 
-def record(case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store) -> Recording:
-    """The simulated recording of a case along its logged course, without noise."""
+def record(
+    case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store, say: Callable[[str], None] = lambda line: None
+) -> Recording:
+    """The simulated recording of a case along its logged course, without noise; `say` hears what simulator=auto chose."""
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
     stand = rooms.support(stand_top(nominal))
     if materials.source not in ("true", "random"):  # who is told true materials, or some wrong ones, has the stand's layers told too
         stand = _outermost(stand)
     target = list(catalogue()[case.object].surfaces())
-    options = simulator_options(config.simulator)
+    motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
+    simulator = config.simulator
+    if simulator.backend == "auto":
+        families = _families(config, case)
+        probe = thinned(room, stand + Scene(target), radar, nominal.sensor_poses, motion, nominal, families, simulator.variant)
+        simulator = least_model.chosen(simulator, probe, Limits.shipped(case.motion, case.object), store, say)
+    told = {"kind": "simulation", "model": asdict(simulator)}
+    room = parts_of(simulator, room)
+    options = simulator_options(simulator)
     if not isinstance(options["simulator"], MitsubaBackend) or not straight(nominal.sensor_poses):
-        motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
-        return simulate(room + stand + Scene(target), radar, nominal.sensor_poses, motion=motion, **options)
-    known = str((materials, config.seed, config.measured.gap.geometry, options["elements"]))
+        made = simulate(room + stand + Scene(target), radar, nominal.sensor_poses, motion=motion, **options)
+        return replace(made, provenance=told)
+    known = str((materials, config.seed, config.measured.gap.geometry, options["elements"], simulator.parts))
     drives, around = _track(case, room, options["simulator"].settings, radar, nominal, known, options["elements"])
     disc, post = ([s for s in stand if s.name == name] for name in ("turntable", "stand"))
     if case.motion in RAIL:
@@ -83,7 +100,7 @@ def record(case: Case, nominal: Log, config: Config, materials: MaterialsConfig,
     else:
         parts = seen(drives, nominal.sensor_poses, nominal.frame_rate_hz, target, nominal.target_poses, disc, post)
     iq = received(parts, radar, nominal.frames, elements=options["elements"], oscillator=None) + around
-    return Recording(iq, radar, None, provenance={"kind": "simulation"})
+    return Recording(iq, radar, None, provenance=told)
 
 
 def noisy(clean: Recording, case: Case, config: Config) -> Recording:
@@ -97,6 +114,12 @@ def noisy(clean: Recording, case: Case, config: Config) -> Recording:
 def _outermost(scene: Scene) -> Scene:
     """The twin takes the stand's outermost material without its thickness."""
     return Scene((s.replaced(material=s.material.layers[0][0]) if isinstance(s.material, Layered) else s for s in scene), scene.provenance)
+
+
+def _families(config: Config, case: Case) -> tuple[str, ...]:
+    """What simulator=auto must keep: of the configured features, or all that a motion exposes where it has not those."""
+    fit = set(SETS[config.features.name]) <= set(least_model.ALL[case.motion])
+    return least_model.families_of(config.features if fit else FeaturesConfig(), case.motion)
 
 
 _tracks: OrderedDict[str, tuple[Drives, np.ndarray]] = OrderedDict()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +25,15 @@ class Log(Protocol):
     def distance_m(self) -> NDArray[np.float64]: ...
     @property
     def angle_rad(self) -> NDArray[np.float64] | None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Nominal:
+    """A log as it stands: of some frames, or of a motion that nobody logged."""
+
+    frame_rate_hz: float
+    distance_m: NDArray[np.float64]
+    angle_rad: NDArray[np.float64] | None
 
 
 def distances(log: Log, frames: int) -> NDArray[np.float64]:

@@ -16,7 +16,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,11 +124,10 @@ class Processed:
                 raise MissingError(f"{folder / name}: no such file; a processed recording is {_ARRAYS} with {_RADAR} beside it")
         try:
             radar = Radar.from_dict(read_json(folder / _RADAR)["radar"])
-            files.check_archive(folder / _ARRAYS)
-            with (folder / _ARRAYS).open("rb") as stream, np.load(stream, allow_pickle=False) as data:
-                range_m, power, channels, velocity_mps = (data[name] for name in ("range_m", "power", "channels", "velocity_mps"))
-                return cls(radar, range_m, power, channels, data.get("doppler"), velocity_mps, data.get("noise"))
-        except (KeyError, BadZipFile, EOFError, ValueError, OSError) as error:
+            data = files.read_arrays(folder / _ARRAYS)
+            range_m, power, channels, velocity_mps = (data[name] for name in ("range_m", "power", "channels", "velocity_mps"))
+            return cls(radar, range_m, power, channels, data.get("doppler"), velocity_mps, data.get("noise"))
+        except (KeyError, ValueError, OSError) as error:
             raise RecordingError(f"{folder}: not a processed recording ({error}); remove it and process the recording again") from error
 
 

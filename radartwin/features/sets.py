@@ -30,8 +30,8 @@ _TURNS = "rotation"
 class _Recording:
     """One recording with what several families share."""
 
-    def __init__(self, processed: Processed, log_of_it: log.Log, name: str) -> None:
-        self.processed, self.log, self.turns = processed, log_of_it, name == _TURNS
+    def __init__(self, processed: Processed, log_of_it: log.Log, turns: bool) -> None:
+        self.processed, self.log, self.turns = processed, log_of_it, turns
         self.nominal_m = log.distances(log_of_it, processed.num_frames)
 
     @cached_property
@@ -132,14 +132,23 @@ def vector(processed: Processed, log_of_it: log.Log, name: str, without: Sequenc
         ConfigError: an unknown set or family.
         InputError: a log that does not fit, or a target that is not there.
     """
-    of = _Recording(processed, log_of_it, name)
-    read = [_READ[family](of, False) for family in families(name, without)]
-    return [one for names, _ in read for one in names], np.concatenate([np.asarray(values, dtype=np.float64) for _, values in read])
+    return read(processed, log_of_it, families(name, without), turns=name == _TURNS)
+
+
+def read(processed: Processed, log_of_it: log.Log, wanted: Sequence[str], turns: bool) -> tuple[list[str], Real]:
+    """The features of one recording by families, of whatever sets; as `vector`.
+
+    Args:
+        turns: the target turns where it nominally is, rather than being tracked.
+    """
+    of = _Recording(processed, log_of_it, turns)
+    found = [_READ[family](of, False) for family in wanted]
+    return [one for names, _ in found for one in names], np.concatenate([np.asarray(values, dtype=np.float64) for _, values in found])
 
 
 def frames(processed: Processed, log_of_it: log.Log, name: str, without: Sequence[str] = ()) -> tuple[list[str], Real]:
     """The features of each frame: names, and a matrix (F, features); arguments and errors as `vector`."""
-    of = _Recording(processed, log_of_it, name)
-    read = [_READ[family](of, True) for family in families(name, without)]
-    blocks = [np.broadcast_to(values, (processed.num_frames, len(names))) for names, values in read]
-    return [one for names, _ in read for one in names], np.concatenate(blocks, axis=1).astype(np.float64)
+    of = _Recording(processed, log_of_it, name == _TURNS)
+    found = [_READ[family](of, True) for family in families(name, without)]
+    blocks = [np.broadcast_to(values, (processed.num_frames, len(names))) for names, values in found]
+    return [one for names, _ in found for one in names], np.concatenate(blocks, axis=1).astype(np.float64)

@@ -213,6 +213,12 @@ def _loudest(part: Paths, radar: Radar) -> float:
     return float(np.abs(total).max(initial=0.0))
 
 
+def _least_of_strongest(values: np.ndarray, most: float) -> float:
+    """The least of the `most` largest; infinite where there are none."""
+    chosen = int(min(most, len(values)))
+    return float(np.partition(values, -chosen)[-chosen]) if chosen else np.inf
+
+
 def _pairs(
     legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int, least: float, most: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -229,8 +235,7 @@ def _pairs(
             worth = np.flatnonzero(strength * strength.max() >= least)
             product = strength[worth][:, None] * strength[worth][None]
             allowed = (product >= least) & (order[worth][:, None] + order[worth][None] < max_bounces)
-            weakest = np.sort(product[allowed])[::-1][: int(min(most, allowed.sum()))].min(initial=np.inf)
-            i, j = np.nonzero(allowed & (product >= weakest))
+            i, j = np.nonzero(allowed & (product >= _least_of_strongest(product[allowed], most)))
             names = np.where(worth == len(share), DIRECT, worth)
             of_place.append([(a, b) for a, b in zip(names[i].tolist(), names[j].tolist(), strict=True) if a <= b and b != DIRECT])
         rows += [(frame, a, b) for frame in range(frames) for a, b in of_place[place_of[frame]]]

@@ -174,9 +174,10 @@ def _merged(first: list[int], second: list[int]) -> list[int] | None:
 def _turns(loop: list[int], points: np.ndarray) -> np.ndarray:
     """(n, 3) cross products of the unit edges before and after each corner."""
     at = points[loop]
-    ahead = np.roll(at, -1, axis=0) - at
+    ahead = np.concatenate([at[1:], at[:1]]) - at
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-30)
-    return np.cross(np.roll(ahead, 1, axis=0), ahead)
+    (a, b, c), (x, y, z) = np.concatenate([ahead[-1:], ahead[:-1]]).T, ahead.T  # np.cross takes most of its time for checks of so few
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
 
 
 def _without_straight(loop: list[int], points: np.ndarray) -> list[int]:

@@ -13,7 +13,6 @@ import io
 import os
 import threading
 import warnings
-import zipfile
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -108,7 +107,7 @@ class PathCache:
             os.utime(path)  # used now: the last to go
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile, EOFError) as error:
+        except (OSError, ValueError, LookupError, TypeError) as error:
             warnings.warn(f"{path}: kept paths are damaged ({type(error).__name__}) and are traced again", stacklevel=3)
             with contextlib.suppress(OSError):
                 path.unlink()
@@ -163,8 +162,7 @@ def _packed(parts: Sequence[Paths]) -> bytes:
 
 
 def _unpacked(content: bytes) -> list[Paths]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-        arrays = dict(stored)
+    arrays = files.read_arrays(content)
     parts = []
     for i in range(int(arrays["parts"])):
         values: dict[str, Any] = {f.name: arrays[f"{i}.{f.name}"] for f in dataclasses.fields(Paths) if f"{i}.{f.name}" in arrays}

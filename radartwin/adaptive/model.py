@@ -1,0 +1,108 @@
+"""How much of a scene is modelled: parts of the room, bounces, ways between thing and room, scatter, rays, elements."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from radartwin.errors import InputError
+from radartwin.materials import Layered
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
+from radartwin.scene.scene import Scene
+from radartwin.simulation.backend import backend
+from radartwin.simulation.simulate import simulate
+
+NONE, LARGE, WHOLE = "none", "large", "whole"
+LARGE_M = 1.0  # that a large surface measures in one direction: walls, tables and cupboards do, boxes, bins and bags do not
+
+
+@dataclass(frozen=True)
+class Model:
+    """One model of a scene, for the mitsuba simulator.
+
+    Attributes:
+        parts: of the room: "none", "large" (what measures LARGE_M), or "whole".
+        max_bounces, coupling, diffuse, rays_per_wavelength2: as `TraceSettings`.
+        elements: "planar" or "exact", as `simulate`.
+        layered: layers of walls and objects; without, each is of its outermost material, infinitely thick. It costs nothing either way, so
+            that no search leaves layers out.
+    """
+
+    parts: str = WHOLE
+    max_bounces: int = 4
+    coupling: bool = True
+    diffuse: bool = True
+    rays_per_wavelength2: float = 1.0
+    elements: str = "exact"
+    layered: bool = True
+
+    def __post_init__(self) -> None:
+        if self.parts not in (NONE, LARGE, WHOLE):
+            raise InputError(f"parts must be {NONE}, {LARGE} or {WHOLE}, not {self.parts!r}")
+
+    @property
+    def told(self) -> str:
+        """In words, such as "no room, 2 bounces, 0.25 tubes, planar"."""
+        words = {NONE: "no room", LARGE: "large surfaces", WHOLE: "whole room"}[self.parts]
+        bounces = f"{self.max_bounces} bounce{'s' * (self.max_bounces > 1)}"
+        coupled = "" if self.coupling or self.parts == NONE or self.max_bounces == 1 else ", uncoupled"
+        cloud = "" if self.diffuse else ", no cloud"
+        layers = "" if self.layered else ", no layers"
+        return f"{words}, {bounces}{coupled}{cloud}, {self.rays_per_wavelength2:g} tubes, {self.elements}{layers}"
+
+    def settings(self) -> dict[str, Any]:
+        """Of the simulator."""
+        return {name: value for name, value in asdict(self).items() if name not in ("parts", "elements", "layered")}
+
+    def recording(
+        self, room: Scene, kept: Scene, radar: Radar, sensor_poses: np.ndarray, motion: dict[str, np.ndarray], variant: str = "auto"
+    ) -> Recording:
+        """What the radar records, with its thermal noise.
+
+        Args:
+            kept: what no model leaves out, the thing under test and what it stands on.
+        """
+        scene = reduced(room, self.parts) + kept
+        if not self.layered:
+            scene = Scene((s.replaced(material=_outermost(s.material)) for s in scene), scene.provenance)
+        return simulate(
+            scene, radar, sensor_poses, motion=motion or None, noise=True, elements=self.elements,
+            simulator=backend("mitsuba", variant=variant, **self.settings()),
+        )  # fmt: skip
+
+
+# In the order in which things are left out; tubes first, on which all further trials then save. In each from cheap to dear.
+LADDER: dict[str, tuple[Any, ...]] = {
+    "rays_per_wavelength2": (0.25, 1.0, 4.0),
+    "parts": (NONE, LARGE, WHOLE),
+    "max_bounces": (1, 2, 3, 4, 5),
+    "coupling": (False, True),
+    "elements": ("planar", "exact"),
+    "diffuse": (False, True),
+}
+FINEST = Model(**{name: values[-1] for name, values in LADDER.items()})
+DEFAULT = Model()
+
+
+def cheaper(model: Model, dimension: str) -> list[Model]:
+    """The same model with less of one thing, the cheapest first; none where that makes no difference to what is traced."""
+    if dimension == "coupling" and model.parts == NONE:
+        return []
+    values = LADDER[dimension]
+    return [replace(model, **{dimension: value}) for value in values[: values.index(getattr(model, dimension))]]
+
+
+def reduced(room: Scene, parts: str) -> Scene:
+    """What is left of a room: nothing, its large surfaces, or all of it."""
+    if parts == NONE:
+        return Scene((), room.provenance)
+    if parts == WHOLE:
+        return room
+    return Scene((s for s in room if np.ptp(s.mesh.bounds, axis=0).max() >= LARGE_M), room.provenance)
+
+
+def _outermost(material: str | Layered) -> str:
+    return material.layers[0][0] if isinstance(material, Layered) else material
