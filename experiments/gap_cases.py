@@ -55,6 +55,18 @@ def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: 
     )  # fmt: skip
 
 
+def check_untouched(config: Config) -> None:
+    """That nobody has set what a study of gaps sets by itself.
+
+    Raises:
+        ConfigError: recordings, or gaps of a strength of their own.
+    """
+    if config.measured.provider != "testbed":
+        raise ConfigError("gaps are the testbed's: measured=recordings has none that could be switched; leave it out")
+    if config.measured.gap != GapConfig():
+        raise ConfigError(f"experiment={config.experiment.name} switches every measured.gap by itself; leave measured.gap out")
+
+
 @dataclass(frozen=True, eq=False)
 class Reading:
     """One recording.

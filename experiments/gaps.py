@@ -26,7 +26,7 @@ from experiments.campaigns.cases import Case
 from experiments.claims import NONE, Claim, row
 from experiments.gap_cases import CASES, FILLED, GAPS, GROUPS, METAL, Reading
 from experiments.gap_claims import expected
-from radartwin.config import Config, GapConfig, MaterialsConfig
+from radartwin.config import Config, MaterialsConfig
 from radartwin.errors import ConfigError
 from radartwin.experiment import Result
 from radartwin.plotting import PAGE_WIDTH_IN, PALETTE, figure
@@ -77,10 +77,7 @@ def check(config: Config) -> None:
     Raises:
         ConfigError: recordings, gaps or materials that the table sets by itself.
     """
-    if config.measured.provider != "testbed":
-        raise ConfigError("gaps are the testbed's: measured=recordings has none that could be switched; leave it out")
-    if config.measured.gap != GapConfig():
-        raise ConfigError("experiment=gaps switches every measured.gap by itself; leave measured.gap out")
+    gap_cases.check_untouched(config)
     if config.materials != MaterialsConfig(source="true"):
         raise ConfigError(f"experiment=gaps tells the twin the true materials; leave materials={config.materials.source} out")
 

@@ -1,0 +1,68 @@
+"""What each of several things that act together brings to a total: a game over coalitions, played in full.
+
+Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share: the mean, over all orders in which the players could come, of what one
+adds to those before it, phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)). Shares sum to v(N) - v({}).
+Ref: L. S. Shapley, A Value for n-Person Games, 1953. All are linear in v: values per recording give shares per recording. Nothing is
+sampled, so shares have no error of their own beside that of v.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.errors import InputError
+
+Coalition = frozenset[str]
+Game = Mapping[Coalition, NDArray[np.float64]]
+
+
+def coalitions(players: Sequence[str]) -> Iterator[Coalition]:
+    """All 2^n, the small ones first."""
+    return (frozenset(some) for size in range(len(players) + 1) for some in combinations(players, size))
+
+
+def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]]:
+    """Shapley's share of each player.
+
+    Args:
+        value: of every coalition, equal shapes (...).
+    Returns:
+        By player, (...).
+    Raises:
+        InputError: a coalition without a value.
+
+    >>> glove = {s: np.array(float("left" in s and len(s) > 1)) for s in coalitions(["left", "right", "other right"])}
+    >>> {player: round(float(share), 3) for player, share in shares(["left", "right", "other right"], glove).items()}
+    {'left': 0.667, 'right': 0.167, 'other right': 0.167}
+    """
+    count = len(players)
+    found = {}
+    for player in players:
+        others = [one for one in players if one != player]
+        parts = []
+        for before in coalitions(others):
+            weight = factorial(len(before)) * factorial(count - len(before) - 1) / factorial(count)
+            parts.append(weight * (_of(value, before | {player}) - _of(value, before)))
+        found[player] = np.sum(parts, axis=0)
+    return found
+
+
+def alone(value: Game, player: Coalition) -> NDArray[np.float64]:
+    """What comes when these are there and nobody else."""
+    return _of(value, player) - _of(value, frozenset())
+
+
+def left_out(value: Game, player: Coalition, everybody: Coalition) -> NDArray[np.float64]:
+    """What goes when these alone leave all the others."""
+    return _of(value, everybody) - _of(value, everybody - player)
+
+
+def _of(value: Game, coalition: Coalition) -> NDArray[np.float64]:
+    if coalition not in value:
+        raise InputError(f"the game has no value for {', '.join(sorted(coalition)) or 'nobody'}; give one for every coalition")
+    return value[coalition]

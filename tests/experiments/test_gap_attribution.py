@@ -1,0 +1,163 @@
+"""What each gap costs: from made-up recordings whose gaps are known, and once from real ones."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments import gap_attribution, gap_coalitions, transfer
+from experiments.campaigns.cases import Case
+from experiments.coalitions import Coalition
+from experiments.gap_attribution import ALL, ALONE, CLAIMS, FILLED, LEFT_OUT, PLANS, SHARE, Plan, chart, table
+from experiments.gap_coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Sides, configured, losses, side, told
+from experiments.recognition import right
+from radartwin.compose import compose
+from radartwin.config import GapConfig
+from radartwin.errors import ConfigError
+from radartwin.experiment import check_rows
+from radartwin.features.processed import Processed
+from radartwin.progress import Progress
+from radartwin.store import Store
+from tests.unit.fake_campaign import FakeCampaign
+
+CONFIG = compose(["experiment=gap_attribution", "profile.resamples=200", "supervision.trees=20", "supervision.seeds=2"])
+OBJECTS = ("corner_reflector", "mug", "mustard", "mouthwash")
+FILLED_ONES = OBJECTS[2:]
+PLAN = Plan({"geometry": ("geometry",), "materials": (LABELS, "materials"), "contents": ("contents",), "hardware": ("hardware",)}, OBJECTS)
+QUIET = Progress(quiet=True)
+
+
+class FakeSides(Sides):
+    """Echoes without a simulator: `hardware` takes 6 dB of everything measured, `contents` puts two lobes on a measured bottle's turn,
+    `geometry` turns the twin's room about, `materials` and `labels` make their side 20 % louder."""
+
+    def processed(self, domain: str, on: frozenset[str], case: Case) -> tuple[str, Processed]:
+        key, made = FakeCampaign(distances=(1.0,), frames=16).processed("twin", case, "uniform" if "geometry" in on else "true")
+        lobes = 0.4 if domain == "measured" and "contents" in on and case.object in FILLED_ONES else 0.0
+        gain = 1.2 if on & {"materials", LABELS} else 1.0
+        gain *= 0.5 if domain == "measured" and "hardware" in on else 1.0
+        wave = gain * (1 + lobes * np.cos(2 * 2 * np.pi * np.arange(16) / 16))
+        power = (made.power * wave[:, None] ** 2).astype(np.float32)
+        channels = (made.channels * wave[:, None, None]).astype(np.complex64)
+        return f"{domain}{sorted(on)}{key}", replace(made, power=power, channels=channels)
+
+    def log(self, domain: str, case: Case):
+        return FakeCampaign(distances=(1.0,), frames=16).log(case, "twin")
+
+
+@pytest.fixture(scope="module")
+def scored(tmp_path_factory: pytest.TempPathFactory):
+    sides = FakeSides(CONFIG, Store(tmp_path_factory.mktemp("store")), QUIET, gap_coalitions.cases(OBJECTS))
+    found = losses(CONFIG, sides, PLAN.needed())
+    filled = np.array([case.object in FILLED_ONES for case in sides.cases])
+    return sides, found, filled, table(CONFIG, PLAN, found, filled, sides.keys)
+
+
+def cell(rows: list[dict], score: str, gap: str, metric: str, objects: str = ALL) -> dict:
+    (found,) = [r for r in rows if (r["score"], r["gap"], r["metric"], r["objects"]) == (score, gap, metric, objects)]
+    return found
+
+
+def test_every_gap_is_alone_and_left_out_in_the_paper_profile_and_in_one_group() -> None:
+    plan = PLANS["paper"]
+    assert sorted(gap for gaps in plan.groups.values() for gap in gaps) == sorted((LABELS, *(f.name for f in fields(GapConfig))))
+    assert {frozenset((gap,)) for gap in plan.everything} <= set(plan.switched().values())
+    for one in PLANS.values():
+        needed = set(one.needed())
+        assert {frozenset(), one.everything} <= needed
+        assert all({part, one.everything - part} <= needed for part in one.switched().values())
+        assert len(needed) == len(one.needed())
+    assert PLANS["quick"].everything < plan.everything
+
+
+def test_a_set_of_gaps_is_on_and_all_others_are_off() -> None:
+    made = configured(CONFIG, {"geometry", "clutter", LABELS})
+    assert {name for name, strength in asdict(made.measured.gap).items() if strength} == {"geometry", "clutter"}
+    assert made.materials == CONFIG.materials
+    assert configured(CONFIG, {"geometry"}).materials.source == "true"
+    on = frozenset(("geometry", LABELS, "clutter", "hardware"))
+    assert side("twin", on) == {"geometry", LABELS, "hardware"}
+    assert side("measured", on) == {"clutter", "hardware"}
+
+
+def test_without_gaps_nothing_is_lost_and_shares_sum_to_what_all_cost(scored) -> None:
+    *_, rows = scored
+    check_rows("gap_attribution", rows)
+    for score in SCORES:
+        assert cell(rows, score, "none", "loss")["value"] == pytest.approx(0.0, abs=1e-6)
+        total = cell(rows, score, "all", "loss")["value"] - cell(rows, score, "none", "loss")["value"]
+        assert sum(cell(rows, score, gap, SHARE)["value"] for gap in PLAN.groups) == pytest.approx(total, abs=1e-9)
+
+
+def test_each_gap_costs_what_it_touches(scored) -> None:
+    *_, rows = scored
+    assert cell(rows, PROFILE, "geometry", ALONE)["value"] > 0.01
+    assert cell(rows, PROFILE, "geometry", LEFT_OUT)["value"] > 0.01
+    assert cell(rows, PROFILE, "hardware", SHARE)["value"] == pytest.approx(0.0, abs=1e-5)  # a level is no shape
+    assert cell(rows, RECOGNITION, "hardware", SHARE)["value"] == 0.0  # nor a rank
+    assert cell(rows, ERROR, "hardware", ALONE)["low"] > 0.0
+    assert cell(rows, ERROR, "contents", ALONE, FILLED)["low"] > 0.0
+    assert cell(rows, ERROR, "labels only", ALONE)["low"] > 0.0
+    assert cell(rows, ERROR, "materials", ALONE)["value"] == pytest.approx(0.0, abs=1e-6)  # both sides louder: the group hides it
+
+
+def test_only_bottles_know_of_contents(scored) -> None:
+    _, found, filled, _ = scored
+    change = found[ERROR][frozenset(("contents",))] - found[ERROR][frozenset()]
+    assert (change[filled] > 0.1).all()
+    np.testing.assert_array_equal(change[~filled], 0.0)
+
+
+def test_answers_together_are_the_answers_apart(scored) -> None:
+    sides, _, _, _ = scored
+    twin = sides.read("twin", frozenset()).frames
+    some: list[Coalition] = [frozenset(), frozenset(("contents",)), frozenset(("hardware", "contents"))]
+    measured = {on: sides.read("measured", on).frames for on in some}
+    together = told(CONFIG, twin, measured)
+    for on, samples in measured.items():
+        answers = transfer.answers(CONFIG, transfer.ranked_split(transfer.Frames(twin, samples, ())))
+        np.testing.assert_array_equal(together[on], right(answers, samples.per_recording().label).mean(axis=0))
+
+
+def test_every_claim_has_its_row_in_the_paper_profile() -> None:
+    plan = PLANS["paper"]
+    count = len(plan.objects)
+    rng = np.random.default_rng(0)
+    drawn = {score: {on: rng.uniform(1, 2, count) + len(on) for on in plan.needed()} for score in SCORES}
+    rows = table(CONFIG, plan, drawn, np.arange(count) > 2, ["key"])
+    check_rows("gap_attribution", rows)
+    told_of = {(r["score"], r["gap"], r["objects"], r["metric"]) for r in rows if r["claim"]}
+    assert told_of == set(CLAIMS)
+    assert chart(rows, tuple(plan.groups)).axes
+
+
+def test_what_the_table_sets_by_itself_is_refused() -> None:
+    for override, why in (("measured.gap.clutter=0", "leave measured.gap out"), ("materials=void", "leave materials=void out")):
+        with pytest.raises(ConfigError, match=why):
+            gap_attribution.check(compose(["experiment=gap_attribution", override]))
+    gap_attribution.check(CONFIG)
+
+
+@pytest.mark.slow
+def test_real_recordings_of_a_can_and_a_bottle_lose_to_contents_and_hand_what_they_must(tmp_path: Path) -> None:
+    """Exact room, true labels: without gaps both domains are one; a can knows of no liquid, a bottle does, the hand's placement both."""
+    plan = Plan({"contents": ("contents",), "placement": ("placement",)}, ("drink_can_355", "mustard"))
+    config = replace(CONFIG, output=str(tmp_path))
+    sides = Sides(config, Store(tmp_path / "cache"), QUIET, gap_coalitions.cases(plan.objects))
+    found = losses(config, sides, plan.needed())
+    can, bottle = 0, 1
+    assert [case.object for case in sides.cases] == ["drink_can_355", "mustard"]
+    none, contents, placement = frozenset(), frozenset(("contents",)), frozenset(("placement",))
+    assert (found[ERROR][none] < 1e-3).all()
+    assert (found[PROFILE][none] < 1e-4).all()
+    assert (found[RECOGNITION][none] == 0).all()
+    assert found[ERROR][contents][can] == found[ERROR][none][can]
+    assert found[ERROR][contents][bottle] > 0.01
+    assert (found[ERROR][placement] > 0.01).all()
+    again = Sides(config, Store(tmp_path / "cache"), QUIET, sides.cases)
+    again.prepare(plan.needed())
+    assert again.store.counts.simulated == 0
+    assert again.keys == sides.keys
