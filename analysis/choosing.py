@@ -1,7 +1,7 @@
 """docs/choosing.md and its two pictures from the committed results alone: `python -m analysis.choosing`.
 
-radartwin tables --profile paper --only speed_accuracy stability
-cp outputs/tables/{speed_accuracy,stability}.csv analysis/results/ && python -m analysis.choosing
+radartwin tables --profile paper --only speed_accuracy --only stability --only complexity
+cp outputs/tables/{speed_accuracy,stability,complexity}.csv analysis/results/ && python -m analysis.choosing
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from radartwin import files, plotting
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS, PAGE, FIGURES = ROOT / "analysis" / "results", ROOT / "docs" / "choosing.md", ROOT / "docs" / "figures"
-NAMES = ("speed_accuracy", "stability")
+NAMES = ("speed_accuracy", "stability", "complexity")
 GOALS = (
     ("profile_error_db", 3.0, "profile", " dB"), ("profile_error_db", 1.0, "profile", " dB"), ("signal_error", 0.1, "signal", ""),
     ("signal_error", 0.03, "signal", ""),
@@ -58,13 +58,14 @@ def _value(key: str, text: str) -> Any:
         return text
 
 
-def text(speed: Sequence[Row], stability: Sequence[Row]) -> str:
+def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Row]) -> str:
     """The page."""
-    measured = [row for row in speed if not row["claim"]]
+    measured = [row for row in speed if not row["claim"] and row["profile_error_db"] is not None]
     parts = [
         "# Choosing a method and its settings",
-        "Written by `python -m analysis.choosing` from `analysis/results/speed_accuracy.csv` and `stability.csv`: every figure is theirs. "
-        f"Times are processor-seconds of {measured[0]['machine'].replace('; ', ', ')}, and move with its load: compare ratios.",
+        "Written by `python -m analysis.choosing` from `speed_accuracy.csv`, `stability.csv` and `complexity.csv` in `analysis/results/`: "
+        f"every figure is theirs. Times are processor-seconds of {measured[0]['machine'].replace('; ', ', ')}, and move with its load: "
+        "compare ratios.",
         "## What accuracy costs",
         "![Seconds a frame against error of the range profile, a panel for each problem](figures/speed_accuracy.png)",
         "Fast is left, accurate is down. The cheapest setting that keeps the range profile (rms over 40 dB), or the signal (relative to "
@@ -73,6 +74,13 @@ def text(speed: Sequence[Row], stability: Sequence[Row]) -> str:
         _goals(measured),
         "How to ask for a setting:",
         _options(measured),
+        "## How much model the features need",
+        "![Models that simulator=auto chose, and what they cost](figures/complexity.png)",
+        "`simulator=auto` leaves out what the features do not need: those that `features` names, to within what recordings of the same "
+        "thing, set up anew, differ by. It tries on a few frames, says why, keeps the choice, and leaves alone what is set "
+        "(`simulator.max_bounces=3`); `simulator.tolerance=0.5` halves what features may move. Here what it chose, and how many times "
+        "less that costs than the cheapest single setting for all of these.",
+        _needed(complexity),
         "## The default",
         _default(speed),
         "## Where methods fail",
@@ -97,6 +105,18 @@ def _goals(measured: Sequence[Row]) -> str:
             cells.append(("" if enough else "none; nearest is ") + _method(best, error, unit))
         lines.append(f"| {mine[0]['title']} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _needed(complexity: Sequence[Row]) -> str:
+    lines = ["| case | features | model | error between, in limits | cheaper | layers needed |", "|---|---|---|---|---|---|"]
+    for row in complexity:
+        if row["metric"] == "cost of the fixed default over auto's":
+            layers = "yes" if row["without layers"] > 1 else "no"
+            cells = [row["case"], row["features"], row["model"], f"{row['between']:.2g}", f"{row['value']:.2g} x", layers]
+            lines.append(f"| {' | '.join(cells)} |")
+    overall = [row for row in complexity if row["case"] == "all"]
+    told = [f"- {row['metric']}: {row['value']:.2g}; {row['claim']}: {row['verdict']} ({row['model'] or 'all cases'})." for row in overall]
+    return "\n".join([*lines, "", *told])
 
 
 def _method(row: Row, error: str, unit: str) -> str:
@@ -124,8 +144,9 @@ def _default(speed: Sequence[Row]) -> str:
         "its error",
     )
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for name in dict.fromkeys(row["problem"] for row in speed):
-        mine = [row for row in speed if row["problem"] == name]
+    scored = [row for row in speed if row["profile_error_db"] is not None]
+    for name in dict.fromkeys(row["problem"] for row in scored):
+        mine = [row for row in scored if row["problem"] == name]
         own = next(row for row in mine if not row["claim"] and (row["family"], row["setting"]) == (OURS, DEFAULT))
         naive = next((row for row in mine if row["claim"] and row["family"] == RFGENESIS), None)
         cells = [own["title"], f"{own['seconds_frame']:.2g}", f"{own['profile_error_db']:.2g} dB", f"{own['signal_error']:.2g}"]
@@ -183,13 +204,14 @@ def _sweeps(stability: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def main() -> None:
-    from experiments import speed_figures, stability_figure
+    from experiments import complexity_figure, speed_figures, stability_figure
 
-    speed, stability = (read(name) for name in NAMES)
-    files.write_atomically(PAGE, text(speed, stability))
+    speed, stability, complexity = (read(name) for name in NAMES)
+    files.write_atomically(PAGE, text(speed, stability, complexity))
     drawn = {
         "speed_accuracy": lambda: speed_figures.chart(speed, "profile_error_db"),
         "stability": lambda: stability_figure.map_of(stability),
+        "complexity": lambda: complexity_figure.chart(complexity),
     }
     for name, draw in drawn.items():
         for path in plotting.save(draw, FIGURES / name):

@@ -5,7 +5,7 @@ on the Pareto front of a problem where no other is as fast and as accurate and b
 answer stand beside it. The default is where it should be if no other setting is better by more than NEAR in both. Figures of cost are of
 one machine and move with its load; ratios within one run are what to compare, which is why methods alternate and values are ratios.
 
-`feature_error` is for the campaigns' products and empty until they hold recordings of every method.
+Beside the problems stands the campaign (`speed_campaign`): what methods cost there against feature error and recognition accuracy.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import measuring
+from experiments import claims, measuring, speed_campaign
 from experiments.methods import DEFAULT, OURS, RFGENESIS, of_problem
 from experiments.pareto import front, shortfall
 from experiments.problems import Problem, problems
@@ -32,6 +32,15 @@ NEAR = 1.1
 FASTER = 500.0
 ERRORS = {"signal_error": "error of the signal", "profile_error_db": "error of the range profile"}
 PUBLISHED = "as published"
+MEASURED = (  # of the problems alone
+    "wall_s_frame", "setup_s", "frames timed", "memory_mib", "rays", "signal_error", "profile_error_db", "offset_db", "free_error_db",
+)  # fmt: skip
+UNSCORED = {
+    "feature_error": None,
+    "recognition_error": None,
+    "front of features": None,
+    "front of recognition": None,
+}  # what a campaign tells
 SOURCES = ("experiments.measuring", "experiments.problems", "experiments.methods")
 # rounds after the first two, seconds that one repetition may fill with frames, and beyond which a method is not repeated
 QUICK, PAPER = (2, 0.2, 1.0), (2, 2.0, 8.0)
@@ -52,7 +61,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         )
         measured += product.read_json("rows")
         keys.append(product.key)
+    told = speed_campaign.measure(config, store, progress, full)
+    keys += [key for one in told for key in one["keys"]]
     rows = table(measured, measuring.machine(), {problem.name: problem for problem in problems(full)})
+    rows += campaign_rows(told, measuring.machine(), config.measured.provider)
     metrics = {
         f"{row['problem']} {row['metric']}".replace(",", ""): float(row["value"])
         for row in rows
@@ -67,6 +79,7 @@ def _figures(rows: list[dict[str, Any]]) -> dict[str, Callable[[], Figure]]:
     return {
         "speed_accuracy": lambda: speed_figures.chart(rows, "profile_error_db"),
         "speed_accuracy_signal": lambda: speed_figures.chart(rows, "signal_error"),
+        "speed_accuracy_campaign": lambda: speed_figures.campaign(rows),
     }
 
 
@@ -90,7 +103,7 @@ def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], kno
             ratios = ratios_of(one["seconds"], default["seconds"])
             rows.append({
                 **_case(one, machine, known[name]), "exact": one["exact"],
-                "front": fronts["profile_error_db"][number], "front of the signal": fronts["signal_error"][number], "feature_error": None,
+                "front": fronts["profile_error_db"][number], "front of the signal": fronts["signal_error"][number], **UNSCORED,
                 "claim": "", "run_keys": "", "metric": "seconds a frame over those of the default", "paper": None, "value": ratios[1],
                 "low": ratios[0], "high": ratios[2], "n": len(one["seconds"]), "domain": known[name].truth, "verdict": "untestable",
             })  # fmt: skip
@@ -102,6 +115,49 @@ def _case(one: Mapping[str, Any], machine: Mapping[str, str], problem: Problem) 
     kept = {name: value for name, value in one.items() if name not in ("seconds", "exact")}
     seconds = {"least_s_frame": min(one["seconds"]), "most_s_frame": max(one["seconds"])}
     return kept | seconds | {"title": problem.title, "machine": "; ".join(machine.values())}
+
+
+def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str], domain: str) -> list[dict[str, Any]]:
+    """Each method's cost over the default's, feature and recognition error; then whether any other does as well for less."""
+    default = told[0]
+    rows: list[dict[str, Any]] = []
+
+    def add(
+        one: Mapping[str, Any], metric: str, value: tuple[float, float, float], n: int, claim: str = "", holds: bool | None = None
+    ) -> None:
+        rows.append({
+            **dict.fromkeys(MEASURED), **{name: one[name] for name in ("problem", "family", "setting", "seconds_frame", "exact")},
+            "least_s_frame": min(one["seconds"]), "most_s_frame": max(one["seconds"]), "title": speed_campaign.TITLE,
+            "machine": "; ".join(machine.values()), "front": None, "front of the signal": None,
+            "feature_error": one["feature_error"], "recognition_error": one["recognition_error"],
+            "front of features": one in by_features,
+            "front of recognition": one in by_recognition, "claim": claim, "run_keys": claims.told(one["keys"]), "metric": metric,
+            "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n, "domain": domain,
+            "verdict": "untestable" if holds is None else "holds" if holds else "fails",
+        })  # fmt: skip
+
+    scores = {"features": lambda one: one["feature_error"], "recognition": lambda one: one["recognition_error"]}
+    places = {name: [(one["seconds_frame"], score(one)) for one in told] for name, score in scores.items()}
+    by_features, by_recognition = ([one for one, on in zip(told, front(places[name]), strict=True) if on] for name in scores)
+    for one in told:
+        ratios = ratios_of(one["seconds"], default["seconds"])
+        add(one, "seconds a frame over those of the default", ratios, len(one["seconds"]))
+    for name, score in scores.items():
+        worse = {
+            "features": default["spread of feature_error"],
+            "recognition": _share_error(default["recognition_error"], default["answers"]),
+        }
+        as_good = [one for one in told if score(one) <= score(default) + worse[name]]  # within its standard error
+        far = default["seconds_frame"] / min(one["seconds_frame"] for one in as_good)
+        claim = f"no other that is as good in {name}, within a standard error, is more than {100 * (NEAR - 1):.0f} % faster"
+        add(default, f"times the cheapest that is as good in {name}", (far, far, far), len(told), claim, far <= NEAR)
+    return rows
+
+
+def _share_error(share: float, answers: int) -> float:
+    """Standard error of a share, by Laplace's rule where none or all are wrong."""
+    fair = (share * answers + 1) / (answers + 2)
+    return float(np.sqrt(fair * (1 - fair) / answers))
 
 
 def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> tuple[float, float, float]:
@@ -129,7 +185,7 @@ def _claims(
 
     def add(one: Mapping[str, Any], metric: str, claim: str, value: tuple[float, float, float], n: int, holds: bool) -> None:
         rows.append({
-            **_case(one, machine, problem), "exact": False, "front": None, "front of the signal": None, "feature_error": None,
+            **_case(one, machine, problem), "exact": False, "front": None, "front of the signal": None, **UNSCORED,
             "claim": claim, "run_keys": "", "metric": metric, "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n,
             "domain": problem.truth, "verdict": "holds" if holds else "fails",
         })  # fmt: skip

@@ -39,7 +39,7 @@ def short(setting: str) -> str:
 
 def chart(rows: Sequence[Row], error: str) -> Figure:
     """Seconds of a frame against error, a panel per problem; the front is a line, the default a star."""
-    measured = [row for row in rows if not row["claim"]]
+    measured = [row for row in rows if not row["claim"] and row[error] is not None]
     names = list(dict.fromkeys(row["problem"] for row in measured))
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=5.6, sharex=True, sharey=True)
     label, low, high = AXES[error]
@@ -65,6 +65,33 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
     for panel, name in zip(panels.flat, names, strict=False):
         mine = [row for row in measured if row["problem"] == name]
         places = [(row["seconds_frame"], float(np.clip(row[error], low, high))) for row in mine]
+        place(panel, places, [_label(row) for row in mine], [LOOKS[row["family"]][1] for row in mine])
+    return drawing
+
+
+def campaign(rows: Sequence[Row]) -> Figure:
+    """Seconds of a frame on the campaign against feature error and against what is not recognised."""
+    mine = [row for row in rows if not row["claim"] and row["feature_error"] is not None]
+    drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.0, sharex=True)
+    shown = (
+        (panels[0], "error of the features (spreads of the measured)", "front of features", [row["feature_error"] for row in mine]),
+        (panels[1], "symmetry not recognised (share of turns)", "front of recognition", [row["recognition_error"] for row in mine]),
+    )
+    for panel, label, on_front, values in shown:
+        panel.set(xscale="log", xlabel="processor-seconds a frame", ylabel=label)
+        panel.grid(which="major", color="0.92", lw=0.5)
+        panel.set_axisbelow(True)
+        best = sorted((row["seconds_frame"], value) for row, value in zip(mine, values, strict=True) if row[on_front])
+        x, y = zip(*best, strict=True)
+        panel.step([x[0], *x, 1e6], [10 * max(values), *y, y[-1]], where="post", color="0.6", lw=1.0, zorder=1)
+        for row, value in zip(mine, values, strict=True):
+            _point(panel, row, value, 0.0)
+        panel.set_xlim(min(row["least_s_frame"] for row in mine) / 2, max(row["most_s_frame"] for row in mine) * 2)
+    panels[0].set(yscale="log", ylim=(min(shown[0][3]) / 2, max(shown[0][3]) * 2))
+    panels[1].set_ylim(0, min(1.0, 2 * max(shown[1][3]) + 0.1))
+    drawing.draw_without_rendering()
+    for panel, _, _, values in shown:
+        places = [(row["seconds_frame"], value) for row, value in zip(mine, values, strict=True)]
         place(panel, places, [_label(row) for row in mine], [LOOKS[row["family"]][1] for row in mine])
     return drawing
 

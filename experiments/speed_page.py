@@ -16,7 +16,8 @@ COSTS = {
 }  # fmt: skip
 ERRORS = {
     "profile_error_db": "error of the range profile (dB)", "signal_error": "error of the signal",
-    "free_error_db": "error of the range profile after one gain (dB)", "feature_error": "error of the features",
+    "free_error_db": "error of the range profile after one gain (dB)", "feature_error": "error of the features (spreads)",
+    "recognition_error": "not recognised (share)",
 }  # fmt: skip
 TOLD = ("setup_s", "frames timed", "offset_db", "n")
 
@@ -103,7 +104,7 @@ function draw() {
   if (!xs || !ys) { home.textContent = "Nothing is measured on these axes yet."; return; }
   const x = v => M.l + (Math.log10(Math.max(v, 10 ** xs[0])) - xs[0]) / (xs[1] - xs[0]) * (W - M.l - M.r);
   const y = v => H - M.b - (Math.log10(Math.max(v, 10 ** ys[0])) - ys[0]) / (ys[1] - ys[0]) * (H - M.t - M.b);
-  for (const panel of data.panels) {
+  for (const panel of data.panels.filter(p => p.points.some(q => q[cost] && q[error] !== null && q[error] !== ""))) {
     const box = home.appendChild(document.createElement("section"));
     box.innerHTML = "<h2></h2><div class=muted></div>";
     box.children[0].textContent = panel.title;
