@@ -4,41 +4,65 @@ from __future__ import annotations
 
 import importlib
 import json
+import re
+import traceback
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from analysis import registry, report
 from analysis import tables as writers
-from radartwin import files, plotting
+from radartwin import files, plain_json, plotting, secret
 from radartwin.compose import compose, path_override
-from radartwin.errors import ConfigError, InputError, MissingError
+from radartwin.errors import ConfigError, InputError, MissingError, UserError
 from radartwin.experiment import Result
 from radartwin.progress import Progress
 from radartwin.run import run_experiment, run_key, summary
 from radartwin.store import Counts
 
 INDEX = "index.json"  # in the tables folder: which run each written table came from
-_ENTRY = {"run_key": str, "profile": str, "figures": list}  # what it holds of each
+FAILURES = "failures.json"  # beside it: which run of a table ended with an error, until one succeeds
+LOCK = "index.lock"
+_ENTRY = {"run_key": str, "profile": str, "figures": list}  # what the index holds of each
+_FAILURE = {"run_key": str, "profile": str, "error": str}
+_NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")  # of a figure: a file in the figures folder, never a path
 
 
 def tables(profile: str, only: list[str] | None, output: Path) -> int:
-    """Compute or read back each table, write it in every format with its figures, then the report."""
+    """Compute or read back each table, write it in every format with its figures, then the report.
+
+    A run that ends with an error costs its own table: the others are made, the report names it, and the exit status is 1. What the user
+    can mend stops the work, as it would stop every table.
+    """
     progress, counts = Progress(), Counts()
     chosen = registry.select(only, profile)
-    _index(output)  # an unreadable one stops before the work, not after it
+    for name, form in ((INDEX, _ENTRY), (FAILURES, _FAILURE)):  # an unreadable one stops before the work, not after it
+        _listed(output, name, form)
     for part in ("tables", "figures", "report"):
         files.sweep(files.make_folder(output / part))
+    files.drop_stale(output / "tables" / LOCK)
+    made, failed = [], []
     for table in chosen:
         progress.say(f"--- {table.name} ({profile})")
         overrides = [f"experiment={table.name}", f"profile={profile}", path_override("output", output)]
-        result, counted = run_experiment(compose(overrides), overrides, progress)
+        config = compose(overrides)
+        try:
+            result, counted = run_experiment(config, overrides, progress)
+        except (UserError, OSError):
+            raise
+        except Exception as error:
+            traceback.print_exc()
+            _fail(table.name, run_key(config), profile, error, output)
+            failed.append(table.name)
+            continue
         counts += counted
         write(table, result, profile, output)
+        made.append(table.name)
         print(summary(result))
-    page = write_report(output, fresh=[table.name for table in chosen])
+    page = write_report(output, fresh=made)
     totals = f"simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}"
-    print(f"tables: {len(chosen)} written, {totals}; report: {page}")
-    return 0
+    print(f"tables: {len(made)} written, {totals}; report: {page}")
+    return 1 if failed else 0
 
 
 def report_verb(output: Path) -> int:
@@ -54,39 +78,60 @@ def write(table: registry.Table, result: Result, profile: str, output: Path) -> 
         plotting.save(figure, output / "figures" / name)
     if table.page:
         files.write_atomically(output / "figures" / f"{table.name}_page.html", importlib.import_module(table.page).page(result.rows))
-    index = _index(output)
-    index[table.name] = {"run_key": result.run_key, "profile": profile, "figures": sorted(result.figures)}
-    files.write_atomically(output / "tables" / INDEX, json.dumps(index, indent=1) + "\n")
+    with _alone(output):
+        index = _listed(output, INDEX, _ENTRY)
+        index[table.name] = {"run_key": result.run_key, "profile": profile, "figures": sorted(result.figures)}
+        _list(output, INDEX, index)
+        failures = _listed(output, FAILURES, _FAILURE)
+        if failures.pop(table.name, None):
+            _list(output, FAILURES, failures)
+
+
+def _fail(name: str, key: str, profile: str, error: Exception, output: Path) -> None:
+    """A line of FAILURES: the error in one line, with its kind."""
+    told = " ".join(secret.hidden(f"{type(error).__name__}: {error}").split())[:500]
+    with _alone(output):
+        failures = _listed(output, FAILURES, _FAILURE) | {name: {"run_key": key, "profile": profile, "error": told}}
+        _list(output, FAILURES, failures)
 
 
 def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str, str, Path], str] | None = None) -> Path:
     """The report of every table: what the output folder holds, and a line for what it does not, or not any more.
 
-    A table whose run is of an earlier source or configuration is named with the command that renews it, and its old figures stay out.
+    A table whose run failed, or is of an earlier source or configuration, is named with the command that makes it; old figures stay out.
 
     Args:
         fresh: tables that were just written. current: (name, profile, output) -> the key its run has now.
     Raises:
         MissingError: the folder holds no table at all.
     """
-    index = _index(output)
-    if not any(table.name in index for table in registry.TABLES):
+    known = (_listed(output, INDEX, _ENTRY), _listed(output, FAILURES, _FAILURE))
+    if not any(table.name in entries for table in registry.TABLES for entries in known):
         raise MissingError(f"{output / 'tables'}: there are no tables to report; run radartwin tables first")
-    sections, states = [], {report.MISSING: [], report.STALE: []}
+    with _alone(output):
+        return _write_report(output, fresh, current or _current)
+
+
+def _write_report(output: Path, fresh: Sequence[str], current: Callable[[str, str, Path], str]) -> Path:
+    index, failures = _listed(output, INDEX, _ENTRY), _listed(output, FAILURES, _FAILURE)
+
+    def now(name: str, entry: dict) -> bool:
+        return name in fresh or entry["run_key"] == current(name, entry["profile"], output)
+
+    sections = []
     for table in registry.TABLES:
-        entry = index.get(table.name)
-        if entry is None:
-            state = report.MISSING
-        elif table.name in fresh or entry["run_key"] == (current or _current)(table.name, entry["profile"], output):
-            figures = [output / "figures" / name for name in entry["figures"]]
-            sections.append(report.Section(table, _html(output, table.name), figures, entry["run_key"], entry["profile"]))
-            continue
+        entry, failure = index.get(table.name), failures.get(table.name)
+        if entry and now(table.name, entry):
+            section = report.Section(table, output, entry["profile"], entry["run_key"], entry["figures"])
+        elif failure and now(table.name, failure):
+            section = report.Section(table, output, failure["profile"], absent=report.FAILED, error=failure["error"])
         else:
-            state = report.STALE
-        states[state].append(table.name)
-        sections.append(report.Section(table, "", [], "", entry["profile"] if entry else "quick", state))
-    for state, names in states.items():
-        if names:
+            known = entry or failure
+            profile, state = (known["profile"], report.STALE) if known else ("quick", report.MISSING)
+            section = report.Section(table, output, profile, absent=state)
+        sections.append(section)
+    for state in (report.MISSING, report.STALE, report.FAILED):
+        if names := [section.table.name for section in sections if section.absent == state]:
             print(f"{state}: {', '.join(names)}")
     return report.write(sections, output)
 
@@ -98,22 +143,26 @@ def _current(name: str, profile: str, output: Path) -> str:
         return ""
 
 
-def _index(output: Path) -> dict[str, dict]:
-    path = output / "tables" / INDEX
+def _alone(output: Path) -> AbstractContextManager[None]:
+    """While index, failures or report are read and written again: another `radartwin tables` may run on this output."""
+    return files.lock(output / "tables" / LOCK)
+
+
+def _list(output: Path, name: str, entries: dict[str, dict]) -> None:
+    files.write_atomically(output / "tables" / name, json.dumps(entries, indent=1) + "\n")
+
+
+def _listed(output: Path, name: str, form: dict[str, type]) -> dict[str, dict]:
+    """What INDEX or FAILURES holds, by table."""
+    path = output / "tables" / name
     if not path.is_file():
         return {}
     try:
-        index = json.loads(path.read_text(encoding="utf-8"))
-        if not all({key: type(value) for key, value in entry.items()} == _ENTRY for entry in index.values()):
+        entries = plain_json.read(path)
+        if not all({key: type(value) for key, value in entry.items()} == form for entry in entries.values()):
             raise ValueError("an entry is not of the expected form")
-    except (ValueError, AttributeError, RecursionError) as error:
+        if not all(isinstance(one, str) and _NAME.fullmatch(one) for entry in entries.values() for one in entry.get("figures", ())):
+            raise ValueError("a figure's name is not that of a file")
+    except (ValueError, AttributeError, TypeError) as error:
         raise InputError(f"{path} is damaged ({str(error).splitlines()[0]}); delete it and run radartwin tables again") from error
-    return index
-
-
-def _html(output: Path, name: str) -> str:
-    path = output / "tables" / f"{name}.html"
-    try:
-        return path.read_text(encoding="utf-8")
-    except (FileNotFoundError, UnicodeDecodeError) as error:
-        raise MissingError(f"{path} is missing or damaged; run radartwin tables --only {name} again") from error
+    return entries

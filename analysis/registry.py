@@ -45,7 +45,9 @@ TABLES = (
         "at rest shares with a whole recording divided among its frames; wall clock beside), memory above idle, rays, and errors of the "
         "signal and of the range profile within 40 dB. Methods alternate; a value is a method's time over the default's, in the median and "
         "from least to most over n rounds. Exact references stand beside the front. RF-Genesis style as published is timed on one of the "
-        "128 sums of a frame and scaled. Times are of the machine that the rows name.",
+        "128 sums of a frame and scaled. On the campaign, methods make the twin's turntables of all objects: error of the features "
+        "against the measured ones in spreads of these, and share of measured turns whose symmetry a linear probe misses that was trained "
+        "on the simulation; n counts recordings there, timed as they were made. Times are of the machine that the rows name.",
         page="experiments.speed_page",
     ),
     Table(
@@ -54,6 +56,17 @@ TABLES = (
         caption="Error of every method along sweeps that get harder, against closed forms, series, quadrature and image sources; a value "
         "is the number of swept values, easiest first, before the error passes 3 dB. Methods without absolute level are calibrated on a "
         "metal sphere at 1 m. Equal safe regions count as the largest.",
+    ),
+    Table(
+        name="complexity",
+        title="How much model a scene needs",
+        caption="What simulator=auto chooses: the cheapest model whose features, on a few frames of a recording, stay within their "
+        "repeatability limit (what two recordings set up anew differ by with 95 %, of that object at 1 m, in the testbed) of the finest "
+        "model's: whole room, five bounces, four tubes a square wavelength. An error is of the worst feature, in limits; judged on as many "
+        "frames between those of the choice. The fixed default is the cheapest setting known to do for all cases, of what is chosen for "
+        "all at once and of the shipped default. A value is its core seconds a frame over auto's, from least to most over n rounds, "
+        "without the choice itself, which takes the seconds told beside and pays after so many frames; the median is over each case's own "
+        "feature set, its interval a bootstrap over cases. One case in the quick profile.",
     ),
     Table(
         name="campaign",
@@ -97,6 +110,16 @@ TABLES = (
         "before the first run. Changes are of the complex signal, in the target gate and half a metre and more from it; geometry moves the "
         "twin, all others the testbed. Three objects on the lab's turntable and one drive in the squash court; intervals are bootstraps "
         "over objects.",
+    ),
+    Table(
+        name="gap_attribution",
+        title="Which gap costs what",
+        caption="What each gap between the testbed and the twin costs: alone (all others off), left out (all others on), and as its share "
+        "of what all cost together (Shapley, exact over the groups, so that shares sum to the total). Losses per recording of a turntable "
+        "at 1 m in the laboratory: features apart in spreads between objects, range profiles no longer correlated (decibels), objects no "
+        "longer told by forests that learned the twin. Quick: four objects, and only the gaps that need no costly room; clutter, the finer "
+        "solver and wrong labels stay off in it and count in the paper profile alone. Materials hold roughness, course holds trajectory "
+        "and placement, in the paper profile clutter holds the solver. Intervals are bootstraps over objects; each gap is one draw.",
     ),
     Table(
         name="turntable_shape",

@@ -68,7 +68,7 @@ def to_csv(rows: Sequence[Row]) -> str:
 
 def to_markdown(table: Table, rows: Sequence[Row]) -> str:
     shown, cells = _cells(rows)
-    lines = [f"| {' | '.join(_heading(c) for c in shown)} |", f"|{'---|' * len(shown)}"]
+    lines = [f"| {' | '.join(heading(c) for c in shown)} |", f"|{'---|' * len(shown)}"]
     lines += [f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in cells]
     return f"**{table.title}.** {caption(table, rows)}\n\n" + "\n".join(lines) + "\n"
 
@@ -78,7 +78,7 @@ def to_latex(table: Table, rows: Sequence[Row]) -> str:
     shown, cells = _cells(rows)
     align = "".join("r" if all(isinstance(row.get(c), _NUMBER) for row in rows) else "l" for c in shown)
     body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
-    head = " & ".join(_latex(_heading(c)) for c in shown)
+    head = " & ".join(_latex(heading(c)) for c in shown)
     shape, width = ("table*", r"\textwidth") if len(shown) > _WIDE else ("table", r"\columnwidth")
     return rf"""\begin{{{shape}}}[t]
   \centering
@@ -100,12 +100,12 @@ def to_html(table: Table, rows: Sequence[Row]) -> str:
     """The table element alone, in ASCII, so that it reads the same on a page of any encoding."""
     shown, cells = _cells(rows)
     kinds = [' class="number"' if all(isinstance(row.get(c), _NUMBER) for row in rows) else "" for c in shown]
-    head = "".join(f"<th{kind}>{html.escape(_heading(c))}</th>" for c, kind in zip(shown, kinds, strict=True))
+    head = "".join(f'<th scope="col"{kind}>{html.escape(heading(c))}</th>' for c, kind in zip(shown, kinds, strict=True))
     body = "\n".join(
-        f'<tr class="{html.escape(str(row["verdict"]))}">'
+        f'<tr id="{table.name}-{number}" class="{html.escape(str(row["verdict"]))}">'
         + "".join(f"<td{kind}>{html.escape(cell)}</td>" for cell, kind in zip(texts, kinds, strict=True))
         + "</tr>"
-        for row, texts in zip(rows, cells, strict=True)
+        for number, (row, texts) in enumerate(zip(rows, cells, strict=True), 1)
     )
     text = f"<strong>{html.escape(table.title)}.</strong> {html.escape(caption(table, rows))}"
     table_text = f"<table>\n<caption>{text}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n"
@@ -114,10 +114,11 @@ def to_html(table: Table, rows: Sequence[Row]) -> str:
 
 def _cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     shown = [c for c in columns(rows) if c != "run_keys"]
-    return shown, [[_text(row.get(c)) for c in shown] for row in rows]
+    return shown, [[text_of(row.get(c)) for c in shown] for row in rows]
 
 
-def _text(value: Any) -> str:
+def text_of(value: Any) -> str:
+    """A cell as readers see it: three significant digits, a dash where nobody could compute it."""
     if value is None:
         return "–"
     if isinstance(value, float):
@@ -125,7 +126,7 @@ def _text(value: Any) -> str:
     return str(value)
 
 
-def _heading(column: str) -> str:
+def heading(column: str) -> str:
     """distance_m -> distance (m)"""
     name, _, unit = column.rpartition("_")
     return f"{name} ({_UNITS[unit]})".replace("_", " ") if name and unit in _UNITS else column.replace("_", " ")

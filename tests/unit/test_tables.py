@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,8 @@ from typing import Any
 import pytest
 
 from analysis import main, registry, tables
-from radartwin import plotting
 from radartwin.errors import ConfigError, InputError, MissingError
-from radartwin.experiment import Result, check_rows
+from radartwin.experiment import check_rows
 
 SCORE = ["metric", "paper", "value", "low", "high", "n", "domain", "verdict"]
 TABLE = registry.Table("environment", "The room & the signal", "Correlation at 50 % of_all.")
@@ -114,42 +112,6 @@ def test_the_caption_owns_up_to_a_virtual_measurement() -> None:
     assert tables.caption(TABLE, [row(domain="recordings")]) == TABLE.caption
 
 
-def test_the_report_links_every_file_relative_to_itself(tmp_path: Path) -> None:
-    stem = tmp_path / "store" / "curve"
-    stem.parent.mkdir()
-    for suffix in plotting.SUFFIXES:
-        stem.with_name(stem.name + suffix).write_bytes(b"x")
-    table = registry.TABLES[0]
-    main.write(table, Result(table.name, [row()], {"curve": stem}, run_key="f" * 32), "quick", tmp_path / "out")
-    page = main.write_report(tmp_path / "out", current=lambda name, profile, output: "f" * 32)
-    moved = shutil.move(tmp_path / "out", tmp_path / "elsewhere")
-    links = [part.split('"')[0] for part in page_text(Path(moved)).split('="')[1:]]
-    files = [link for link in links if link.endswith((".png", ".pdf", ".html", ".csv", ".md", ".tex"))]
-    assert len(files) == 6
-    for link in files:
-        assert (Path(moved) / "report" / link).is_file()
-    assert page.name == "index.html"
-
-
-def page_text(output: Path) -> str:
-    return (output / "report" / "index.html").read_text(encoding="utf-8")
-
-
-def test_a_missing_or_stale_table_is_named_and_never_filled_with_old_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    kept, old, absent = registry.TABLES[:3]
-    for table, key in ((kept, "a" * 32), (old, "b" * 32)):
-        main.write(table, Result(table.name, [row(metric=f"figure of {table.name}")], {}, run_key=key), "paper", tmp_path)
-    main.write_report(tmp_path, current=lambda name, profile, output: "a" * 32)
-    text = page_text(tmp_path)
-    assert f"figure of {kept.name}" in text
-    assert f"figure of {old.name}" not in text
-    assert f"radartwin tables --profile paper --only {old.name}" in text
-    assert f"radartwin tables --profile quick --only {absent.name}" in text
-    lines = capsys.readouterr().out.splitlines()
-    assert f"stale: {old.name}" in lines
-    assert any(line.startswith("not run: ") and absent.name in line for line in lines)
-
-
 def test_a_table_written_by_this_source_is_not_stale_and_one_of_another_configuration_is(tmp_path: Path) -> None:
     now = main._current("validation", "quick", tmp_path)
     assert len(now) == 32
@@ -171,7 +133,7 @@ def test_a_damaged_index_is_named_before_any_work(text: str, tmp_path: Path) -> 
 def test_a_table_that_went_missing_is_named(tmp_path: Path) -> None:
     (tmp_path / "tables").mkdir()
     (tmp_path / "tables" / "index.json").write_text('{"environment": {"run_key": "0", "profile": "quick", "figures": []}}')
-    with pytest.raises(MissingError, match=r"environment\.html .*--only environment"):
+    with pytest.raises(MissingError, match=r"environment\.csv is missing .*--only environment"):
         main.write_report(tmp_path, current=lambda name, profile, output: "0")
 
 

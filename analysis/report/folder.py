@@ -1,0 +1,84 @@
+"""The report's files: gathered aside, named by their content, and shown by replacing index.html last.
+
+    report/index.html           links to one folder of parts
+    report/parts-DIGEST/        figures, tables, gallery, rooms
+
+A reader who opens index.html at any moment finds the report before or the report after, never a mixture.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from radartwin import files
+
+INDEX, LOCK = "index.html", f".report{files.TEMPORARY}"
+_STAGE = f".parts{files.TEMPORARY}"
+_PARTS = re.compile(r"parts-[0-9a-f]{12}")
+
+
+class Stage:
+    """A folder of parts under construction."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._folder = root / _STAGE
+
+    def take(self, source: Path, part: str) -> str:
+        """Copy a file into a part; its link, from within the parts."""
+        link = f"{part}/{source.name}"
+        shutil.copyfile(source, self.path(link))
+        return link
+
+    def path(self, link: str) -> Path:
+        """Where a part is to be written."""
+        path = self._folder / link
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def publish(self, page: Callable[[str], str]) -> Path:
+        """Name the parts by their content, write the page that `page` gives for that name, remove what earlier ones left."""
+        digest = _digest(self._folder)
+        parts = self.root / f"parts-{digest[:12]}"
+        text = page(parts.name)
+        if parts.exists() and _digest(parts) != digest:  # somebody has touched it
+            shutil.rmtree(parts)
+        if not parts.exists():
+            files.sync(self._folder)
+            self._folder.rename(parts)
+            files.sync(self.root, deep=False)
+        index = files.write_atomically(self.root / INDEX, text)
+        for old in self.root.iterdir():
+            if _PARTS.fullmatch(old.name) and old != parts:
+                shutil.rmtree(old)
+        return index
+
+
+@contextlib.contextmanager
+def staged(root: Path) -> Iterator[Stage]:
+    """An empty stage, under the folder's lock: of two reports at once the second waits.
+
+    Raises:
+        OutputError: the folder cannot be made or written.
+    """
+    files.make_folder(root)
+    with files.lock(root / LOCK):
+        shutil.rmtree(root / _STAGE, ignore_errors=True)  # of a process that was killed
+        try:
+            (root / _STAGE).mkdir()
+            yield Stage(root)
+        finally:
+            shutil.rmtree(root / _STAGE, ignore_errors=True)
+
+
+def _digest(folder: Path) -> str:
+    """SHA-256 of the folder's names and contents."""
+    total = hashlib.sha256()
+    for path in sorted(one for one in folder.rglob("*") if one.is_file()):
+        total.update(f"{path.relative_to(folder).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return total.hexdigest()

@@ -1,0 +1,93 @@
+"""Measured and simulated pictures on one place: a page per figure of the gallery, with one slider that wipes between the two and one that
+moves along range. The values are those that the figure's own page carries (radartwin/interactive.py).
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from analysis.report.content import Section
+from analysis.report.folder import Stage
+from radartwin.errors import MissingError
+from radartwin.plotting import SEQUENTIAL
+
+TABLE = "gallery"
+PAGE = Path(__file__).with_name("page") / "compare.html"
+_DATA = re.compile(r"^const data = (\{.*\});$", re.MULTILINE)
+_SAME = 1e-3  # of a figure's width: panels above each other
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A figure that can be compared: its name and the link to its page, from within the parts."""
+
+    figure: str
+    page: str
+
+
+def write(sections: Sequence[Section], staged: Stage) -> list[Compared]:
+    """A page for each figure of the gallery that has two pictures of one extent above each other.
+
+    Raises:
+        MissingError: a figure's page is missing or damaged.
+    """
+    compared = []
+    for section in sections:
+        for name in section.figures if section.table.name == TABLE and not section.absent else ():
+            panels = pairs(drawn(section.figure(name, ".html"), section.command))
+            if panels:
+                staged.path(f"gallery/{name}.html").write_text(page(name, panels), encoding="utf-8")
+                compared.append(Compared(name, f"gallery/{name}.html"))
+    return compared
+
+
+def drawn(path: Path, command: str) -> dict[str, Any]:
+    """What a figure's page knows of it."""
+    found = _DATA.search(path.read_text(encoding="utf-8", errors="replace"))
+    try:
+        data = json.loads(found[1]) if found else None
+    except ValueError:
+        data = None
+    if not isinstance(data, dict) or "axes" not in data:
+        raise MissingError(f"{path} is damaged; run {command} again")
+    return data
+
+
+def pairs(data: dict[str, Any]) -> list[dict[str, Any]]:
+    """Panels whose picture stands above another of the same columns and extent: its title, label and extent; values and marks of both."""
+    pictured = [axes for axes in data["axes"] if len(axes["pictures"]) == 1]
+    found = []
+    for upper in pictured:
+        for lower in pictured:
+            if _beneath(upper, lower, _SAME * data["size"][0]):
+                extent, values = upper["pictures"][0]["extent"], [one["pictures"][0]["values"] for one in (upper, lower)]
+                marks = [[series["points"] for series in one["series"]] for one in (upper, lower)]
+                found.append({"title": upper["title"], "x": lower["x"]["label"], "extent": extent, "values": values, "marks": marks})
+    return found
+
+
+def _beneath(upper: dict[str, Any], lower: dict[str, Any], near: float) -> bool:
+    """Whether two panels show the same part of the same axes, one above the other."""
+    same = all(abs(upper["box"][k] - lower["box"][k]) <= near for k in (0, 2)) and upper["box"][3] <= lower["box"][1]
+    first, second = (one["pictures"][0] for one in (upper, lower))
+    close = all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(first["extent"], second["extent"], strict=True))
+    shape = [(len(one["values"]), len(one["values"][0])) for one in (first, second)]
+    return same and close and shape[0] == shape[1]
+
+
+def page(name: str, panels: Sequence[dict[str, Any]]) -> str:
+    """The page of one figure. Values in decibels, as the gallery's are."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    ramp = [to_hex(colour) for colour in colormaps[SEQUENTIAL](range(256))]
+    data = json.dumps({"panels": panels, "ramp": ramp}, allow_nan=False).replace("<", "\\u003c")
+    title = html.escape(f"{name.replace('_', ' ').removeprefix('gallery ')}: measured and simulated")
+    return PAGE.read_text(encoding="utf-8").replace("/*TITLE*/", title).replace("/*DATA*/", data)

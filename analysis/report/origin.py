@@ -1,0 +1,136 @@
+"""Where a report comes from: code, machine, and of each run its key, seed, cost and place in MLflow. Reads files alone."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import sqlite3
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from analysis.report.content import Section
+from experiments.measuring import machine
+from radartwin import __version__
+from radartwin.dashboard import HOST, USUAL_PORT
+from radartwin.provenance import commit
+from radartwin.store import KEY_LENGTH, META, RUN
+from radartwin.tracking import DATABASE
+
+_KEY = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of the report; what its cache does not tell any more is None.
+
+    Attributes:
+        core_seconds: of its process, making what was not there included. made: products (recordings, scans) it names, by key, with the
+            core-seconds that each took when it was made, by this run or another.
+        mlflow: address of its page while `radartwin dashboard` runs, or "".
+    """
+
+    section: Section
+    seed: int | None = None
+    finished: str = ""
+    version: str = ""
+    core_seconds: float | None = None
+    made: dict[str, float] = field(default_factory=dict)
+    mlflow: str = ""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Of the whole report. `written_by`: name and value of each line."""
+
+    written_by: list[tuple[str, str]]
+    runs: list[Run]
+    tracking: str = ""  # why no run is linked to MLflow
+
+    @property
+    def core_seconds(self) -> float:
+        """Of all runs."""
+        return sum(run.core_seconds or 0.0 for run in self.runs)
+
+    @property
+    def made(self) -> dict[str, float]:
+        """Products of all runs, each once."""
+        return {key: seconds for run in self.runs for key, seconds in run.made.items()}
+
+
+def of(sections: Sequence[Section], output: Path) -> Origin:
+    """What the output folder tells of the runs behind the sections."""
+    present = [section for section in sections if not section.absent]
+    pages, why = _pages(output / DATABASE)
+    runs = [_run(section, output / "cache", pages.get(section.run_key, "")) for section in present]
+    return Origin(_written_by(), runs, why)
+
+
+def _written_by() -> list[tuple[str, str]]:
+    head, dirty = commit()
+    code = f"commit {head[:12]}{' with local changes' if dirty else ''}" if head != "none" else "no repository"
+    return [("radartwin", f"{__version__}, {code}"), *machine().items()]
+
+
+def _run(section: Section, cache: Path, page: str) -> Run:
+    if not _KEY.fullmatch(section.run_key):
+        return Run(section, mlflow=page)
+    folder = cache / RUN / section.run_key
+    meta, result = _json(folder / META), _json(folder / "result.json")
+    spec = meta.get("spec")
+    config = spec.get("config") if isinstance(spec, dict) else None
+    seed = config.get("seed") if isinstance(config, dict) else None
+    keys = result.get("keys")
+    return Run(
+        section,
+        seed if isinstance(seed, int) else None,
+        str(meta.get("finished", "")),
+        str(meta.get("radartwin", "")),
+        _number(meta.get("core_seconds")),
+        _costs(cache, keys if isinstance(keys, list) else []),
+        page,
+    )
+
+
+def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
+    """Core-seconds of the products of these keys that the cache holds."""
+    kinds = sorted(one for one in cache.iterdir() if one.is_dir()) if cache.is_dir() else []
+    found = {}
+    for key in {key for key in keys if isinstance(key, str) and _KEY.fullmatch(key)}:
+        for kind in kinds:
+            seconds = _number(_json(kind / key / META).get("core_seconds"))
+            if seconds is not None:
+                found[key] = seconds
+    return found
+
+
+def _pages(database: Path) -> tuple[dict[str, str], str]:
+    """By run key, where MLflow shows the run; and why there is none."""
+    if not database.is_file():
+        return {}, f"There is no {database.name} in the output folder, so no run is linked to MLflow."
+    query = (
+        "SELECT tags.value, runs.experiment_id, runs.run_uuid FROM tags JOIN runs ON runs.run_uuid = tags.run_uuid "
+        "WHERE tags.key = 'run_key' AND runs.status = 'FINISHED' AND runs.lifecycle_stage = 'active' "
+        "ORDER BY runs.start_time, runs.run_uuid"
+    )
+    try:
+        with contextlib.closing(sqlite3.connect(f"{database.absolute().as_uri()}?mode=ro", uri=True, timeout=5)) as connection:
+            rows = connection.execute(query).fetchall()
+    except sqlite3.Error as error:
+        return {}, f"{database.name} cannot be read ({error}), so no run is linked to MLflow."
+    return {str(key): f"http://{HOST}:{USUAL_PORT}/#/experiments/{experiment}/runs/{run}" for key, experiment, run in rows}, ""
+
+
+def _json(path: Path) -> dict[str, Any]:
+    """An object in a file; empty where there is none, as in a cache that was cleared."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) else None

@@ -1,0 +1,142 @@
+"use strict";
+// The page is whole without this: here tables learn to be sorted and filtered, and pages to open in place.
+document.documentElement.classList.add("scripted");
+const make = (name, properties = {}, ...children) => {
+  const one = Object.assign(document.createElement(name), properties);
+  one.append(...children);
+  return one;
+};
+const LONG = 8; // rows of a table from which filtering helps
+
+function sortable(table) {
+  const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0];
+  let given = null;
+  const value = (row, k) => {
+    const text = row.cells[k].textContent.trim(), figure = Number.parseFloat(text.replace(/\u2212/g, "-").replace(/(?<=\d),(?=\d{3})/g, ""));
+    return [Number.isNaN(figure), figure, text];
+  };
+  heads.forEach((head, k) => {
+    const button = make("button", {type: "button"}, ...head.childNodes);
+    head.append(button);
+    button.addEventListener("click", () => {
+      given ??= [...body.rows];
+      const next = {none: "ascending", ascending: "descending", descending: "none"}[head.getAttribute("aria-sort") || "none"];
+      heads.forEach(one => one.removeAttribute("aria-sort"));
+      if (next === "none") { body.append(...given); return; }
+      head.setAttribute("aria-sort", next);
+      const sign = next === "ascending" ? 1 : -1, keys = new Map(given.map(row => [row, value(row, k)]));
+      const order = (a, b) => {
+        const [wordA, figureA, textA] = keys.get(a), [wordB, figureB, textB] = keys.get(b);
+        if (wordA !== wordB) return wordA ? 1 : -1; // what is no figure comes last, either way
+        return sign * (wordA ? textA.localeCompare(textB) : figureA - figureB);
+      };
+      body.append(...[...given].sort(order));
+    });
+  });
+}
+
+const verdictOf = row => ["holds", "fails", "untestable"].find(one => row.classList.contains(one));
+
+function filterable(table, number) {
+  const rows = [...table.tBodies[0].rows];
+  if (rows.length < LONG) return;
+  const texts = new Map(rows.map(row => [row, null])), told = make("output", {id: `told-${number}`});
+  const words = make("input", {type: "search", placeholder: "words to find", autocomplete: "off"});
+  const verdict = make("select", {}, make("option", {value: ""}, "all verdicts"));
+  const kinds = [...new Set(rows.map(verdictOf))].filter(Boolean);
+  for (const kind of kinds) verdict.append(make("option", {value: kind}, kind));
+  const apply = () => {
+    const wanted = words.value.toLowerCase().split(/\s+/).filter(Boolean);
+    let left = 0;
+    for (const row of rows) {
+      if (wanted.length && texts.get(row) === null) texts.set(row, row.textContent.toLowerCase());
+      const kept = (!verdict.value || row.classList.contains(verdict.value)) && wanted.every(word => texts.get(row).includes(word));
+      row.classList.toggle("filtered", !kept);
+      left += kept;
+    }
+    told.textContent = left === rows.length ? `${left} rows` : `${left} of ${rows.length} rows`;
+    table.dispatchEvent(new CustomEvent("filtered", {detail: verdict.value}));
+  };
+  const tools = make("div", {className: "tools"}, make("label", {}, "Filter ", words));
+  if (kinds.length > 1) tools.append(make("label", {}, "Verdict ", verdict));
+  tools.append(told);
+  table.closest(".scroll").before(tools);
+  words.addEventListener("input", apply);
+  verdict.addEventListener("change", apply);
+  table.addEventListener("wanted", event => { verdict.value = event.detail; words.value = ""; apply(); });
+  told.textContent = `${rows.length} rows`;
+}
+
+// A folded table learns it when it is first unfolded.
+document.querySelectorAll("table[data-tools]").forEach((table, number) => {
+  const folded = table.closest("details:not([open])"), learn = () => { sortable(table); filterable(table, number); };
+  if (folded) folded.addEventListener("toggle", learn, {once: true}); else learn();
+});
+
+// The counts of the summary become buttons that filter the claims.
+for (const cards of document.querySelectorAll("[data-filter]")) {
+  const table = document.getElementById(cards.dataset.filter);
+  const buttons = [...cards.children].map(card => {
+    const button = make("button", {type: "button"}, ...card.childNodes);
+    button.dataset.verdict = card.className;
+    button.setAttribute("aria-pressed", "false");
+    button.addEventListener("click", () => {
+      const on = button.getAttribute("aria-pressed") === "true";
+      table.dispatchEvent(new CustomEvent("wanted", {detail: on ? "" : button.dataset.verdict}));
+    });
+    card.append(button);
+    return button;
+  });
+  table.addEventListener("filtered", event => {
+    for (const button of buttons) button.setAttribute("aria-pressed", String(button.dataset.verdict === event.detail));
+  });
+}
+
+// A page beside this one opens in place when asked for; until then nothing of it is loaded.
+for (const link of document.querySelectorAll("a[data-here]")) {
+  const button = make("button", {type: "button", className: "here"}, "open here");
+  button.setAttribute("aria-expanded", "false");
+  button.setAttribute("aria-label", `${link.textContent}: open here`);
+  const holder = link.closest("figure") || link.closest("p");
+  let frame = null;
+  button.addEventListener("click", () => {
+    if (frame) { frame.remove(); frame = null; }
+    else {
+      frame = make("iframe", {src: link.href, title: link.textContent});
+      frame.setAttribute("sandbox", "allow-scripts");
+      if (holder.tagName === "FIGURE") holder.prepend(frame); else holder.after(frame);
+    }
+    button.setAttribute("aria-expanded", String(frame !== null));
+    button.textContent = frame ? "close" : "open here";
+  });
+  link.after(button);
+}
+
+// Pages that say how tall they are get that height.
+addEventListener("message", event => {
+  const frame = [...document.querySelectorAll("iframe[data-fit]")].find(one => one.contentWindow === event.source), tall = Number(event.data?.tall);
+  if (frame && tall > 100 && tall < 3000) frame.style.height = `${Math.ceil(tall) + 2}px`;
+});
+
+// A link to a row opens the table that it is folded in, and shows the row even if it is filtered out.
+function reveal() {
+  const row = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  if (!row) return;
+  row.classList.remove("filtered");
+  const folded = row.closest("details");
+  if (folded && !folded.open) { folded.open = true; row.scrollIntoView(); }
+}
+addEventListener("hashchange", reveal);
+reveal();
+
+// On a narrow screen the contents start folded; on paper everything is open.
+const contents = document.querySelector("#contents details");
+if (matchMedia("(max-width: 68rem)").matches) contents.open = false;
+let folded = [];
+addEventListener("beforeprint", () => {
+  folded = [...document.querySelectorAll("details:not([open])")];
+  for (const one of folded) one.open = true;
+  for (const picture of document.querySelectorAll("img[loading=lazy]")) picture.loading = "eager";
+});
+addEventListener("afterprint", () => { for (const one of folded) one.open = false; });
+document.body.dataset.ready = "yes";

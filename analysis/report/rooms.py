@@ -1,0 +1,62 @@
+"""The study's rooms in three dimensions: a page of each (radartwin view) and a picture that stands for it."""
+
+from __future__ import annotations
+
+import functools
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from analysis.report.folder import Stage
+
+if TYPE_CHECKING:
+    from radartwin.scene.scene import Scene
+
+PIXELS = 480
+BARE = ("empty", "void")  # rooms without anything to look at
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One room. `page` and `picture` are links from within the parts."""
+
+    name: str
+    surfaces: int
+    size_m: tuple[float, ...]
+    page: str
+    picture: str
+    pixels: int = PIXELS
+
+
+def write(staged: Stage) -> list[Shown]:
+    """Write every furnished room as it truly is, with its true materials."""
+    import numpy as np
+
+    from radartwin.scene import rooms
+    from radartwin.scene.view import view
+
+    shown = []
+    for name in (one for one in rooms.ROOMS if one not in BARE):
+        scene, jpeg = _drawn(name)
+        page, picture, spoken = f"rooms/{name}.html", f"rooms/{name}.jpg", name.replace("_", " ")
+        view(scene, staged.path(page), title=spoken)
+        staged.path(picture).write_bytes(jpeg)
+        shown.append(Shown(spoken, len(scene), tuple(np.ptp(scene.bounds, axis=0).tolist()), page, picture))
+    return shown
+
+
+@functools.cache
+def _drawn(name: str) -> tuple[Scene, bytes]:
+    """A room, and as JPEG how it looks from one of its corners."""
+    from PIL import Image
+
+    from radartwin.label.figure import corner_camera
+    from radartwin.label.raster import Drawing
+    from radartwin.scene import rooms
+
+    scene = rooms.room(name)
+    drawing = Drawing(scene)
+    camera = corner_camera(scene, drawing, PIXELS)
+    stream = io.BytesIO()
+    Image.fromarray(drawing.picture(camera, drawing.seen(camera))).save(stream, "JPEG", quality=85)
+    return scene, stream.getvalue()

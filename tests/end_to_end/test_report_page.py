@@ -1,0 +1,308 @@
+"""The report in a real browser, from its own folder: no network, keys alone, a phone, paper, no script, and how fast it opens.
+
+The screenshots stay in outputs/screenshots of the checkout.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import browser
+import numpy as np
+import pytest
+import reported
+from PIL import Image
+
+from analysis import main
+from radartwin.experiment import Result
+
+SCREENSHOTS = Path(__file__).resolve().parents[2] / "outputs" / "screenshots"
+WIDTH, PHONE = 1280, 390
+FOCUSABLE = "a[href], button, input, select, summary, iframe, [tabindex='0']"
+COLOURS = ("--ink", "--soft", "--accent", "--holds", "--fails", "--untestable")
+READABLE = 4.5  # contrast of text, WCAG 2.2 level AA
+
+
+@pytest.fixture(scope="module")
+def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report, moved away from the folders that it was made of."""
+    output = tmp_path_factory.mktemp("out")
+    reported.write(output)
+    return Path(shutil.move(output / "report", tmp_path_factory.mktemp("moved") / "a report")) / "index.html"
+
+
+@pytest.fixture
+def opened(chromium: Callable[[], browser.Page], index: Path) -> Iterator[browser.Page]:
+    page = chromium()
+    page.open(index, WIDTH)
+    yield page
+    assert page.messages == []
+
+
+def press(page: browser.Page, key: str, code: int) -> None:
+    for kind in ("keyDown", "keyUp"):
+        page.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
+
+
+def keep(page: browser.Page, name: str) -> np.ndarray:
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    return page.screenshot(SCREENSHOTS / f"{name}.png")
+
+
+def shown(page: browser.Page, table: str) -> list[str]:
+    return page.run(f"[...document.querySelectorAll('{table} tbody tr')].filter(r => r.checkVisibility()).map(r => r.cells[0].textContent)")
+
+
+def until_seen(page: browser.Page, there: Callable[[np.ndarray], bool]) -> None:
+    """Wait until the window's picture, (height, width, 3), shows it: pages in frames of their own cannot be asked."""
+    end = time.monotonic() + 30
+    while not there(page.screenshot().astype(int)):
+        assert time.monotonic() < end, "nothing is drawn in the frame"
+        time.sleep(0.1)
+
+
+def loaded(page: browser.Page) -> list[str]:
+    """What the page has fetched, by file name."""
+    return page.run("performance.getEntriesByType('resource').map(one => one.name.split('/').pop())")
+
+
+@pytest.mark.parametrize("width", [WIDTH, 768, PHONE, 320])
+def test_it_fits_the_window_and_what_is_not_seen_is_not_loaded(opened: browser.Page, index: Path, width: int) -> None:
+    opened.open(index, width)
+    keep(opened, f"report_{width}")
+    assert opened.run("document.documentElement.scrollWidth") <= width
+    assert opened.run("document.title") == "RadarTwin report"
+    assert not [name for name in loaded(opened) if name.endswith(".html")]
+
+
+def test_keys_reach_everything(opened: browser.Page) -> None:
+    opened.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+    opened.until("document.querySelectorAll('#environment .tools').length === 1")  # unfolded, the table has learnt its tools
+    opened.run("document.querySelector('iframe[data-fit]').scrollIntoView()")
+    opened.until("document.querySelector('iframe[data-fit]').style.height !== ''")  # nothing moves from here on
+    opened.run("scrollTo(0, 0)")
+    every = f"[...document.querySelectorAll({json.dumps(FOCUSABLE)})]"
+    opened.run(f"{every}.forEach((one, k) => {{ one.dataset.stop = k; }}); document.activeElement.blur()")
+    stops = opened.run(f"{every}.filter(one => one.checkVisibility()).map(one => one.dataset.stop)")
+    reached: list[str] = []
+    hidden = (
+        "(() => { const b = document.activeElement.getBoundingClientRect(); return !b.width || b.bottom < 0 || b.top > innerHeight; })()"
+    )
+    for _ in range(3 * len(stops)):
+        press(opened, "Tab", 9)
+        stop = opened.run("document.activeElement.dataset.stop")
+        if not reached:
+            assert opened.run("document.activeElement.className") == "skip"
+        if stop is None:  # between a frame and the page
+            continue
+        assert not opened.run(hidden), f"the focus is out of sight: {opened.run('document.activeElement.outerHTML.slice(0, 200)')}"
+        reached.append(stop)
+        if set(reached) == set(stops):
+            break
+    assert set(reached) == set(stops)
+    unnamed = opened.run(
+        "[...document.querySelectorAll('button, input, select, iframe, img')].filter(one => !(one.textContent.trim() || one.title "
+        "|| one.alt || one.labels?.length || one.getAttribute('aria-label'))).map(one => one.outerHTML)"
+    )
+    assert unnamed == []
+
+
+def test_the_skip_link_leads_to_the_summary(opened: browser.Page) -> None:
+    press(opened, "Tab", 9)
+    press(opened, "Enter", 13)
+    opened.call("Input.dispatchKeyEvent", type="char", text="\r")
+    opened.until("location.hash === '#summary'")
+
+
+def test_claims_are_filtered_by_verdict_and_words_and_sorted_by_a_column(opened: browser.Page) -> None:
+    every = shown(opened, "#claims")
+    assert {"holds", "fails", "untestable"} == set(every)
+    opened.click(".cards .fails")
+    assert set(shown(opened, "#claims")) == {"fails"}
+    assert opened.run("document.querySelector('.cards .fails button').getAttribute('aria-pressed')") == "true"
+    assert opened.run("document.querySelector('#summary .tools output').textContent") == f"{every.count('fails')} of {len(every)} rows"
+    opened.click(".cards .fails")
+    assert shown(opened, "#claims") == every
+    opened.run("document.querySelector('#summary .tools input').focus()")
+    opened.call("Input.insertText", text="strength 17")
+    assert len(shown(opened, "#claims")) == 1
+    opened.run("document.querySelector('#summary .tools input').value = ''")
+    opened.run("document.querySelector('#summary .tools input').dispatchEvent(new Event('input'))")
+    opened.run("document.querySelector('#claims th:nth-child(4) button').focus()")
+    press(opened, " ", 32)
+    opened.until("document.querySelector('#claims th:nth-child(4)').getAttribute('aria-sort') === 'ascending'")
+    values = opened.run("[...document.querySelectorAll('#claims tbody tr')].map(r => parseFloat(r.cells[3].textContent))")
+    figures = [value for value in values if value is not None]
+    assert figures == sorted(figures)
+    assert values[-1] is None, "what has no figure comes last"
+
+
+def test_a_link_to_a_row_unfolds_its_table(opened: browser.Page) -> None:
+    assert opened.run("document.querySelector('#environment details').open") is False
+    opened.run("document.querySelector('a[href=\"#environment-20\"]').click()")
+    opened.until("document.getElementById('environment-20').checkVisibility()")
+    opened.until("(b => b.top >= 0 && b.bottom <= innerHeight)(document.getElementById('environment-20').getBoundingClientRect())")
+
+
+def test_a_room_opens_in_place_when_asked_for(opened: browser.Page) -> None:
+    opened.run("document.querySelector('.room .here').scrollIntoView({block: 'center'})")
+    opened.click(".room .here")
+    opened.until("document.querySelector('.room iframe') !== null")
+    opened.run("document.querySelector('.room iframe').scrollIntoView({block: 'start'})")
+    # Of what is drawn, how much is neither the page nor the scene's backdrop.
+    until_seen(opened, lambda picture: float((np.ptp(picture[:600, 400:900], axis=2) > 12).mean()) > 0.2)
+    keep(opened, "report_room")
+    opened.click(".room .here")
+    assert opened.run("document.querySelector('.room iframe') === null")
+
+
+def test_the_speed_chart_opens_beside_its_table(opened: browser.Page) -> None:
+    opened.run("document.querySelector('#speed_accuracy .chart .here').scrollIntoView({block: 'center'})")
+    opened.click("#speed_accuracy .chart .here")
+    opened.until("document.querySelector('#speed_accuracy .chart + iframe') !== null")
+    opened.run("document.querySelector('#speed_accuracy iframe').scrollIntoView()")
+    until_seen(opened, lambda picture: bool((np.abs(picture - (0, 114, 178)).max(axis=2) < 8).any()))  # the star of the default
+    keep(opened, "report_chart")
+
+
+def test_the_gallery_s_frame_is_as_tall_as_its_page(opened: browser.Page) -> None:
+    opened.run("document.querySelector('iframe[data-fit]').scrollIntoView()")
+    opened.until("document.querySelector('iframe[data-fit]').style.height !== ''")
+    assert 300 < opened.run("document.querySelector('iframe[data-fit]').offsetHeight") < 800
+    keep(opened, "report_gallery")
+
+
+def rows_of_echo(page: browser.Page) -> list[float]:
+    """Ranges at which the map shows the echo's colour, left and right of its middle."""
+    found = page.run(
+        """(() => { const c = map.getContext("2d"), fine = map.width / map.clientWidth, out = [];
+        for (const share of [0.25, 0.75]) {
+          const h = map.height / fine - M.t - M.b, x = (M.l + share * (map.width / fine - M.l - M.r)) * fine;
+          const data = c.getImageData(x, 0, 1, map.height).data, hits = [];
+          for (let y = 0; y < map.height; y++) if (data[4*y] > 200 && data[4*y+1] > 180 && data[4*y+2] < 120) hits.push(y / fine);
+          const middle = hits.length ? hits.reduce((a, b) => a + b) / hits.length : NaN;
+          out.push(6 * (1 - (middle - M.t) / h));
+        }
+        return out; })()"""
+    )
+    return found
+
+
+def test_one_slider_wipes_between_measured_and_simulated_and_the_other_moves_along_range(
+    chromium: Callable[[], browser.Page], index: Path
+) -> None:
+    page = chromium()
+    (path,) = index.parent.glob(f"parts-*/gallery/{reported.PAIR}.html")
+    page.open(path, PHONE)
+    assert page.run("document.documentElement.scrollWidth") <= PHONE
+    page.open(path, 1000)
+    assert rows_of_echo(page) == pytest.approx([reported.MEASURED_M, reported.SIMULATED_M], abs=0.15)
+    page.run("document.getElementById('wipe').focus()")
+    press(page, "End", 35)
+    assert rows_of_echo(page) == pytest.approx([reported.MEASURED_M, reported.MEASURED_M], abs=0.15)
+    press(page, "Home", 36)
+    assert rows_of_echo(page) == pytest.approx([reported.SIMULATED_M, reported.SIMULATED_M], abs=0.15)
+    box = page.run("(b => [b.left, b.top, b.width, b.height])(map.getBoundingClientRect())")
+    page.drag((box[0] + 0.3 * box[2], box[1] + 99), (box[0] + 0.6 * box[2], box[1] + 99))
+    assert 45 < float(page.run("wipe.value")) < 65
+    page.run("range.focus()")
+    assert float(page.run("range.value")) == pytest.approx(reported.MEASURED_M, abs=0.05)  # begins at the target
+    assert "measured −40.0 dB, simulated −100.0 dB" in page.run("told.textContent")
+    for _ in range(200):
+        if float(page.run("range.value")) >= reported.SIMULATED_M:
+            break
+        press(page, "ArrowRight", 39)
+    assert "measured −100.0 dB, simulated −40.0 dB" in page.run("told.textContent")
+    assert page.messages == []
+
+
+def test_on_paper_everything_is_open(opened: browser.Page) -> None:
+    opened.click(".cards .fails")
+    opened.run(
+        """addEventListener("beforeprint", () => { window.atPrint = {
+          folded: document.querySelectorAll("details:not([open])").length,
+          hidden: [...document.querySelectorAll("tbody tr")].filter(row => getComputedStyle(row).display === "none").length,
+          cut: [...document.querySelectorAll(".scroll")].filter(one => one.scrollHeight > one.clientHeight + 2).length }; })"""
+    )
+    opened.call("Emulation.setEmulatedMedia", media="print")
+    pdf = base64.b64decode(opened.call("Page.printToPDF", preferCSSPageSize=True)["data"])
+    assert opened.run("window.atPrint") == {"folded": 0, "hidden": 0, "cut": 0}
+    assert pdf.count(b"/Subtype /Image") >= 5, "three rooms and two figures are on it"
+    opened.call("Emulation.setEmulatedMedia", media="")
+    assert opened.run("document.querySelectorAll('#environment details[open]').length") == 0, "folded again afterwards"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_stands_out(opened: browser.Page, scheme: str) -> None:
+    opened.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    keep(opened, f"report_{scheme}")
+    read = "(n => getComputedStyle(document.documentElement).getPropertyValue(n).trim())"
+    for behind in ("--paper", "--raised"):
+        for colour in COLOURS:
+            found = contrast(opened.run(f"{read}('{colour}')"), opened.run(f"{read}('{behind}')"))
+            assert found >= READABLE, f"{colour} on {behind}, {scheme}: {found:.1f}"
+
+
+def contrast(first: str, second: str) -> float:
+    """Of two colours written #rgb or #rrggbb, by WCAG 2.2."""
+
+    def luminance(colour: str) -> float:
+        digits = colour.removeprefix("#")
+        digits = "".join(2 * one for one in digits) if len(digits) == 3 else digits
+        share = np.array([int(digits[k : k + 2], 16) for k in (0, 2, 4)]) / 255
+        linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+        return float(linear @ (0.2126, 0.7152, 0.0722))
+
+    low, high = sorted((luminance(first), luminance(second)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_without_script_it_is_a_plain_page(chromium: Callable[[], browser.Page], index: Path) -> None:
+    page = chromium()
+    page.call("Emulation.setScriptExecutionDisabled", value=True)
+    page.call("Page.navigate", url=index.resolve().as_uri())
+    page.until("document.readyState === 'complete' && document.querySelectorAll('#claims tbody tr').length > 0")
+    assert page.run("document.body.dataset.ready === undefined")
+    assert len(shown(page, "#claims")) == sum(bool(row["claim"]) for row in reported.rows())
+    assert page.run("document.querySelectorAll('button, .tools').length") == 0
+    assert page.run("[...document.querySelectorAll('iframe')].every(one => !one.checkVisibility())")
+    assert page.run("[...document.querySelectorAll('#gallery figure img')].every(one => one.checkVisibility())")
+    assert page.messages == []
+
+
+@pytest.mark.slow
+def test_fifty_megabytes_open_within_two_seconds(chromium: Callable[[], browser.Page], tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    source = tmp_path / "source"
+    source.mkdir()
+    figures: dict[str, Any] = {}
+    for k in range(40):  # pictures that do not compress, 1 MB each
+        Image.fromarray(rng.integers(0, 256, (500, 700, 3), np.uint8)).save(source / f"environment_{k}.png")
+        (source / f"environment_{k}.pdf").write_bytes(rng.bytes(100_000))
+        (source / f"environment_{k}.html").write_text("<title>a figure</title>" + "x" * 200_000)
+        figures[f"environment_{k}"] = source / f"environment_{k}"
+    output = tmp_path / "out"
+    rows = [reported.row(strength=float(k)) for k in range(300)]  # with the others three times as many as the study has
+    rows += [reported.row(strength=float(k), claim="", verdict="untestable") for k in range(700)]
+    for name in ("environment", "rover_fidelity", "labels"):
+        result = Result(name, rows, figures if name == "environment" else {}, run_key=reported.KEY)
+        main.write(reported.TABLES[name], result, "quick", output)
+    index = reported.report(output)
+    size = sum(path.stat().st_size for path in index.parent.rglob("*") if path.is_file())
+    assert size > 50e6
+    page = chromium()
+    page.open(index, WIDTH)  # once, so that the browser itself has started
+    seconds = []
+    for _ in range(3):
+        page.open(index, WIDTH)
+        page.until("performance.getEntriesByType('navigation')[0].loadEventEnd > 0")
+        seconds.append(page.run("performance.getEntriesByType('navigation')[0].loadEventEnd") / 1000)
+    print(f"{size / 1e6:.0f} MB, index.html {index.stat().st_size / 1e6:.1f} MB, opened in {', '.join(f'{s:.2f}' for s in seconds)} s")
+    assert max(seconds) < 2
+    assert page.messages == []

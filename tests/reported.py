@@ -1,0 +1,99 @@
+"""An output folder with every kind of table that a report tells of, written as `radartwin tables` writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis import main, registry
+from experiments import gallery
+from experiments.methods import DEFAULT, OURS
+from experiments.speed_page import COSTS, ERRORS
+from radartwin import plotting
+from radartwin.experiment import Result
+
+HOSTILE = "</script><script>document.title='taken'</script> \"'><img src=x onerror=alert(1)> {{script}} &amp;"
+KEY, OLD_KEY = "a" * 32, "b" * 32
+PAIR = "gallery_mug_lab_turntable_1m"
+TABLES = {table.name: table for table in registry.TABLES}
+RANGE_M = np.linspace(0, 6, 129)
+MEASURED_M, SIMULATED_M = 2.0, 4.0  # where each domain of the gallery's pair has its one echo
+FLOOR_DB, ECHO_DB = -100.0, -40.0
+
+
+def row(**changes: Any) -> dict[str, Any]:
+    given = {
+        "room": "lab", "strength": 0.5, "claim": "closer than 3 dB", "run_keys": "abc def", "metric": "error", "paper": "1.5",
+        "value": 1 / 3, "low": 0.25, "high": 0.5, "n": 3, "domain": "testbed", "verdict": "holds",
+    }  # fmt: skip
+    return {**given, **changes}
+
+
+def rows() -> list[dict[str, Any]]:
+    """Every verdict, a row without a claim, and text of a stranger's in every column that holds text."""
+    return [
+        row(),
+        row(verdict="fails", value=7.0, low=6.0, high=8.0, strength=2.0),
+        row(verdict="untestable", value=None, low=None, high=None, n=0, strength=1.0),
+        row(claim="", verdict="untestable", strength=3.0),
+        row(room=HOSTILE, claim=HOSTILE, metric=HOSTILE, paper=HOSTILE, run_keys=HOSTILE, verdict="fails"),
+        *(row(strength=float(k), value=float(k), low=float(k), high=float(k)) for k in range(4, 20)),
+    ]
+
+
+def methods() -> list[dict[str, Any]]:
+    """Two methods on one problem, as the table of speed against accuracy has them."""
+    case = {
+        "problem": "plate",
+        "title": "a plate",
+        "machine": "a laptop",
+        "exact": False,
+        "setup_s": 0.1,
+        "frames timed": 3,
+        "offset_db": 0.0,
+    }
+    case |= dict.fromkeys(ERRORS, 1.0) | {"claim": "", "verdict": "untestable", "n": 3}
+    return [
+        row(**case, family=OURS, setting=DEFAULT, **dict.fromkeys(COSTS, 2.0)),
+        row(**case, family="points", setting="table", **dict.fromkeys(COSTS, 1.0)),
+    ]
+
+
+def curve() -> Any:
+    drawing, axes = plotting.figure()
+    axes.plot([0, 1], [0, 1])
+    return drawing
+
+
+def views() -> dict[str, gallery.View]:
+    """Both domains of a pair: one echo each, at MEASURED_M and at SIMULATED_M."""
+    across = {"time": np.arange(20) / 10, "Doppler": np.linspace(-5, 5, 21), "azimuth": np.arange(-80.0, 81.0, 5)}
+    found = {}
+    for side, at_m in (("measured", MEASURED_M), ("twin", SIMULATED_M)):
+        profile = np.where(np.abs(RANGE_M - at_m) < 0.1, 10 ** (ECHO_DB / 10), 10 ** (FLOOR_DB / 10))
+        maps = {panel: np.tile(profile, (len(axis), 1)) for panel, axis in across.items()}
+        truth = {
+            "time": (across["time"], np.full(20, MEASURED_M)), "Doppler": (np.array([np.nan]), np.array([MEASURED_M])),
+            "azimuth": (np.array([0.0]), np.array([MEASURED_M])),
+        }  # fmt: skip
+        found[side] = gallery.View(RANGE_M, across, maps, truth)
+    return found
+
+
+def write(output: Path, figures: Mapping[str, Callable[[], Any]] | None = None) -> Path:
+    """Tables of this source, one of an earlier, one that failed; all others were never run. The report's path."""
+    figures = {"environment_curve": curve} if figures is None else figures
+    main.write(TABLES["environment"], Result("environment", rows(), figures, run_key=KEY), "quick", output)
+    pair = {PAIR: lambda: gallery.draw(views(), "mug in the lab", "testbed")}
+    main.write(TABLES["gallery"], Result("gallery", [row(claim="", verdict="untestable")], pair, run_key=KEY), "quick", output)
+    main.write(TABLES["speed_accuracy"], Result("speed_accuracy", methods(), {}, run_key=KEY), "quick", output)
+    main.write(TABLES["stability"], Result("stability", [row(metric="an old figure")], {}, run_key=OLD_KEY), "paper", output)
+    main._fail("positioning", KEY, "paper", RuntimeError(f"a cell {HOSTILE}\nand more"), output)
+    return report(output)
+
+
+def report(output: Path) -> Path:
+    return main.write_report(output, current=lambda name, profile, output: KEY)
