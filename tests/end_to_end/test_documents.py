@@ -1,0 +1,189 @@
+"""Every command and example of docs/ runs here, or is composed with the reason why it is not run; what the pages point to exists."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+import shlex
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import own_experiment
+import pytest
+from markdown_blocks import DOCS, ROOT, Block, blocks, commands, lines_of, prose, quoted
+
+from experiments.oracles.cases import CASES
+from radartwin import cli, sweep
+from radartwin.compose import compose
+from radartwin.search import space
+
+PAGES = sorted(DOCS.rglob("*.md"))
+README = ROOT / "README.md"
+RUN_HERE = {"extending.md", "recording-sets.md"}
+# The first words of what takes too long or needs what is not here, and why. It is parsed and composed instead.
+COMPOSED = {
+    "radartwin run -m experiment=environment materials=vlm,uniform,void seed": "nine jobs of minutes; sweeps of small ones: test_faults.py",
+    "radartwin run -m experiment=environment seed=0,1,2,3 --output": "needs a cluster: make test-slurm starts one",
+    "radartwin run experiment=environment -m seed=0,1,2,3 --output": "needs a cluster: make test-slurm starts one",
+    "radartwin run -m experiment=turntable_shape": "three campaigns of minutes",
+    "radartwin run -m experiment=rover_fidelity": "three campaigns of minutes",
+    "radartwin run -m experiment=environment simulator": "six campaigns of minutes",
+    "radartwin export": "minutes; tests/experiments/test_campaigns_recorded.py exports a small campaign and scores it",
+    "radartwin run experiment=environment measured=recordings": "reads what export wrote; the same test does",
+}
+SMALL = {"run": ["tracking=off"]}
+OWN = ("echoes", "my_experiment")  # modules of the pages' that tests have too
+
+
+def reason(command: str) -> str | None:
+    return next((why for start, why in COMPOSED.items() if command.startswith(start)), None)
+
+
+def test_every_command_is_run_or_composed_and_every_reason_is_needed() -> None:
+    shown = [(page.name, command) for page in PAGES for command in commands(page)]
+    assert len(shown) >= 15
+    left = [command for name, command in shown if name not in RUN_HERE and not reason(command) and "--search" not in command]
+    assert not left
+    shown += [(README.name, command) for command in commands(README)]
+    assert not [start for start in COMPOSED if not any(command.startswith(start) for _, command in shown)]
+
+
+@pytest.mark.parametrize("command", [c for page in [*PAGES, README] for c in commands(page) if reason(c)])
+def test_a_command_that_is_not_run_composes(command: str, tmp_path: Path) -> None:
+    (tmp_path / "card.yaml").write_text("")
+    options = cli._parse(shlex.split(command)[1:])
+    ours, hydras = sweep.split(options.overrides)
+    ours = [f"measured.folder={tmp_path}" if word == "measured.folder=SET" else word for word in ours]
+    if getattr(options, "multirun", False):
+        assert len(sweep.composed(sweep.combinations(ours))) > 1
+    else:
+        compose(ours)
+    if hydras:
+        assert "hydra/launcher=slurm" in hydras
+        compose([*ours[:1], *hydras])
+
+
+@pytest.mark.parametrize("command", commands(README))
+def test_a_command_of_the_readme_is_taken(command: str) -> None:
+    """Most run in test_readme.py; this holds the others, such as tables and classify, to the arguments there are."""
+    assert callable(cli._parse(shlex.split(command)[1:]).verb)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty folder to work in, from which modules are imported, whatever else has their names; none of them stays."""
+    elsewhere = {name: sys.modules.pop(name) for name in OWN if name in sys.modules}
+    before = set(sys.modules)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", os.environ.get("PYTHONPATH", ""))
+    path = list(sys.path)
+    yield tmp_path
+    sys.path[:] = path
+    for name in set(sys.modules) - before:
+        if str(getattr(sys.modules[name], "__file__", None) or "").startswith(str(tmp_path)):
+            del sys.modules[name]
+    sys.modules.update(elsewhere)
+
+
+def test_the_search_runs(here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    (command,) = [c for c in commands(DOCS / "sweeps.md") if "--search" in c]
+    arguments, environment = own_experiment.write(here / "own")
+    monkeypatch.setenv("OWN_EXPERIMENT", environment["OWN_EXPERIMENT"])
+    words = shlex.split(command)[1:]
+    assert space([word for word in words if "=" in word and word != "experiment=mine"])[1].keys() >= {"trajectory.height_m", "materials"}
+    assert cli.main([*words, *arguments[2:], "--trials", "2", "tracking=off"]) == 0, capsys.readouterr().err
+    assert "2 trials" in capsys.readouterr().out
+
+
+def follow(page: list[Block], folder: Path, prepare: Callable[[str], None] = lambda command: None) -> int:
+    """Do what the blocks say, from top to bottom; how many commands there were."""
+    count = 0
+    for block in page:
+        if block.file:
+            (folder / block.file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / block.file).write_text(block.text)
+            importlib.invalidate_caches()
+        elif block.language == "python":
+            exec(compile(block.text, "example", "exec"), {"__name__": "__main__"})
+        for line in lines_of(block) if not block.language else ():
+            words = shlex.split(line)[1:]
+            prepare(line)
+            assert cli.main([*words, *SMALL.get(words[0], [])]) == 0, line
+            count += 1
+    return count
+
+
+def test_how_to_extend_works_as_printed(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = blocks(DOCS / "extending.md")
+    assert sum(block.language == "python" for block in page) == 9
+    assert follow(page, here) == 4
+    said = capsys.readouterr()
+    first = said.out.split("range_m doppler_mps azimuth_deg power_db\n")[1].split()
+    assert float(first[0]) == pytest.approx(0.97, abs=0.03), "the tin stands a metre before the radar"
+    assert "mine: 1 rows (1 holds, 0 fails, 0 untestable)" in said.out
+    assert "sweep: 2 done, 0 cached" in said.out or "sweep: 1 done, 1 cached" in said.out
+
+
+def test_recording_sets_are_made_as_printed(here: Path, shared_data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The first capture, a folder of them with the page's mapping, the check, and the loop over them."""
+    capture = shared_data / "radar" / "iwr6843_static_room"
+    for stem in ("CAPTURE", "FOLDER/mug_1m/run3", "FOLDER/mug_0.5m/run1"):
+        (here / stem).parent.mkdir(parents=True, exist_ok=True)
+        (here / f"{stem}.bin").symlink_to(capture / "iwr6843_frame_adc_data.bin")
+        (here / f"{stem}.mmwave.json").symlink_to(capture / "iwr6843_mmwaveDevice.mmwave.json")
+    (here / "FOLDER/mug_1m/run3.txt").write_text("0 0 0 1 0 0 0 1\n1 0.1 0 1 0 0 0 1\n")
+    page = blocks(DOCS / "recording-sets.md")
+    (mapping,) = [block.text for block in page if block.text.startswith("card:")]
+    (here / "map.yaml").write_text(mapping)
+    until = next(i for i, block in enumerate(page) if "radartwin export" in block.text)
+    assert follow(page[:until], here) == 3
+    assert "doctor: the set can be used" in capsys.readouterr().out
+    (loop,) = [block.text for block in page if block.text.startswith("from radartwin.measured")]
+    given: dict[str, object] = {}
+    exec(loop, given)
+    assert given["row"].room == "lab"  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("page", [*PAGES, README], ids=lambda page: str(page.relative_to(ROOT)))
+def test_what_a_page_points_to_exists(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#\s]+)\)", page.read_text()):
+        assert (page.parent / target).exists(), target
+    for path in quoted(page):
+        if re.fullmatch(r"(radartwin|experiments|analysis|tests|docs|conf)(/[\w.-]+)+", path) and "NAME" not in path:
+            assert (ROOT / path).exists() or list(ROOT.glob(f"{path}*")), path
+    for module in re.findall(r"`python -m ([\w.]+)", prose(page)):
+        assert (ROOT / module.replace(".", "/")).with_suffix(".py").exists(), module
+    for target in re.findall(r"`make ([\w-]+)`", prose(page)):
+        assert f"\n{target}:" in (ROOT / "Makefile").read_text(), target
+
+
+@pytest.mark.parametrize("command", sorted({c for page in [*PAGES, README] for c in quoted(page) if re.match(r"radartwin [a-z]", c)}))
+def test_a_command_in_the_text_is_taken(command: str) -> None:
+    words = shlex.split(command)[1:]
+    needed = {"reconstruct": ["--out", "x"], "export": ["--out", "x"], "import": ["x", "--out", "x"], "classify": ["x", "--model", "x"]}
+    positional = {"label": ["x"], "view": ["x"], "process": ["x"], "reconstruct": ["x"]}
+    extra = needed.get(words[0], []) if "--out" not in words and "--model" not in words else []
+    try:
+        cli._parse(words)
+    except SystemExit:
+        cli._parse([*words, *positional.get(words[0], []), *extra])
+
+
+def test_the_index_links_every_page() -> None:
+    index = (DOCS / "README.md").read_text()
+    links = {(DOCS / target).resolve() for target in re.findall(r"\]\(([^)#\s]+)\)", index)}
+    wanted = {page.resolve() for page in PAGES if page.parent == DOCS} - {DOCS / "README.md"}
+    assert wanted | {(DOCS / "tutorial.ipynb").resolve()} <= links
+    assert {DOCS / "decisions", DOCS / "results/README.md"} <= links
+
+
+def test_checks_that_concepts_names_are_checks() -> None:
+    known = {case.name for case in CASES}
+    named = re.findall(r"Checked by: (.*?)(?:\n\n|\Z)", (DOCS / "concepts.md").read_text(), flags=re.S)
+    assert len(named) >= 9
+    found = {word for text in named for word in re.findall(r"`([^`/\n]+)`", text) if re.fullmatch(r"[a-z0-9.-]+", word)}
+    assert found <= known, found - known
+    assert len(found) >= 30

@@ -1,0 +1,42 @@
+"""The tutorial runs from top to bottom in a kernel of its own, and shows what its text says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+NOTEBOOK = Path(__file__).resolve().parents[2] / "docs" / "tutorial.ipynb"
+# What the text claims, asked of the kernel after the last cell.
+CLAIMS = """
+import json
+print(json.dumps({"peak_m": peak_m, "agreement": agreement, "near_db": float(10 * np.log10(near / far)),
+                  "level_db": float(10 * np.log10(profiles["void"].power[0].max()) - 10 * np.log10(level) - gain_db), "walls_db": errors}))
+"""
+
+
+def test_the_notebook_is_kept_without_what_it_printed() -> None:
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    nbformat.validate(notebook)
+    assert all(not cell.outputs and cell.execution_count is None for cell in notebook.cells if cell.cell_type == "code")
+
+
+# The kernel speaks over sockets of its own on loopback; how zmq and tornado meet the event loop is theirs to warn of.
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::RuntimeWarning", "ignore::ResourceWarning")
+def test_the_tutorial_shows_what_it_says(tmp_path: Path) -> None:
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    notebook.cells.append(nbformat.v4.new_code_cell(CLAIMS))
+    NotebookClient(notebook, timeout=240, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}).execute()
+    shown = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
+    assert any("image/png" in output.get("data", {}) for output in shown), "the range profile is drawn"
+    assert not [output.text for output in shown if output.get("name") == "stderr"]
+    found = json.loads(shown[-1].text)
+    assert found["peak_m"] == {"void": pytest.approx(2.0, abs=0.03), "room": pytest.approx(2.0, abs=0.03)}
+    assert -1.5 < found["near_db"] < -0.2
+    assert abs(found["level_db"]) < 1.0, "the strongest bin reads the level of the near-field cross-section"
+    assert found["agreement"]["room"][1] > found["agreement"]["void"][1] + 0.3
+    assert found["walls_db"]["wall_front"] < 0.1
+    assert list(tmp_path.iterdir()) == []

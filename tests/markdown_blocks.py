@@ -1,0 +1,63 @@
+"""What a Markdown page shows to be typed: its code blocks, fenced or indented, and the commands in them and in its text."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+
+
+@dataclass(frozen=True)
+class Block:
+    """Code of one language, "" for what names none; `file` is what a comment at its head calls it."""
+
+    language: str
+    text: str
+
+    @property
+    def file(self) -> str | None:
+        named = re.match(r"(?:# @package \w+\n)?# ([\w/]+\.\w+)\n", self.text)
+        return named and named[1]
+
+
+def blocks(page: Path) -> list[Block]:
+    """In the order of the page."""
+    out: list[Block] = []
+    lines: list[str] = []
+    fence: str | None = None
+    for line in [*page.read_text().splitlines(), ""]:
+        if line.startswith("```"):
+            if fence is None:
+                fence, lines = line[3:], []
+            else:
+                out, fence, lines = [*out, Block(fence, "\n".join(lines) + "\n")], None, []
+        elif fence is not None:
+            lines.append(line)
+        elif line.startswith("    "):
+            lines.append(line[4:])
+        elif lines:
+            out, lines = [*out, Block("", "\n".join(lines) + "\n")], []
+    return out
+
+
+def commands(page: Path) -> list[str]:
+    """Lines of plain blocks that call radartwin, put together where they are continued and without their comments."""
+    return [line for block in blocks(page) if not block.language for line in lines_of(block)]
+
+
+def lines_of(block: Block) -> list[str]:
+    lines = (re.sub(r"\s+#.*", "", line) for line in re.sub(r"\\\n\s*", "", block.text).splitlines())
+    return [line for line in lines if line.startswith("radartwin ")]
+
+
+def prose(page: Path) -> str:
+    """The page without its fenced blocks."""
+    return re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S)
+
+
+def quoted(page: Path) -> list[str]:
+    """What stands between backticks in the text."""
+    return re.findall(r"`([^`\n]+)`", prose(page))
