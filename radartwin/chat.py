@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit, urlunsplit
 
 from radartwin.errors import BackendError, ConfigError
+from radartwin.secret import hidden
 
 if TYPE_CHECKING:
     import httpx
@@ -43,7 +44,7 @@ class Endpoint:
         max_tokens: of an answer.
         key: bearer token, instead of the variable's.
     Raises:
-        ConfigError: an address that is none.
+        ConfigError: an address that is none; when it is asked, a key that cannot be sent.
     """
 
     url: str = field(repr=False)  # it may hold a password
@@ -76,8 +77,15 @@ class Endpoint:
         """For several requests; close it."""
         import httpx
 
-        key = self.key if self.key is not None else os.environ.get(self.key_variable)
-        return httpx.Client(timeout=self.timeout_s, headers={"Authorization": f"Bearer {key}"} if key else {})
+        return httpx.Client(timeout=self.timeout_s, headers={"Authorization": f"Bearer {key}"} if (key := self._secret) else {})
+
+    @property
+    def _secret(self) -> str:
+        """The bearer token, or "". Raises ConfigError for one that cannot be sent, without repeating it."""
+        key = (self.key if self.key is not None else os.environ.get(self.key_variable, "")).strip()
+        if not (key.isascii() and key.isprintable()):
+            raise ConfigError(f"{self.key_variable} holds signs that no key has; copy the key again")
+        return key
 
     def complete(
         self, messages: Sequence[Mapping[str, Any]], schema: Mapping[str, Any], name: str, client: httpx.Client | None = None
@@ -109,7 +117,7 @@ class Endpoint:
             text = response.json()["choices"][0]["message"]["content"]
         except (ValueError, KeyError, IndexError, TypeError) as error:
             raise BackendError(f"{self.shown} does not answer as an OpenAI-compatible server ({error}); check its address") from error
-        return text if isinstance(text, str) else ""
+        return hidden(text, self._secret) if isinstance(text, str) else ""
 
     def _post(self, client: httpx.Client, body: Mapping[str, Any]) -> httpx.Response:
         """The response to a request that was tried until it was none of PASSING."""
@@ -126,7 +134,7 @@ class Endpoint:
             except httpx.ConnectError as error:  # nobody there: waiting does not start a server
                 raise BackendError(f"{self.shown}: no connection ({error}); start the server, or correct its address") from error
             except httpx.TransportError as error:
-                problem = f"the connection broke ({str(error) or type(error).__name__})"
+                problem = f"the connection broke ({hidden(str(error), self._secret) or type(error).__name__})"
             else:
                 if response.status_code not in PASSING:
                     return response
@@ -142,7 +150,8 @@ class Endpoint:
             403: f"set {self.key_variable} to a key that may use the model",
             404: f"check the address and that it serves {self.model}",
         }.get(response.status_code, "see the server's log")
-        return f"{self.shown} refuses with status {response.status_code} ({' '.join(response.text.split())[:200]}); {remedy}"
+        said = hidden(" ".join(response.text.split()), self._secret)[:200]
+        return f"{self.shown} refuses with status {response.status_code} ({said}); {remedy}"
 
 
 def _retry_after(response: httpx.Response, otherwise: float, now: Callable[[], float] = time.time) -> float:

@@ -9,11 +9,13 @@ import argparse
 import os
 import signal
 import sys
+import textwrap
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from radartwin import examples, secret
 from radartwin.errors import MissingError, OutputError, UserError
 
 Verb = Callable[[argparse.Namespace], int]
@@ -26,8 +28,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             warnings.showwarning = _show_warning
             return options.verb(options)
     except UserError as error:
-        print(f"radartwin: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"radartwin: {_line(error)}", file=sys.stderr)
         return 2
+    except MemoryError as error:
+        said = f" ({_line(error)})" if str(error) else ""
+        print(f"radartwin: out of memory{said}; what is finished is kept; ask for less, such as fewer frames or jobs=1", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, lambda *_: os._exit(1))  # the impatient need not wait for what ends with the process
         goes_on = "resumes where it stopped" if options.verb in (_run, _tables, _import, _export, _label) else "starts over"
@@ -39,12 +45,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         if error.filename is None:  # no path of the user's: a defect
             raise
-        print(f"radartwin: {error.filename}: {error.strerror}; choose another path", file=sys.stderr)
+        print(f"radartwin: {_line(error.filename)}: {error.strerror}; choose another path", file=sys.stderr)
         return 2
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-    print(f"radartwin: warning: {' '.join(str(message).split())}", file=sys.stderr)
+    print(f"radartwin: warning: {_line(message)}", file=sys.stderr)
+
+
+def _line(said: object) -> str:
+    """One line for a terminal: without keys of the environment, and without signs by which a file's name could steer it."""
+    return "".join(sign if sign.isprintable() else "?" for sign in " ".join(secret.hidden(str(said)).split()))
 
 
 class _Parser(argparse.ArgumentParser):
@@ -81,13 +92,14 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="radartwin",
         description="Simulate the radar of a scanned room, learn from it, and measure what transfers.",
-        epilog="Exit status: 0 done, 1 a run failed, 2 the input is wrong.",
+        epilog=examples.epilog(more="Exit status: 0 done, 1 a run failed, 2 the input is wrong."),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
 
     run = _verb(verbs, "run", _run, "one experiment, or a sweep over comma-separated values with -m")
     _overrides(run, "experiment=NAME [group=option ...] [key=value ...]")
-    run.epilog = f"Experiments: {', '.join(_experiments())}."
+    run.epilog = examples.epilog("run", textwrap.fill(f"Experiments: {', '.join(_experiments())}.", 78))
     run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
     run.add_argument("--search", metavar="METRIC", help="search: 'trajectory.height_m=interval(0.5,1.5)' is tried where METRIC may be best")
     run.add_argument("--trials", metavar="N", type=int, default=20, help="of a search, in all (default: 20)")
@@ -197,7 +209,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _verb(verbs: argparse._SubParsersAction, name: str, body: Verb, text: str) -> argparse.ArgumentParser:
-    verb = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    verb = verbs.add_parser(
+        name,
+        help=text,
+        description=textwrap.fill(text[0].upper() + text[1:] + ".", 78),
+        epilog=examples.epilog(name),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     verb.set_defaults(verb=body)
     return verb
 
@@ -261,6 +279,7 @@ def _simulate(options: argparse.Namespace) -> int:
     from radartwin.compose import compose
     from radartwin.made_of import line
     from radartwin.radar.recording import recording_files
+    from radartwin.store import Store
 
     config = compose(_given(options), options.config_dir)
     path = options.out or Path(config.output) / "recordings" / config.scene.name
@@ -268,7 +287,8 @@ def _simulate(options: argparse.Namespace) -> int:
         if file.is_dir():
             raise OutputError(f"{file} is a folder; choose another name for the recording")
     files.sweep(files.check_folder(path.parent))
-    recording = simulate_scene(config, noise=options.noise)
+    store = Store(Path(config.output) / "cache") if config.simulator.backend == "auto" else None
+    recording = simulate_scene(config, noise=options.noise, store=store, say=lambda line: print(f"radartwin: {line}", file=sys.stderr))
     if materials := line(recording.provenance):
         print(f"radartwin: {materials}", file=sys.stderr)
     recording.save(path)

@@ -43,7 +43,10 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]
     command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
     with contextlib.suppress(KeyboardInterrupt):
-        server = subprocess.Popen(command, start_new_session=True)  # Ctrl-C reaches us alone; we end it, whatever it waits for
+        # Without the runners of MLflow's own jobs, seven processes for language models. Ctrl-C reaches us alone; we end the server,
+        # whatever it waits for.
+        environment = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", **os.environ}
+        server = subprocess.Popen(command, env=environment, start_new_session=True)
         try:
             threading.Thread(target=_announce, args=(server, port), daemon=True).start()
             return server.wait()

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from radartwin import digest, study
+from radartwin import digest, files, study
 from radartwin.config import Config, ExperimentConfig
 from radartwin.errors import ConfigError, InputError
 from radartwin.progress import Progress
@@ -155,11 +155,19 @@ def save(result: Result, folder: Path) -> None:
 
 
 def read(product: Product) -> Result:
-    """The result a product holds; its figures are paths without suffix (.png, .pdf and .html exist)."""
-    content = product.read_json("result")
-    figures = {name: product.path / "figures" / name for name in content["figures"]}
-    models = {name: product.path / MODELS / name for name in content["models"]}
-    return Result(content["table"], content["rows"], figures, content["metrics"], content["keys"], product.key, models)
+    """The result a product holds; its figures are paths without suffix (.png, .pdf and .html exist).
+
+    Raises:
+        InputError: a cache from elsewhere whose result is none, or names files outside of its folder.
+    """
+    try:
+        content = product.read_json("result")
+        figures = {name: files.inside(product.path / "figures", name) for name in content["figures"]}
+        models = {name: files.inside(product.path / MODELS, name) for name in content["models"]}
+        check_rows(content["table"], content["rows"])
+        return Result(content["table"], content["rows"], figures, content["metrics"], content["keys"], product.key, models)
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        raise InputError(f"{product.path} is not the result of a run ({error}); delete the folder and run again") from error
 
 
 def _plain(value: Any) -> Any:

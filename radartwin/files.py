@@ -6,13 +6,19 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import io
+import math
 import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import IO, TYPE_CHECKING
 
 from radartwin.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 TEMPORARY = ".tmp"  # suffix of everything unfinished, so that a start can sweep what a killed one left
 _UNFINISHED = re.compile(rf"\..+\.radartwin-(\d{{1,9}}){re.escape(TEMPORARY)}")  # .NAME.radartwin-PID.tmp
@@ -59,7 +65,8 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
     make_folder(path.parent)
     temporary = unfinished(path)
     try:
-        with temporary.open("wb") as stream:
+        temporary.unlink(missing_ok=True)
+        with temporary.open("xb") as stream:
             stream.write(content.encode() if isinstance(content, str) else content)
             stream.flush()
             os.fsync(stream.fileno())
@@ -71,19 +78,85 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
     return path
 
 
-def check_archive(path: Path) -> None:
-    """Refuse a zip archive (an .npz) that would unpack to far more than it is; ours are stored as they are.
+def read_arrays(source: Path | bytes) -> dict[str, np.ndarray]:
+    """The arrays of an .npz by name, none of them unpickled.
 
     Raises:
-        InputError: naming both sizes.
+        InputError: no such archive; arrays of Python objects, or larger than what is stored of them; one that unpacks to far more than
+            it is (ours are stored as they are). OSError: it cannot be read.
     """
     import zipfile
+    import zlib
 
-    size = path.stat().st_size
-    with zipfile.ZipFile(path) as archive:
-        unpacked = sum(member.file_size for member in archive.infolist())
-    if unpacked > 16 * size + (64 << 20):
-        raise InputError(f"{path} is {size:,} bytes and would unpack to {unpacked:,}; that is no file of arrays that radartwin wrote")
+    import numpy as np
+
+    label = "the archive" if isinstance(source, bytes) else str(source)
+    try:
+        with io.BytesIO(source) if isinstance(source, bytes) else source.open("rb") as stream:
+            _check_archive(stream, label)
+            with np.load(stream, allow_pickle=False) as stored:
+                return dict(stored)
+    except InputError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError) as error:  # the last for what zipfile cannot unpack
+        raise InputError(f"{label} is no archive of arrays ({str(error).splitlines()[0] if str(error) else 'it ends early'})") from error
+
+
+def read_array(path: Path) -> np.ndarray:
+    """The array of a .npy, not unpickled.
+
+    Raises:
+        InputError: no such array, one of Python objects, or one that says it is larger than the file. OSError: it cannot be read.
+    """
+    import numpy as np
+
+    try:
+        with path.open("rb") as stream:
+            _check_head(stream, path.stat().st_size, str(path))
+            stream.seek(0)
+            return np.load(stream, allow_pickle=False)
+    except InputError:
+        raise
+    except (ValueError, EOFError) as error:
+        raise InputError(f"{path} is not a readable .npy array ({' '.join(str(error).split())})") from error
+
+
+def _check_archive(stream: IO[bytes], label: str) -> None:
+    """Judge an archive by its heads, before memory is taken for what they ask. The stream ends at its beginning."""
+    import zipfile
+
+    with zipfile.ZipFile(stream) as archive:
+        unpacked, size = sum(member.file_size for member in archive.infolist()), stream.seek(0, os.SEEK_END)
+        if unpacked > 16 * size + (64 << 20):
+            raise InputError(f"{label} is {size:,} bytes and would unpack to {unpacked:,}; that is no file of arrays that radartwin wrote")
+        for member in archive.infolist():
+            with archive.open(member) as content:
+                _check_head(content, member.file_size, f"{label}, {member.filename},")
+    stream.seek(0)
+
+
+def _check_head(stream: IO[bytes], size: int, label: str) -> None:
+    """Refuse an array in the .npy format that is of Python objects, or that `size` bytes do not hold. Raises InputError, ValueError."""
+    from numpy.lib import format as npy
+
+    read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(npy.read_magic(stream))
+    if read is None:
+        raise InputError(f"{label} is in a form of .npy that is not read here")
+    shape, _, kind = read(stream)
+    if kind.hasobject or math.prod(shape) * kind.itemsize > size:
+        raise InputError(f"{label} says {shape} of {kind} and is {size:,} bytes")
+
+
+def inside(folder: Path, name: str) -> Path:
+    """FOLDER/NAME of a file that an index in the folder names.
+
+    Raises:
+        InputError: it leads out of the folder, by "..", from the root or through a link.
+    """
+    path = folder / name
+    if "\0" in name or not path.resolve().is_relative_to(folder.resolve()):
+        raise InputError(f"{folder} names the file {name!r}, which is not in it; copy the file into the folder and name it there")
+    return path
 
 
 def sync(path: Path, deep: bool = True) -> None:
@@ -113,7 +186,7 @@ def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None
     while True:
         make_folder(path.parent)
         try:
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         except FileNotFoundError:  # the folder went away between the two lines above
             continue
         except OSError as error:
@@ -141,7 +214,7 @@ def drop_stale(path: Path) -> None:
         OutputError: what has its name cannot be opened or removed.
     """
     try:
-        descriptor = os.open(path, os.O_RDWR)
+        descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
         try:
             if _try_lock(descriptor) and _leads_to(path, descriptor):
                 path.unlink(missing_ok=True)

@@ -15,12 +15,11 @@ from typing import Any
 
 from radartwin import files
 from radartwin.compose import CONFIG_NAME, composing, conf_dir, path_override, register, search_override
-from radartwin.errors import ConfigError
 from radartwin.job import FAILED, LOG, STARTED, Outcome, job, job_name
+from radartwin.targets import check_targets
 
 POLL_S = 0.2
 ALONE_TRIES = 2  # a kill may come from outside; two in a row, running alone, do not
-TARGETS = ("radartwin.", "hydra._internal.core_plugins.", "hydra_plugins.hydra_joblib_launcher.", "hydra_plugins.hydra_submitit_launcher.")
 
 
 class Launcher:
@@ -131,29 +130,3 @@ def _plugin(overrides: list[str], config_dirs: Sequence[Path]) -> Any:
         plugin.setup(hydra_context=context, task_function=job, config=config)
         return plugin
     return Plugins.instance().instantiate_launcher(hydra_context=context, task_function=job, config=config)
-
-
-def check_targets(config: Any) -> None:
-    """Configuration files may be a stranger's: what Hydra would call by name is ours or a launcher.
-
-    Raises:
-        ConfigError: naming the key and what it would call.
-    """
-    from omegaconf import OmegaConf
-
-    content = OmegaConf.to_container(config, resolve=False, throw_on_missing=False)
-    for key, target in _targets(content):
-        if not str(target).startswith(TARGETS):
-            raise ConfigError(f"{key}={target} is refused: configuration may only name launchers of Hydra and what is in radartwin")
-
-
-def _targets(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    if isinstance(node, list):
-        node = dict(enumerate(node))
-    if isinstance(node, dict):
-        for key, value in node.items():
-            where = f"{path}.{key}" if path else str(key)
-            if key == "_target_":
-                yield where, value
-            else:
-                yield from _targets(value, where)

@@ -6,7 +6,7 @@ display and without pyplot's global state: make one with `figure`, return it, an
 
 from __future__ import annotations
 
-import shutil
+import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,21 +59,22 @@ def figure(
 
 
 def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path]:
-    """Write `stem`.png, .pdf and .html from a figure, a function that draws one, or files of another stem."""
+    """Write `stem`.png, .pdf and .html, each whole or not at all, from a figure, a function that draws one, or files of another stem."""
     import matplotlib
 
     from radartwin import files, interactive
 
-    stem.parent.mkdir(parents=True, exist_ok=True)
     paths = [stem.with_name(stem.name + suffix) for suffix in SUFFIXES]
     if isinstance(drawing, Path):
         for path in paths:
-            shutil.copyfile(drawing.with_name(drawing.name + path.suffix), path)
+            files.write_atomically(path, drawing.with_name(drawing.name + path.suffix).read_bytes())
         return paths
     with matplotlib.rc_context(style()):
         drawn = drawing() if callable(drawing) else drawing
         for path in paths[:-1]:
             # A PDF without its creation date is the same bytes for the same figure.
-            drawn.savefig(path, metadata={"CreationDate": None} if path.suffix == ".pdf" else None)
+            stream = io.BytesIO()
+            drawn.savefig(stream, format=path.suffix[1:], metadata={"CreationDate": None} if path.suffix == ".pdf" else None)
+            files.write_atomically(path, stream.getvalue())
         files.write_atomically(paths[-1], interactive.page(drawn, stem.name.replace("_", " ")))
     return paths

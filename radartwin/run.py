@@ -21,7 +21,8 @@ from radartwin.digest import semantic
 from radartwin.experiment import Result, load, module_name, read, save
 from radartwin.progress import Progress
 from radartwin.store import RUN, Counts, Store
-from radartwin.tracking import Record, Tracker
+from radartwin.tracked import Record
+from radartwin.tracking import Tracker
 
 _UNTOLD = ("experiment", "output", "jobs", "tracking", "hydra")  # overrides that do not tell runs of one table apart
 
@@ -62,7 +63,17 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
             track()
         for record in records:
             record.metrics, record.artifacts = result.metrics, sorted(product.path.iterdir())
+            record.rows, record.inputs = result.rows, _kinds(store, result.keys)
     return result, store.counts
+
+
+def _kinds(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
+    """Keys by the kind of product they name in the store; others are of a user's recording set."""
+    found: dict[str, list[str]] = {}
+    for key in keys:
+        place = next(store.root.glob(f"*/{key}"), None)
+        found.setdefault(place.parent.name if place else "recordings", []).append(key)
+    return found
 
 
 def finished(config: Config) -> bool:

@@ -14,6 +14,7 @@ import contextlib
 import errno
 import hashlib
 import json
+import os
 import re
 import shutil
 import time
@@ -23,7 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radartwin import __version__, files
+from radartwin import __version__, files, plain_json
 from radartwin.digest import canonical, source_digest, spec_digest
 from radartwin.errors import OutputError, UserError
 
@@ -47,13 +48,10 @@ class Product:
 
     def arrays(self, name: str = "arrays") -> dict[str, np.ndarray]:
         """What `save_arrays` wrote."""
-        import numpy as np
-
-        with np.load(self.path / f"{name}.npz", allow_pickle=False) as stored:
-            return dict(stored)
+        return files.read_arrays(self.path / f"{name}.npz")
 
     def read_json(self, name: str) -> Any:
-        return json.loads((self.path / f"{name}.json").read_text(encoding="utf-8"))
+        return plain_json.read(self.path / f"{name}.json")
 
 
 @dataclass
@@ -141,9 +139,9 @@ class Store:
             with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
                 if self._whole(final):
                     return self._count(kind, Product(final, key, reused=True))
-                if final.is_dir():
+                if os.path.lexists(final):
                     self._say(f"{kind} {key[:SHORT]} in the cache is damaged (its files are not as they were written); building it again")
-                    shutil.rmtree(final)
+                    shutil.rmtree(final) if final.is_dir() and not final.is_symlink() else final.unlink()
                 self._build(kind, key, spec, roots, build, work / "product", final)
         finally:
             with contextlib.suppress(OSError):  # somebody may be waiting in it; the last one out removes it
@@ -202,10 +200,10 @@ def _sizes(folder: Path) -> dict[str, int]:
 
 
 def _verified(product: Path, content: bool) -> bool:
-    """Whether every file has the size, and the content, that meta.json recorded; others may lie beside them."""
+    """Whether every file has the size, and the content, that meta.json recorded; others may lie beside them, but no link to elsewhere."""
     try:
-        meta = json.loads((product / META).read_text(encoding="utf-8"))
-        if not meta["bytes"].items() <= _sizes(product).items():
+        meta = plain_json.read(product / META)
+        if not meta["bytes"].items() <= _sizes(product).items() or any(path.is_symlink() for path in product.rglob("*")):
             return False
         return not content or all(_digest(product / name) == digest for name, digest in meta.get("sha256", {}).items())
     except (OSError, ValueError, LookupError, TypeError, AttributeError):

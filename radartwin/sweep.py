@@ -60,7 +60,6 @@ class Sweep:
         self._title = (table, told or table)
         self._parent: str | None = None
         self._jobs: dict[int, list[str]] = {}
-        self._status = "FAILED"
 
     def __enter__(self) -> Sweep:
         files.make_folder(self.folder)
@@ -70,13 +69,15 @@ class Sweep:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         self._collect()
         if kind is None:
-            self._tracker.end_sweep(self._parent, "FINISHED" if all(o.finished for o in self.outcomes.values()) else "FAILED")
-            return
+            status = "FINISHED" if all(o.finished for o in self.outcomes.values()) else "FAILED"
+        else:
+            status = "KILLED" if issubclass(kind, KeyboardInterrupt) else "FAILED"
+            print(self._counted())
         try:
             self._write()
-            print(self._counted())
         finally:
-            self._tracker.end_sweep(self._parent, "KILLED" if issubclass(kind, KeyboardInterrupt) else "FAILED")
+            table = self.folder / TABLE
+            self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
 
     def run(self, jobs: Mapping[int, tuple[list[str], Config]], total: int | None = None) -> None:
         """Run the jobs (overrides and configuration by number), those that are finished read back."""
@@ -94,10 +95,9 @@ class Sweep:
         self._collect()
 
     def close(self) -> int:
-        """Print and write the table of jobs; the exit status."""
+        """Print the table of jobs; the exit status."""
         print(table_text(self.outcomes.values()))
         print(self._counted())
-        self._write()
         statuses = {outcome.status for outcome in self.outcomes.values()}
         return 1 if statuses & {FAILED, UNFINISHED} else 2 if REFUSED in statuses else 0
 

@@ -1,8 +1,8 @@
-"""Runs in MLflow: SQLite in the output folder by default, or a server. The only module that imports mlflow.
+"""Runs in MLflow: SQLite in the output folder by default, or a server. What a run leaves there is in radartwin/tracked.py.
 
 Several processes that open a fresh SQLite store at once destroy it, and writers that meet give up. So everything that
 touches the database happens under one file lock, starting with its creation; artifacts are plain files and need none. A
-run is written in three short visits: created, one batch of metrics and tags, ended.
+run is written in two short visits: created, and ended with all its metrics, tags and datasets.
 """
 
 from __future__ import annotations
@@ -14,37 +14,28 @@ import os
 import re
 import socket
 import sqlite3
-import tempfile
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from radartwin import __version__, files
+from radartwin import files, tracked
 from radartwin.config import TrackingConfig
 from radartwin.errors import BackendError, OutputError, UserError
 from radartwin.experiment import MODELS
-from radartwin.provenance import commit
+from radartwin.secret import hidden
+from radartwin.tracked import Record
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
+    from mlflow.entities import Metric
 
 DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
 KIND = {"mlflow.experimentKind": "custom_model_development"}  # its page opens on the table of runs, not on traces
-LOADER = "radartwin.recognize.pyfunc"  # the module that MLflow loads a run's models with
 PROCESS = "process"  # tag: host and process that compute a run
+COMPARED = 100  # jobs of a sweep that the link of its parent run compares
 MAX_METRICS = 40  # about thirty scalars a run; curves and tables are artifacts
-
-
-@dataclass
-class Record:
-    """What a run leaves behind; whoever runs it fills this in."""
-
-    run_id: str = ""
-    metrics: Mapping[str, float] = field(default_factory=dict)
-    artifacts: Sequence[Path] = ()
 
 
 class Tracker:
@@ -99,19 +90,21 @@ class Tracker:
         with self._visit() as client:
             experiment_id = self._experiment(client, table)
             self._bury(client, experiment_id, key)
-            told = {**tags(table, key), PROCESS: f"{socket.gethostname()}:{os.getpid()}"}
+            told = {**tracked.tags(table, key), PROCESS: f"{socket.gethostname()}:{os.getpid()}"}
             record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", told, self.parent_run_id)
         began, clock = int(time.time() * 1000), time.monotonic()
         status, error = "FINISHED", ""
+        samples: list[Metric] = []
         try:
-            yield record
+            with tracked.machine(record.run_id, self.uri) as samples:
+                yield record
         except BaseException as raised:
-            status, error = "KILLED" if isinstance(raised, KeyboardInterrupt) else "FAILED", str(raised)[:500]
+            status, error = "KILLED" if isinstance(raised, KeyboardInterrupt) else "FAILED", hidden(str(raised))[:500]
             raise
         finally:
             ended = began + int((time.monotonic() - clock) * 1000)  # the wall clock may have been set meanwhile
             try:
-                self._end(record, params, status, error, ended)
+                self._end(record, params, samples, status, error, ended)
             except (BackendError, OutputError) as lost:
                 warnings.warn(f"run {key[:8]} is not in MLflow as it ended: {lost}; what it computed is kept", stacklevel=1)
 
@@ -129,12 +122,23 @@ class Tracker:
             if before:
                 client.update_run(before[0].info.run_id, status="RUNNING")
                 return before[0].info.run_id
-            return self._create(client, experiment_id, name, {**tags(table, "sweep"), "sweep_key": sweep_key}, None)
+            return self._create(client, experiment_id, name, {**tracked.tags(table, "sweep"), "sweep_key": sweep_key}, None)
 
-    def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"]) -> None:
-        if run_id is not None:
+    def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"], table: Path | None = None) -> None:
+        """End the parent run, with the table of its jobs and a link that compares them; what fails costs a warning."""
+        if run_id is None:
+            return
+        try:
             with self._visit() as client:
+                experiment_id = client.get_run(run_id).info.experiment_id
+                children = client.search_runs([experiment_id], f"tags.`mlflow.parentRunId` = '{run_id}'", max_results=COMPARED)
+                if children:
+                    client.set_tag(run_id, "mlflow.note.content", tracked.comparison(experiment_id, [c.info.run_id for c in children]))
+                if table:
+                    client.log_artifact(run_id, str(table))
                 client.set_terminated(run_id, status)
+        except (BackendError, OutputError) as lost:
+            warnings.warn(f"the sweep is not in MLflow as it ended: {lost}; its runs are kept", stacklevel=1)
 
     def known(self, table: str, key: str) -> bool:
         """Whether a run of this key is recorded as finished, or a living process of this machine is about to record it."""
@@ -185,7 +189,7 @@ class Tracker:
             run_tags["mlflow.parentRunId"] = parent
         return client.create_run(experiment_id, run_name=name, tags=run_tags).info.run_id
 
-    def _end(self, record: Record, params: Mapping[str, str], status: str, error: str, ended_ms: int) -> None:
+    def _end(self, record: Record, params: Mapping[str, str], samples: Sequence[Metric], status: str, error: str, ended_ms: int) -> None:
         from mlflow.entities import Metric, Param, RunTag
 
         if len(record.metrics) > MAX_METRICS:
@@ -194,11 +198,13 @@ class Tracker:
             client = self._connect()
             for path in record.artifacts:
                 if path.name == MODELS and path.is_dir():
-                    _log_models(client, record.run_id, path)
+                    tracked.log_models(client, record.run_id, path)
                 elif path.is_dir():
                     client.log_artifacts(record.run_id, str(path), path.name)
                 else:
                     client.log_artifact(record.run_id, str(path))
+            if record.rows:
+                tracked.log_table(client, record.run_id, record.rows)
         with self._visit() as client:
             client.log_batch(
                 record.run_id,
@@ -206,6 +212,9 @@ class Tracker:
                 params=[Param(name, value) for name, value in params.items()],
                 tags=[RunTag("error", error)] if error else [],
             )
+            tracked.log_metrics(client, record.run_id, samples)
+            if record.inputs:
+                client.log_inputs(record.run_id, tracked.datasets(record.inputs))
             client.set_terminated(record.run_id, status, ended_ms)
 
     @contextlib.contextmanager
@@ -215,24 +224,6 @@ class Tracker:
             return
         with files.lock(self._lock):
             yield
-
-
-def _log_models(client: MlflowClient, run_id: str, folder: Path) -> None:
-    """Each folder in it as a python_function model, models/NAME of the run; its data is the folder, and nothing is pickled."""
-    from mlflow import pyfunc
-
-    for model in sorted(folder.iterdir()):
-        with tempfile.TemporaryDirectory() as work, warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*Any type hint is inferred")  # of mlflow's own classes, when it is first imported
-            made = Path(work) / model.name
-            requirements = [f"radartwin=={__version__}"]
-            pyfunc.save_model(str(made), loader_module=LOADER, data_path=str(model), pip_requirements=requirements)
-            client.log_artifacts(run_id, str(made), f"{folder.name}/{model.name}")
-
-
-def tags(table: str, key: str) -> dict[str, str]:
-    head, dirty = commit()
-    return {"run_key": key, "table": table, "git_commit": head, "dirty": str(dirty).lower(), "radartwin": __version__}
 
 
 def quieten() -> None:
@@ -297,7 +288,7 @@ def _one_line(error: Exception) -> str:
     """What SQLite said, out of the layers around it; else the first line."""
     if found := re.search(r"\(sqlite3\.\w+\) ([^\n\[]+)", str(error)):
         return found.group(1).strip()
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+    return hidden((str(error).splitlines() or [type(error).__name__])[0])[:200]
 
 
 def _alive(found: Mapping[str, str]) -> bool:

@@ -192,7 +192,7 @@ def _first_object(text: str) -> dict[str, Any]:
         raise LabelError(f"no JSON object in {text.strip()[:80]!r}")
     try:
         value, _ = json.JSONDecoder().raw_decode(text[start:])
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise LabelError(f"not valid JSON ({error})") from error
     return value
 

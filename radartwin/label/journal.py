@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from radartwin import plain_json
 from radartwin.errors import LabelError, OutputError
 from radartwin.files import make_folder
 from radartwin.label.answers import Answer
@@ -72,7 +73,7 @@ class Journal:
     """The answers of one scene, appended to a file.
 
     Raises:
-        LabelError: a line, other than an unfinished last one, that is no record.
+        LabelError: a line, other than an unfinished last one, that is no record; a link to a file elsewhere.
         OutputError: the file cannot be read or written.
     """
 
@@ -80,12 +81,14 @@ class Journal:
         self.path = path
         self._records: dict[tuple[str, str], Record] = {}
         whole = 0
+        if path.is_symlink():  # what is cut off and appended here would be another file's
+            raise LabelError(f"{path} is a link; put the file itself there")
         if path.exists():
             content = path.read_bytes()
             whole = content.rfind(b"\n") + 1
             for number, line in enumerate(content[:whole].decode("utf-8", "replace").splitlines(), 1):
                 try:
-                    record = Record.from_dict(json.loads(line))
+                    record = Record.from_dict(plain_json.load(line))
                 except (ValueError, TypeError) as error:
                     raise LabelError(f"{path}, line {number}: {error}; remove the line, its surface is then asked about again") from error
                 self._records[record.model, record.key] = record

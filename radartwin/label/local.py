@@ -58,7 +58,7 @@ class Local:
             )
         try:
             self._tokenizer: Any = AutoTokenizer.from_pretrained(model)
-            network: Any = AutoModelForImageTextToText.from_pretrained(model, dtype="auto")
+            network: Any = AutoModelForImageTextToText.from_pretrained(model, dtype="auto", use_safetensors=True)
         except (OSError, ValueError) as error:
             raise _no_weights(model, error) from error
         self._network = network.to(_device()).eval()

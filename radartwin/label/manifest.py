@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from radartwin import plain_json
 from radartwin.errors import SceneError
 from radartwin.files import write_atomically
 from radartwin.scene.scene import Scene
@@ -21,7 +22,7 @@ def write_labels(folder: Path, scene: Scene) -> Path:
         OutputError: it cannot be written.
     """
     path = folder / MANIFEST
-    manifest = json.loads(path.read_text())
+    manifest = plain_json.read(path)
     entries = manifest["surfaces"]
     if [entry.get("name", "") for entry in entries] != list(scene.names):
         raise SceneError(f"{path} changed while its surfaces were labelled; run the same command again, answers are kept")

@@ -14,8 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from radartwin import plain_json
 from radartwin.errors import InputError, MissingError, PoseError
-from radartwin.files import write_atomically
+from radartwin.files import inside, write_atomically
+from radartwin.picture_file import open_picture
 
 FORMAT, VERSION = "radartwin-photos", 1
 INDEX, FOLDER = "photos.json", "photos"
@@ -42,14 +44,12 @@ class Photo:
         Raises:
             MissingError, InputError: it is not there, or no picture.
         """
-        from PIL import Image, UnidentifiedImageError
-
         try:
-            with Image.open(self.path) as picture:
+            with open_picture(self.path) as picture:
                 return np.asarray(picture.convert("RGB"))
         except FileNotFoundError as error:
             raise MissingError(f"photograph {self.path} is not there, though {INDEX} names it; restore it or take it out") from error
-        except (UnidentifiedImageError, OSError) as error:
+        except (OSError, ValueError, SyntaxError) as error:
             raise InputError(f"photograph {self.path} cannot be read; restore it or take it out of {INDEX}") from error
 
 
@@ -79,19 +79,22 @@ def load_photos(folder: Path) -> Sequence[Photo]:
     """The photographs of a scene folder, none if it has no index.
 
     Raises:
-        InputError: an index that is not one.
+        InputError: an index that is not one, or that names a file outside the folder.
         PoseError: a pose that is not rigid.
     """
     path = folder / INDEX
     if not path.is_file():
         return []
     try:
-        index = json.loads(path.read_text())
+        index = plain_json.read(path)
         if index["format"] != FORMAT or index["version"] != VERSION:
             raise KeyError("format")
         photos = [
-            Photo(folder / entry["file"], np.array(entry["pose"], float), np.array(entry["intrinsics"], float)) for entry in index["photos"]
+            Photo(inside(folder, str(entry["file"])), np.array(entry["pose"], float), np.array(entry["intrinsics"], float))
+            for entry in index["photos"]
         ]
+    except InputError:
+        raise
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is not a {FORMAT} version {VERSION} index; write it again with radartwin reconstruct") from error
     return [_checked(photo) for photo in photos]

@@ -243,13 +243,13 @@ def read_radar_of(path: Path) -> Radar:
 
 
 def same_radar(radar: Radar, other: Radar) -> bool:
-    """Whether two recordings may be in one set: all but the frame rate is the same."""
-    return replace(radar, frame_rate_hz=other.frame_rate_hz) == other
+    """Whether two recordings may be in one set: all but the frame rate is the same, and the name, which is that of a file."""
+    return replace(radar, frame_rate_hz=other.frame_rate_hz, name=other.name) == other
 
 
 def difference(radar: Radar, other: Radar) -> str:
-    """The fields in which two radars differ, for people."""
-    pairs = {key: (value, getattr(other, key)) for key, value in vars(radar).items() if value != getattr(other, key)}
+    """The fields but the name in which two radars differ, for people."""
+    pairs = {key: (value, getattr(other, key)) for key, value in vars(radar).items() if key != "name" and value != getattr(other, key)}
     return ", ".join(key if len(f"{a}{b}") > 60 else f"{key} {a} instead of {b}" for key, (a, b) in pairs.items())
 
 

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import MissingError, RecordingError
+from radartwin import files
+from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description import read_radar
@@ -109,9 +110,9 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
     if radar is None:
         raise RecordingError(f"{path}: a .npy cube does not say its radar; give a .cfg, .mmwave.json or .yaml")
     try:
-        cube = np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise RecordingError(f"{path}: it is not a readable .npy array ({' '.join(str(error).split())})") from error
+        cube = files.read_array(path)
+    except (InputError, OSError) as error:
+        raise RecordingError(f"{error}; give a .npy cube of complex samples") from error
     if not np.iscomplexobj(cube):
         raise RecordingError(f"{path}: complex samples are expected, not {cube.dtype}")
     if cube.ndim == 2:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from radartwin.errors import InputError
 from radartwin.features import sets, track
+from radartwin.features.log import Nominal
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.radar.captures import load_capture
@@ -22,15 +23,6 @@ from radartwin.radar.chirp import Radar
 from radartwin.recognize.model import Recogniser
 
 _TURNS = "rotation"
-
-
-@dataclass(frozen=True, eq=False)
-class Nominal:
-    """The motion that features are read along: distance (F,) and angle (F,) or None, as `radartwin.features.log.Log`."""
-
-    frame_rate_hz: float
-    distance_m: NDArray[np.float64]
-    angle_rad: NDArray[np.float64] | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin import files
+from radartwin import files, plain_json
 from radartwin.errors import InputError, MissingError
 from radartwin.recognize.encoder import WEIGHTS, Encoder, text_scores
 
@@ -98,7 +98,7 @@ class Recogniser:
             if not (folder / name).is_file():
                 raise MissingError(f"{folder / name}: no such file; a model is a folder with {ARRAYS} and {DESCRIPTION}")
         try:
-            described = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+            described = plain_json.read(folder / DESCRIPTION)
             if not isinstance(described, dict) or described.get("format") != FORMAT:
                 raise InputError(f"it is not of the format '{FORMAT}'")
             content = (folder / ARRAYS).read_bytes()

@@ -123,7 +123,7 @@ def _fused(
 
 
 def summary(scene: Scene, rows: int = 30) -> list[str]:
-    """A table of the surfaces for people, largest first."""
+    """A table of the surfaces for people, largest first, and where they lie."""
     order = sorted(scene, key=lambda s: -float(s.mesh.area))
     lines = [f"{'surface':16} {'m2':>8} {'faces':>6} {'kind':>7}  made of"]
     for surface in order[:rows]:
@@ -139,7 +139,8 @@ def summary(scene: Scene, rows: int = 30) -> list[str]:
         lines.append(f"{surface.name[:16]:16} {surface.mesh.area:8.2f} {len(surface.mesh.faces):6d} {surface.kind:>7}  {what}")
     if len(order) > rows:
         lines.append(f"and {len(order) - rows} smaller ones, {sum(float(s.mesh.area) for s in order[rows:]):.2f} m2")
-    return lines
+    spans = (f"{axis} from {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *scene.bounds, strict=True))
+    return [*lines, f"it lies at {', '.join(spans)} m; trajectory.position_m is in these coordinates"]
 
 
 def _cameras(frames: Frames) -> Cameras:

@@ -22,8 +22,9 @@ from typing import Any
 
 import numpy as np
 
+from radartwin import plain_json
 from radartwin.errors import ScanError
-from radartwin.files import make_folder, write_atomically
+from radartwin.files import inside, make_folder, write_atomically
 from radartwin.reconstruct.frame_pictures import check_depth, read_colour, read_depth, read_picture
 from radartwin.reconstruct.frames import Frame, Frames, scan_digest
 
@@ -91,7 +92,7 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
         ScanError: frames.json is damaged, or of another format.
     """
     try:
-        index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
+        index = plain_json.read(folder / INDEX)
         if (index["format"], index["version"]) != (FORMAT, VERSION):
             raise ScanError(f"{folder / INDEX}: format {index['format']} {index['version']}; this version reads {FORMAT} {VERSION}")
         unit, entries = float(index["depth_unit_m"]), list(index["frames"])
@@ -99,7 +100,10 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
         names = [str(e["name"]) for e in entries]
         poses = np.array([e["pose"] for e in entries], dtype=np.float64).reshape(-1, 4, 4)
         cameras = [np.array(e["intrinsics"], dtype=np.float64).reshape(3, 3) for e in entries]
-        depths = [folder / str(e["depth"]) for e in entries]
+        depths = [inside(folder, str(e["depth"])) for e in entries]
+        colours = [inside(folder, str(e["colour"])) if e["colour"] else None for e in entries]
+        lenses = [np.array(e["colour_intrinsics"], dtype=np.float64).reshape(3, 3) if e["colour"] else None for e in entries]
+        sure = [inside(folder, str(e["confidence"])) if e["confidence"] else None for e in entries]
     except (OSError, ValueError, KeyError, TypeError) as error:
         if isinstance(error, ScanError):
             raise
@@ -108,12 +112,11 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
         check_depth(depths, unit, str(folder), f"mend depth_unit_m in {INDEX}:")
 
     def read(i: int) -> Frame:
-        entry = entries[i]
-        colour = read_colour(folder / entry["colour"]) if entry["colour"] else None
-        camera = np.array(entry["colour_intrinsics"], dtype=np.float64) if colour is not None else None
+        colour = read_colour(path) if (path := colours[i]) else None
+        camera = lenses[i]
         if colour_only and colour is not None and camera is not None:
             return Frame(names[i], poses[i], camera, np.zeros(colour.shape[:2], np.float32), colour, camera)
-        confidence = read_picture(folder / entry["confidence"]) if entry["confidence"] else None
+        confidence = read_picture(path) if (path := sure[i]) else None
         return Frame(names[i], poses[i], cameras[i], read_depth(depths[i], unit), colour, camera, confidence)
 
     return Frames(names, poses, read, str(folder), scan_of)

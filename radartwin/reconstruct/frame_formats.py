@@ -11,14 +11,15 @@ Our own is in `radartwin.reconstruct.frame_folder`; which is which, and what eac
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from radartwin.errors import MissingError, PoseError, ScanError
+from radartwin import plain_json
+from radartwin.errors import InputError, MissingError, PoseError, ScanError
+from radartwin.files import inside
 from radartwin.reconstruct.axes import CAMERA_FLIP, TO_Z_UP, camera_to_world, z_up
 from radartwin.reconstruct.frame_pictures import check_depth, picture_size, read_colour, read_depth, read_picture
 from radartwin.reconstruct.frames import Frame, Frames, rescaled, scan_digest
@@ -62,7 +63,7 @@ def load_arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frame
 def _arkit_camera(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Pose (4, 4) in ARKit's axes and intrinsics (3, 3)."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = plain_json.read(path)
         pose = np.array(content["cameraPoseARFrame"], dtype=np.float64).reshape(4, 4)
         return pose, np.array(content["intrinsics"], dtype=np.float64).reshape(3, 3)
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -143,7 +144,7 @@ def _camera(folder: Path, intrinsics: Sequence[float] | None) -> np.ndarray:
     file = folder / "intrinsics.json"
     if intrinsics is None and file.is_file():
         try:
-            content = json.loads(file.read_text(encoding="utf-8"))
+            content = plain_json.read(file)
             intrinsics = [float(content[key]) for key in ("fx", "fy", "cx", "cy")]
         except (ValueError, KeyError, TypeError) as error:
             raise ScanError(f'{file}: give {{"fx": , "fy": , "cx": , "cy": }} in pixels ({type(error).__name__}: {error})') from error
@@ -184,7 +185,9 @@ def _listed(path: Path) -> tuple[np.ndarray, list[Path]]:
         raise MissingError(f"{path} is not there; a TUM folder has rgb.txt, depth.txt and groundtruth.txt")
     words = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and not line.startswith("#")]
     try:
-        return np.array([float(w[0]) for w in words]), [path.parent / w[1] for w in words]
+        return np.array([float(w[0]) for w in words]), [inside(path.parent, w[1]) for w in words]
+    except InputError as error:
+        raise ScanError(str(error)) from error
     except (ValueError, IndexError) as error:
         raise ScanError(f"{path}: a row is a time and a file name") from error
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from radartwin.errors import MissingError, ScanError
+from radartwin.picture_file import open_picture
 
 MEDIAN_DEPTH_M = (0.15, 8.0)  # what the middle of an indoor depth picture can be; phone LiDAR ends at 5 m, Kinects at 8 m
 ENOUGH = 3  # depth pictures that tell the unit
@@ -21,10 +22,8 @@ def read_picture(path: Path) -> np.ndarray:
         MissingError: no such file.
         ScanError: not a picture, or one cut short.
     """
-    from PIL import Image
-
     try:
-        with Image.open(path) as picture:
+        with open_picture(path) as picture:
             return np.asarray(picture)
     except FileNotFoundError as error:
         raise MissingError(f"{path} is not there; export the frames again, or leave this frame out") from error
@@ -59,10 +58,8 @@ def read_colour(path: Path) -> np.ndarray:
 
 def picture_size(path: Path) -> tuple[int, int]:
     """(width, height) from the file's head."""
-    from PIL import Image
-
     try:
-        with Image.open(path) as picture:
+        with open_picture(path) as picture:
             return picture.size
     except FileNotFoundError as error:
         raise MissingError(f"{path} is not there; export the frames again, or leave this frame out") from error

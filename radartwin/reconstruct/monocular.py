@@ -13,13 +13,13 @@ torchvision.
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from radartwin import plain_json
 from radartwin.errors import BackendError, MissingError, ScanError
 from radartwin.reconstruct.frames import Frame, Frames, rescaled
 
@@ -66,7 +66,7 @@ class DepthModel:
         try:
             config = AutoConfig.from_pretrained(str(name))
             _check_metric(config, str(name))
-            network = AutoModelForDepthEstimation.from_pretrained(str(name)).eval()
+            network = AutoModelForDepthEstimation.from_pretrained(str(name), use_safetensors=True).eval()
         except OSError as error:
             raise MissingError(f"{name}: no depth model ({str(error).splitlines()[0]}); check name, folder and network") from error
         except ValueError as error:
@@ -149,7 +149,7 @@ def _processing(folder: Path) -> dict[str, Any]:
     if not file.is_file():
         return {}
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = plain_json.read(file)
         size = content.get("size") or {}
         found: dict[str, Any] = {
             "mean": tuple(content.get("image_mean", IMAGENET_MEAN)),

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from radartwin import plain_json
 from radartwin.chat import Endpoint
 from radartwin.errors import BackendError, LayoutError
 from radartwin.scene import layout_sentence
@@ -88,7 +89,7 @@ def _parsed(text: str) -> object:
     """The JSON of an answer, which small models like to wrap in a code block."""
     start, end = text.find("{"), text.rfind("}")
     try:
-        return json.loads(text[start : end + 1])
+        return plain_json.load(text[start : end + 1])
     except ValueError as error:
         raise LayoutError(f"it is not JSON ({error})") from error
 

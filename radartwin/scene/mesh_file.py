@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 import warnings
 from pathlib import Path
@@ -13,8 +12,10 @@ import trimesh
 from trimesh.resolvers import FilePathResolver
 from trimesh.visual import ColorVisuals
 
-from radartwin.errors import MeshError, MissingError
-from radartwin.scene.mesh_limits import check_glb
+from radartwin import plain_json
+from radartwin.errors import InputError, MeshError, MissingError
+from radartwin.files import inside
+from radartwin.scene.mesh_limits import check_glb, check_pictures
 
 MESH_SUFFIXES = (".glb", ".ply", ".obj")
 HEAD_BYTES = 65_536  # of an .obj, where it names its materials
@@ -32,7 +33,7 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
         name: how messages call a stream.
     Raises:
         MissingError: no such file.
-        MeshError: not one of the three formats, or not readable as what its suffix says.
+        MeshError: not one of the three formats, not readable as what its suffix says, or more than memory holds (`mesh_limits`).
     Warns:
         TextureWarning: it names pictures that are not there; what should wear them keeps the colour of its material.
     """
@@ -62,6 +63,7 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
     if isinstance(source, Path) and (gone := missing_textures(source)):
         text = f"{label} names the texture {gone[0]}, which is not beside it; the surfaces keep their plain colours"
         warnings.warn(text, TextureWarning, stacklevel=2)
+    check_pictures((getattr(g.visual, "material", None) for g in loaded.geometry.values() if hasattr(g, "visual")), label)
     meshes: dict[str, trimesh.Trimesh] = {}
     for node in loaded.graph.nodes_geometry:
         transform, key = loaded.graph[node]
@@ -69,6 +71,8 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
         if isinstance(geometry, trimesh.Trimesh):
             if not np.array_equal(transform, np.eye(4)):
                 geometry = geometry.copy().apply_transform(transform)
+            if len(geometry.faces) and not 0 <= geometry.faces.min() <= geometry.faces.max() < len(geometry.vertices):
+                raise MeshError(f"{label} has a face of vertices that it lacks; export it again")
             _plain_without_picture(geometry)
             meshes[node if node not in meshes else f"{node}_{len(meshes)}"] = geometry
     return meshes
@@ -81,11 +85,19 @@ def missing_textures(path: Path) -> list[str]:
     elif path.suffix.lower() == ".obj":
         with path.open("rb") as stream:
             libraries = _named(stream.read(HEAD_BYTES), "mtllib")
-        there = [path.parent / name for name in libraries if (path.parent / name).is_file()]
+        there = [path.parent / name for name in libraries if _is_beside(path, name)]
         named = libraries + [name for library in there for name in _named(library.read_bytes(), "map_Kd")]
     else:
         return []
-    return [name for name in named if not (path.parent / name).is_file()]
+    return [name for name in named if not _is_beside(path, name)]
+
+
+def _is_beside(path: Path, name: str) -> bool:
+    """Whether the name is of a file in the mesh's folder; trimesh reads no others."""
+    try:
+        return inside(path.parent, name).is_file()
+    except (OSError, InputError):  # longer than a name can be, or elsewhere
+        return False
 
 
 def _named_by_glb(path: Path) -> list[str]:
@@ -94,10 +106,11 @@ def _named_by_glb(path: Path) -> list[str]:
         if len(head) < 20 or head[:4] != b"glTF" or head[16:20] != b"JSON":
             return []
         try:
-            images = json.loads(stream.read(struct.unpack("<I", head[12:16])[0])).get("images", [])
-        except ValueError:  # whatever is wrong with it, the reader has said
+            images = plain_json.load(stream.read(struct.unpack("<I", head[12:16])[0])).get("images", [])
+            named = [image.get("uri", "data:") for image in images]
+            return [uri for uri in named if uri and not uri.startswith("data:")]
+        except (ValueError, TypeError, AttributeError):  # whatever is wrong with it, the reader has said
             return []
-    return [uri for image in images if (uri := image.get("uri", "data:")) and not uri.startswith("data:")]
 
 
 def _named(text: bytes, word: str) -> list[str]:
@@ -111,8 +124,10 @@ def _plain_without_picture(mesh: trimesh.Trimesh) -> None:
     visual: Any = mesh.visual
     if visual.kind != "texture":
         return
+    from PIL.Image import Image
+
     material = visual.material
-    if getattr(material, "baseColorTexture", None) is None and getattr(material, "image", None) is None:
+    if not any(isinstance(getattr(material, name, None), Image) for name in ("baseColorTexture", "image")):
         mesh.visual = ColorVisuals(mesh, vertex_colors=np.tile(material.main_color, (len(mesh.vertices), 1)))
 
 

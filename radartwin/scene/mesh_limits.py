@@ -6,14 +6,17 @@ binary container).
 
 from __future__ import annotations
 
-import json
 import struct
+from collections.abc import Iterable
 from typing import IO, Any
 
+from radartwin import plain_json
 from radartwin.errors import MeshError
 
 MAX_INSTANCES = 1_000_000  # meshes put into the scene by nodes
 MAX_BYTES = 16 << 30  # of all meshes as they stand in the scene
+MAX_PIXELS = 1_000_000_000  # of all textures; 3 GB of colours
+PICTURES = ("image", "baseColorTexture", "emissiveTexture", "normalTexture", "occlusionTexture", "metallicRoughnessTexture")
 SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of a component
 COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # components of an element
 _JSON = 0x4E4F534A
@@ -42,11 +45,27 @@ def check_glb(stream: IO[bytes], label: str) -> None:
         raise MeshError(f"{label} puts meshes in more than {MAX_INSTANCES:,} places, or in a circle; export it again")
 
 
+def check_pictures(materials: Iterable[Any], label: str) -> None:
+    """Refuse textures that memory does not hold, judged by their heads: a picture of one colour is a thousandth of its pixels.
+
+    Raises:
+        MeshError: naming how many pixels there are.
+    """
+    from PIL.Image import Image
+
+    found = {
+        id(picture): picture for material in materials for name in PICTURES if isinstance(picture := getattr(material, name, None), Image)
+    }
+    pixels = sum(picture.width * picture.height for picture in found.values())
+    if pixels > MAX_PIXELS:
+        raise MeshError(f"{label} has textures of {pixels:,} pixels, over the limit of {MAX_PIXELS:,}; export it with smaller ones")
+
+
 def _document(stream: IO[bytes]) -> dict[str, Any]:
     _, _, _, length, kind = struct.unpack("<5I", stream.read(20))
     if kind != _JSON:
         raise ValueError("the first chunk is not JSON")
-    return json.loads(stream.read(length))
+    return plain_json.load(stream.read(length))
 
 
 def _asked(document: dict[str, Any]) -> tuple[int, int, int]:

@@ -19,6 +19,7 @@ import numpy as np
 import trimesh
 from trimesh.visual import ColorVisuals, TextureVisuals
 
+from radartwin import plain_json
 from radartwin.errors import MeshError, MissingError, SceneError
 from radartwin.files import write_atomically
 from radartwin.materials import Layered
@@ -130,10 +131,14 @@ def _load_folder(folder: Path) -> Scene:
             raise MissingError(f"scene folder {folder} has no {part}; write it with Scene.save or radartwin reconstruct")
     glb = (folder / "scene.glb").read_bytes()
     try:
-        manifest = json.loads((folder / "manifest.json").read_text())
+        manifest = plain_json.read(folder / "manifest.json")
         entries: Sequence[Mapping[str, Any]] = manifest["surfaces"]
         if manifest["format"] != FORMAT or manifest["version"] != VERSION:
             raise KeyError("format")
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise TypeError("surfaces")
+        if not all(isinstance(told.get("provenance", {}), dict) for told in (manifest, *entries)):
+            raise TypeError("provenance")
     except (ValueError, KeyError, TypeError) as error:
         raise SceneError(f"{folder / 'manifest.json'} is not a {FORMAT} version {VERSION} manifest; save the scene again") from error
     if manifest.get("sha256") != hashlib.sha256(glb).hexdigest():
@@ -142,12 +147,12 @@ def _load_folder(folder: Path) -> Scene:
     surfaces = []
     for entry in entries:
         missing = [key for key in ("geometry", "material") if key not in entry]
-        if missing or entry["geometry"] not in meshes:
+        if missing or str(entry["geometry"]) not in meshes:
             what = f"without {missing[0]}" if missing else f"naming geometry {entry['geometry']!r} that scene.glb lacks"
             raise SceneError(f"{folder / 'manifest.json'} has a surface {what}; save the scene again")
         surfaces.append(
             Surface(
-                meshes[entry["geometry"]],
+                meshes[str(entry["geometry"])],
                 material_from_json(entry["material"]),
                 entry.get("name", ""),
                 entry.get("roughness_m", 0.0),

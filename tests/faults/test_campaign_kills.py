@@ -82,6 +82,7 @@ def products(output: Path) -> dict[str, str]:
     """Digest of every file that the campaign left, but for when it was made."""
     cache = output / "cache"
     found = [path for kind in ("clean", "processed") for path in cache.glob(f"{kind}/*/*") if path.name != "meta.json"]
+    found = [path for path in found if path.parent.suffix != ".tmp"]  # of a process that was killed
     return {path.relative_to(cache).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(found)}
 
 

@@ -9,12 +9,13 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import own_experiment
 import pytest
+from disks import Disk
 
 SEEDS = "seed=0,1,2,3"
 
@@ -84,6 +85,25 @@ def test_a_worker_that_is_killed_for_memory_fails_alone_and_the_message_says_so(
     assert code == 0, complained
     assert "sweep: 1 done, 3 cached, 0 failed" in said
     assert study.tracked(ONCE_EACH) == [(4, 4)]
+    assert study.no_traces()
+
+
+@pytest.mark.slow
+def test_a_run_that_asks_for_too_much_memory_is_one_line_and_goes_on_later(study: Study) -> None:
+    (study.folder / "EAT_1").touch()
+    code, said, complained = study.run("seed=1")
+    assert code == 1
+    assert "Traceback" not in complained
+    assert complained.splitlines()[-1].startswith("radartwin: out of memory (")
+    assert "what is finished is kept" in complained
+    code, said, complained = study.run("-m", "seed=0,1,2")
+    assert code == 1, complained
+    assert "sweep: 2 done, 0 cached, 1 failed" in said
+    assert "out of memory" in said
+    (study.folder / "EAT_1").unlink()
+    code, said, complained = study.run("-m", "seed=0,1,2")
+    assert code == 0, complained
+    assert "sweep: 1 done, 2 cached, 0 failed" in said
     assert study.no_traces()
 
 
@@ -171,29 +191,16 @@ def test_a_corrupted_tracking_store_is_named_and_the_finished_runs_are_kept(stud
     assert study.tracked(ONCE_EACH) == [(1, 1)]
 
 
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 3 MB, which only root can mount."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(disk)], capture_output=True, check=False)
-    if mounted.returncode:
-        pytest.skip("no small file system can be mounted here: run as root to test a full disk")
-    yield disk
-    subprocess.run(["umount", "--lazy", str(disk)], check=True)
-
-
 @pytest.mark.slow
-def test_a_full_disk_is_told_leaves_nothing_half_written_and_resumes(small_disk: Path, tmp_path: Path) -> None:
-    study = Study(tmp_path, small_disk / "out")
+def test_a_full_disk_is_told_leaves_nothing_half_written_and_resumes(small_disk: Disk, tmp_path: Path) -> None:
+    study = Study(tmp_path, small_disk.folder / "out")
     assert study.run("seed=0")[0] == 0
-    filler = small_disk / "filler"
-    subprocess.run(["dd", "if=/dev/zero", f"of={filler}", "bs=4096"], capture_output=True, check=False)  # until it is full
+    small_disk.fill()
     code, said, complained = study.run("-m", "seed=0,1")
     assert code in (1, 2), said + complained
     assert "space" in complained + said
     assert "Traceback" not in complained
-    filler.unlink()
+    small_disk.empty()
     code, said, complained = study.run("-m", "seed=0,1")
     assert code == 0, complained
     assert "1 cached" in said, "what was finished before the disk was full was lost"

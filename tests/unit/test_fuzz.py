@@ -286,16 +286,16 @@ def test_yaml_that_multiplies_itself_is_refused(name: str, tmp_path: Path) -> No
 
 
 def test_an_archive_that_unpacks_to_far_more_than_it_is_is_refused(tmp_path: Path) -> None:
-    from radartwin.files import check_archive
+    from radartwin.files import read_arrays
 
     header = io.BytesIO()
     np.save(header, np.zeros(0))
     with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a.npy", header.getvalue() + bytes(200_000_000))
     with pytest.raises(InputError, match=r"bomb\.npz"):
-        check_archive(tmp_path / "bomb.npz")
+        read_arrays(tmp_path / "bomb.npz")
     np.savez(tmp_path / "sound.npz", a=np.zeros(1000))
-    check_archive(tmp_path / "sound.npz")
+    assert read_arrays(tmp_path / "sound.npz")["a"].shape == (1000,)
 
 
 @pytest.mark.parametrize("key", ["scene", "radar", "hydra.launcher", "hydra.callbacks.x", "experiment"])

@@ -1,0 +1,21 @@
+"""Fixtures of the faults: disks of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from disks import Disk, mounted
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Disk]:
+    """Of 3 MB."""
+    yield from mounted(tmp_path / "disk", 3)
+
+
+@pytest.fixture(scope="module")
+def shared_disk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Disk]:
+    """Of 12 MB, for all tests of a module."""
+    yield from mounted(tmp_path_factory.mktemp("mounted") / "disk", 12)

@@ -1,0 +1,157 @@
+"""`radartwin tables` under kills, beside another of its kind, on a disk that fills up: what it leaves is what an undisturbed one leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from disks import Disk
+
+from analysis import main, registry
+from radartwin import plotting
+from radartwin.errors import OutputError
+from radartwin.experiment import Result
+
+ROOT = Path(__file__).resolve().parents[2]
+TABLES = ["labels", "positioning"]  # the cheapest that trace, scan and start a worker of their own
+# Of the report: when a run finished, what it took, and its number in MLflow.
+STATED = re.compile(r"\d{4}-\d\d-\d\dT[\d:]+Z|[\d,.]+ core-seconds|<a href=\"http://127[^\"]*\"><code>[0-9a-f]+</code></a>")
+
+
+def started(output: Path) -> subprocess.Popen[str]:
+    only = [word for name in TABLES for word in ("--only", name)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "radartwin", "tables", *only, "--output", str(output)],
+        cwd=output.parent,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+
+
+def completed(output: Path) -> str:
+    process = started(output)
+    said, complained = process.communicate(timeout=1200)
+    assert process.returncode == 0, complained[-2000:]
+    return said
+
+
+def written(output: Path) -> dict[str, bytes]:
+    """Tables, figures and report, without what the report states of times and numbers."""
+    found = [path for part in ("tables", "figures", "report") for path in sorted((output / part).rglob("*")) if path.is_file()]
+    content = {path.relative_to(output).as_posix(): path.read_bytes() for path in found}
+    page = content["report/index.html"].decode()
+    return content | {"report/index.html": STATED.sub("stated", page).encode()}
+
+
+def products(output: Path) -> set[str]:
+    return {path.parent.relative_to(output).as_posix() for path in (output / "cache").glob("*/*/meta.json")}
+
+
+def worked_s(process: int) -> float:
+    """Processor seconds of a process so far, which do not depend on what else runs here; proc(5), utime and stime."""
+    words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.slow
+def test_tables_killed_at_random_moments_are_byte_for_byte_those_of_an_undisturbed_run(tmp_path: Path) -> None:
+    began = sum(os.times()[2:4])
+    completed(tmp_path / "whole")
+    whole, long_s = written(tmp_path / "whole"), sum(os.times()[2:4]) - began
+    began = sum(os.times()[2:4])
+    assert "simulated 0" in completed(tmp_path / "whole")
+    short_s = sum(os.times()[2:4]) - began
+    assert written(tmp_path / "whole") == whole
+
+    output, chance, killed = tmp_path / "killed", random.Random(0), 0
+    for longest_s in [long_s / 2] * 5 + [short_s] * 8:  # while it computes, then while it reads back and writes
+        process, moment = started(output), chance.uniform(0.1, longest_s)
+        while process.poll() is None and worked_s(process.pid) < moment:
+            time.sleep(0.02)
+        if process.poll() is None:
+            before = products(output)
+            os.killpg(process.pid, signal.SIGKILL)
+            killed += 1
+            assert before <= products(output), "a finished product was lost"
+        process.communicate()
+    assert killed >= 8
+    with closing(sqlite3.connect(output / "mlflow.db")) as connection:
+        assert connection.execute("SELECT count(*) FROM runs WHERE status != 'FINISHED'").fetchone()[0] > 1, "none in the midst of a run"
+    completed(output)
+    assert written(output) == whole
+    assert products(output) == products(tmp_path / "whole")
+    assert not list(output.rglob("*.tmp"))
+    assert not list(output.rglob("*.lock"))
+    with closing(sqlite3.connect(output / "mlflow.db")) as connection:
+        once = "SELECT count(*), count(DISTINCT t.value) FROM runs r JOIN tags t USING (run_uuid) WHERE t.key = 'run_key' AND r.status = ?"
+        assert connection.execute(once, ["FINISHED"]).fetchone() == (len(TABLES), len(TABLES))
+        assert connection.execute(once, ["RUNNING"]).fetchone() == (0, 0)
+
+
+ROW = {
+    "metric": "correlation", "paper": "0.42", "value": 0.5, "low": 0.4, "high": 0.6, "n": 3, "domain": "testbed", "verdict": "holds",
+    "run_keys": "",
+}  # fmt: skip
+
+
+def test_two_that_write_tables_at_once_lose_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = main._listed
+
+    def slowly(output: Path, name: str, form: dict[str, type]) -> dict[str, dict]:
+        index = read(output, name, form)
+        time.sleep(0.2)  # the other has time to write what would be lost
+        return index
+
+    monkeypatch.setattr(main, "_listed", slowly)
+    names = [table.name for table in registry.TABLES if not table.page][:3]
+    tables = [table for table in registry.TABLES if table.name in names]
+    with ThreadPoolExecutor(len(tables)) as pool:
+        list(pool.map(lambda table: main.write(table, Result(table.name, [ROW], {}, {}, [], "0"), "quick", tmp_path), tables))
+    assert sorted(json.loads((tmp_path / "tables" / "index.json").read_text())) == sorted(names)
+    assert not list(tmp_path.rglob("*.lock"))
+
+
+def test_a_disk_that_fills_up_while_a_table_is_written_leaves_each_file_old_or_new(small_disk: Disk, tmp_path: Path) -> None:
+    table, output = next(table for table in registry.TABLES if table.name == "environment"), small_disk.folder / "out"
+    results = {}
+    for value in (0.5, 0.45):
+        drawing, axes = plotting.figure(width_in=2.0, height_in=1.0)
+        axes.plot([0, value])
+        plotting.save(drawing, tmp_path / f"{value}")
+        results[value] = Result(table.name, [ROW | {"value": value}], {"drawn": tmp_path / f"{value}"}, {}, [], f"{value:032}")
+
+    def write(value: float) -> None:
+        main.write(table, results[value], "quick", output)
+
+    write(0.45)
+    new = small_disk.content()
+    write(0.5)
+    old, refusals = small_disk.content(), []
+    for free in range(0, 80_000, 4096):
+        small_disk.fill(leave=free)
+        try:
+            write(0.45)
+        except OutputError as error:
+            refusals.append(str(error))
+        found = small_disk.content()
+        assert found.keys() == old.keys()
+        assert all(content in (old[path], new[path]) for path, content in found.items())
+        small_disk.empty()
+        write(0.5)
+        assert small_disk.content() == old
+    assert 2 < len(refusals) < 20
+    assert all("No space left" in said and "free some space" in said for said in refusals)
