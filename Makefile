@@ -6,7 +6,7 @@ PIP := $(PY) -m pip install --quiet --disable-pip-version-check -c constraints.t
 SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 export PYTHONUNBUFFERED := 1
 
-.PHONY: tables test slow check bench mutants test-slurm clean setup setup-test llvm
+.PHONY: tables test slow check coverage bench mutants docs test-slurm clean setup setup-test llvm
 
 tables: llvm
 	@$(VENV)/bin/radartwin tables --profile quick
@@ -21,6 +21,13 @@ check: setup-test
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m pyright
+	@$(PY) -m pytest -q tests/unit/test_imports.py
+
+# The ordinary tests with branch coverage, of the processes they start too; the pages are outputs/coverage/html.
+coverage: setup-test llvm
+	@mkdir -p outputs/coverage && $(PY) -m coverage erase
+	@$(PY) -m coverage run -m pytest -q -n 2 --dist worksteal
+	@$(PY) -m coverage combine --quiet && $(PY) -m coverage html --quiet && $(PY) -m coverage report
 
 # A real SLURM of one node in a temporary folder; the packages start no service of their own here.
 test-slurm: setup-test
@@ -32,17 +39,22 @@ test-slurm: setup-test
 mutants: setup-test llvm
 	@$(PY) tests/mutants/plant.py
 
+# The API reference from the docstrings, in build/docs.
+docs: setup-test llvm
+	@$(PY) docs/reference.py
+
 bench: llvm
-	@$(PY) experiments/bench.py
+	@$(PY) experiments/bench.py --history
 
 clean:
 	rm -rf $(VENV) outputs dist build .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-setup: $(VENV)/.ready
+# All that the radartwin command needs, and nothing more.
+setup: llvm
 setup-test: $(VENV)/.ready-test
 
-llvm: setup
+llvm: $(VENV)/.ready
 	@$(PY) -m radartwin.simulation.variant --ensure
 
 $(VENV)/.ready-test: $(VENV)/.ready

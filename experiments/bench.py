@@ -1,10 +1,11 @@
 """Benchmarks: what a frame costs, as ratios within one run.
 
-    python experiments/bench.py [--repeats 5] [--only synthesis frames rfgenesis memory scan] [--variant cuda] [--json FILE]
+    python experiments/bench.py [--repeats 5] [--only synthesis frames rfgenesis memory scan] [--variant cuda] [--json FILE] [--history]
 
 Methods alternate, so that a machine that slows down slows all of them; medians and ranges are printed, and the ratios are what to
-compare between machines. The direct sum is timed on a share of the paths and scaled (its cost is linear in them); its error reference is
-that same share. Without `--variant`, the tracing benchmarks are repeated on a GPU where one is found, in a process of their own.
+compare between machines; `--history` adds them as a line to bench_history.csv beside this file. The direct sum is timed on a share of the
+paths and scaled (its cost is linear in them); its error reference is that same share. Without `--variant`, the tracing benchmarks are
+repeated on a GPU where one is found, in a process of their own.
 """
 
 import argparse
@@ -22,6 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from bench_history import append
 
 import radartwin as rt
 from radartwin.constants import SPEED_OF_LIGHT
@@ -209,8 +211,9 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
     parser.add_argument("--variant", choices=("llvm", "cuda"), help="trace with this one alone")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures")
+    parser.add_argument("--history", action="store_true", help="add the ratios as a line to bench_history.csv")
     chosen = parser.parse_args()
-    variant = chosen.variant or "llvm"
+    variant, load = chosen.variant or "llvm", f"{os.getloadavg()[0]:.1f}"
     print(f"{_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, NumPy {np.__version__}")
     rows: Rows = {}
     if "synthesis" in chosen.only:
@@ -232,8 +235,20 @@ def main() -> None:
             options = ["--repeats", str(chosen.repeats), "--variant", "cuda", "--json", str(file), "--only", *on_gpu]
             subprocess.run([sys.executable, __file__, *options], check=True)
             results["cuda"] = json.loads(file.read_text())["cuda"]
+    if chosen.history:
+        machine = {"processor": _processor(), "cores": os.cpu_count(), "load": load, "python": platform.python_version()}
+        machine["repeats"] = chosen.repeats
+        for name in ("llvm", "cuda"):
+            if ratios := _ratios(results.get(name, {})):
+                print(f"history: {append(machine | {'variant': name}, ratios)}")
     if chosen.json:
         chosen.json.write_text(json.dumps(results, indent=1) + "\n")
+
+
+def _ratios(rows: object) -> dict[str, float]:
+    """Ratios alone, by name."""
+    assert isinstance(rows, dict)
+    return {name.removeprefix("ratio "): value for name, value in rows.items() if name.startswith("ratio ")}
 
 
 def _processor() -> str:

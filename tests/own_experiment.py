@@ -3,6 +3,7 @@
 HOLD_n     the job of seed n waits while this file exists
 BREAK_n    ... fails with a defect
 KILL_n     ... kills its own process, as the kernel does when memory runs out
+EAT_n      ... asks for more memory than there is
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ def run(config, store, progress):
         raise RuntimeError("the solver broke")
     if (HERE / f"KILL_{seed}").exists():
         os.kill(os.getpid(), signal.SIGKILL)
+    if (HERE / f"EAT_{seed}").exists():
+        np.ones(1 << 50)
     product = store.fetch("recording", {"seed": seed % 5}, ["radartwin.constants"], lambda f: save_arrays(f, {"iq": np.ones(3)}))
     peak = -((config.trajectory.height_m - 1.2) ** 2)
     row = {

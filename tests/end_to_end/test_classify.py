@@ -10,10 +10,11 @@ import pytest
 
 from radartwin.config import TrackingConfig
 from radartwin.features import sets
+from radartwin.features.log import Nominal
 from radartwin.features.processed import process
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
-from radartwin.recognize.classify import Nominal, classify
+from radartwin.recognize.classify import classify
 from radartwin.recognize.encoder import Settings
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, gather

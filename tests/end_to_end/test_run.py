@@ -66,6 +66,15 @@ def test_a_run_is_computed_once_and_read_back(radartwin: Command, own: list[str]
     assert list((tmp_path / "outputs").rglob("*.tmp")) == []
 
 
+def test_a_run_is_tracked_with_its_table_and_the_data_it_rests_on(radartwin: Command, own: list[str], tmp_path: Path) -> None:
+    assert radartwin(*own).returncode == 0
+    ((key,),) = [(path.name,) for path in (tmp_path / "outputs" / "cache" / "recording").iterdir()]
+    with closing(sqlite3.connect(tmp_path / "outputs" / "mlflow.db")) as connection:
+        assert connection.execute("SELECT name, digest FROM datasets").fetchall() == [("recording", key)]
+    (table,) = (tmp_path / "outputs" / "mlflow-artifacts").rglob("table.csv")
+    assert f"1.0,{key},correlation,0.42,0.4,0.1,0.9,3,testbed,holds" in table.read_text()
+
+
 def test_a_result_found_without_tracking_is_tracked_once_when_it_is_on(radartwin: Command, own: list[str], tmp_path: Path) -> None:
     assert radartwin(*own, "tracking=off").returncode == 0
     for _ in range(2):

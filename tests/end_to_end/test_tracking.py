@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import sqlite3
 import subprocess
 import sys
@@ -36,12 +37,16 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with tracker.run("environment", "a" * 32, "materials=void", {"materials": "void"}) as record:
         record.metrics = {"correlation_2m": 0.42}
         record.artifacts = [artifact]
+        record.rows = [{"distance_m": 1.0, "value": 0.4}, {"value": 0.5, "verdict": "holds"}]
+        record.inputs = {"campaign": ["d" * 32, "e" * 32], "recordings": ["f" * 64]}
     with pytest.raises(RuntimeError), tracker.run("environment", "b" * 32, "x", {}):
         raise RuntimeError("solver")
     parent = tracker.sweep("environment", "materials=void,uniform")
     with Tracker(TrackingConfig(parent_run_id=parent), folder).run("environment", "c" * 32, "y", {}):
         pass
-    tracker.end_sweep(parent, "FINISHED")
+    jobs = folder / "jobs.csv"
+    jobs.write_text("job,status\n")
+    tracker.end_sweep(parent, "FINISHED", jobs)
     return folder
 
 
@@ -58,6 +63,55 @@ def test_a_run_is_recorded_with_its_metrics_tags_and_artifacts(output: Path) -> 
     assert {"run_key", "table", "git_commit", "dirty"} <= set(tags)
     assert artifacts.startswith((output / ARTIFACTS).as_uri())
     assert (Path(artifacts.removeprefix("file://")) / "result.json").is_file()
+
+
+def test_the_table_of_a_run_is_an_artifact(output: Path) -> None:
+    (table,) = (output / ARTIFACTS).rglob("table.csv")
+    assert table.read_text() == "distance_m,value,verdict\n1.0,0.4,\n,0.5,holds\n"
+
+
+def test_a_run_names_the_data_it_rests_on_by_digest(output: Path) -> None:
+    both = hashlib.sha256(f"{'d' * 32} {'e' * 32}".encode()).hexdigest()[:32]
+    rows = query(output, "SELECT name, digest, dataset_profile FROM datasets ORDER BY name")
+    assert rows == [("campaign", both, '{"products": 2}'), ("recordings", "f" * 32, '{"products": 1}')]
+    (run,) = query(output, f"SELECT run_uuid FROM tags WHERE key = 'run_key' AND value = '{'a' * 32}'")
+    assert query(output, "SELECT DISTINCT destination_id FROM inputs") == [run]
+
+
+def test_the_parent_of_a_sweep_keeps_its_jobs_and_links_to_them_side_by_side(output: Path) -> None:
+    (child,) = query(output, "SELECT run_uuid FROM tags WHERE key = 'mlflow.parentRunId'")[0]
+    ((note,),) = query(output, "SELECT value FROM tags WHERE key = 'mlflow.note.content'")
+    assert f"/compare-runs?runs=%5B%22{child}%22%5D" in note
+    assert len(list((output / ARTIFACTS).rglob("jobs.csv"))) == 1
+
+
+def test_the_filters_of_the_documentation_are_understood(output: Path) -> None:
+    from mlflow import MlflowClient
+
+    text = (Path(__file__).resolve().parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    lines = text.partition("Filters for the search field")[2].partition("The same filters")[0].splitlines()
+    filters = [line.strip().partition("   ")[0] for line in lines if line.startswith("    ")]
+    assert len(filters) > 5
+    client = MlflowClient(f"sqlite:///{output / DATABASE}")
+    table = client.get_experiment_by_name("environment")
+    assert table is not None
+    found = {words: len(client.search_runs([table.experiment_id], words)) for words in filters}
+    assert found["tags.sweep_key LIKE '%'"] == 1
+    known = f"datasets.name = 'recordings' and datasets.digest = '{'f' * 32}'"
+    assert len(client.search_runs([table.experiment_id], known)) == 1
+
+
+def test_system_metrics_are_sampled_where_they_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_ENABLE_SYSTEM_METRICS_LOGGING", "true")
+    monkeypatch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.05")
+    with Tracker(TrackingConfig(), tmp_path).run("environment", "a" * 32, "x", {}) as record:
+        record.metrics = {"correlation_2m": 0.42}
+        time.sleep(1)
+    names = {name for (name,) in query(tmp_path, "SELECT DISTINCT key FROM metrics")}
+    assert {"correlation_2m", "system/cpu_utilization_percentage", "system/system_memory_usage_megabytes"} <= names
+    steps = query(tmp_path, "SELECT step FROM metrics WHERE key = 'system/cpu_utilization_percentage' ORDER BY step")
+    assert len(steps) >= 2
+    assert [step for (step,) in steps] == list(range(len(steps)))
 
 
 def test_a_failed_run_says_why(output: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import browser
 import numpy as np
 import pytest
 import trimesh
@@ -18,15 +17,6 @@ from radartwin.scene.view_colours import material_colours
 
 WIDTH, HEIGHT, PANEL = 1280, 800, 330
 PAPER = (238, 242, 245)  # behind the scene
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory):
-    executable = browser.find()
-    if executable is None:
-        pytest.skip("no Chromium here to open the page in; on Debian or Ubuntu: apt-get install chromium")
-    with browser.browser(executable, tmp_path_factory.mktemp("profile")) as new:
-        yield new
 
 
 @pytest.fixture(scope="module")

@@ -10,17 +10,12 @@ import zipfile
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
+from building import ROOT, build
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel as pip would build it."""
-    folder = tmp_path_factory.mktemp("wheel")
-    build = "import sys, hatchling.build as b; print(b.build_wheel(sys.argv[1]))"
-    subprocess.run([sys.executable, "-c", build, str(folder)], cwd=ROOT, capture_output=True, check=True)
-    return next(folder.glob("*.whl"))
+    return build("wheel", tmp_path_factory.mktemp("wheel"))
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +48,7 @@ def test_the_wheel_holds_library_and_configuration_and_no_study(wheel: Path) -> 
 def test_the_installed_wheel_runs_without_the_checkout(environment: Path, tmp_path: Path) -> None:
     where = subprocess.run(
         [str(environment / "bin" / "python"), "-c", "import radartwin; print(radartwin.__file__)"],
-        cwd=tmp_path, capture_output=True, text=True, check=True,
+        cwd=tmp_path, capture_output=True, text=True, check=True, env={"PATH": ""},
     ).stdout  # fmt: skip
     assert where.startswith(str(environment))
     assert call(environment, tmp_path, "--help").returncode == 0

@@ -89,6 +89,12 @@ def test_leakage_is_a_sum_over_pairs_that_falls_with_their_distance():
     assert 20 * np.log10(filtered.max() / level.max()) < -40
 
 
+def test_lines_take_their_loss_from_the_power_of_every_echo_once():
+    tone = np.ones(SHAPE, np.complex64)
+    left = dataclasses.replace(IDEAL, line_loss_db=5.2).leaked(tone, RADAR)
+    assert 10 * np.log10(np.mean(np.abs(left) ** 2)) == pytest.approx(-5.2, abs=1e-4)
+
+
 def test_the_image_of_a_tone_is_the_closed_form_and_filtered_where_its_band_is():
     """|1 - g exp(-j phi)| / |1 + g exp(j phi)| of a tone, -24.5 dB at 1 dB and 2 degrees; gone for all but near echoes in complex 1x."""
     hardware = dataclasses.replace(IDEAL, gain_imbalance_db=1.0, phase_imbalance_deg=2.0)

@@ -12,7 +12,7 @@ from radartwin.errors import MaterialError
 from radartwin.materials import Layered, liquids, permittivity, reflection, roughness_m, transmission
 from radartwin.materials.itu import P2040, STAND_INS
 from radartwin.materials.layers import stack_reflection, stack_transmission
-from radartwin.materials.roughness import CLASSES, ament, rayleigh_limit_m
+from radartwin.materials.roughness import CLASSES, ament, ament_transmitted, rayleigh_limit_m
 from radartwin.simulation.reflection_table import COSINES, build, lagrange_basis
 
 C = 299_792_458.0
@@ -171,6 +171,21 @@ def test_ament_is_the_mean_over_gaussian_heights_within_its_range():
     weight = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) * (z[1] - z[0])
     assert (weight * np.cos(2 * k * 0.4e-3 * 0.7 * z)).sum() == pytest.approx(ament(0.4e-3, np.array(0.7), k), abs=1e-9)
     assert 20 * np.log10(ament(float(rayleigh_limit_m(1.0, wavelength)), np.array(1.0), k)) == pytest.approx(-10.7, abs=0.05)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 40.0, 70.0])
+def test_a_rough_face_dims_what_passes_as_the_mean_over_gaussian_heights(angle_deg):
+    """A height moves the boundary: the way inside, refracted by Snell's law, in place of the way outside."""
+    k, sigma, index = 2 * np.pi * 77e9 / C, 0.3e-3, 2.0
+    outside = np.radians(angle_deg)
+    inside = np.arcsin(np.sin(outside) / index)
+    z = np.linspace(-9, 9, 20_001)
+    weight = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) * (z[1] - z[0])
+    expected = (weight * np.cos(k * sigma * z * (index * np.cos(inside) - np.cos(outside)))).sum()
+    assert ament_transmitted(sigma, np.cos(outside), k, index**2) == pytest.approx(expected, abs=1e-9)
+    smooth, rough = (transmission(Layered([("glass", 3e-3)]), np.cos(outside), np.array(77e9), height)[0] for height in (0.0, sigma))
+    glass = permittivity("glass", np.array(77e9))
+    assert abs(rough / smooth) == pytest.approx(float(ament_transmitted(sigma, np.cos(outside), k, glass)) ** 2)  # two faces
 
 
 def test_roughness_classes():

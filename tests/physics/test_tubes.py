@@ -200,6 +200,32 @@ def test_divided_tubes_still_sum_to_one(pieces):
     np.testing.assert_array_equal(boxes, 1)
 
 
+@pytest.mark.parametrize("foci_m", [(np.inf, np.inf), (1.0, np.inf), (3.0, 1.0), (1.0, 1.5), (1.0, 1.0), (3.0, 4.0), (-1.0, 1.0)])
+def test_a_field_leads_by_a_quarter_of_a_cycle_behind_each_focal_line(foci_m):
+    """Against the diffraction integral of a converging wave per axis, of exp(-j k x^2 (1/z - 1/f)/2) by its closed form: its phase far
+    behind the focus less that before it, under exp(+j omega t)."""
+    variant.activate("llvm")
+    import mitsuba as mi
+
+    from radartwin.simulation import contact, flight
+
+    way = 2.0
+    expected = np.prod([np.sqrt(1 / (1e-9 + 1j * (1 / way - 1 / f))) / np.sqrt(1 / (1e-9 + 1j * (1 / 1e-3 - 1 / f))) for f in foci_m])
+    expected /= abs(expected)
+    turn = np.radians(25.0)  # of the focal lines against the grid
+    axes = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0]])
+    foot_u, foot_v = (-(axes.T / np.array(foci_m)) @ axes)[:2].tolist()
+    none = {name: None for name in ("index", "pose", "origin", "weight", "share", "whole", "departure", "length", "first", "sequence")}
+    tube = flight.Tubes(
+        **none, direction=mi.Vector3f(0, 0, 1), place_u=mi.Vector3f(1, 0, 0), place_v=mi.Vector3f(0, 1, 0),
+        foot_u=mi.Vector3f(*foot_u), foot_v=mi.Vector3f(*foot_v),
+        field_re=[mi.Vector3f(0.6, 0, 0)], field_im=[mi.Vector3f(0.8, 0, 0)],
+    )  # fmt: skip
+    contact._pass_caustics(tube, mi.Float(way))
+    got = tube.field_re[0].x.numpy()[0] + 1j * tube.field_im[0].x.numpy()[0]
+    assert got == pytest.approx((0.6 + 0.8j) * expected, abs=1e-5)
+
+
 def test_doubly_reflected_power_never_exceeds_what_was_sent():
     """A corner and a concave mirror at their brightest: the echo of a unit transmitter stays far below one."""
     bowl = objects.sphere(0.2, 4)

@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # What each part may import besides itself and the shared leaves. The platform (configuration, store, runner) comes
 # last in the library: nothing in the data flow knows of it.
-LEAVES = {"chat", "compiled", "errors", "constants", "files", "memory", "plain_yaml", "plotting", "progress"}
+LEAVES = {"chat", "compiled", "errors", "constants", "files", "memory", "picture_file", "plain_json", "plain_yaml", "plotting", "progress"}
 FLOW: dict[str, set[str]] = {
     "materials": set(),
     "scene": {"materials"},
@@ -22,8 +22,9 @@ FLOW: dict[str, set[str]] = {
     "measured": {"materials", "scene", "radar", "simulation"},
     "features": {"radar"},
     "recognize": {"features", "radar"},
+    "adaptive": {"materials", "scene", "radar", "simulation", "features"},
 }
-HEAVY = {"mlflow": {"radartwin.tracking"}}
+HEAVY = {"mlflow": {"radartwin.tracking", "radartwin.tracked"}}
 
 
 def modules(package: str) -> dict[str, Path]:

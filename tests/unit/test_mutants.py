@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-FAULTS = runpy.run_path(str(ROOT / "tests" / "mutants" / "plant.py"))["FAULTS"]
+FAULTS = runpy.run_path(str(ROOT / "tests" / "mutants" / "faults.py"))["FAULTS"]
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.meaning)

@@ -53,3 +53,11 @@ def test_correlation_is_one_with_itself_scaled_and_minus_one_with_its_mirror():
 def test_unknown_scale_is_named():
     with pytest.raises(InputError, match="loudness"):
         profile_correlation(np.ones(3), np.ones(3), np.ones(3), "loudness")
+
+
+def test_channels_that_cancel_one_another_keep_their_power():
+    """A target aside of boresight: channels are averaged in power, not in amplitude."""
+    tone = tones({40: 1e-3})
+    sign = np.where(np.arange(RADAR.num_rx) % 2, -1, 1).astype(np.complex64)
+    power, _ = range_time(Recording(tone.iq * sign[:, None], RADAR))
+    assert power[:, 40] == pytest.approx(1e-6, rel=1e-4)

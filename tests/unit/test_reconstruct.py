@@ -422,7 +422,10 @@ def test_scene_folder_holds_the_scan_and_who_each_face_went_to(tmp_path):
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert {"filled_m2", "flattening_rms_m", "parts_error_m", "scan"} <= set(manifest["provenance"])
     assert all(s.provenance["source"] == "uniform" and s.provenance["stand_in"] is False for s in loaded)
-    assert any("ceiling" in line for line in summary(scene))
+    told = summary(scene)
+    assert any("ceiling" in line for line in told)
+    low, high = scene.bounds
+    assert told[-1].startswith(f"it lies at x from {low[0]:.2f} to {high[0]:.2f}, y from {low[1]:.2f} to ")
 
 
 def test_same_scan_same_bytes(tmp_path):

@@ -111,6 +111,12 @@ def test_what_no_experiment_could_use_is_refused_and_leaves_no_file(bench: Recor
     assert files(bench.folder) == before
 
 
+def test_the_radar_may_go_by_the_name_of_another_file(bench: RecordingSet) -> None:
+    """mmWave Studio leaves a description beside each capture, by the capture's name."""
+    bench.add(noise(radar=dataclasses.replace(RADAR, name="run_7")), row("a", repetition=7))
+    assert not [problem for problem in bench.problems() if "radar" in str(problem)]
+
+
 def test_another_radar_is_refused_by_the_fields_in_which_it_differs(bench: RecordingSet) -> None:
     with pytest.raises(RecordingError, match=r"radar of a .*num_chirps 4 instead of 8"):
         bench.add(noise(radar=dataclasses.replace(RADAR, num_chirps=4)), row("a", repetition=7))

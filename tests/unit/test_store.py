@@ -195,3 +195,59 @@ def test_a_lock_file_is_gone_after_use_and_a_stale_one_is_dropped(tmp_path: Path
     lock.write_text("")
     files.drop_stale(lock)
     assert not lock.exists()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "",
+        "{",
+        "[" * 200_000,
+        "[]",
+        "null",
+        '{"bytes": 5}',
+        '{"bytes": {"../../x": 1}}',
+        '{"bytes": {}, "sha256": {"gone.npz": "0"}}',
+        "\x00",
+    ],
+    ids=lambda text: text[:12] or "empty",
+)
+def test_a_product_whose_description_is_damaged_is_built_again(damage: str, tmp_path: Path) -> None:
+    product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
+    (product.path / "meta.json").write_text(damage)
+    said: list[str] = []
+    assert not Store(tmp_path, said.append).fetch("recording", {}, ROOTS, one).reused
+    assert "damaged" in said[0]
+    assert Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
+
+
+def test_what_lies_in_the_place_of_a_product_is_replaced(tmp_path: Path) -> None:
+    path, elsewhere = Store(tmp_path).fetch("recording", {}, ROOTS, one).path, tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "of the user").touch()
+    for put in (path.touch, path.mkdir, lambda: path.symlink_to(elsewhere), lambda: path.symlink_to(tmp_path / "nowhere")):
+        shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+        put()
+        assert not Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
+        assert Store(tmp_path).fetch("recording", {}, ROOTS, one).arrays()["x"].tolist() == [0, 1, 2, 3]
+    assert (elsewhere / "of the user").exists()
+
+
+@pytest.mark.parametrize("year", [1971, 2099])
+def test_dates_of_files_decide_nothing(year: int, tmp_path: Path) -> None:
+    """As after a clock that was wrong, or a copy that did not keep them."""
+    Store(tmp_path).fetch("recording", {}, ROOTS, one)
+    abandoned = tmp_path / "recording" / ("a" * 32 + ".tmp")
+    (abandoned / "product").mkdir(parents=True)
+    (abandoned / files.LOCK).touch()
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    left = tmp_path / f".table.csv.radartwin-{dead.pid}.tmp"
+    left.touch()
+    then = (year - 1970) * 365.25 * 86400
+    for path in tmp_path.rglob("*"):
+        os.utime(path, (then, then))
+    files.sweep(tmp_path)
+    assert Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
+    assert not abandoned.exists()
+    assert not left.exists()

@@ -1,0 +1,44 @@
+"""Rigid poses: inverses, and the velocity of a sensor as things that turn and slide see it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from radartwin.simulation import poses
+
+RATE_HZ = 20.0
+
+
+def placed(rotation: Rotation, position_m: np.ndarray) -> np.ndarray:
+    """(F, 4, 4) of F rotations and positions (F, 3)."""
+    out = np.tile(np.eye(4), (len(position_m), 1, 1))
+    out[:, :3, :3], out[:, :3, 3] = rotation.as_matrix(), position_m
+    return out
+
+
+def test_a_pose_and_its_inverse_are_no_motion() -> None:
+    rng = np.random.default_rng(0)
+    some = placed(Rotation.random(8, rng), rng.normal(size=(8, 3)))
+    assert poses.inverse(some) @ some == pytest.approx(np.tile(np.eye(4), (8, 1, 1)), abs=1e-12)
+
+
+def test_a_sensor_at_rest_circles_what_turns() -> None:
+    """In the frame of a thing that turns at w about z the sensor is at Rz(-w t) p and moves at -w z x that."""
+    speed, place, frames = 0.7, np.array([2.0, 0.5, 0.3]), 6
+    angle = speed * np.arange(frames) / RATE_HZ
+    turning = placed(Rotation.from_euler("z", angle[:, None]), np.zeros((frames, 3)))
+    sensor = placed(Rotation.identity(frames), np.tile(place, (frames, 1)))
+    now, velocity = poses.relative(sensor, turning, RATE_HZ)
+    expected = Rotation.from_euler("z", -angle[:, None]).apply(place)
+    assert now[:, :3, 3] == pytest.approx(expected, abs=1e-12)
+    assert velocity == pytest.approx(np.cross([0, 0, -speed], expected), abs=1e-5)
+
+
+def test_a_sensor_that_slides_past_what_is_turned_keeps_its_speed() -> None:
+    frames, way = 5, np.array([0.3, -0.2, 0.1])
+    sensor = placed(Rotation.identity(frames), np.arange(frames)[:, None] / RATE_HZ * way)
+    turned = Rotation.from_euler("z", 30, degrees=True)
+    _, velocity = poses.relative(sensor, np.tile(placed(turned, np.ones(3)[None])[:1], (frames, 1, 1)), RATE_HZ)
+    assert velocity == pytest.approx(np.tile(turned.inv().apply(way), (frames, 1)), abs=1e-9)
