@@ -49,34 +49,49 @@ def _to_infinity(d: float) -> complex:
             if abs(term) < 1e-14:
                 break
         return math.pi / 2 * (1 - (1 - 1j) * total)
-    total = 0j
+    re, im = 0.0, 0.0
     for i in range(len(_HERMITE)):  # along the path of steepest descent
-        y2 = _HERMITE[i] * _HERMITE[i]
-        total += _WH[i] / (d * d + 2j * y2 / math.pi)
-    return d / math.pi * np.exp(0.5j * math.pi * d * d) * total * 1j / np.sqrt(2j / math.pi)
+        y = 2 / math.pi * _HERMITE[i] * _HERMITE[i]
+        share = _WH[i] / (d * d * d * d + y * y)
+        re += share * d * d
+        im -= share * y
+    turn = 0.5 * math.pi * d * d + 0.25 * math.pi  # of j over the root of j too
+    return d / math.sqrt(2 * math.pi) * complex(math.cos(turn), math.sin(turn)) * complex(re, im)
 
 
 @compiled
 def _from_zero(d: float, t: float) -> complex:
     """G(d, t), 0 <= t <= _NEAR, d > 0."""
-    total = 0j
+    re, im = 0.0, 0.0
     for i in range(len(_X)):
         x = 0.5 * t * (1 + _X[i])
         r2 = d * d + x * x
         phase = 0.5 * math.pi * r2
-        value = 0.5j * math.pi if phase < 1e-6 else (np.exp(1j * phase) - 1) / r2
-        total += 0.5 * t * _WX[i] * value
-    return math.atan2(t, d) + d * total
+        share = 0.5 * t * _WX[i]
+        if phase < 1e-6:
+            im += share * 0.5 * math.pi
+        else:
+            half = math.sin(0.5 * phase)
+            re -= share * 2 * half * half / r2
+            im += share * math.sin(phase) / r2
+    return complex(math.atan2(t, d) + d * re, d * im)
 
 
 @compiled
 def _tail(d: float, t: float) -> complex:
     """G(d, infinity) - G(d, t), t > _NEAR, along the path of steepest descent."""
-    total = 0j
-    for i in range(len(_LAGUERRE)):
-        shift = 2j * _LAGUERRE[i] / math.pi
-        total += _WL[i] / ((d * d + t * t + shift) * np.sqrt(t * t + shift))
-    return 1j * d / math.pi * np.exp(0.5j * math.pi * (d * d + t * t)) * total
+    square, far = t * t, d * d + t * t
+    re, im = 0.0, 0.0
+    for i in range(len(_LAGUERRE)):  # of 1 over (far + j shift) sqrt(square + j shift)
+        shift = 2 / math.pi * _LAGUERRE[i]
+        u = math.sqrt(0.5 * (math.sqrt(square * square + shift * shift) + square))
+        v = 0.5 * shift / u
+        x, y = far * u - shift * v, far * v + shift * u
+        share = _WL[i] / (x * x + y * y)
+        re += share * x
+        im -= share * y
+    turn = 0.5 * math.pi * far
+    return d / math.pi * complex(math.cos(turn), math.sin(turn)) * complex(-im, re)
 
 
 @compiled
@@ -185,14 +200,31 @@ def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, 
 
 
 @compiled
+def _are_apart(polygon: np.ndarray, count: int, other: np.ndarray, corners: int) -> bool:
+    """Whether two polygons are on different sides of a line along an axis, so that they have nothing in common."""
+    for k in range(2):
+        low, high = polygon[0, k], polygon[0, k]
+        for i in range(1, count):
+            low, high = min(low, polygon[i, k]), max(high, polygon[i, k])
+        least, most = other[0, k], other[0, k]
+        for i in range(1, corners):
+            least, most = min(least, other[i, k]), max(most, other[i, k])
+        if least >= high or most <= low:
+            return True
+    return False
+
+
+@compiled
 def subtract(pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndarray, corners: int, spare: np.ndarray) -> int:
     """Take a convex, counter-clockwise polygon away from convex pieces (MAX_PIECES, MAX_CORNERS, 2), in place; how many are left."""
     total = number
     left = 0
     for p in range(number):
         count = counts[p]
-        spare[0, :count] = pieces[p, :count]
-        common = intersect(spare[0], count, other, corners, spare[1])
+        common = 0
+        if not _are_apart(pieces[p], count, other, corners):
+            spare[0, :count] = pieces[p, :count]
+            common = intersect(spare[0], count, other, corners, spare[1])
         if common == 0 or orient(spare[0], common) < SLIVER_M2:  # out of reach
             if left != p:
                 pieces[left, :count] = pieces[p, :count]
@@ -248,21 +280,25 @@ def polygon_factor(
     inside, sides = True, 0
     total = 0j
     previous = count - 1
-    a = origin + polygon[previous, 0] * u_axis + polygon[previous, 1] * v_axis
+    a, b, along, near = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for k in range(3):
+        a[k] = origin[k] + polygon[previous, 0] * u_axis[k] + polygon[previous, 1] * v_axis[k]
     excess_a = _distance(a, source) + _distance(a, receiver) - length
+    scale = 2 * wavenumber / math.pi
     for i in range(count):
-        b = origin + polygon[i, 0] * u_axis + polygon[i, 1] * v_axis
+        for k in range(3):
+            b[k] = origin[k] + polygon[i, 0] * u_axis[k] + polygon[i, 1] * v_axis[k]
+            along[k] = b[k] - a[k]
         excess_b = _distance(b, source) + _distance(b, receiver) - length
         cross = polygon[previous, 0] * polygon[i, 1] - polygon[previous, 1] * polygon[i, 0]
-        along = b - a
         side = math.sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2])
         if side > 1e-7:  # shorter ones are two corners in the same place, whose order is rounding
             inside &= cross >= 0
             sides += 1
-            along = along / side
             # the least excess along the edge's line: unfold source and receiver about it
             z_s, z_r = 0.0, 0.0
             for k in range(3):
+                along[k] /= side
                 z_s += (source[k] - a[k]) * along[k]
                 z_r += (receiver[k] - a[k]) * along[k]
             h_s, h_r = 0.0, 0.0
@@ -272,14 +308,15 @@ def polygon_factor(
             h_s, h_r = math.sqrt(h_s), math.sqrt(h_r)
             z = (z_s * h_r + z_r * h_s) / max(h_s + h_r, 1e-12)
             least = max(math.sqrt((h_s + h_r) ** 2 + (z_s - z_r) ** 2) - length, 0.0)
-            scale = 2 * wavenumber / math.pi
             d = math.sqrt(scale * least)
             t_a = math.sqrt(scale * max(excess_a - least, 0.0)) * (1.0 if z < 0 else -1.0)
             t_b = math.sqrt(scale * max(excess_b - least, 0.0)) * (1.0 if z < side else -1.0)
-            near = a + min(max(z, 0.0), side) * along
+            for k in range(3):
+                near[k] = a[k] + min(max(z, 0.0), side) * along[k]
             part = edge_wave(d, t_a, t_b) * _spreading(near, source, receiver, normal) / spreading
             total += part if cross >= 0 else -part
-        previous, a, excess_a = i, b, excess_b
+        previous, excess_a = i, excess_b
+        a[:] = b
     return (1.0 if inside and sides > 0 else 0.0) - total / (2 * math.pi)
 
 

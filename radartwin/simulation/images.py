@@ -260,7 +260,10 @@ def evaluate(
         least: of |field| |factor|/length, per path or for all; what is below it before any obstacle is left out.
         reach: Fresnel coordinate from the path beyond which obstacles are not looked at.
     """
-    least = np.broadcast_to(np.asarray(least, float), (len(which),))
+    # one kind of array each, for every other kind is compiled anew
+    which = np.ascontiguousarray(which)
+    least = np.full(len(which), least, float)
+    source, axis, receiver = (np.ascontiguousarray(ends) for ends in (source, axis, receiver))
     wavenumber = 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT
     n, q = len(which), len(table.frequencies_hz)
     factor, length = np.zeros(n, complex), np.zeros(n)

@@ -210,6 +210,11 @@ def _read_indices(lanes: tuple, keep: Any, number: int) -> np.ndarray:
     return _picked(lanes[1:2], keep)[0].numpy()
 
 
+def _vectors(lanes: Any) -> np.ndarray:
+    """(N, 3) float64; component by component, for a kernel that joins them would be compiled for every N."""
+    return np.stack([component.numpy() for component in lanes], axis=1).astype(float)
+
+
 def _read_hits(lanes: tuple, keep: Any, number: int) -> Hits:
     """Contributing lanes as host arrays; a = -j (re + j im), conjugated."""
     pose, index, length, length_out, departure, outgoing, first, sequence, values = _picked(lanes, keep)
@@ -218,7 +223,7 @@ def _read_hits(lanes: tuple, keep: Any, number: int) -> Hits:
         amplitude[:, node] = im.numpy() + 1j * re.numpy()
     return Hits(
         pose.numpy().astype(int), index.numpy().astype(int), np.full(len(keep), number), amplitude, length.numpy(), length_out.numpy(),
-        departure.numpy().T.astype(float), -outgoing.numpy().T.astype(float), first.numpy(), sequence.numpy(),
+        _vectors(departure), -_vectors(outgoing), first.numpy(), sequence.numpy(),
     )  # fmt: skip
 
 
@@ -294,7 +299,8 @@ class _Run:
             )  # fmt: skip
             level = sum((re * re + im * im for re, im in values), mi.Float(0.0)) / dr.opaque(mi.Float, device.nodes)
             if self.prune:
-                dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, tubes.pose, seen)
+                # the mode that would be chosen writes the number of poses into the kernel
+                dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, tubes.pose, seen, mode=dr.ReduceMode.Local)
             onward = number < self.max_bounces
             if onward:
                 active = contacts.bounce(device, tubes, contact, active)

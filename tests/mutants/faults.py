@@ -157,7 +157,7 @@ TRACER_FAULTS = (
     *_in(
         "simulation/aperture",
         IMAGES,
-        ("return 1j * d / math.pi * np.exp(0.5j", "return -1j * d / math.pi * np.exp(0.5j", "the edge wave has the wrong sign"),
+        ("* complex(-im, re)", "* complex(im, -re)", "the edge wave has the wrong sign"),
     ),
     *_in(
         "simulation/coupling",
