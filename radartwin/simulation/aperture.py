@@ -183,6 +183,13 @@ def orient(polygon: np.ndarray, count: int) -> float:
 
 
 @compiled
+def _copy(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
+    """Corners (count, 2) to `out`: much faster than by slices."""
+    for i in range(count):
+        out[i, 0], out[i, 1] = polygon[i, 0], polygon[i, 1]
+
+
+@compiled
 def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, spare: np.ndarray) -> int:
     """Make `polygon` its intersection with the convex, counter-clockwise `other`; its number of corners."""
     previous = corners - 1
@@ -192,7 +199,7 @@ def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, 
         if a * a + b * b < SAME_M * SAME_M:  # two corners in one place: the direction of their edge is rounding
             continue
         count = clip(polygon, count, a, b, -(a * x + b * y), spare)
-        polygon[:count] = spare[:count]
+        _copy(spare, count, polygon)
         if count == 0:
             return 0
         previous = i
@@ -200,57 +207,90 @@ def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, 
 
 
 @compiled
-def _are_apart(polygon: np.ndarray, count: int, other: np.ndarray, corners: int) -> bool:
-    """Whether two polygons are on different sides of a line along an axis, so that they have nothing in common."""
+def box(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
+    """Least and greatest coordinates of a polygon (count, 2), in `out` (2, 2)."""
     for k in range(2):
-        low, high = polygon[0, k], polygon[0, k]
+        out[0, k] = out[1, k] = polygon[0, k]
         for i in range(1, count):
-            low, high = min(low, polygon[i, k]), max(high, polygon[i, k])
-        least, most = other[0, k], other[0, k]
-        for i in range(1, corners):
-            least, most = min(least, other[i, k]), max(most, other[i, k])
-        if least >= high or most <= low:
-            return True
-    return False
+            out[0, k], out[1, k] = min(out[0, k], polygon[i, k]), max(out[1, k], polygon[i, k])
 
 
 @compiled
-def subtract(pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndarray, corners: int, spare: np.ndarray) -> int:
-    """Take a convex, counter-clockwise polygon away from convex pieces (MAX_PIECES, MAX_CORNERS, 2), in place; how many are left."""
+def _are_apart(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two boxes (2, 2) have at most their rims in common."""
+    return one[0, 0] >= other[1, 0] or one[1, 0] <= other[0, 0] or one[0, 1] >= other[1, 1] or one[1, 1] <= other[0, 1]
+
+
+@compiled
+def split(polygon: np.ndarray, count: int, a: float, b: float, c: float, inside: np.ndarray, outside: np.ndarray) -> tuple[int, int]:
+    """Both parts of a convex polygon, as `clip` by a line and by the same line turned round; their numbers of corners."""
+    kept, left = 0, 0
+    previous = count - 1
+    before = a * polygon[previous, 0] + b * polygon[previous, 1] + c
+    for i in range(count):
+        here = a * polygon[i, 0] + b * polygon[i, 1] + c
+        crosses, leaves = (here >= 0) != (before >= 0), (here <= 0) != (before <= 0)
+        if crosses or leaves:
+            share = before / (before - here)
+            for k in range(2):
+                value = polygon[previous, k] + share * (polygon[i, k] - polygon[previous, k])
+                if crosses and kept < MAX_CORNERS:
+                    inside[kept, k] = value
+                if leaves and left < MAX_CORNERS:
+                    outside[left, k] = value
+            kept, left = min(kept + crosses, MAX_CORNERS), min(left + leaves, MAX_CORNERS)
+        if here >= 0 and kept < MAX_CORNERS:
+            for k in range(2):
+                inside[kept, k] = polygon[i, k]
+            kept += 1
+        if here <= 0 and left < MAX_CORNERS:
+            for k in range(2):
+                outside[left, k] = polygon[i, k]
+            left += 1
+        previous, before = i, here
+    return kept if kept > 2 else 0, left if left > 2 else 0
+
+
+@compiled
+def subtract(
+    pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndarray, corners: int, around: np.ndarray, spare: np.ndarray
+) -> int:
+    """Take a convex, counter-clockwise polygon away from convex pieces (MAX_PIECES, MAX_CORNERS, 2), in place; how many are left.
+
+    Args:
+        around: (2, 2) the polygon's `box`. spare: (3, MAX_CORNERS, 2).
+    """
     total = number
     left = 0
+    bounds = np.empty((2, 2))
     for p in range(number):
-        count = counts[p]
-        common = 0
-        if not _are_apart(pieces[p], count, other, corners):
-            spare[0, :count] = pieces[p, :count]
-            common = intersect(spare[0], count, other, corners, spare[1])
-        if common == 0 or orient(spare[0], common) < SLIVER_M2:  # out of reach
-            if left != p:
-                pieces[left, :count] = pieces[p, :count]
-                counts[left] = count
-            left += 1
-            continue
-        spare[0, :count] = pieces[p, :count]
+        rest, now, before = counts[p], 0, total
+        box(pieces[p], rest, bounds)
+        if _are_apart(bounds, around):
+            rest = 0
+        _copy(pieces[p], rest, spare[0])
         previous = corners - 1
         for i in range(corners):
+            if rest == 0:
+                break
             x, y = other[previous, 0], other[previous, 1]
             a, b = y - other[i, 1], other[i, 0] - x
-            if a * a + b * b < SAME_M * SAME_M:
+            if a * a + b * b < SAME_M * SAME_M:  # as in `intersect`
                 continue
-            c = -(a * x + b * y)
-            outside = clip(spare[0], count, -a, -b, -c, spare[1])
-            if outside and total < MAX_PIECES and orient(spare[1], outside) > SLIVER_M2:
-                pieces[total, :outside] = spare[1, :outside]
+            rest, outside = split(spare[now], rest, a, b, -(a * x + b * y), spare[1 - now], spare[2])
+            if outside and total < MAX_PIECES and orient(spare[2], outside) > SLIVER_M2:
+                _copy(spare[2], outside, pieces[total])
                 counts[total] = outside
                 total += 1
-            count = clip(spare[0], count, a, b, c, spare[1])
-            spare[0, :count] = spare[1, :count]
-            previous = i
-            if count == 0:
-                break
+            previous, now = i, 1 - now
+        if rest == 0 or orient(spare[now], rest) < SLIVER_M2:  # nothing in common: the piece stays whole
+            total = before
+            if left != p:
+                _copy(pieces[p], counts[p], pieces[left])
+                counts[left] = counts[p]
+            left += 1
     for p in range(number, total):
-        pieces[left, : counts[p]] = pieces[p, : counts[p]]
+        _copy(pieces[p], counts[p], pieces[left])
         counts[left] = counts[p]
         left += 1
     return left
@@ -474,9 +514,10 @@ def evaluate(
     least, factor, length, departure, arrival, field,
 ):  # fmt: skip
     space, spare3 = np.zeros((MAX_CORNERS, 3)), np.zeros((MAX_CORNERS, 3))
-    flat, spare2 = np.zeros((MAX_CORNERS, 2)), np.zeros((2, MAX_CORNERS, 2))
+    flat, spare2 = np.zeros((MAX_CORNERS, 2)), np.zeros((3, MAX_CORNERS, 2))
     pieces, counts = np.zeros((1, MAX_CORNERS, 2)), np.zeros(1, np.int64)
     shadows, corners_of = np.zeros((MAX_SHADOWS, MAX_CORNERS, 2)), np.zeros(MAX_SHADOWS, np.int64)
+    boxes = np.zeros((MAX_SHADOWS, 2, 2))
     dark, dark_counts = np.zeros((MAX_PIECES, MAX_CORNERS, 2)), np.zeros(MAX_PIECES, np.int64)
     for n in range(start, stop):
         s = which[n]
@@ -566,7 +607,7 @@ def evaluate(
                 number = 0
                 break
             if i == m - 1:
-                pieces[0, :c] = flat[:c]
+                _copy(flat, c, pieces[0])
                 counts[0] = c
                 number = 1
             else:
@@ -608,7 +649,7 @@ def evaluate(
                     continue
                 if o_hull[o]:
                     c = _hull(flat, c, spare2[0])
-                    flat[:c] = spare2[0, :c]
+                    _copy(spare2[0], c, flat)
                     if c < 3:
                         continue
                 if orient(flat, c) < 1e-12:
@@ -617,13 +658,16 @@ def evaluate(
                 if c == 0 or shaded == MAX_SHADOWS or orient(flat, c) < SLIVER_M2:
                     continue
                 # its shadow on the aperture, less the shadows before it
-                shadows[shaded, :c] = flat[:c]
+                _copy(flat, c, shadows[shaded])
                 corners_of[shaded] = c
-                dark[0, :c] = flat[:c]
+                box(flat, c, boxes[shaded])
+                _copy(flat, c, dark[0])
                 dark_counts[0] = c
                 number = 1
                 for j in range(shaded):
-                    number = subtract(dark, dark_counts, number, shadows[j], corners_of[j], spare2)
+                    if _are_apart(boxes[shaded], boxes[j]):
+                        continue
+                    number = subtract(dark, dark_counts, number, shadows[j], corners_of[j], boxes[j], spare2)
                     if number == 0:
                         break
                 for j in range(number):

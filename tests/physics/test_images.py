@@ -172,11 +172,12 @@ def pieces_of(shape, *others):
     pieces = np.zeros((aperture.MAX_PIECES, aperture.MAX_CORNERS, 2))
     counts = np.zeros(aperture.MAX_PIECES, np.int64)
     pieces[0, : len(shape)], counts[0], number = shape, len(shape), 1
-    spare = np.zeros((2, aperture.MAX_CORNERS, 2))
+    spare, around = np.zeros((3, aperture.MAX_CORNERS, 2)), np.zeros((2, 2))
     for other in others:
         ring = np.array(other, float)
         aperture.orient(ring, len(ring))
-        number = aperture.subtract(pieces, counts, number, ring, len(ring), spare)
+        aperture.box(ring, len(ring), around)
+        number = aperture.subtract(pieces, counts, number, ring, len(ring), around, spare)
     return [pieces[i, : counts[i]].copy() for i in range(number)]
 
 
