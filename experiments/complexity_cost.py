@@ -1,7 +1,7 @@
 """What models cost on a whole recording: core seconds a frame, models in turn, from a short recording and a longer one.
 
 A recording costs what it costs however short it is, such as the room, which a radar at rest traces once, and what each further frame adds.
-Both are told from recordings of few and of twice as many frames, each made several times while models take turns; the first of all is
+Both are told from recordings of a probe's frames and of half as many, each made several times while models take turns; the short one is
 made beforehand, so that everything is compiled. Paths that are kept are dropped before each first recording.
 """
 
@@ -35,14 +35,14 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
     Args:
         probe_of: gives so many frames of the recording, or those of a probe.
     """
-    few = probe_of(None, False)
-    many = probe_of(2 * few.frames, False)
+    many = probe_of(None, False)
+    few = probe_of((many.frames + 1) // 2, False)
     ordered = sorted(set(models), key=lambda model: model.told)
     spec: dict[str, Any] = {**few.described(), "families": None, "models": ordered, "rounds": rounds, "machine": measuring.machine()}
 
     def build(folder: Path) -> None:
         for model in ordered:
-            many.record(model)
+            few.record(model)
         found = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
         save_json(folder, "seconds", found)
 

@@ -158,6 +158,7 @@ TRACER_FAULTS = (
         "simulation/aperture",
         IMAGES,
         ("* complex(-im, re)", "* complex(im, -re)", "the edge wave has the wrong sign"),
+        ("            total = before", "            total = max(total, before)", "what a shadow misses stays, and its cuts as well"),
     ),
     *_in(
         "simulation/coupling",
