@@ -27,12 +27,16 @@ SIZE = 5.5
 
 
 def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str], colours: Sequence[Any]) -> None:
-    """Write `texts` beside `points` (data coordinates), nearest places first; axes limits must be final."""
+    """Write `texts` beside `points` (data coordinates), nearest places first, none for an empty text; axes limits must be final."""
+    from matplotlib.patheffects import withStroke
+
     scale = axes.figure.dpi / 72
     spots = axes.transData.transform(np.array(points))
     frame = axes.get_window_extent()
     taken: list[tuple[float, float, float, float]] = [(x - 3 * scale, y - 3 * scale, x + 3 * scale, y + 3 * scale) for x, y in spots]
     for (x, y), point, text, colour in zip(spots, points, texts, colours, strict=True):
+        if not text:
+            continue
         width, height = 0.5 * SIZE * len(text) * scale, 1.05 * SIZE * scale
         best, chosen, offset = np.inf, taken[0], OFFSETS[0]
         for rank, (right, up) in enumerate(OFFSETS):
@@ -45,7 +49,7 @@ def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str]
         taken.append(chosen)
         side = "left" if offset[0] > 0 else "right" if offset[0] < 0 else "center"
         label = axes.annotate(text, point, offset, textcoords="offset points", fontsize=SIZE, color=colour, ha=side, va="center_baseline")
-        label.set(zorder=5, in_layout=False)
+        label.set(zorder=2.5, in_layout=False, path_effects=[withStroke(linewidth=1.8, foreground="white")])
 
 
 def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:

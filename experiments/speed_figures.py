@@ -22,11 +22,11 @@ AXES = {
     "signal_error": ("error of the signal, |a - b| / |b|", 1e-3, 30.0),
 }
 SHORT = {
+    "room by tubes, by the width rule": "room by tubes",
     " tubes per square wavelength": " tubes", "object and room uncoupled": "uncoupled", "planar elements": "planar", "tubes, ": "tubes ",
     " million": "M", "far-field table": "table", " x 128": "", " x 512": "", "shipped, 128": "shipped", "shipped,": "shipped",
     "corrected, 128": "mended", "corrected,": "mended", "in one place": "Sionna, one place",
     "3 cm apart": "Sionna", "all of four bounces": "exact images", "no diffuse cloud": "no cloud",
-    "room by tubes, by the width rule": "room by tubes",
 }  # fmt: skip
 
 
@@ -65,8 +65,17 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
     for panel, name in zip(panels.flat, names, strict=False):
         mine = [row for row in measured if row["problem"] == name]
         places = [(row["seconds_frame"], float(np.clip(row[error], low, high))) for row in mine]
-        place(panel, places, [_label(row) for row in mine], [LOOKS[row["family"]][1] for row in mine])
+        named = _named(mine, error)
+        place(panel, places, [_label(row) if row in named else "" for row in mine], [LOOKS[row["family"]][1] for row in mine])
     return drawing
+
+
+def _named(mine: Sequence[Row], error: str) -> list[Row]:
+    """Rows that are told by name: those on the front, the default, the published pipeline and the most accurate of each family."""
+    front = "front" if error == "profile_error_db" else "front of the signal"
+    named = [row for row in mine if row[front] or row["setting"] in (DEFAULT, "as published")]
+    families = dict.fromkeys(row["family"] for row in mine)
+    return named + [min((row for row in mine if row["family"] == family), key=lambda row: row[error]) for family in families]
 
 
 def campaign(rows: Sequence[Row]) -> Figure:
@@ -144,5 +153,9 @@ def _legend(panel: Any, measured: Sequence[Row]) -> None:
     handles.append(Line2D([], [], color="0.6", lw=1.0, label="front: nothing is faster and more accurate"))
     panel.legend(handles=handles, loc="upper left", fontsize=6.5, borderaxespad=0)
     lines = ["Fast is left, accurate is down. Bars: least to most.", "Profiles count within 40 dB of their peak."]
-    lines += ["(n x): times the default's seconds.", *measured[0]["machine"].split("; ")]
+    lines += [
+        "(n x): times the default's seconds.",
+        "Without a name: other settings; the table has all.",
+        *measured[0]["machine"].split("; "),
+    ]
     panel.text(0, 0.0, "\n".join(lines), fontsize=5.5, color="0.35", va="bottom", transform=panel.transAxes)
