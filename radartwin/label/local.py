@@ -43,7 +43,7 @@ class Local:
         if not model:
             raise ConfigError("--provider local needs --model FOLDER: InternVL weights in the transformers format")
         try:
-            from transformers import AutoConfig, AutoModelForImageTextToText, AutoTokenizer
+            from transformers import AutoConfig, AutoModelForImageTextToText, AutoTokenizer  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise MissingError("--provider local needs transformers and torch; pip install 'radartwin[local-vlm]'") from error
         self.model = model

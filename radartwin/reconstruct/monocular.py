@@ -58,7 +58,7 @@ class DepthModel:
         """
         try:
             import torch  # noqa: F401 - transformers' own message without it is long
-            from transformers import AutoConfig, AutoModelForDepthEstimation
+            from transformers import AutoConfig, AutoModelForDepthEstimation  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise BackendError(f"depth from single pictures needs {error.name}; pip install 'radartwin[mono]'") from error
         if not Path(name).is_dir() and (Path(name).is_absolute() or str(name).count("/") != 1):

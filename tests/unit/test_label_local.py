@@ -26,8 +26,8 @@ TEMPLATE = (
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """InternVL of some thousand weights with a byte tokenizer."""
     import torch
-    from tokenizers import Tokenizer, decoders, models, pre_tokenizers
-    from transformers import InternVLConfig, InternVLForConditionalGeneration, PreTrainedTokenizerFast
+    from tokenizers import Tokenizer, decoders, models, pre_tokenizers  # pyright: ignore[reportMissingImports]
+    from transformers import InternVLConfig, InternVLForConditionalGeneration, PreTrainedTokenizerFast  # pyright: ignore[reportMissingImports]
 
     alphabet = sorted(pre_tokenizers.ByteLevel.alphabet())
     tokenizer = Tokenizer(models.BPE(vocab={sign: k for k, sign in enumerate(alphabet)}, merges=[]))
@@ -113,7 +113,7 @@ def test_a_picture_is_normalised_as_imagenet() -> None:
 
 
 def test_missing_weights_and_other_models_are_named(tmp_path: Path) -> None:
-    from transformers import CLIPConfig
+    from transformers import CLIPConfig  # pyright: ignore[reportMissingImports]
 
     with pytest.raises(ConfigError, match="needs --model FOLDER"):
         Local(None)
