@@ -6,13 +6,13 @@ The signals are made up as in test_campaign_kills.py; who makes them is real.
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from interrupts import interrupted_twice
 from test_campaign_kills import MADE_UP, RECORDINGS, TINY, WITHOUT, finished, products
 
 HEAD, TAIL = MADE_UP.split("truth.record, twin.record =")
@@ -105,13 +105,7 @@ def test_interrupted_twice_a_crew_ends_with_all_its_processes_and_resumes(tmp_pa
         assert campaign.poll() is None, campaign.communicate()[1]
         assert time.monotonic() < end
         time.sleep(0.05)
-    for _ in range(2):
-        os.killpg(campaign.pid, signal.SIGINT)
-        time.sleep(0.3)
-    _, complained = campaign.communicate(timeout=60)
-    assert campaign.returncode in (1, -signal.SIGINT), complained  # the latter where the second met the end of the interpreter
-    assert "radartwin: interrupted; the same command resumes where it stopped" in complained
-    assert "Traceback" not in complained
+    interrupted_twice(campaign)
     while members(campaign.pid):
         assert time.monotonic() < end, "a process of the crew lives on"
         time.sleep(0.05)

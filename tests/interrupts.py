@@ -1,0 +1,20 @@
+"""Ctrl-C, twice, as an impatient user presses it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+
+
+def interrupted_twice(process: subprocess.Popen[str]) -> str:
+    """Interrupt a command and all that it started, twice; what it printed, once it has ended as it should."""
+    for _ in range(2):
+        os.killpg(process.pid, signal.SIGINT)
+        time.sleep(0.3)
+    said, complained = process.communicate(timeout=60)
+    assert process.returncode in (1, -signal.SIGINT), complained  # the latter where the second met the end of the interpreter
+    assert "radartwin: interrupted; the same command resumes where it stopped" in complained
+    assert "Traceback" not in complained
+    return said
