@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from radartwin.compiled import compiled
+from radartwin.compiled import compiled, innermost
 from radartwin.simulation.reflection_table import COSINES
 
 MAX_CORNERS = 24  # of a polygon in the making; a rectangle cut by eight planes has twelve
@@ -113,7 +113,7 @@ def _signed(d: float, t: float) -> complex:
     return value if t > 0 else -value
 
 
-@compiled
+@innermost
 def clip(polygon: np.ndarray, count: int, a: float, b: float, c: float, out: np.ndarray) -> int:
     """Part of a convex polygon (count, 2) with a x + b y + c >= 0, written to `out`; its number of corners."""
     kept = 0
@@ -139,15 +139,15 @@ def clip(polygon: np.ndarray, count: int, a: float, b: float, c: float, out: np.
     return kept if kept > 2 else 0
 
 
-@compiled
-def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, offset: float, out: np.ndarray) -> int:
-    """Part of a convex polygon (count, 3) with normal . x >= offset, written to `out`; its number of corners."""
+@innermost
+def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, side: float, offset: float, out: np.ndarray) -> int:
+    """Part of a convex polygon (count, 3) with side normal . x >= offset, side +-1, written to `out`; its number of corners."""
     kept = 0
     previous = count - 1
     before = 0.0
     for turn in range(-1, count):  # as in `clip`
         i = turn if turn >= 0 else count - 1
-        here = polygon[i, 0] * normal[0] + polygon[i, 1] * normal[1] + polygon[i, 2] * normal[2] - offset
+        here = side * (polygon[i, 0] * normal[0] + polygon[i, 1] * normal[1] + polygon[i, 2] * normal[2]) - offset
         if turn < 0:
             before = here
             continue
@@ -164,7 +164,7 @@ def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, offset: floa
     return kept if kept > 2 else 0
 
 
-@compiled
+@innermost
 def orient(polygon: np.ndarray, count: int) -> float:
     """Twice the area of a polygon (count, 2), which is made counter-clockwise."""
     area = 0.0
@@ -182,14 +182,14 @@ def orient(polygon: np.ndarray, count: int) -> float:
     return abs(area)
 
 
-@compiled
+@innermost
 def _copy(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
     """Corners (count, 2) to `out`: much faster than by slices."""
     for i in range(count):
         out[i, 0], out[i, 1] = polygon[i, 0], polygon[i, 1]
 
 
-@compiled
+@innermost
 def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, spare: np.ndarray) -> int:
     """Make `polygon` its intersection with the convex, counter-clockwise `other`; its number of corners."""
     previous = corners - 1
@@ -206,7 +206,7 @@ def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, 
     return count
 
 
-@compiled
+@innermost
 def box(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
     """Least and greatest coordinates of a polygon (count, 2), in `out` (2, 2)."""
     for k in range(2):
@@ -215,13 +215,13 @@ def box(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
             out[0, k], out[1, k] = min(out[0, k], polygon[i, k]), max(out[1, k], polygon[i, k])
 
 
-@compiled
+@innermost
 def _are_apart(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether two boxes (2, 2) have at most their rims in common."""
     return one[0, 0] >= other[1, 0] or one[1, 0] <= other[0, 0] or one[0, 1] >= other[1, 1] or one[1, 1] <= other[0, 1]
 
 
-@compiled
+@innermost
 def split(polygon: np.ndarray, count: int, a: float, b: float, c: float, inside: np.ndarray, outside: np.ndarray) -> tuple[int, int]:
     """Both parts of a convex polygon, as `clip` by a line and by the same line turned round; their numbers of corners."""
     kept, left = 0, 0
@@ -251,18 +251,18 @@ def split(polygon: np.ndarray, count: int, a: float, b: float, c: float, inside:
     return kept if kept > 2 else 0, left if left > 2 else 0
 
 
-@compiled
+@innermost
 def subtract(
-    pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndarray, corners: int, around: np.ndarray, spare: np.ndarray
-) -> int:
+    pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndarray, corners: int, around: np.ndarray, spare: np.ndarray,
+    bounds: np.ndarray,
+) -> int:  # fmt: skip
     """Take a convex, counter-clockwise polygon away from convex pieces (MAX_PIECES, MAX_CORNERS, 2), in place; how many are left.
 
     Args:
-        around: (2, 2) the polygon's `box`. spare: (3, MAX_CORNERS, 2).
+        around: (2, 2) the polygon's `box`. spare: (3, MAX_CORNERS, 2), bounds: (2, 2): room to work in.
     """
     total = number
     left = 0
-    bounds = np.empty((2, 2))
     for p in range(number):
         rest, now, before = counts[p], 0, total
         box(pieces[p], rest, bounds)
@@ -360,7 +360,7 @@ def polygon_factor(
     return (1.0 if inside and sides > 0 else 0.0) - total / (2 * math.pi)
 
 
-@compiled
+@innermost
 def _spreading(point: np.ndarray, source: np.ndarray, receiver: np.ndarray, normal: np.ndarray) -> float:
     """Obliquity over path length at a point of the plane, up to a factor: what currents there weigh per unit of excess."""
     down, up = _distance(point, source), _distance(point, receiver)
@@ -371,12 +371,12 @@ def _spreading(point: np.ndarray, source: np.ndarray, receiver: np.ndarray, norm
     return abs(depth_in / down + depth_out / up) / (down + up)
 
 
-@compiled
+@innermost
 def _distance(a: np.ndarray, b: np.ndarray) -> float:
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@compiled
+@innermost
 def _mirror(points: np.ndarray, count: int, normal: np.ndarray, offset: float) -> None:
     """Mirror points (count, 3) in a plane, in place."""
     for i in range(count):
@@ -385,7 +385,7 @@ def _mirror(points: np.ndarray, count: int, normal: np.ndarray, offset: float) -
             points[i, k] -= 2 * height * normal[k]
 
 
-@compiled
+@innermost
 def _project(
     points: np.ndarray,
     count: int,
@@ -403,10 +403,10 @@ def _project(
     Only what lies between the two counts; it is cut a thousandth of the depth before the centre.
     """
     at = centre[0] * normal[0] + centre[1] * normal[1] + centre[2] * normal[2]
-    kept = clip_space(points, count, normal, at + 1e-3 * depth, spare)
+    kept = clip_space(points, count, normal, 1.0, at + 1e-3 * depth, spare)
     if kept == 0:
         return 0
-    kept = clip_space(spare, kept, -normal, -(at + depth * (1 + 1e-9) + BEHIND), points)
+    kept = clip_space(spare, kept, normal, -1.0, -(at + depth * (1 + 1e-9) + BEHIND), points)
     for i in range(kept):
         height = points[i, 0] * normal[0] + points[i, 1] * normal[1] + points[i, 2] * normal[2] - at
         share = depth / height
@@ -419,7 +419,7 @@ def _project(
     return kept
 
 
-@compiled
+@innermost
 def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
     """Convex hull of points (count, 2), counter-clockwise in `out` (MAX_CORNERS, 2), and its size."""
     start = 0
@@ -428,7 +428,7 @@ def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
             start = i
     kept, here = 0, start
     while kept < MAX_CORNERS:
-        out[kept] = points[here]
+        out[kept, 0], out[kept, 1] = points[here, 0], points[here, 1]
         kept += 1
         ahead = (here + 1) % count
         for i in range(count):
@@ -469,7 +469,7 @@ def _reflect(
             field[q, k] = along_s * s[k] + along_p * p_out[k]
 
 
-@compiled
+@innermost
 def _is_aside(
     centre: np.ndarray, radius: float, image: np.ndarray, along: np.ndarray, total: float, wavenumber: float, reach: float
 ) -> bool:
@@ -499,7 +499,7 @@ def transverse(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return across / size
 
 
-@compiled
+@innermost
 def norm(x: np.ndarray) -> float:
     return np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
 
@@ -517,7 +517,7 @@ def evaluate(
     flat, spare2 = np.zeros((MAX_CORNERS, 2)), np.zeros((3, MAX_CORNERS, 2))
     pieces, counts = np.zeros((1, MAX_CORNERS, 2)), np.zeros(1, np.int64)
     shadows, corners_of = np.zeros((MAX_SHADOWS, MAX_CORNERS, 2)), np.zeros(MAX_SHADOWS, np.int64)
-    boxes = np.zeros((MAX_SHADOWS, 2, 2))
+    boxes, bounds = np.zeros((MAX_SHADOWS, 2, 2)), np.zeros((2, 2))
     dark, dark_counts = np.zeros((MAX_PIECES, MAX_CORNERS, 2)), np.zeros(MAX_PIECES, np.int64)
     for n in range(start, stop):
         s = which[n]
@@ -592,7 +592,7 @@ def evaluate(
             for j in (i - 1, i + 1):  # before the panels it sends to and receives from
                 if 0 <= j < m:
                     o = panel[s, j]
-                    c = clip_space(space, c, side[s, j] * normal[o], side[s, j] * offset[o], spare3)
+                    c = clip_space(space, c, normal[o], side[s, j], side[s, j] * offset[o], spare3)
                     space[:c] = spare3[:c]
                     if c == 0:
                         break
@@ -633,7 +633,7 @@ def evaluate(
                     for j in (leg - 1, leg):
                         if 0 <= j < m:
                             q = panel[s, j]
-                            c = clip_space(space, c, side[s, j] * normal[q], side[s, j] * offset[q] + BEHIND, spare3)
+                            c = clip_space(space, c, normal[q], side[s, j], side[s, j] * offset[q] + BEHIND, spare3)
                             space[:c] = spare3[:c]
                             if c == 0:
                                 break
@@ -667,7 +667,7 @@ def evaluate(
                 for j in range(shaded):
                     if _are_apart(boxes[shaded], boxes[j]):
                         continue
-                    number = subtract(dark, dark_counts, number, shadows[j], corners_of[j], boxes[j], spare2)
+                    number = subtract(dark, dark_counts, number, shadows[j], corners_of[j], boxes[j], spare2, bounds)
                     if number == 0:
                         break
                 for j in range(number):

@@ -7,7 +7,7 @@ the frame's strongest echo). Arrays per channel count transmitters first.
 
 import numpy as np
 
-from radartwin.compiled import compiled
+from radartwin.compiled import compiled, innermost
 
 TAPS = 6  # of the spreading kernel
 PAD = TAPS + 2  # cells beyond the grid that a kernel at its end reaches
@@ -30,7 +30,7 @@ def _turn(cycles):
     return 1 - 2 * sine * sine, 2 * sine * cosine
 
 
-@compiled
+@innermost
 def bessel(argument, out):
     """J_0..J_(len(out)-1) of a real argument into `out`, by Miller's downward recurrence, normalised by J_0 + 2 J_2 + 2 J_4 + ... = 1."""
     x, count = abs(argument), len(out)
@@ -57,7 +57,7 @@ def bessel(argument, out):
         out[k] = out[k] / total if k % 2 == 0 or argument > 0 else -out[k] / total
 
 
-@compiled
+@innermost
 def _element_distance(length, direction, position, planar):
     """Distance from an antenna element to the point `length` along `direction` of the phase centre, to full precision, or as the
     element's place along the direction would have it."""
@@ -69,7 +69,7 @@ def _element_distance(length, direction, position, planar):
     return length + change / (length + np.sqrt(max(length * length + change, 0.0)))
 
 
-@compiled
+@innermost
 def _image_distance(length, direction, mirror, transmitter, receiver, planar):
     """Distance to a receiver from the image of a transmitter, whose array is mirrored at `length` along `direction`."""
     x, y, z = -receiver[0], -receiver[1], -receiver[2]
@@ -83,7 +83,7 @@ def _image_distance(length, direction, mirror, transmitter, receiver, planar):
     return np.sqrt(max(length * length + 2 * length * along + x * x + y * y + z * z, 0.0))
 
 
-@compiled
+@innermost
 def _motion(w, amplitude, weight_re, weight_im, orders):
     """Weights of the Chebyshev terms k of the frame and q of the band, (2 - [k=0]) j^k J_k(w) amplitude_q, at k Q + q."""
     bessel(w, orders)
@@ -115,12 +115,24 @@ def spread(
         kernel: (degree + 1, TAPS) polynomials of the taps in the point's place between two cells, highest power first.
         least: weights below it are left out.
     """
-    cells = grid_re.shape[2] - PAD
     rows = terms * amplitude.shape[1]
+    _spread(
+        first, last, starts, length_in, length_out, departure, arrival, mirror, drift, motion, amplitude, tx, rx, planar, cycles_per_m,
+        cells_per_m, rows, kernel, least, grid_re, grid_im,
+        np.empty(rows), np.empty(rows), np.empty(terms), np.empty(TAPS), np.empty(rows, np.int64), np.empty((3, len(rx))),
+    )  # fmt: skip
+
+
+@innermost
+def _spread(
+    first, last, starts, length_in, length_out, departure, arrival, mirror, drift, motion, amplitude, tx, rx, planar, cycles_per_m,
+    cells_per_m, rows, kernel, least, grid_re, grid_im,
+    weight_re, weight_im, orders, taps, kept, received,
+):  # fmt: skip
+    """`spread` with room to work in."""
+    cells = grid_re.shape[2] - PAD
     mirrored = len(mirror) > 0
-    weight_re, weight_im, orders, taps = np.empty(rows), np.empty(rows), np.empty(terms), np.empty(TAPS)
-    kept = np.empty(rows, np.int64)
-    rx_m, rx_re, rx_im = np.empty(len(rx)), np.empty(len(rx)), np.empty(len(rx))
+    rx_m, rx_re, rx_im = received[0], received[1], received[2]
     for task in range(first, last):
         for p in range(starts[task], starts[task + 1]):
             _motion(motion[p], amplitude[p], weight_re, weight_im, orders)

@@ -177,7 +177,7 @@ def pieces_of(shape, *others):
         ring = np.array(other, float)
         aperture.orient(ring, len(ring))
         aperture.box(ring, len(ring), around)
-        number = aperture.subtract(pieces, counts, number, ring, len(ring), around, spare)
+        number = aperture.subtract(pieces, counts, number, ring, len(ring), around, spare, np.zeros((2, 2)))
     return [pieces[i, : counts[i]].copy() for i in range(number)]
 
 
