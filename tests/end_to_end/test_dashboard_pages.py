@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from urllib.parse import quote_plus
 
@@ -94,16 +94,19 @@ def visit(page: browser.Page, url: str, *words: str, seconds: float = 150) -> fl
     page.call("Page.navigate", url="about:blank")  # another fragment of the same page would not load anew
     started = time.monotonic()
     page.call("Page.navigate", url=url)
-    shows = " && ".join(f"document.body.innerText.includes({json.dumps(word)})" for word in words)
-    page.until(f"document.body !== null && {shows}", seconds)
+    page.until(f"document.body !== null && {_shows(words)}", seconds)
     return time.monotonic() - started
 
 
-def follow(page: browser.Page, fragment: str, words: str) -> float:
-    """Go elsewhere in the page that is open, as a link in it does; how long until it shows the words in s."""
+def _shows(words: Sequence[str]) -> str:
+    return " && ".join(f"document.body.innerText.includes({json.dumps(word)})" for word in words)
+
+
+def follow(page: browser.Page, fragment: str, *words: str) -> float:
+    """Go elsewhere in the page that is open, as a link in it does; how long until it shows all the words in s."""
     started = time.monotonic()
     page.run(f"location.hash = {json.dumps(fragment)}")
-    page.until(f"document.body.innerText.includes({json.dumps(words)})", 150)
+    page.until(_shows(words), 150)
     return time.monotonic() - started
 
 
@@ -199,8 +202,8 @@ def ask(address: str, experiment: str, words: str, most: int) -> tuple[list, flo
 
 @pytest.mark.slow
 def test_two_thousand_runs_are_listed_and_filtered_in_three_seconds(chromium, tmp_path: Path, figures: Path) -> None:
-    """The runs are made by the runner's own tracker, in one process, each with a picture, a table, a dataset and its tags. The page is
-    loaded anew for the list, from the browser's cache, and filtered where it is."""
+    """The runs are made by the runner's own tracker, in one process, each with a picture, a table, a dataset and its tags. They are listed
+    and filtered in MLflow's page as it is open; to load that page, which takes as long with one run, is told apart."""
     tracker, count = Tracker(TrackingConfig(), tmp_path), 2000
     made = [time.monotonic()]
     for number in range(count):
@@ -213,13 +216,16 @@ def test_two_thousand_runs_are_listed_and_filtered_in_three_seconds(chromium, tm
         page, number = chromium(), experiment_id(address)
         runs = f"{address}/#/experiments/{number}/runs"
         visit(page, runs, "100 matching runs", "materials=")  # a first visit compiles the page
-        listed = visit(page, runs, "100 matching runs", "materials=")
+        bare = visit(page, f"{address}/#/experiments/{experiment_id(address, 'Default')}/runs", "0 matching runs")
+        loaded = visit(page, runs, "100 matching runs", "materials=")
+        follow(page, "#/experiments", "Default")
+        listed = follow(page, f"#/experiments/{number}/runs", "100 matching runs", "materials=")
         keep(page, "runs-2000")
         chosen = follow(page, f"#/experiments/{number}/runs?searchFilter={quote_plus(words)}", f"{expected} matching runs")
         keep(page, "runs-2000-filtered")
         everything, asked = ask(address, number, "", 1000)
         found, filtered = ask(address, number, words, 1000)
-    told = f"page listed in {listed:.2f} s, filtered in {chosen:.2f} s; server listed 1,000 in {asked:.2f} s, filtered in {filtered:.2f} s"
+    told = f"page loaded in {loaded:.2f} s ({bare:.2f} s without a run), listed in {listed:.2f} s, filtered in {chosen:.2f} s; server listed 1,000 in {asked:.2f} s, filtered in {filtered:.2f} s"
     print(f"2,000 runs: {told}; tracking a run took {first * 1000:.0f} ms at first and {last * 1000:.0f} ms at last")
     assert len(everything) == 1000
     assert len(found) == expected
