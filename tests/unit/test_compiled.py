@@ -1,0 +1,55 @@
+"""Functions compiled without counting references: what they may not do."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numba.core.errors import NumbaError
+
+import radartwin
+from radartwin.compiled import innermost
+
+SOURCES = sorted(Path(radartwin.__file__).parent.rglob("*.py"))
+
+
+def _functions() -> list[ast.FunctionDef]:
+    found = [node for path in SOURCES for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.FunctionDef)]
+    return [node for node in found if any(isinstance(d, ast.Name) and d.id == innermost.__name__ for d in node.decorator_list)]
+
+
+def _handed_back(function: ast.FunctionDef) -> list[ast.expr]:
+    """The values of its returns, one by one."""
+    values = [node.value for node in ast.walk(function) if isinstance(node, ast.Return) and node.value is not None]
+    return [part for value in values for part in (value.elts if isinstance(value, ast.Tuple) else [value])]
+
+
+def test_none_hands_back_what_may_be_an_array() -> None:
+    """An array that is handed back without a count is freed while it is in use."""
+    functions = _functions()
+    assert len(functions) > 20
+    for function in functions:
+        taken = {argument.arg for argument in function.args.args}
+        for value in _handed_back(function):
+            whole = value.value if isinstance(value, ast.Subscript | ast.Attribute) else value
+            assert not (isinstance(whole, ast.Name) and whole.id in taken), (function.name, ast.unparse(value))
+
+
+def test_arrays_cannot_be_made() -> None:
+    @innermost
+    def makes(count):
+        return np.zeros(count).sum()
+
+    with pytest.raises(NumbaError):
+        makes(3)
+
+
+def test_it_computes() -> None:
+    @innermost
+    def double(values, out):
+        for i in range(len(values)):
+            out[i] = 2 * values[i]
+
+    out = np.empty(3)
+    double(np.arange(3.0), out)
+    assert out.tolist() == [0, 2, 4]
