@@ -29,7 +29,8 @@ def test_none_hands_back_what_may_be_an_array() -> None:
     functions = _functions()
     assert len(functions) > 20
     for function in functions:
-        taken = {argument.arg for argument in function.args.args}
+        numbers = [ast.dump(ast.Name(kind, ast.Load())) for kind in ("int", "float", "bool")]
+        taken = {a.arg for a in function.args.args if a.annotation is None or ast.dump(a.annotation) not in numbers}
         for value in _handed_back(function):
             whole = value.value if isinstance(value, ast.Subscript | ast.Attribute) else value
             assert not (isinstance(whole, ast.Name) and whole.id in taken), (function.name, ast.unparse(value))
