@@ -101,7 +101,7 @@ def test_keys_reach_everything(opened: browser.Page) -> None:
             assert opened.run("document.activeElement.className") == "skip"
         if stop is None:  # between a frame and the page
             continue
-        assert not opened.run(hidden), f"the focus is out of sight: {opened.run('document.activeElement.outerHTML.slice(0, 200)')}"
+        opened.until(f"!{hidden}", 10)  # a busy page scrolls a moment later
         reached.append(stop)
         if set(reached) == set(stops):
             break
