@@ -203,7 +203,7 @@ def ask(address: str, experiment: str, words: str, most: int) -> tuple[list, flo
 @pytest.mark.slow
 def test_two_thousand_runs_are_listed_and_filtered_in_three_seconds(chromium, tmp_path: Path, figures: Path) -> None:
     """The runs are made by the runner's own tracker, in one process, each with a picture, a table, a dataset and its tags. They are listed
-    and filtered in MLflow's page as it is open; to load that page, which takes as long with one run, is told apart."""
+    in a page loaded anew, from the browser's cache, and in one that is open, where they are filtered too."""
     tracker, count = Tracker(TrackingConfig(), tmp_path), 2000
     made = [time.monotonic()]
     for number in range(count):
@@ -230,5 +230,5 @@ def test_two_thousand_runs_are_listed_and_filtered_in_three_seconds(chromium, tm
     print(f"2,000 runs: {told}; tracking a run took {first * 1000:.0f} ms at first and {last * 1000:.0f} ms at last")
     assert len(everything) == 1000
     assert len(found) == expected
-    assert max(listed, chosen, asked, filtered) < 3, told
+    assert max(loaded, listed, chosen, asked, filtered) < 3, told
     assert last < 0.3, "tracking slows down with the runs there are"
