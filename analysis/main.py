@@ -12,6 +12,7 @@ from pathlib import Path
 
 from analysis import registry, report
 from analysis import tables as writers
+from experiments import processes
 from radartwin import files, plain_json, plotting, secret
 from radartwin.compose import compose, path_override
 from radartwin.errors import ConfigError, InputError, MissingError, UserError
@@ -42,23 +43,24 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
         files.sweep(files.make_folder(output / part))
     files.drop_stale(output / "tables" / LOCK)
     made, failed = [], []
-    for table in chosen:
-        progress.say(f"--- {table.name} ({profile})")
-        overrides = [f"experiment={table.name}", f"profile={profile}", path_override("output", output)]
-        config = compose(overrides)
-        try:
-            result, counted = run_experiment(config, overrides, progress)
-        except (UserError, OSError):
-            raise
-        except Exception as error:
-            traceback.print_exc()
-            _fail(table.name, run_key(config), profile, error, output)
-            failed.append(table.name)
-            continue
-        counts += counted
-        write(table, result, profile, output)
-        made.append(table.name)
-        print(summary(result))
+    with processes.kept():
+        for table in chosen:
+            progress.say(f"--- {table.name} ({profile})")
+            overrides = [f"experiment={table.name}", f"profile={profile}", path_override("output", output)]
+            config = compose(overrides)
+            try:
+                result, counted = run_experiment(config, overrides, progress)
+            except (UserError, OSError):
+                raise
+            except Exception as error:
+                traceback.print_exc()
+                _fail(table.name, run_key(config), profile, error, output)
+                failed.append(table.name)
+                continue
+            counts += counted
+            write(table, result, profile, output)
+            made.append(table.name)
+            print(summary(result))
     page = write_report(output, fresh=made)
     totals = f"simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}"
     print(f"tables: {len(made)} written, {totals}; report: {page}")

@@ -16,12 +16,13 @@ those of the six planes, so furniture is ours alone.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments import processes
 from experiments.oracles.rooms import rotation
 from experiments.oracles.shells import Room
 from experiments.path_match import Found, partners, together
@@ -75,15 +76,13 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     references = REFERENCES if sionna.is_installed() else REFERENCES[:1]
     compared: dict[tuple[str, str, str], list[Compared]] = {}
     shown: dict[str, dict[str, Found]] = {}
-    cases = [(room, detail, place) for room in ROOMS for detail in DETAILS for place in range(places)]
-    for room, detail, place in progress.over(cases, "rooms"):
-        scene, pose = rooms.room(room, detail=detail), pose_in(room, place, config.seed)
-        mine = ours(scene, pose)
-        found = {"ours": mine} | {name: reference(name, scene, pose) for name in references}
-        found = {name: cleared(one, found["image sources"]) for name, one in found.items()}
+    cases = [(room, detail, place, config.seed, references) for room in ROOMS for detail in DETAILS for place in range(places)]
+    with progress.task("rooms", len(cases)) as done:
+        paths = processes.each(_found, cases, config.jobs, done)
+    for (room, detail, *_), found in zip(cases, paths, strict=True):
         shown.setdefault(f"{room}, {detail}", found)
         for name in references:
-            compared.setdefault((room, detail, name), []).append(compare(found[name], mine))
+            compared.setdefault((room, detail, name), []).append(compare(found[name], found["ours"]))
     rows = [row for key, each in compared.items() for row in _rows(key, each, config)]
     missing = [name for name in REFERENCES if name not in references]
     rows += [_absent(room, detail, name) for room in ROOMS for detail in DETAILS for name in missing]
@@ -94,6 +93,13 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         for name in references
     }
     return Result("backend_crosscheck", rows, figures, metrics)
+
+
+def _found(room: str, detail: str, place: int, seed: int, references: Sequence[str]) -> dict[str, Found]:
+    """Paths at one place, ours and each reference's."""
+    scene, pose = rooms.room(room, detail=detail), pose_in(room, place, seed)
+    found = {"ours": ours(scene, pose)} | {name: reference(name, scene, pose) for name in references}
+    return {name: cleared(one, found["image sources"]) for name, one in found.items()}
 
 
 def pose_in(room: str, place: int, seed: int) -> np.ndarray:

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments import scanning
-from experiments.campaigns import crew, tally, truth
+from experiments import processes, scanning
+from experiments.campaigns import tally, truth
 from experiments.campaigns.campaign import Campaign
 from experiments.campaigns.cases import Case, planned
 from experiments.campaigns.cases import log as nominal_log
@@ -190,7 +190,7 @@ def _paper(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
         radar = build_radar(config.radar)
         counts = [count for (domain, _), cases in wanted.items() for count in _states(domain, cases, paper)]
         disk = sum(expected_bytes(radar, *count) for count in counts) / 1e9
-    at_once = crew.hands(config.jobs, sum(len(cases) for cases in wanted.values()))
+    at_once = processes.hands(config.jobs, sum(len(cases) for cases in wanted.values()))
     case = {
         "of": "both", "motion": ALL, "made": sum(one.now for one in made), "found": sum(not one.now for one in made),
         "frames": sum(one.frames for one in made), "traced": sum(one.traced for one in made), "set_ups": sum(one.setups for one in made),

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import readings, transfer
-from experiments.campaigns.campaign import Campaign, load_clean
+from experiments.campaigns import crew
+from experiments.campaigns.campaign import Campaign, load_clean, together
 from experiments.campaigns.cases import Case
 from experiments.coalitions import Coalition
 from experiments.readings import recording_name
@@ -33,7 +34,7 @@ LABELS = "labels"  # of the twin's materials: the configured source's for the tr
 TWIN = frozenset(("geometry", LABELS, "hardware"))  # what decides the twin's side; hardware, whether its noise is read too
 TESTBED = tuple(f.name for f in fields(GapConfig) if f.name != "geometry")
 GAPS = ("geometry", LABELS, *TESTBED)
-# What a room must be set up anew for comes first in the order of recordings, so that those that share one follow each other
+# What the testbed's room must be set up anew for
 SETS_UP = ("clutter", "solver", "materials", "roughness", "hardware")
 FEATURES = "rotation"
 # Of the feature error: all that is seen at 1 m is narrower than the array's beam, so that its extent spreads by 0.0015 rad between objects
@@ -89,9 +90,14 @@ class Sides:
         self._read: dict[tuple[str, Coalition], Read] = {}
 
     def prepare(self, sets_of_gaps: Iterable[Coalition]) -> None:
-        """Read what these sets need, what shares a room together."""
+        """Make and read what these sets need; what shares a room is made together."""
         wanted = {(domain, side(domain, on)) for on in sets_of_gaps for domain in ("twin", "measured")}
-        ordered = sorted(wanted, key=lambda one: (one[0], [gap in one[1] for gap in SETS_UP], sorted(one[1])))
+        ordered = sorted(wanted, key=lambda one: (one[0], _setup(*one), sorted(one[1])))
+        missing: dict[str, crew.Wanted] = {}
+        for domain, on in ordered:
+            for case in self.cases:
+                missing |= self._campaign(on, case).missing([(domain, case)], clean=not _received(domain, on), setup=_setup(domain, on))
+        together(missing, self.progress)
         for domain, on in self.progress.over(ordered, "sides"):
             self.read(domain, on)
 
@@ -116,7 +122,7 @@ class Sides:
         """(key without the receiver, what features are read from) of one recording, made now unless it is in the store."""
         campaign = self._campaign(on, case)
         product = campaign.clean(domain, case)
-        if domain == "measured" or "hardware" in on:
+        if _received(domain, on):
             return product.key, campaign.processed(domain, case)[1]
         return product.key, process(load_clean(product), doppler=False)
 
@@ -132,6 +138,16 @@ class Sides:
     def keys(self) -> list[str]:
         """Of everything that was read."""
         return sorted({key for read in self._read.values() for key in read.keys})
+
+
+def _received(domain: str, on: Coalition) -> bool:
+    """Whether a side is read with its receiver's noise."""
+    return domain == "measured" or "hardware" in on
+
+
+def _setup(domain: str, on: Coalition) -> str:
+    """What a side's room is set up for."""
+    return " ".join(gap for gap in (SETS_UP if domain == "measured" else ("geometry", LABELS)) if gap in on) or "as it is"
 
 
 class _Side:

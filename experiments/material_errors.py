@@ -7,7 +7,7 @@ profile against the twin with true materials, from 0.3 to 5.5 m.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -33,9 +33,12 @@ WRONG = (0.0, 0.25, 0.5, 1.0)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaigns import Campaign as Recorded
+    from experiments.campaigns.campaign import Campaign as Recorded
+    from experiments.campaigns.campaign import together
 
-    return score(config, lambda chosen: Recorded(chosen, store, progress), progress)
+    campaigns = {name: Recorded(replace(config, materials=materials), store, progress) for name, (_, materials) in sources(config).items()}
+    together({key: one for some in campaigns.values() for key, one in transfer.missing(some, ROOM, MOTION).items()}, progress)
+    return score(config, campaigns, progress)
 
 
 def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
@@ -46,15 +49,16 @@ def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
     return found | {f"as configured ({config.materials.source})": (None, config.materials)}
 
 
-def score(config: Config, campaign_of: Callable[[Config], Campaign], progress: Progress) -> Result:
+def score(config: Config, campaigns: Mapping[str, Campaign], progress: Progress) -> Result:
+    """`campaigns`: by the names of `sources`."""
     table = Rows(config, [])
     used: set[str] = set()
     reference: Samples | None = None
     first: NDArray | None = None
     curve: list[dict[str, Any]] = []
-    for name, (share, materials) in sources(config).items():
+    for name, (share, _) in sources(config).items():
         progress.say(f"{MOTION} sweeps in {ROOM}: {name}")
-        campaign = campaign_of(replace(config, materials=materials))
+        campaign = campaigns[name]
         frames = transfer.read(campaign, ROOM, MOTION)
         used |= set(frames.keys)
         truth = frames.measured.per_recording()

@@ -26,6 +26,7 @@ from radartwin.store import Store
 
 ROOM, MOTION = "squash_court", "lateral"
 LABELLED, UNIFORM, VOID = "labelled materials", "one material", "no room"
+METHODS = ((LABELLED, "twin", None), (UNIFORM, "twin", "uniform"), (VOID, "void", None))  # with domain and materials
 PAPER = {
     "object": {LABELLED: "0.227 +- 0.015", UNIFORM: "0.192 +- 0.015", VOID: "0.138 +- 0.008"},
     "shape": {LABELLED: "0.65", UNIFORM: "0.66", VOID: "0.54"},
@@ -33,16 +34,26 @@ PAPER = {
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaigns import Campaign as Recorded
+    from experiments.campaigns.campaign import Campaign as Recorded
+    from experiments.campaigns.campaign import together
 
-    return score(config, Recorded(config, store, progress), store, progress)
+    check(config)
+    campaign = Recorded(config, store, progress)
+    sides = [transfer.missing(campaign, ROOM, MOTION, domain, materials) for _, domain, materials in METHODS]
+    together({key: one for some in sides for key, one in some.items()}, progress)
+    return score(config, campaign, store, progress)
+
+
+def check(config: Config) -> None:
+    """Raises ConfigError for a twin that is one of the worse ones."""
+    if config.materials.source in ("uniform", "void"):
+        raise ConfigError(f"the ablation compares labelled materials with worse ones; choose another source than {config.materials.source}")
 
 
 def score(config: Config, campaign: Campaign, store: Store, progress: Progress) -> Result:
-    if config.materials.source in ("uniform", "void"):
-        raise ConfigError(f"the ablation compares labelled materials with worse ones; choose another source than {config.materials.source}")
+    check(config)
     read: dict[str, transfer.Frames] = {}
-    for method, domain, materials in ((LABELLED, "twin", None), (UNIFORM, "twin", "uniform"), (VOID, "void", None)):
+    for method, domain, materials in METHODS:
         progress.say(f"{MOTION} sweeps in {ROOM}: {method}")
         read[method] = transfer.read(campaign, ROOM, MOTION, domain, materials)
     keys = sorted({key for frames in read.values() for key in frames.keys})

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from experiments import readings, scanning
-from experiments.campaigns import Campaign, tally
+from experiments.campaigns import Campaign, crew, tally
+from experiments.campaigns.campaign import together
 from experiments.campaigns.cases import BENCH_ROOM
 from experiments.labelled_probe import FEATURES, MOTION
 from experiments.methods import DEFAULT, OURS, POINTS, RFGENESIS
@@ -70,9 +71,14 @@ def twins(full: bool) -> list[Twin]:
 def measure(config: Config, store: Store, progress: Progress, full: bool) -> list[dict[str, Any]]:
     """A row of each method; the scan that all share is made beforehand."""
     scanning.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
-    rows = []
-    for method in progress.over(twins(full), "methods on the campaign"):
-        campaign = Campaign(_configured(config, method), store, progress)
+    rows: list[dict[str, Any]] = []
+    methods = [(method, Campaign(_configured(config, method), store, progress)) for method in twins(full)]
+    missing: dict[str, crew.Wanted] = {}
+    for _, campaign in methods:
+        measured, simulated = readings.shared_cases(campaign, MOTION)
+        missing |= campaign.missing([("measured", case) for case in measured] + [("twin", case) for case in simulated])
+    together(missing, progress)
+    for method, campaign in progress.over(methods, "methods on the campaign"):
         measured, simulated = readings.shared_cases(campaign, MOTION)
         told = readings.vectors(campaign, "measured", measured, FEATURES).samples
         made = readings.vectors(campaign, "twin", simulated, FEATURES)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from experiments import processes
 from experiments.methods import OURS, Method
 from experiments.sweeps import SWEEPS, Sweep, methods
 from radartwin.config import Config
@@ -29,8 +30,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """All sweeps; both profiles compute the same."""
     chosen = methods()
     rows: list[dict[str, Any]] = []
-    for sweep in progress.over(SWEEPS, "sweeps"):
-        rows += sweep_rows(sweep, [(method, [error(sweep, method, value) for value in sweep.values]) for method in chosen])
+    parts = [(number, method) for number in range(len(SWEEPS)) for method in chosen]
+    with progress.task("sweeps of a method", len(parts)) as done:
+        found = iter(processes.each(_errors, parts, config.jobs, done))
+    for sweep in SWEEPS:
+        rows += sweep_rows(sweep, [(method, next(found)) for method in chosen])
     broken = sum(math.isnan(float(one)) for row in rows for one in row["errors_db"].split())
     tried = sum(len(row["errors_db"].split()) for row in rows)
     rows.append({
@@ -49,6 +53,11 @@ def _figures(rows: list[dict[str, Any]]) -> dict[str, Callable[[], Figure]]:
     from experiments import stability_figure
 
     return {"stability": lambda: stability_figure.map_of(rows)}
+
+
+def _errors(number: int, method: Method) -> list[float]:
+    """Along one sweep."""
+    return [error(SWEEPS[number], method, value) for value in SWEEPS[number].values]
 
 
 def error(sweep: Sweep, method: Method, value: float) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from radartwin.features.rank import rank_normalise
 from radartwin.recognize.probes import forest, match_signatures
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import Split, label_free
+
+if TYPE_CHECKING:
+    from experiments.campaigns import Campaign as Recorded
 
 ENERGY = "_db"  # ends the names of features that depend on energy, and that the reflector calibrates
 
@@ -43,6 +46,13 @@ def read(campaign: Campaign, room: str, motion: str, domain: str = "twin", mater
     theirs = readings.frames(campaign, "measured", measured, motion)
     ours = readings.frames(campaign, domain, simulated, motion, materials=materials)
     return Frames(ours.samples, theirs.samples, tuple(sorted((*ours.keys, *theirs.keys))))
+
+
+def missing(campaign: Recorded, room: str, motion: str, domain: str = "twin", materials: Any = None) -> dict[str, Any]:
+    """What `read` would have to make, for several campaigns to make it together (experiments/campaigns/campaign.py)."""
+    measured, simulated = readings.shared_cases(campaign, motion, room, domain)
+    ours = campaign.missing([(domain, case) for case in simulated], materials)
+    return campaign.missing([("measured", case) for case in measured]) | ours
 
 
 def ranked(samples: Samples) -> Samples:

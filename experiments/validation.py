@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments import processes
 from experiments.oracles import near, rooms, targets
 from experiments.oracles.case import Case, Untestable, reference_rows
 from experiments.oracles.cases import CASES
@@ -33,9 +34,9 @@ LAYOUT = ("{:<11.11}", "{:<82.82}", "{:<58.58}", "{:>9.9}", "{:>9.9}", "{:>8.8}"
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute every case of the profile; rows in the order of the card."""
     full = config.profile.name != "quick"
-    rows = []
-    for case in progress.over([case for case in CASES if full or case.cost == "quick"], "validation cases"):
-        rows.append(row(case, full))
+    chosen = [(number, full) for number, case in enumerate(CASES) if full or case.cost == "quick"]
+    with progress.task("validation cases", len(chosen)) as done:
+        rows = processes.each(_row, chosen, config.jobs, done)
     count = {verdict: sum(r["verdict"] == verdict for r in rows) for verdict in ("holds", "fails", "untestable")}
     metrics = {f"cases_{verdict}": float(number) for verdict, number in count.items()}
     metrics |= {f"share_of_limit_{r['case']}": r["error"] / r["limit"] for r in rows if r["verdict"] == "fails"}
@@ -46,6 +47,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         "validation_room_profile": lambda: _room_figure(full),
     }
     return Result("validation", rows, figures, metrics)
+
+
+def _row(number: int, full: bool) -> dict[str, Any]:
+    return row(CASES[number], full)
 
 
 def row(case: Case, full: bool) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from experiments import processes
 from experiments.campaigns import crew, tally, truth, twin
 from experiments.campaigns.cases import Case, Log, log, planned
 from experiments.campaigns.recorded import Recorded
@@ -105,13 +106,19 @@ class Campaign:
 
     def prepare(self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None) -> None:
         """Make of these (domain, case) what is missing, processed ones too, by several processes where there are many (config.jobs)."""
-        made_here = [one for one in wanted if self._recorded is None or one[0] != "measured"]
-        missing = [one for one in made_here if not self.holds(*one, materials)]
-        count = crew.hands(self.config.jobs, len(missing))
-        if count > 1:
-            config = replace(self.config, materials=self._materials("twin", materials))
-            with self.progress.task("recordings", len(missing)) as made:
-                crew.make(config, missing, count, made)
+        together(self.missing(wanted, materials), self.progress)
+
+    def missing(
+        self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, clean: bool = False, setup: str = ""
+    ) -> dict[str, crew.Wanted]:
+        """{key: recording}, for `together`, of those that are not in the store and can be made (`clean`, `setup`: see crew.Wanted)."""
+        config, found = replace(self.config, materials=self._materials("twin", materials)), {}
+        for domain, case in wanted:
+            if self._recorded is None or domain != "measured":
+                spec, _, roots = self._clean(domain, case, materials)
+                if not self.store.holds(CLEAN, spec, roots):
+                    found[self.store.key(CLEAN, spec, roots)] = crew.Wanted(config, domain, case, clean, setup)
+        return found
 
     def plan(self, *domains: str) -> list[tuple[str, Case]]:
         """What there is to be made, of these domains or of both: cheap motions first, and together what shares a track."""
@@ -160,6 +167,16 @@ class Campaign:
     def _check(domain: str) -> None:
         if domain not in DOMAINS:
             raise InputError(f"campaign: there is no domain {domain!r}; choose {', '.join(DOMAINS)}")
+
+
+def together(missing: Mapping[str, crew.Wanted], progress: Progress) -> None:
+    """Make recordings that are missing of one campaign or of several, by several processes where there are many (config.jobs); where there
+    are few, whoever reads them first makes them."""
+    wanted = list(missing.values())
+    count = processes.hands(wanted[0].config.jobs, len(wanted)) if wanted else 1
+    if count > 1:
+        with progress.task("recordings", len(wanted)) as made:
+            crew.make(wanted, count, made)
 
 
 def load_clean(product: Product) -> Recording:

@@ -1,76 +1,67 @@
 """Who makes which recordings: tracks stay whole, and a room is scanned by one process while others do something else."""
 
 import itertools
-from collections import defaultdict
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 
-from experiments.campaigns import crew
-from experiments.campaigns.cases import planned
+from experiments.campaigns.cases import ROVER, planned
+from experiments.campaigns.crew import Tracks, Wanted
 from radartwin.compose import compose
+from radartwin.config import MaterialsConfig
 
-
-class _Hand:
-    """The parent's end of a process: what it was given."""
-
-    def __init__(self):
-        self.given = []
-
-    def send(self, piece):
-        self.given.append(piece)
-
-
-def _hand() -> Any:
-    return _Hand()
+CONFIG = compose(["profile=quick"])
 
 
 @pytest.fixture
-def left() -> Any:
-    found = defaultdict(list)
-    config = compose(["profile=quick"]).profile.campaign
-    for domain in ("measured", "twin"):
-        for case in planned(config, domain == "measured"):
-            found[crew._track(domain, case)].append((domain, case))
-    return found
+def wanted() -> list[Wanted]:
+    return [
+        Wanted(CONFIG, domain, case) for domain in ("measured", "twin") for case in planned(CONFIG.profile.campaign, domain == "measured")
+    ]
 
 
-def _rooms(piece):
-    return {(domain, case.room) for domain, case in piece}
+def _rooms(piece: Sequence[Wanted] | None) -> set[tuple[str, str]]:
+    assert piece
+    return {(one.domain, one.case.room) for one in piece}
 
 
-def test_scanned_rooms_come_first_one_for_each_process(left):
-    one, other = _hand(), _hand()
-    hands: Any = {one: (None, None), other: (None, None)}
-    crew._give(one, hands, left)
-    crew._give(other, hands, left)
-    assert _rooms(one.given[0]) | _rooms(other.given[0]) == {("twin", "lab"), ("twin", "squash_court")}
-    third = _hand()
-    hands[third] = (None, None)
-    crew._give(third, hands, left)
-    assert {domain for domain, _ in _rooms(third.given[0])} == {"measured"}  # rather than wait for a scan
+def _track(one: Wanted) -> tuple[str, str, str]:
+    return one.domain, one.case.room, one.case.motion if one.case.motion in ROVER else "bench"
 
 
-def test_all_is_given_once_and_a_track_stays_where_it_is(left):
-    wanted = sorted(str(one) for some in left.values() for one in some)
-    hand, other = _hand(), _hand()
-    hands: Any = {hand: (None, None), other: (None, None)}
-    ended = []
+def test_scanned_rooms_come_first_one_for_each_process(wanted: list[Wanted]) -> None:
+    tracks = Tracks(wanted)
+    assert _rooms(tracks.give("one")) | _rooms(tracks.give("other")) == {("twin", "lab"), ("twin", "squash_court")}
+    assert {domain for domain, _ in _rooms(tracks.give("third"))} == {"measured"}  # rather than wait for a scan
+
+
+def test_all_is_given_once_and_a_track_stays_where_it_is(wanted: list[Wanted]) -> None:
+    tracks, given = Tracks(wanted), {"one": [], "other": []}
+    hands = list(given)
     while hands:
-        for one in list(hands):
-            hands[one] = (_Process(ended), hands[one][1])
-            crew._give(one, hands, left)
-    given = [piece for one in (hand, other) for piece in one.given if piece]
-    assert sorted(str(one) for piece in given for one in piece) == wanted
-    assert len(ended) == 2
-    for one in (hand, other):
-        tracks = [crew._track(*piece[0]) for piece in one.given if piece]
-        assert len(set(tracks)) == len(list(itertools.groupby(tracks)))
+        for hand in list(hands):
+            piece = tracks.give(hand)
+            if piece is None:
+                hands.remove(hand)
+            else:
+                given[hand].append(piece)
+    names = sorted((one.domain, one.case.name) for pieces in given.values() for piece in pieces for one in piece)
+    assert names == sorted((one.domain, one.case.name) for one in wanted)
+    for pieces in given.values():
+        followed = [_track(piece[0]) for piece in pieces]
+        assert all({_track(one) for one in piece} == {track} for piece, track in zip(pieces, followed, strict=True))
+        assert len(set(followed)) == len(list(itertools.groupby(followed)))
 
 
-class _Process:
-    def __init__(self, ended):
-        self._ended = ended
-
-    def join(self):
-        self._ended.append(self)
+def test_two_materials_of_a_room_are_two_tracks_unless_they_set_up_the_same(wanted: list[Wanted]) -> None:
+    driven = [one for one in wanted if _track(one) == ("twin", "squash_court", "lateral")]
+    other = replace(CONFIG, materials=MaterialsConfig("uniform"))
+    apart = Tracks([*driven, *(replace(one, config=other) for one in driven)])
+    first, second = apart.give("one"), apart.give("other")
+    assert first is not None
+    assert second is not None
+    assert {one.config.materials.source for one in first} == {CONFIG.materials.source}
+    assert {one.config.materials.source for one in second} == {"uniform"}
+    together = Tracks([replace(one, config=config, setup="same") for config in (CONFIG, other) for one in driven])
+    assert len(together.left) == 1

@@ -23,7 +23,7 @@ from experiments import (
 from experiments.readings import shared_cases
 from experiments.recognition import Rows
 from radartwin.compose import compose
-from radartwin.config import Config
+from radartwin.config import Config, MaterialsConfig
 from radartwin.experiment import Result, check_rows, save
 from radartwin.progress import Progress
 from radartwin.recognize.samples import MEASURED, Part, gather
@@ -234,13 +234,14 @@ def test_material_errors_start_at_the_truth(tmp_path: Path, profile: str, shares
         def processed(self, domain, case, materials=None):
             return super().processed(domain, case, materials or self.source)
 
-    def campaign_of(chosen: Config) -> FakeCampaign:
+    def campaign_of(materials: MaterialsConfig) -> FakeCampaign:
         made = Labelled(objects=OBJECTS, frames=16, repetitions=2, motions=("lateral",), rooms=("squash_court",))
-        made.source = chosen.materials.source
+        made.source = materials.source
         return made
 
     chosen = config("material_errors", f"profile.name={profile}")
-    result = checked(material_errors.score(chosen, campaign_of, Progress()), tmp_path / "result")
+    campaigns = {name: campaign_of(materials) for name, (_, materials) in material_errors.sources(chosen).items()}
+    result = checked(material_errors.score(chosen, campaigns, Progress()), tmp_path / "result")
     errors = [one["value"] for one in result.rows if one["metric"].startswith("level error")]
     assert errors[0] == 0
     assert len(errors) == shares + 2  # and as configured

@@ -1,0 +1,89 @@
+"""Work shared among processes: the answers of one, whoever gives them, and what is told when one of the processes fails."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from experiments import processes
+from radartwin.errors import BackendError, ConfigError
+
+ITEMS = [(number, number + 1) for number in range(6)]
+
+
+def product(one: int, other: int) -> tuple[int, int]:
+    return one * other, os.getpid()
+
+
+def refused(one: int, other: int) -> int:
+    if one == 3:
+        raise ConfigError(f"number {one} is refused")
+    return other
+
+
+def broken(one: int, other: int) -> float:
+    return one / (other - 4)
+
+
+def killed(one: int, other: int) -> int:
+    if one == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return other
+
+
+def hungry(one: int, other: int) -> int:
+    if one == 2:
+        raise MemoryError("unable to allocate 8 TiB")
+    return other
+
+
+def test_answers_come_in_the_order_of_the_items_from_one_process_or_several() -> None:
+    counted = []
+    alone = processes.each(product, ITEMS, 1, lambda: counted.append(1))
+    shared = processes.each(product, ITEMS, 2, lambda: counted.append(1))
+    assert [value for value, _ in shared] == [value for value, _ in alone] == [one * other for one, other in ITEMS]
+    assert {pid for _, pid in alone} == {os.getpid()}
+    assert os.getpid() not in {pid for _, pid in shared}
+    assert len(counted) == 2 * len(ITEMS)
+
+
+def test_few_pieces_start_no_process() -> None:
+    assert {pid for _, pid in processes.each(product, ITEMS[: processes.LEAST - 1], 2)} == {os.getpid()}
+    assert processes.each(product, [], 2) == []
+
+
+def test_processes_that_are_kept_do_the_next_work_too_and_end_with_it() -> None:
+    with processes.kept():
+        first = {pid for _, pid in processes.each(product, ITEMS, 2)}
+        second = {pid for _, pid in processes.each(product, ITEMS, 2)}
+        assert first | second == set(map(_alive, first | second))
+        assert len(first | second) <= 2
+    for pid in first | second:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+    assert {pid for _, pid in processes.each(product, ITEMS, 2)}.isdisjoint(first)
+
+
+def _alive(pid: int) -> int:
+    os.kill(pid, 0)
+    return pid
+
+
+@pytest.mark.parametrize(
+    ("function", "error", "words"),
+    [
+        (refused, ConfigError, "^number 3 is refused$"),
+        (broken, RuntimeError, "(?s)one of the processes failed.*ZeroDivisionError"),
+        (killed, BackendError, r"ended \(exit status -9\).*jobs=1"),
+        (hungry, BackendError, r"ran out of memory \(unable to allocate 8 TiB\).*jobs=1"),
+    ],
+)
+def test_what_goes_wrong_in_a_process_is_told_here_and_ends_them_all(function, error: type[Exception], words: str) -> None:
+    with processes.kept():
+        before = {pid for _, pid in processes.each(product, ITEMS, 2)}
+        with pytest.raises(error, match=words):
+            processes.each(function, ITEMS, 2)
+        after = {pid for _, pid in processes.each(product, ITEMS, 2)}
+        assert after.isdisjoint(before)
