@@ -22,7 +22,7 @@ from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.legs import DIRECT, SHARE, Legs
 from radartwin.simulation.panel_room import PanelRoom
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import pruned
+from radartwin.simulation.pruning import outstanding
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
@@ -116,26 +116,34 @@ def group_paths(
     order = hits.bounce + (0 if legs is None else legs.panels_met(out_leg[row]) + legs.panels_met(back_leg[row]))
     departure, arrival = (np.einsum("nij,nj->ni", end.turn[row], d) for end, d in ((out, hits.departure), (back, hits.arrival)))
     rate = -np.einsum("ni,ni->n", hits.departure, out.velocity[row]) - np.einsum("ni,ni->n", hits.arrival, back.velocity[row])
-    parts = []
+    parts, firsts, crosses = [], [], []
     for chosen, over in ((free & straight[row], None), (free & ~straight[row], legs)):
+        chosen = np.flatnonzero(chosen)
         amplitude, nodes = hits.amplitude[chosen], table.frequencies_hz
         if over is not None:
             nodes = over.frequencies_hz
             amplitude = amplitude @ lagrange_basis(table.frequencies_hz, nodes)
             for leg, point in zip((out_leg, back_leg), points, strict=True):
                 over.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen])
-        part = Paths(
+        parts.append(Paths(
             frames, frame[chosen], order[chosen], amplitude, nodes, hits.length_in_m[chosen], hits.length_out_m[chosen],
             departure[chosen], arrival[chosen], rate[chosen],
-        )  # fmt: skip
-        if over is not None:  # the same ways backwards
-            cross = (out_leg != back_leg)[row[chosen]]
-            there = part.where(cross)
-            first = hits.first_m[chosen][cross]
-            lengths = {"length_in_m": there.length_m - first, "length_out_m": first}
-            part = Paths.concatenate([part, replace(there, departure=there.arrival, arrival=there.departure, **lengths)])
-        parts.append(part)
-    return [part.where(np.argsort(part.pose, kind="stable")) for part in pruned(parts, radar, prune)]
+        ))  # fmt: skip
+        firsts.append(hits.first_m[chosen])
+        crosses.append((out_leg != back_leg)[row[chosen]])
+    matter = [np.flatnonzero(mask) for mask in outstanding(parts, radar, prune)]
+    ordered = [keep[np.argsort(part.pose[keep], kind="stable")] for part, keep in zip(parts, matter, strict=True)]
+    found = [part.where(keep) for part, keep in zip(parts, ordered, strict=True)]
+    return [_both_ways(*one) for one in zip(found, *([x[keep] for x, keep in zip(of, ordered, strict=True)] for of in (firsts, crosses)))]
+
+
+def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
+    """With the same ways backwards, of those over two different legs."""
+    if not cross.any():
+        return part
+    there, first = part.where(cross), first_m[cross]
+    lengths = {"length_in_m": there.length_m - first, "length_out_m": first}
+    return Paths.concatenate([part, replace(there, departure=there.arrival, arrival=there.departure, **lengths)])
 
 
 def _traced(

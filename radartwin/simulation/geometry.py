@@ -35,6 +35,8 @@ class Geometry:
     hollow_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _scene: Any = field(default=None, repr=False)
     _convex: bool | None = field(default=None, repr=False)
+    _curved: bool | None = field(default=None, repr=False)
+    _hull: np.ndarray | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.patch) != len(self.corners):
@@ -50,7 +52,9 @@ class Geometry:
     @property
     def curved(self) -> bool:
         """Whether any facet bends between its corners."""
-        return bool(np.ptp(self.normals, axis=1).max(initial=0.0) > 1e-6)
+        if self._curved is None:
+            self._curved = bool(np.ptp(self.normals, axis=1).max(initial=0.0) > 1e-6)
+        return self._curved
 
     @property
     def convex(self) -> bool:
@@ -78,8 +82,13 @@ class Geometry:
         points = self.corners.reshape(-1, 3)
         return (points.min(0) + points.max(0)) / 2
 
-    def hull_points(self, limit: int = 4000) -> np.ndarray:
+    def hull_points(self) -> np.ndarray:
         """(V, 3) points whose bounding box in any view holds the whole geometry."""
+        if self._hull is None:
+            self._hull = self._hull_points()
+        return self._hull
+
+    def _hull_points(self, limit: int = 4000) -> np.ndarray:
         points = np.unique(self.corners.reshape(-1, 3), axis=0)
         if len(points) <= 64:
             return points

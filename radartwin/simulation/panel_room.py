@@ -107,10 +107,9 @@ class PanelRoom:
         labels = np.where(self.rest | ~self.usable[self.panels.of_face], face_labels.OTHER, self.panels.of_face)[there]
         transmit, receive = tubes.Antennas(sources, axes), tubes.Antennas(receivers, axes)
         rotation = np.broadcast_to(np.eye(3), (len(sources), 3, 3))
+        envelope = self.table.envelope()
         for grid in launch.all_around(sources, rotation, rays):
-            hits = tubes.trace(
-                geometry, self.table.envelope(), grid, transmit, receive, max_bounces=longest, labels=labels, prune=share, hats=True
-            )
+            hits = tubes.trace(geometry, envelope, grid, transmit, receive, max_bounces=longest, labels=labels, prune=share, hats=True)
             order = np.lexsort((hits.sequence, hits.bounce, hits.pose))
             rows = [values[order] for values in (hits.pose, hits.bounce, hits.sequence)]
             first = np.logical_or.reduce([np.diff(values, prepend=~values[:1]) != 0 for values in rows])  # much faster than rows by unique

@@ -33,10 +33,15 @@ class Pruner:
         return (one >= self._share * self.strongest[paths.pose]) & (one > 0)
 
 
+def outstanding(parts: Sequence[Paths], radar: Radar, share: float) -> list[np.ndarray]:
+    """Masks of the paths that are at least a share of the strongest of their pose in all parts, which have the same poses."""
+    levels = [level(part, radar) for part in parts]
+    strongest = np.zeros(parts[0].poses if parts else 0)
+    for part, one in zip(parts, levels, strict=True):
+        np.maximum.at(strongest, part.pose, one)
+    return [(one >= share * strongest[part.pose]) & (one > 0) for part, one in zip(parts, levels, strict=True)]
+
+
 def pruned(parts: Sequence[Paths], radar: Radar, share: float) -> list[Paths]:
     """Parts of the same poses without paths below a share of the strongest of their pose in all of them."""
-    if not parts:
-        return []
-    pruner = Pruner(radar, share, parts[0].poses)
-    once = [pruner.add(part) for part in parts]
-    return [pruner.add(part) for part in once]
+    return [part.where(mask) for part, mask in zip(parts, outstanding(parts, radar, share), strict=True)]
