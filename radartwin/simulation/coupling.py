@@ -131,10 +131,12 @@ def group_paths(
         ))  # fmt: skip
         firsts.append(hits.first_m[chosen])
         crosses.append((out_leg != back_leg)[row[chosen]])
-    matter = [np.flatnonzero(mask) for mask in outstanding(parts, radar, prune)]
-    ordered = [keep[np.argsort(part.pose[keep], kind="stable")] for part, keep in zip(parts, matter, strict=True)]
-    found = [part.where(keep) for part, keep in zip(parts, ordered, strict=True)]
-    return [_both_ways(*one) for one in zip(found, *([x[keep] for x, keep in zip(of, ordered, strict=True)] for of in (firsts, crosses)))]
+    kept = []
+    for part, first, cross, mask in zip(parts, firsts, crosses, outstanding(parts, radar, prune), strict=True):
+        keep = np.flatnonzero(mask)
+        keep = keep[np.argsort(part.pose[keep], kind="stable")]
+        kept.append(_both_ways(part.where(keep), first[keep], cross[keep]))
+    return kept
 
 
 def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
