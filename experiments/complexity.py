@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import complexity_cost, complexity_figure, measuring
+from experiments import complexity_cost, complexity_figure, measuring, processes
 from experiments.campaigns.cases import Case, Log, log, stand_top
 from experiments.claims import NONE, Claim, row
 from experiments.statistics import Estimate
@@ -156,7 +156,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     Raises:
         ConfigError: a scan without a thing under test, or whose motion has no known repeatability.
     """
-    asked = [one for case in CASES.get(config.profile.name, CASES["paper"]) for one in _of_case(case, config, store)]
+    cases = CASES.get(config.profile.name, CASES["paper"])
+    if processes.hands(config.jobs, len(cases)) > 1:
+        with progress.task("cases, before they are compared", len(cases)) as done:
+            processes.each(_recorded, [(case, config) for case in cases], config.jobs, done)
+    asked = [one for case in cases for one in _of_case(case, config, store)]
     if config.scene.name == "scan":
         asked += _of_scan(config, store)
     alone = []
@@ -181,6 +185,16 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     claimed = [r for r in rows if r["claim"] and r["value"] is not None]
     metrics = {_plain(f"{r['metric']} {r['case']} {r['features']}"): r["value"] for r in claimed}
     return Result("complexity", rows, figures, metrics, [])
+
+
+def _recorded(case: Case, config: Config) -> None:
+    """Fill the store with what the choice for a case by itself records, and its errors."""
+    with tempfile.TemporaryDirectory() as folder, path_cache.kept_in(folder):
+        for one in _of_case(case, config, Store(Path(config.output) / "cache")):
+            chosen = choose([(one.kept, one.limits)]).model
+            for model in (chosen, DEFAULT):
+                one.error(model, between=True)
+            one.error(replace(DEFAULT, layered=False))
 
 
 def _plain(name: str) -> str:

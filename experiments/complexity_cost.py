@@ -1,8 +1,8 @@
 """What models cost on a whole recording: core seconds a frame, models in turn, from a short recording and a longer one.
 
 A recording costs what it costs however short it is, such as the room, which a radar at rest traces once, and what each further frame adds.
-Both are told from recordings of a probe's frames and of half as many, each made several times while models take turns; the short one is
-made beforehand, so that everything is compiled. Paths that are kept are dropped before each first recording.
+Both are told from recordings of a probe's frames and of half as many, each made several times while models take turns; a few frames are
+recorded beforehand, so that everything is compiled. Paths that are kept are dropped before each first recording.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from radartwin.store import Store, save_json
 
 ROOTS = ("experiments.complexity_cost",)
 FRAMES = 250, 50  # of a whole turn, and of a drive
+FIRST = 4  # of a probe's, to compile what models need
 
 
 def whole(probe: Probe) -> int:
@@ -41,8 +42,9 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
     spec: dict[str, Any] = {**few.described(), "families": None, "models": ordered, "rounds": rounds, "machine": measuring.machine()}
 
     def build(folder: Path) -> None:
+        first = probe_of(FIRST, False)
         for model in ordered:
-            few.record(model)
+            first.record(model)
         found = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
         save_json(folder, "seconds", found)
 
