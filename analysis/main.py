@@ -13,7 +13,7 @@ from pathlib import Path
 from analysis import registry, report
 from analysis import tables as writers
 from experiments import processes
-from radartwin import files, plain_json, plotting, secret
+from radartwin import files, memory, plain_json, plotting, secret
 from radartwin.compose import compose, path_override
 from radartwin.errors import ConfigError, InputError, MissingError, UserError
 from radartwin.experiment import Result
@@ -61,6 +61,8 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
             write(table, result, profile, output)
             made.append(table.name)
             print(summary(result))
+            del result
+            memory.give_back()
     page = write_report(output, fresh=made)
     totals = f"simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}"
     print(f"tables: {len(made)} written, {totals}; report: {page}")

@@ -85,7 +85,7 @@ def make(campaign: Campaign, progress: Progress) -> list[Made]:
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
     told = f"{len(wanted)} recordings, {len(missing)} of them to be made: {sum(frames for frames, _ in counts):,} frames"
     progress.say(f"campaign: {told} from {sum(traced for _, traced in counts):,} traced states, about {size / 1e9:.2g} GB")
-    campaign.prepare(missing)
+    campaign.prepare(missing, fresh=True)
     return _with_scans(
         campaign, [_made(campaign, domain, case, (domain, case) in missing) for domain, case in progress.over(wanted, "recordings")]
     )

@@ -158,7 +158,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """
     cases = CASES.get(config.profile.name, CASES["paper"])
     if processes.hands(config.jobs, len(cases)) > 1:
-        with progress.task("cases, before they are compared", len(cases)) as done:
+        with progress.task("cases recorded", len(cases)) as done:
             processes.each(_recorded, [(case, config) for case in cases], config.jobs, done)
     asked = [one for case in cases for one in _of_case(case, config, store)]
     if config.scene.name == "scan":
@@ -188,7 +188,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _recorded(case: Case, config: Config) -> None:
-    """Fill the store with what the choice for a case by itself records, and its errors."""
+    """Fill the store with what the choice for a case by itself reads, and what its errors read."""
     with tempfile.TemporaryDirectory() as folder, path_cache.kept_in(folder):
         for one in _of_case(case, config, Store(Path(config.output) / "cache")):
             chosen = choose([(one.kept, one.limits)]).model

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from experiments import measuring
-from radartwin.adaptive.model import Model
+from radartwin.adaptive.model import DEFAULT, Model
 from radartwin.adaptive.probe import Probe
 from radartwin.simulation import path_cache
 from radartwin.store import Store, save_json
@@ -45,6 +45,7 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
         first = probe_of(FIRST, False)
         for model in ordered:
             first.record(model)
+        few.record(DEFAULT)  # memory that stays with the process
         found = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
         save_json(folder, "seconds", found)
 

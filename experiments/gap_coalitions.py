@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from experiments import readings, transfer
 from experiments.campaigns import crew
-from experiments.campaigns.campaign import Campaign, load_clean, together
+from experiments.campaigns.campaign import Campaign, load_clean, make_together
 from experiments.campaigns.cases import Case
 from experiments.coalitions import Coalition
 from experiments.readings import recording_name
@@ -35,7 +35,7 @@ TWIN = frozenset(("geometry", LABELS, "hardware"))  # what decides the twin's si
 TESTBED = tuple(f.name for f in fields(GapConfig) if f.name != "geometry")
 GAPS = ("geometry", LABELS, *TESTBED)
 # What the testbed's room must be set up anew for
-SETS_UP = ("clutter", "solver", "materials", "roughness", "hardware")
+SETS_UP = ("clutter", "solver", "materials", "roughness", "contents", "hardware")
 FEATURES = "rotation"
 # Of the feature error: all that is seen at 1 m is narrower than the array's beam, so that its extent spreads by 0.0015 rad between objects
 # and the channels' mismatch alone moves it by 27 spreads, which outweighed all else (seen in the first run)
@@ -93,13 +93,19 @@ class Sides:
         """Make and read what these sets need; what shares a room is made together."""
         wanted = {(domain, side(domain, on)) for on in sets_of_gaps for domain in ("twin", "measured")}
         ordered = sorted(wanted, key=lambda one: (one[0], _setup(*one), sorted(one[1])))
-        missing: dict[str, crew.Wanted] = {}
-        for domain, on in ordered:
-            for case in self.cases:
-                missing |= self._campaign(on, case).missing([(domain, case)], clean=not _received(domain, on), setup=_setup(domain, on))
-        together(missing, self.progress)
+        self.make(ordered)
         for domain, on in self.progress.over(ordered, "sides"):
             self.read(domain, on)
+
+    def make(self, some: Sequence[tuple[str, Coalition]]) -> None:
+        """Make what is missing of these sides, by several processes."""
+        missing: dict[str, crew.Wanted] = {}
+        for domain, on in some:
+            for case in self.cases:
+                setup, clean = _setup(domain, _switched(on, case)), not _received(domain, on)
+                for key, one in self._campaign(on, case).missing([(domain, case)], clean=clean, setup=setup).items():
+                    missing[key] = replace(one, clean=clean and missing.get(key, one).clean)
+        make_together(missing, self.progress)
 
     def read(self, domain: str, on: Coalition) -> Read:
         """One side."""
@@ -131,13 +137,17 @@ class Sides:
         return self._campaign(frozenset(), case).log(case, domain)
 
     def _campaign(self, on: Coalition, case: Case) -> Campaign:
-        holds_liquid = catalogue()[case.object].contents is not None
-        return Campaign(configured(self.config, on if holds_liquid else on | {"contents"}), self.store, self.progress)
+        return Campaign(configured(self.config, _switched(on, case)), self.store, self.progress)
 
     @property
     def keys(self) -> list[str]:
         """Of everything that was read."""
         return sorted({key for read in self._read.values() for key in read.keys})
+
+
+def _switched(on: Coalition, case: Case) -> Coalition:
+    """The gaps that are on: what holds no liquid is recorded with `contents` alone."""
+    return on if catalogue()[case.object].contents is not None else on | {"contents"}
 
 
 def _received(domain: str, on: Coalition) -> bool:

@@ -34,10 +34,10 @@ WRONG = (0.0, 0.25, 0.5, 1.0)
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     from experiments.campaigns.campaign import Campaign as Recorded
-    from experiments.campaigns.campaign import together
+    from experiments.campaigns.campaign import make_together
 
     campaigns = {name: Recorded(replace(config, materials=materials), store, progress) for name, (_, materials) in sources(config).items()}
-    together({key: one for some in campaigns.values() for key, one in transfer.missing(some, ROOM, MOTION).items()}, progress)
+    make_together({key: one for some in campaigns.values() for key, one in transfer.missing(some, ROOM, MOTION).items()}, progress)
     return score(config, campaigns, progress)
 
 

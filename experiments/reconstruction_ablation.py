@@ -35,12 +35,12 @@ PAPER = {
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     from experiments.campaigns.campaign import Campaign as Recorded
-    from experiments.campaigns.campaign import together
+    from experiments.campaigns.campaign import make_together
 
     check(config)
     campaign = Recorded(config, store, progress)
     sides = [transfer.missing(campaign, ROOM, MOTION, domain, materials) for _, domain, materials in METHODS]
-    together({key: one for some in sides for key, one in some.items()}, progress)
+    make_together({key: one for some in sides for key, one in some.items()}, progress)
     return score(config, campaign, store, progress)
 
 

@@ -4,7 +4,8 @@ Feature error: root mean square over the rotation features of a simulated turn l
 feature over the measured recordings; brightness after one gain for all, which a reflector would tell, so that methods without an absolute
 level are judged by the rest. Recognition: a linear probe on ranks, trained on the simulated turns alone, tells symmetric from asymmetric
 objects (as turntable_label_free, without an encoder). Seconds are of the processors, of recordings as they were made by whichever process:
-the median over those that found everything set up, and a share of the least that setting up took. The campaign is the quick one in every
+the median over those that found everything set up, and a share of the least that setting up took; each method's
+in processes of its own. The campaign is the quick one in every
 profile.
 """
 
@@ -17,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from experiments import readings, scanning
-from experiments.campaigns import Campaign, crew, tally
-from experiments.campaigns.campaign import together
+from experiments.campaigns import Campaign, tally
 from experiments.campaigns.cases import BENCH_ROOM
 from experiments.labelled_probe import FEATURES, MOTION
 from experiments.methods import DEFAULT, OURS, POINTS, RFGENESIS
@@ -71,15 +71,11 @@ def twins(full: bool) -> list[Twin]:
 def measure(config: Config, store: Store, progress: Progress, full: bool) -> list[dict[str, Any]]:
     """A row of each method; the scan that all share is made beforehand."""
     scanning.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
-    rows: list[dict[str, Any]] = []
-    methods = [(method, Campaign(_configured(config, method), store, progress)) for method in twins(full)]
-    missing: dict[str, crew.Wanted] = {}
-    for _, campaign in methods:
+    rows = []
+    for method in progress.over(twins(full), "methods on the campaign"):
+        campaign = Campaign(_configured(config, method), store, progress)
         measured, simulated = readings.shared_cases(campaign, MOTION)
-        missing |= campaign.missing([("measured", case) for case in measured] + [("twin", case) for case in simulated])
-    together(missing, progress)
-    for method, campaign in progress.over(methods, "methods on the campaign"):
-        measured, simulated = readings.shared_cases(campaign, MOTION)
+        campaign.prepare([("twin", case) for case in simulated], fresh=True)
         told = readings.vectors(campaign, "measured", measured, FEATURES).samples
         made = readings.vectors(campaign, "twin", simulated, FEATURES)
         error, spread = feature_error(made.samples, told)

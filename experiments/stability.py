@@ -31,7 +31,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     chosen = methods()
     rows: list[dict[str, Any]] = []
     parts = [(number, method) for number in range(len(SWEEPS)) for method in chosen]
-    with progress.task("sweeps of a method", len(parts)) as done:
+    with progress.task("sweeps by method", len(parts)) as done:
         found = iter(processes.each(_errors, parts, config.jobs, done))
     for sweep in SWEEPS:
         rows += sweep_rows(sweep, [(method, next(found)) for method in chosen])

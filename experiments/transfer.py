@@ -26,7 +26,8 @@ from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import Split, label_free
 
 if TYPE_CHECKING:
-    from experiments.campaigns import Campaign as Recorded
+    from experiments.campaigns import Campaign as Kept
+    from experiments.campaigns.crew import Wanted
 
 ENERGY = "_db"  # ends the names of features that depend on energy, and that the reflector calibrates
 
@@ -48,7 +49,7 @@ def read(campaign: Campaign, room: str, motion: str, domain: str = "twin", mater
     return Frames(ours.samples, theirs.samples, tuple(sorted((*ours.keys, *theirs.keys))))
 
 
-def missing(campaign: Recorded, room: str, motion: str, domain: str = "twin", materials: Any = None) -> dict[str, Any]:
+def missing(campaign: Kept, room: str, motion: str, domain: str = "twin", materials: Any = None) -> dict[str, Wanted]:
     """What `read` would have to make, for several campaigns to make it together (experiments/campaigns/campaign.py)."""
     measured, simulated = readings.shared_cases(campaign, motion, room, domain)
     ours = campaign.missing([(domain, case) for case in simulated], materials)

@@ -542,7 +542,7 @@ class Config:
     experiment: ExperimentConfig = field(default_factory=ExperimentConfig)
     seed: int = 0
     output: str = _unkeyed("outputs")
-    jobs: int = _unkeyed(0)  # processes that make a campaign's recordings; 0: as many as there are cores and memory for
+    jobs: int = _unkeyed(0)  # processes that recordings and tables are made by; 0: as many as there are cores and memory for
 
     def __post_init__(self) -> None:
         if self.jobs < 0:

@@ -104,20 +104,21 @@ class Campaign:
         spec, _, roots = self._clean(domain, case, materials)
         return self.store.holds(CLEAN, spec, roots)
 
-    def prepare(self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None) -> None:
-        """Make of these (domain, case) what is missing, processed ones too, by several processes where there are many (config.jobs)."""
-        together(self.missing(wanted, materials), self.progress)
+    def prepare(self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, fresh: bool = False) -> None:
+        """Make of these (domain, case) what is missing, processed ones too, by several processes where there are many (config.jobs);
+        `fresh`: by new ones, so that nothing is set up where what each costs is told."""
+        make_together(self.missing(wanted, materials), self.progress, fresh)
 
     def missing(
         self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, clean: bool = False, setup: str = ""
     ) -> dict[str, crew.Wanted]:
-        """{key: recording}, for `together`, of those that are not in the store and can be made (`clean`, `setup`: see crew.Wanted)."""
+        """{key: recording}, for `make_together`, of those that are not in the store and can be made (`clean`, `setup`: see crew.Wanted)."""
         config, found = replace(self.config, materials=self._materials("twin", materials)), {}
         for domain, case in wanted:
             if self._recorded is None or domain != "measured":
                 spec, _, roots = self._clean(domain, case, materials)
                 if not self.store.holds(CLEAN, spec, roots):
-                    found[self.store.key(CLEAN, spec, roots)] = crew.Wanted(config, domain, case, clean, setup)
+                    found[self.store.key(CLEAN, spec, roots)] = crew.Wanted(config, self.store.root, domain, case, clean, setup)
         return found
 
     def plan(self, *domains: str) -> list[tuple[str, Case]]:
@@ -169,14 +170,14 @@ class Campaign:
             raise InputError(f"campaign: there is no domain {domain!r}; choose {', '.join(DOMAINS)}")
 
 
-def together(missing: Mapping[str, crew.Wanted], progress: Progress) -> None:
+def make_together(missing: Mapping[str, crew.Wanted], progress: Progress, fresh: bool = False) -> None:
     """Make recordings that are missing of one campaign or of several, by several processes where there are many (config.jobs); where there
     are few, whoever reads them first makes them."""
     wanted = list(missing.values())
     count = processes.hands(wanted[0].config.jobs, len(wanted)) if wanted else 1
     if count > 1:
         with progress.task("recordings", len(wanted)) as made:
-            crew.make(wanted, count, made)
+            crew.make(wanted, count, made, fresh)
 
 
 def load_clean(product: Product) -> Recording:

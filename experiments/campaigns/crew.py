@@ -29,11 +29,13 @@ class Wanted:
     """A recording of the campaign of a configuration.
 
     Attributes:
+        root: of the store that it goes to.
         clean: without what features are read from.
         setup: what it sets up, where several configurations set up the same; otherwise each does its own.
     """
 
     config: Config
+    root: Path
     domain: str
     case: Case
     clean: bool = False
@@ -76,20 +78,20 @@ class Tracks:
         return piece
 
 
-def make(wanted: Sequence[Wanted], count: int, made: Callable[[], object]) -> None:
-    """Make recordings, in `count` processes; the output folders of their configurations hold the stores.
+def make(wanted: Sequence[Wanted], count: int, made: Callable[[], object], fresh: bool = False) -> None:
+    """Make recordings, in `count` processes.
 
     Args:
-        made: called after each recording.
+        made: called after each recording. fresh: as processes.run.
     Raises:
         as processes.run.
     """
-    processes.run(_made, Tracks(wanted).give, lambda _: made(), count)
+    processes.run(_made, Tracks(wanted).give, lambda _: made(), count, fresh)
 
 
 def _made(piece: Sequence[Wanted], tell: processes.Tell) -> None:
     for one in piece:
-        campaign = _campaign_of(one.config)
+        campaign = _campaign_of(one.config, one.root)
         if one.clean:
             campaign.clean(one.domain, one.case)
         else:
@@ -97,13 +99,13 @@ def _made(piece: Sequence[Wanted], tell: processes.Tell) -> None:
         tell(one.case.name)
 
 
-_last: list[tuple[Config, Campaign]] = []
+_last: list[tuple[Config, Path, Campaign]] = []
 
 
-def _campaign_of(config: Config) -> Campaign:
+def _campaign_of(config: Config, root: Path) -> Campaign:
     """The last one again, or a new one."""
     from experiments.campaigns.campaign import Campaign
 
-    if not _last or _last[0][0] != config:
-        _last[:] = [(config, Campaign(config, Store(Path(config.output) / "cache"), Progress(quiet=True)))]
-    return _last[0][1]
+    if not _last or _last[0][:2] != (config, root):
+        _last[:] = [(config, root, Campaign(config, Store(root), Progress(quiet=True)))]
+    return _last[0][2]

@@ -3,11 +3,12 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from experiments.campaigns.cases import ROVER, planned
-from experiments.campaigns.crew import Tracks, Wanted
+from experiments.campaigns.crew import PIECE, Tracks, Wanted
 from radartwin.compose import compose
 from radartwin.config import MaterialsConfig
 
@@ -17,7 +18,9 @@ CONFIG = compose(["profile=quick"])
 @pytest.fixture
 def wanted() -> list[Wanted]:
     return [
-        Wanted(CONFIG, domain, case) for domain in ("measured", "twin") for case in planned(CONFIG.profile.campaign, domain == "measured")
+        Wanted(CONFIG, Path("cache"), domain, case)
+        for domain in ("measured", "twin")
+        for case in planned(CONFIG.profile.campaign, domain == "measured")
     ]
 
 
@@ -56,12 +59,15 @@ def test_all_is_given_once_and_a_track_stays_where_it_is(wanted: list[Wanted]) -
 
 def test_two_materials_of_a_room_are_two_tracks_unless_they_set_up_the_same(wanted: list[Wanted]) -> None:
     driven = [one for one in wanted if _track(one) == ("twin", "squash_court", "lateral")]
-    other = replace(CONFIG, materials=MaterialsConfig("uniform"))
-    apart = Tracks([*driven, *(replace(one, config=other) for one in driven)])
-    first, second = apart.give("one"), apart.give("other")
-    assert first is not None
-    assert second is not None
-    assert {one.config.materials.source for one in first} == {CONFIG.materials.source}
-    assert {one.config.materials.source for one in second} == {"uniform"}
-    together = Tracks([replace(one, config=config, setup="same") for config in (CONFIG, other) for one in driven])
+    other = replace(CONFIG, materials=MaterialsConfig("true"))
+    assert other.materials != CONFIG.materials
+    mixed = [replace(one, config=config) for one in driven for config in (CONFIG, other)]
+    tracks = Tracks(mixed)
+    assert len(tracks.left) == 2
+    for hand, config in (("one", CONFIG), ("other", other)):
+        piece = tracks.give(hand)
+        assert piece == [replace(one, config=config) for one in driven]
+    alike = [replace(one, setup="same") for one in mixed]
+    together = Tracks(alike)
+    assert together.give("one") == alike[:PIECE]
     assert len(together.left) == 1

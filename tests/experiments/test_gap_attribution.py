@@ -44,6 +44,8 @@ class FakeSides(Sides):
         channels = (made.channels * wave[:, None, None]).astype(np.complex64)
         return f"{domain}{sorted(on)}{key}", replace(made, power=power, channels=channels)
 
+    def make(self, some) -> None: ...
+
     def log(self, domain: str, case: Case):
         return FakeCampaign(distances=(1.0,), frames=16).log(case, "twin")
 

@@ -72,8 +72,8 @@ def members(group: int) -> list[int]:
 @pytest.mark.parametrize(
     ("how", "status", "words"),
     [
-        ("EAT", 2, ("ran out of memory", "What is finished is kept", "jobs=1 needs least memory")),
-        ("DIE", 2, ("ended (exit status -9), perhaps for want of memory", "What is finished is kept", "jobs=1")),
+        ("EAT", 2, ("ran out of memory", "that are finished are kept", "jobs=1 needs least memory")),
+        ("DIE", 2, ("ended (exit status -9), perhaps for want of memory", "that are finished are kept", "jobs=1")),
         ("BREAK", 1, ("ZeroDivisionError: the tracer broke", 'campaign.py", line')),  # a defect keeps its traceback
     ],
 )
