@@ -163,7 +163,11 @@ TRACER_FAULTS = (
     *_in(
         "simulation/coupling",
         COUPLING,
-        ("cross = (out_leg != back_leg)[row[chosen]]", "cross = (out_leg != out_leg)[row[chosen]]", "ways over the room go one way round"),
+        (
+            "crosses.append((out_leg != back_leg)[row[chosen]])",
+            "crosses.append((out_leg != out_leg)[row[chosen]])",
+            "ways over the room go one way round",
+        ),
         ('rate = -np.einsum("ni,ni->n", hits.departure, out.velocity[row]) - ', "rate = -", "only the way back has a Doppler shift"),
         ("free[direct] &= _free(", "free[direct] |= _free(", "things are seen through the furniture"),
         ("over.weigh(amplitude, place_of", "over.weigh(amplitude.copy(), place_of", "what legs carry is not applied"),
