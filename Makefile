@@ -21,7 +21,7 @@ check: setup-test
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m pyright
-	@$(PY) -m pytest -q tests/unit/test_imports.py
+	@$(PY) -m pytest -q tests/contract/test_imports.py
 
 # The ordinary tests with branch coverage, of the processes they start too; the pages are outputs/coverage/html.
 coverage: setup-test llvm
@@ -44,7 +44,7 @@ docs: setup-test llvm
 	@$(PY) docs/reference.py
 
 bench: llvm
-	@$(PY) experiments/bench.py --history
+	@$(PY) experiments/speed/bench.py --history
 
 clean:
 	rm -rf $(VENV) outputs dist build .pytest_cache .ruff_cache

@@ -12,14 +12,15 @@ from pathlib import Path
 
 from analysis import registry, report
 from analysis import tables as writers
-from experiments import processes
-from radartwin import files, memory, plain_json, plotting, secret
-from radartwin.compose import compose, path_override
+from radartwin.config.compose import compose, path_override
 from radartwin.errors import ConfigError, InputError, MissingError, UserError
-from radartwin.experiment import Result
-from radartwin.progress import Progress
-from radartwin.run import run_experiment, run_key, summary
-from radartwin.store import Counts
+from radartwin.io import files, memory, secret, untrusted_json
+from radartwin.io.progress import Progress
+from radartwin.plotting import style
+from radartwin.runs import workers
+from radartwin.runs.experiment import Result
+from radartwin.runs.run import run_experiment, run_key, summary
+from radartwin.store.products import Counts
 
 INDEX = "index.json"  # in the tables folder: which run each written table came from
 FAILURES = "failures.json"  # beside it: which run of a table ended with an error, until one succeeds
@@ -43,7 +44,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
         files.sweep(files.make_folder(output / part))
     files.drop_stale(output / "tables" / LOCK)
     made, failed = [], []
-    with processes.kept():
+    with workers.kept():
         for table in chosen:
             progress.say(f"--- {table.name} ({profile})")
             overrides = [f"experiment={table.name}", f"profile={profile}", path_override("output", output)]
@@ -79,7 +80,7 @@ def write(table: registry.Table, result: Result, profile: str, output: Path) -> 
     """One table with its figures, and its line in the index."""
     writers.write(table, result.rows, output / "tables")
     for name, figure in result.figures.items():
-        plotting.save(figure, output / "figures" / name)
+        style.save(figure, output / "figures" / name)
     if table.page:
         files.write_atomically(output / "figures" / f"{table.name}_page.html", importlib.import_module(table.page).page(result.rows))
     with _alone(output):
@@ -162,7 +163,7 @@ def _listed(output: Path, name: str, form: dict[str, type]) -> dict[str, dict]:
     if not path.is_file():
         return {}
     try:
-        entries = plain_json.read(path)
+        entries = untrusted_json.read(path)
         if not all({key: type(value) for key, value in entry.items()} == form for entry in entries.values()):
             raise ValueError("an entry is not of the expected form")
         if not all(isinstance(one, str) and _NAME.fullmatch(one) for entry in entries.values() for one in entry.get("figures", ())):

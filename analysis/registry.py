@@ -48,7 +48,7 @@ TABLES = (
         "128 sums of a frame and scaled. On the campaign, methods make the twin's turntables of all objects: error of the features "
         "against the measured ones in spreads of these, and share of measured turns whose symmetry a linear probe misses that was trained "
         "on the simulation; n counts recordings there, timed as they were made. Times are of the machine that the rows name.",
-        page="experiments.speed_page",
+        page="experiments.speed.chart_page",
     ),
     Table(
         name="stability",

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from analysis.registry import TESTBED_NOTE, Table
-from radartwin import files
-from radartwin.experiment import SCORE_COLUMNS, check_rows
+from radartwin.io import files
+from radartwin.runs.experiment import SCORE_COLUMNS, check_rows
 
 Row = dict[str, Any]
 FORMATS = ("csv", "md", "tex", "html")

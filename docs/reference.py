@@ -20,15 +20,16 @@ MODULES = (
     "radartwin.label",
     "radartwin.simulation",
     "radartwin.radar",
-    "radartwin.measured",
+    "radartwin.recordings",
+    "radartwin.testbed",
     "radartwin.features",
     "radartwin.adaptive",
     "radartwin.recognize",
-    "radartwin.config",
-    "radartwin.experiment",
-    "radartwin.store",
+    "radartwin.config.groups",
+    "radartwin.runs.experiment",
+    "radartwin.store.products",
     "radartwin.errors",
-    "!radartwin.simulation.sionna_material",  # sets a Mitsuba variant of its own when it is imported
+    "!radartwin.simulation.backends.sionna_material",  # sets a Mitsuba variant of its own when it is imported
 )
 # pdoc looks for a NamedTuple's annotations in a namespace that lacks its module's imports, and prints them as they are written.
 NAMED_TUPLES = r"Error parsing type annotation .* for radartwin\.scene\.(objects\.catalogue\.Part|rooms\.Finish|textures\.Look)\.__init__\."

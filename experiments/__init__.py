@@ -1,1 +1,1 @@
-"""The study: one module per table, each with `run(config, store, progress) -> Result` (radartwin/experiment.py)."""
+"""The study: one module per table, each with `run(config, store, progress) -> Result` (radartwin/runs/experiment.py)."""

@@ -15,8 +15,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from radartwin import examples, secret
+from radartwin.commands import examples
 from radartwin.errors import MissingError, OutputError, UserError
+from radartwin.io import secret
 
 Verb = Callable[[argparse.Namespace], int]
 
@@ -238,7 +239,7 @@ def _overrides(verb: argparse.ArgumentParser, text: str) -> None:
 
 def _experiments() -> list[str]:
     """Names for experiment=NAME, by their files."""
-    from radartwin.compose import groups
+    from radartwin.config.compose import groups
 
     try:
         return groups().get("experiment", [])
@@ -247,39 +248,39 @@ def _experiments() -> list[str]:
 
 
 def _given(options: argparse.Namespace) -> list[str]:
-    from radartwin.compose import path_override
+    from radartwin.config.compose import path_override
 
     return [*options.overrides, *([path_override("output", options.output)] if options.output else [])]
 
 
 def _run(options: argparse.Namespace) -> int:
     if options.search:
-        from radartwin.search import Wish, search
+        from radartwin.runs.search import Wish, search
 
         wish = Wish(options.search, options.trials, options.direction, options.at_once)
         return search(_given(options), options.config_dir, wish)
     if options.multirun:
-        from radartwin.sweep import sweep
+        from radartwin.runs.sweep import sweep
 
         return sweep(_given(options), options.config_dir)
-    from radartwin.run import run
+    from radartwin.runs.run import run
 
     return run(_given(options), options.config_dir)
 
 
 def _tables(options: argparse.Namespace) -> int:
-    from radartwin import study
+    from radartwin.runs import study
 
     return study.module("analysis.main").tables(options.profile, options.only, options.output)
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from radartwin import files
-    from radartwin.assemble import simulate_scene
-    from radartwin.compose import compose
-    from radartwin.made_of import line
+    from radartwin.build.recording import simulate_scene
+    from radartwin.build.room_materials import line
+    from radartwin.config.compose import compose
+    from radartwin.io import files
     from radartwin.radar.recording import recording_files
-    from radartwin.store import Store
+    from radartwin.store.products import Store
 
     config = compose(_given(options), options.config_dir)
     path = options.out or Path(config.output) / "recordings" / config.scene.name
@@ -300,8 +301,8 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _process(options: argparse.Namespace) -> int:
-    from radartwin import files
-    from radartwin.assemble import named_radar
+    from radartwin.build.recording import named_radar
+    from radartwin.io import files
     from radartwin.radar.captures import capture_name
     from radartwin.radar.inspect import PEAKS_FILE, inspect
     from radartwin.radar.maps import Chain
@@ -319,10 +320,10 @@ def _process(options: argparse.Namespace) -> int:
 
 
 def _import(options: argparse.Namespace) -> int:
-    from radartwin.assemble import named_radar
-    from radartwin.measured.importers import import_captures, key_values
-    from radartwin.measured.mapping import read_mapping
-    from radartwin.progress import Progress
+    from radartwin.build.recording import named_radar
+    from radartwin.io.progress import Progress
+    from radartwin.recordings.importers import import_captures, key_values
+    from radartwin.recordings.mapping import read_mapping
 
     progress = Progress()
     target, added = import_captures(
@@ -340,13 +341,13 @@ def _import(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
-    from radartwin import study
+    from radartwin.runs import study
 
-    return study.module("experiments.campaigns.export").export_verb(_given(options), options.config_dir, options.out)
+    return study.module("experiments.campaign.export").export_verb(_given(options), options.config_dir, options.out)
 
 
 def _reconstruct(options: argparse.Namespace) -> int:
-    from radartwin.progress import Progress
+    from radartwin.io.progress import Progress
     from radartwin.reconstruct.build import reconstruct, summary
 
     scene = reconstruct(
@@ -360,9 +361,9 @@ def _reconstruct(options: argparse.Namespace) -> int:
 
 
 def _label(options: argparse.Namespace) -> int:
-    from radartwin.assemble import label_wishes
+    from radartwin.build.recording import label_wishes
+    from radartwin.io.progress import Progress
     from radartwin.label.labelling import label_folder
-    from radartwin.progress import Progress
 
     for line in label_folder(options.scene, label_wishes(vars(options)), Progress()):
         print(line)
@@ -371,17 +372,17 @@ def _label(options: argparse.Namespace) -> int:
 
 def _view(options: argparse.Namespace) -> int:
     from radartwin.scene.scene import Scene
-    from radartwin.scene.view import view
+    from radartwin.scene.viewer.page import view
 
     out = options.out or (options.scene if options.scene.is_dir() else options.scene.parent) / "view.html"
     scene, poses = Scene.load(options.scene), None
     if options.trajectory:
-        from radartwin.scene.trajectory_file import read_track
+        from radartwin.scene.trajectories.file import read_track
 
         poses = read_track(options.trajectory).poses
     if options.layout:
-        from radartwin.scene.layout import Layout
-        from radartwin.scene.layout_place import furnish
+        from radartwin.scene.layouts.layout import Layout
+        from radartwin.scene.layouts.place import furnish
 
         scene = furnish(scene, Layout.load(options.layout), None if poses is None else poses[0])
     view(scene, out, poses, by=options.by)
@@ -390,7 +391,7 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _classify(options: argparse.Namespace) -> int:
-    from radartwin.assemble import named_radar
+    from radartwin.build.recording import named_radar
     from radartwin.recognize.classify import classify
 
     radar = named_radar(options.radar) if options.radar else None
@@ -405,19 +406,19 @@ def _classify(options: argparse.Namespace) -> int:
 
 
 def _dashboard(options: argparse.Namespace) -> int:
-    from radartwin.compose import compose
-    from radartwin.dashboard import dashboard
+    from radartwin.config.compose import compose
+    from radartwin.runs.dashboard import dashboard
 
     return dashboard(compose().tracking, options.output, options.port)
 
 
 def _report(options: argparse.Namespace) -> int:
-    from radartwin import study
+    from radartwin.runs import study
 
     return study.module("analysis.main").report_verb(options.output)
 
 
 def _doctor(options: argparse.Namespace) -> int:
-    from radartwin.doctor import doctor, doctor_data
+    from radartwin.runs.doctor import doctor, doctor_data
 
     return doctor_data(options.data) if options.data is not None else doctor(options.output)

@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from radartwin.experiment import Result
-from radartwin.store import save_arrays
+from radartwin.runs.experiment import Result
+from radartwin.store.products import save_arrays
 
 HERE = Path(os.environ["OWN_EXPERIMENT"])
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from analysis import main, registry
-from experiments import gallery
-from experiments.methods import DEFAULT, OURS
-from experiments.speed_page import COSTS, ERRORS
-from radartwin import plotting
-from radartwin.experiment import Result
+from experiments.campaign import gallery
+from experiments.speed.chart_page import COSTS, ERRORS
+from experiments.speed.methods import DEFAULT, OURS
+from radartwin.plotting import style
+from radartwin.runs.experiment import Result
 
 HOSTILE = "</script><script>document.title='taken'</script> \"'><img src=x onerror=alert(1)> {{script}} &amp;"
 KEY, OLD_KEY = "a" * 32, "b" * 32
@@ -63,7 +63,7 @@ def methods() -> list[dict[str, Any]]:
 
 
 def curve() -> Any:
-    drawing, axes = plotting.figure()
+    drawing, axes = style.figure()
     axes.plot([0, 1], [0, 1])
     return drawing
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from analysis.registry import Table
 from analysis.tables import FORMATS, heading, text_of
 from radartwin.errors import MissingError
-from radartwin.experiment import SCORE_COLUMNS, VERDICTS
-from radartwin.plotting import SUFFIXES
+from radartwin.plotting.style import SUFFIXES
+from radartwin.runs.experiment import SCORE_COLUMNS, VERDICTS
 
 MISSING, STALE, FAILED = "not run", "stale", "failed"
 ABSENT = {

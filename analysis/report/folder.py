@@ -15,7 +15,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from radartwin import files
+from radartwin.io import files
 
 INDEX, LOCK = "index.html", f".report{files.TEMPORARY}"
 _STAGE = f".parts{files.TEMPORARY}"

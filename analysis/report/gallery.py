@@ -1,5 +1,5 @@
 """Measured and simulated pictures on one place: a page per figure of the gallery, with one slider that wipes between the two and one that
-moves along range. The values are those that the figure's own page carries (radartwin/interactive.py).
+moves along range. The values are those that the figure's own page carries (radartwin/plotting/pages.py).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 from analysis.report.content import Section
 from analysis.report.folder import Stage
 from radartwin.errors import MissingError
-from radartwin.plotting import SEQUENTIAL
+from radartwin.plotting.style import SEQUENTIAL
 
 TABLE = "gallery"
 PAGE = Path(__file__).with_name("page") / "compare.html"

@@ -18,7 +18,7 @@ from analysis.report.gallery import Compared
 from analysis.report.origin import Origin, Run
 from analysis.report.rooms import Shown
 from analysis.tables import caption
-from radartwin.store import SHORT
+from radartwin.store.products import SHORT
 
 FOLDER = Path(__file__).with_name("page")
 FIRST = ("speed_accuracy", "stability", GALLERY)  # shown above all others, in this order

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from analysis.report.content import Section
-from experiments.measuring import machine
+from experiments.speed.measuring import machine
 from radartwin import __version__
-from radartwin.dashboard import HOST, USUAL_PORT
-from radartwin.provenance import commit
-from radartwin.store import KEY_LENGTH, META, RUN
-from radartwin.tracking import DATABASE
+from radartwin.runs.commit import commit
+from radartwin.runs.dashboard import HOST, USUAL_PORT
+from radartwin.runs.tracking import DATABASE
+from radartwin.store.products import KEY_LENGTH, META, RUN
 
 _KEY = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
 

@@ -33,7 +33,7 @@ def write(staged: Stage) -> list[Shown]:
     import numpy as np
 
     from radartwin.scene import rooms
-    from radartwin.scene.view import view
+    from radartwin.scene.viewer.page import view
 
     shown = []
     for name in (one for one in rooms.ROOMS if one not in BARE):

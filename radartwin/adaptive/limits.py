@@ -4,7 +4,7 @@ Two recordings of the same thing, each set up anew, differ in a feature by less 
 the standard deviation between such recordings and t Student's of its degrees of freedom (ISO 5725-6:1994, 4.1.4, which has 2.8 s of very
 many); of a whole range profile, the 95 % quantile of the root mean square difference of two. Of one object, but no less than LEAST of what
 is pooled over all: a feature that saturates, as the multipath share of what outshines its room, is no better known than that. The shipped
-figures are the testbed's (experiments/repeatability.py writes them).
+figures are the testbed's (experiments/generators/repeatability.py writes them).
 """
 
 from __future__ import annotations

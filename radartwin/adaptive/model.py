@@ -12,7 +12,7 @@ from radartwin.materials import Layered
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.scene.scene import Scene
-from radartwin.simulation.backend import backend
+from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.simulate import simulate
 
 NONE, LARGE, WHOLE = "none", "large", "whole"

@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin import files
 from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.io import files
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import azimuth_row, doppler_fft, range_fft, velocity_axis, window
 from radartwin.radar.recording import Recording, read_json

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from radartwin import plain_json
 from radartwin.errors import LabelError, MissingError
-from radartwin.files import write_atomically
+from radartwin.io import untrusted_json
+from radartwin.io.files import write_atomically
 from radartwin.label.answers import Kind, read_answer, schema
 from radartwin.label.journal import Record
 from radartwin.label.questions import Question, prompt, prompt_digest
@@ -96,7 +96,7 @@ def read_answers(path: Path, questions: Sequence[Question], model: str) -> list[
 
 def _record(line: str, asked: Mapping[str, Question], model: str) -> tuple[str, Record]:
     try:
-        values = plain_json.load(line)
+        values = untrusted_json.load(line)
     except ValueError as error:
         raise LabelError(f"not valid JSON ({error})") from error
     if not isinstance(values, dict) or not isinstance(values.get("id"), str):

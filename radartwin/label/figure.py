@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radartwin import plotting
 from radartwin.label.raster import Camera, Drawing
 from radartwin.materials.minc import CATEGORIES
+from radartwin.plotting import style
 from radartwin.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def material_map(scene: Scene, camera: Camera | None = None, titles: tuple[str, 
     minc = [str(surface.provenance.get("minc") or "none") for surface in scene]
     palette = np.array([matplotlib.colors.to_rgb(COLOURS.get(name, NONE)) for name in minc] + [(1.0, 1.0, 1.0)])
     flat = palette[shown] * _shade(drawing, camera, seen.face)[..., None]
-    figure, axes = plotting.figure(1, 2, width_in=plotting.PAGE_WIDTH_IN, height_in=4.1)
+    figure, axes = style.figure(1, 2, width_in=style.PAGE_WIDTH_IN, height_in=4.1)
     for axis, picture, title in zip(axes, (drawing.picture(camera, seen), np.clip(flat, 0, 1)), titles, strict=True):
         axis.imshow(picture, interpolation="nearest")
         axis.set_title(title)
@@ -64,7 +64,7 @@ def material_map(scene: Scene, camera: Camera | None = None, titles: tuple[str, 
 
 def _materials(scene: Scene, minc: list[str], category: str) -> str:
     """What the tracer gets for the surfaces of a category: the material with most area, and how many others there are."""
-    from radartwin.scene.view import material_label
+    from radartwin.scene.viewer.page import material_label
 
     areas: dict[str, float] = {}
     for surface, own in zip(scene, minc, strict=True):

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from radartwin import plain_json
 from radartwin.errors import LabelError, OutputError
-from radartwin.files import make_folder
+from radartwin.io import untrusted_json
+from radartwin.io.files import make_folder
 from radartwin.label.answers import Answer
 from radartwin.label.place import Place
 from radartwin.label.questions import Question, prompt_digest
@@ -88,7 +88,7 @@ class Journal:
             whole = content.rfind(b"\n") + 1
             for number, line in enumerate(content[:whole].decode("utf-8", "replace").splitlines(), 1):
                 try:
-                    record = Record.from_dict(plain_json.load(line))
+                    record = Record.from_dict(untrusted_json.load(line))
                 except (ValueError, TypeError) as error:
                     raise LabelError(f"{path}, line {number}: {error}; remove the line, its surface is then asked about again") from error
                 self._records[record.model, record.key] = record

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from radartwin.errors import ConfigError, MissingError, SceneError
-from radartwin.files import check_folder, lock
+from radartwin.io.files import check_folder, lock
+from radartwin.io.progress import Progress
 from radartwin.label.batch import export, read_answers
 from radartwin.label.journal import Journal, Record
 from radartwin.label.labels import Label, belongs_to_room, labelled
@@ -18,7 +19,6 @@ from radartwin.label.questions import Question, questions
 from radartwin.label.recorded import JOURNAL, Recorded, records_for
 from radartwin.label.server import DEFAULT_MODEL, DEFAULT_URL, Server
 from radartwin.label.sources import Uniform
-from radartwin.progress import Progress
 from radartwin.scene.scene import Scene
 
 
@@ -194,7 +194,7 @@ def apply(asked: Asked, found: dict[int, Record], missing: Label | None = None) 
 
 def summary(scene: Scene) -> list[str]:
     """A table in lines: surface, material, category, confidence, stand-in, and a last line that counts."""
-    from radartwin.scene.view import material_label
+    from radartwin.scene.viewer.page import material_label
 
     rows: list[Sequence[str]] = [("surface", "material", "MINC", "confidence", "stand-in", "from")]
     for surface in scene:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from radartwin import plain_json
 from radartwin.errors import SceneError
-from radartwin.files import write_atomically
+from radartwin.io import untrusted_json
+from radartwin.io.files import write_atomically
 from radartwin.scene.scene import Scene
 from radartwin.scene.storage import material_to_json
 
@@ -22,7 +22,7 @@ def write_labels(folder: Path, scene: Scene) -> Path:
         OutputError: it cannot be written.
     """
     path = folder / MANIFEST
-    manifest = plain_json.read(path)
+    manifest = untrusted_json.read(path)
     entries = manifest["surfaces"]
     if [entry.get("name", "") for entry in entries] != list(scene.names):
         raise SceneError(f"{path} changed while its surfaces were labelled; run the same command again, answers are kept")

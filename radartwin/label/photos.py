@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from radartwin import plain_json
 from radartwin.errors import InputError, MissingError, PoseError
-from radartwin.files import inside, write_atomically
-from radartwin.picture_file import open_picture
+from radartwin.io import untrusted_json
+from radartwin.io.files import inside, write_atomically
+from radartwin.io.untrusted_pictures import open_picture
 
 FORMAT, VERSION = "radartwin-photos", 1
 INDEX, FOLDER = "photos.json", "photos"
@@ -86,7 +86,7 @@ def load_photos(folder: Path) -> Sequence[Photo]:
     if not path.is_file():
         return []
     try:
-        index = plain_json.read(path)
+        index = untrusted_json.read(path)
         if index["format"] != FORMAT or index["version"] != VERSION:
             raise KeyError("format")
         photos = [

@@ -1,6 +1,6 @@
 """A vision-language model behind an OpenAI-compatible endpoint: vLLM, Ollama, LM Studio, or a service.
 
-Questions are asked several at once through `radartwin.chat`, their pictures as data URIs. Answers that came are kept whatever happens to
+Questions are asked several at once through `radartwin.io.chat`, their pictures as data URIs. Answers that came are kept whatever happens to
 the others: a slow one is one question's trouble, a server that refuses or is not there ends the asking.
 """
 
@@ -12,8 +12,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from radartwin.chat import Endpoint, NoAnswerInTime
 from radartwin.errors import BackendError
+from radartwin.io.chat import Endpoint, NoAnswerInTime
 from radartwin.label.answers import schema
 from radartwin.label.journal import Record
 from radartwin.label.provider import Turn, ask

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin import files
 from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.io import files
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description import read_radar

@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from radartwin import plain_yaml
 from radartwin.errors import InputError, RecordingError
+from radartwin.io import untrusted_yaml
 from radartwin.radar.boards import BOARDS
 from radartwin.radar.chirp import Radar
 from radartwin.radar.ti_files import radar_from_cfg, radar_from_studio
@@ -47,7 +47,7 @@ def _parse_mapping(path: Path, text: str) -> dict[str, Any]:
     import yaml
 
     try:
-        values = json.loads(text) if path.suffix == ".json" else _with_numbers(plain_yaml.load(text))
+        values = json.loads(text) if path.suffix == ".json" else _with_numbers(untrusted_yaml.load(text))
     except json.JSONDecodeError as error:
         raise RecordingError(f"line {error.lineno}: {error.msg}; it is not valid JSON") from error
     except RecursionError as error:

@@ -6,8 +6,8 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radartwin import files
 from radartwin.errors import OutputError
+from radartwin.io import files
 from radartwin.radar.captures import capture_name, load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.detection import Detector, detect

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin import plotting
+from radartwin.plotting import style
 from radartwin.radar.detection import Peaks
 from radartwin.radar.maps import Maps
 
@@ -41,8 +41,8 @@ def draw(maps: Maps, name: str, *, peaks: Peaks | None = None, unit: str = "dB",
         ),
     }[name]
     decibels, top = in_decibels(power)
-    with matplotlib.rc_context(plotting.style()):
-        figure, axes = plotting.figure(height_in=4.6)
+    with matplotlib.rc_context(style.style()):
+        figure, axes = style.figure(height_in=4.6)
         image = axes.imshow(
             decibels.T,
             origin="lower",
@@ -51,7 +51,7 @@ def draw(maps: Maps, name: str, *, peaks: Peaks | None = None, unit: str = "dB",
             extent=(*_edges(across), *_edges(maps.range_m)),
             vmin=top - DYNAMIC_RANGE_DB,
             vmax=top,
-            cmap=plotting.SEQUENTIAL,
+            cmap=style.SEQUENTIAL,
         )
         marks = {"range_doppler": peaks.velocity_mps, "range_azimuth": np.degrees(peaks.azimuth_rad)} if peaks else {}
         if peaks and name in marks:

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin import files, plain_json
 from radartwin.errors import MissingError, OutputError, RecordingError
+from radartwin.io import files, untrusted_json
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 
@@ -230,7 +230,7 @@ def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False) -> NDArra
 def read_json(path: Path) -> dict[str, Any]:
     """A JSON object. Raises RecordingError with the line where it is malformed."""
     try:
-        values = plain_json.read(path)
+        values = untrusted_json.read(path)
     except json.JSONDecodeError as error:
         raise RecordingError(f"{path}: line {error.lineno}: {error.msg}; it is not valid JSON") from error
     except UnicodeDecodeError as error:

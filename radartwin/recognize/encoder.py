@@ -25,7 +25,7 @@ WEIGHTS = ("hidden_weight", "hidden_bias", "output_weight", "output_bias")
 @dataclass(frozen=True)
 class Settings:
     """How the encoder is trained. The temperature is CLIP's; batch, step and epochs were chosen on made-up clusters, for time
-    (experiments/recognition_choices.json); none was tried on measured recordings.
+    (experiments/recognition/recognition_choices.json); none was tried on measured recordings.
 
     Attributes:
         hidden: width of the hidden layer.

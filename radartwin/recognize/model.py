@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin import files, plain_json
 from radartwin.errors import InputError, MissingError
+from radartwin.io import files, untrusted_json
 from radartwin.recognize.encoder import WEIGHTS, Encoder, text_scores
 
 ARRAYS, DESCRIPTION = "model.safetensors", "model.json"
@@ -98,7 +98,7 @@ class Recogniser:
             if not (folder / name).is_file():
                 raise MissingError(f"{folder / name}: no such file; a model is a folder with {ARRAYS} and {DESCRIPTION}")
         try:
-            described = plain_json.read(folder / DESCRIPTION)
+            described = untrusted_json.read(folder / DESCRIPTION)
             if not isinstance(described, dict) or described.get("format") != FORMAT:
                 raise InputError(f"it is not of the format '{FORMAT}'")
             content = (folder / ARRAYS).read_bytes()

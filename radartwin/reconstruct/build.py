@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 import trimesh
 
-from radartwin import files
 from radartwin.errors import ScanError
+from radartwin.io import files
+from radartwin.io.progress import Progress
 from radartwin.materials import check_name
-from radartwin.progress import Progress
-from radartwin.reconstruct.assembly import assembled
-from radartwin.reconstruct.frames import scan_digest
+from radartwin.reconstruct.frames.frames import scan_digest
 from radartwin.reconstruct.mesh_file import Axis, Unit, load_scan
+from radartwin.reconstruct.outlines.assembly import assembled
+from radartwin.reconstruct.outlines.surfaces import flattened as flatten_planes
+from radartwin.reconstruct.outlines.visibility import Cameras
 from radartwin.reconstruct.scan_folder import save_reconstruction
-from radartwin.reconstruct.segment import PlanarRegionGrowing, Segmenter
-from radartwin.reconstruct.surfaces import flattened as flatten_planes
-from radartwin.reconstruct.visibility import Cameras
+from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing, Segmenter
 from radartwin.scene.scene import Scene
 
 if TYPE_CHECKING:
     from radartwin.materials import Layered
-    from radartwin.reconstruct.frames import Frames
+    from radartwin.reconstruct.frames.frames import Frames
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from typing import Any
 
 import trimesh
 
-from radartwin.progress import Progress
-from radartwin.reconstruct.frames import Frames
+from radartwin.io.progress import Progress
+from radartwin.reconstruct.frames.frames import Frames
 
 
 def fused(
@@ -26,10 +26,10 @@ def fused(
     Raises:
         MissingError, ScanError, PoseError: the folder or its frames, see `Frames.load` and `check_agreement`.
     """
-    from radartwin.reconstruct.agreement import check_agreement
-    from radartwin.reconstruct.frame_layouts import layout_of
-    from radartwin.reconstruct.fusion import fuse
-    from radartwin.reconstruct.plausible import check_size
+    from radartwin.reconstruct.frames.agreement import check_agreement
+    from radartwin.reconstruct.frames.layouts import layout_of
+    from radartwin.reconstruct.frames.plausible import check_size
+    from radartwin.reconstruct.fusion.fusion import fuse
 
     axis = None if up == "auto" else up
     layout = layout_of(path)
@@ -43,7 +43,7 @@ def fused(
     frames = Frames.load(path, intrinsics, depth_unit_m, axis, depth_model is not None, poses)
     scale = "measured"
     if depth_model is not None:
-        from radartwin.reconstruct.monocular import DepthModel, with_depth
+        from radartwin.reconstruct.fusion.monocular import DepthModel, with_depth
 
         model = DepthModel.load(depth_model)
         frames, scale = with_depth(frames, model), model.scale

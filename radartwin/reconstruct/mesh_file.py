@@ -17,7 +17,7 @@ import trimesh
 
 from radartwin.errors import ScanError
 from radartwin.reconstruct.axes import TO_Z_UP
-from radartwin.reconstruct.plausible import OBJECT_M, check_size
+from radartwin.reconstruct.frames.plausible import OBJECT_M, check_size
 from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
 from radartwin.scene.mesh_file import read_meshes
 

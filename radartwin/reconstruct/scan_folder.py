@@ -14,9 +14,9 @@ import trimesh
 from trimesh.exchange.ply import export_ply
 
 from radartwin.errors import OutputError
-from radartwin.files import make_folder, sweep, write_atomically
-from radartwin.progress import Progress
-from radartwin.reconstruct.frames import Frames
+from radartwin.io.files import make_folder, sweep, write_atomically
+from radartwin.io.progress import Progress
+from radartwin.reconstruct.frames.frames import Frames
 from radartwin.scene.scene import Scene
 
 MESH_FILE, OWNER_FILE = "scan.ply", "scan_surfaces.npy"

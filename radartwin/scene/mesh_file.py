@@ -12,9 +12,9 @@ import trimesh
 from trimesh.resolvers import FilePathResolver
 from trimesh.visual import ColorVisuals
 
-from radartwin import plain_json
 from radartwin.errors import InputError, MeshError, MissingError
-from radartwin.files import inside
+from radartwin.io import untrusted_json
+from radartwin.io.files import inside
 from radartwin.scene.mesh_limits import check_glb, check_pictures
 
 MESH_SUFFIXES = (".glb", ".ply", ".obj")
@@ -106,7 +106,7 @@ def _named_by_glb(path: Path) -> list[str]:
         if len(head) < 20 or head[:4] != b"glTF" or head[16:20] != b"JSON":
             return []
         try:
-            images = plain_json.load(stream.read(struct.unpack("<I", head[12:16])[0])).get("images", [])
+            images = untrusted_json.load(stream.read(struct.unpack("<I", head[12:16])[0])).get("images", [])
             named = [image.get("uri", "data:") for image in images]
             return [uri for uri in named if uri and not uri.startswith("data:")]
         except (ValueError, TypeError, AttributeError):  # whatever is wrong with it, the reader has said

@@ -10,8 +10,8 @@ import struct
 from collections.abc import Iterable
 from typing import IO, Any
 
-from radartwin import plain_json
 from radartwin.errors import MeshError
+from radartwin.io import untrusted_json
 
 MAX_INSTANCES = 1_000_000  # meshes put into the scene by nodes
 MAX_BYTES = 16 << 30  # of all meshes as they stand in the scene
@@ -65,7 +65,7 @@ def _document(stream: IO[bytes]) -> dict[str, Any]:
     _, _, _, length, kind = struct.unpack("<5I", stream.read(20))
     if kind != _JSON:
         raise ValueError("the first chunk is not JSON")
-    return plain_json.load(stream.read(length))
+    return untrusted_json.load(stream.read(length))
 
 
 def _asked(document: dict[str, Any]) -> tuple[int, int, int]:

@@ -19,9 +19,9 @@ import numpy as np
 import trimesh
 from trimesh.visual import ColorVisuals, TextureVisuals
 
-from radartwin import plain_json
 from radartwin.errors import MeshError, MissingError, SceneError
-from radartwin.files import write_atomically
+from radartwin.io import untrusted_json
+from radartwin.io.files import write_atomically
 from radartwin.materials import Layered
 from radartwin.scene.checks import check_mesh
 from radartwin.scene.mesh_file import read_meshes
@@ -131,7 +131,7 @@ def _load_folder(folder: Path) -> Scene:
             raise MissingError(f"scene folder {folder} has no {part}; write it with Scene.save or radartwin reconstruct")
     glb = (folder / "scene.glb").read_bytes()
     try:
-        manifest = plain_json.read(folder / "manifest.json")
+        manifest = untrusted_json.read(folder / "manifest.json")
         entries: Sequence[Mapping[str, Any]] = manifest["surfaces"]
         if manifest["format"] != FORMAT or manifest["version"] != VERSION:
             raise KeyError("format")

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from radartwin import files
 from radartwin.errors import OutputError
+from radartwin.io import files
 from radartwin.simulation.paths import Paths
 
 IN_MEMORY = 4  # path sets, some tens of megabytes each

@@ -8,8 +8,9 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError, SceneError
 from radartwin.materials import Layered
 from radartwin.simulation import geometry as geometry_module
-from radartwin.simulation import launch as launch_module
-from radartwin.simulation import reflection_table, tubes, variant
+from radartwin.simulation import reflection_table, variant
+from radartwin.simulation.curved import tube_grid as launch_module
+from radartwin.simulation.curved import tubes
 
 PIECES = 3  # each way, of a tube that straddles an edge
 MAX_TUBES = 200_000_000  # some minutes of tracing

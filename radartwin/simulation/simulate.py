@@ -11,10 +11,10 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.scene.scene import Scene
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation.backend import Backend, resolve
-from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.backends.backend import Backend, resolve
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.synthesis import FRAMES_PER_BLOCK, received, thermal_noise
+from radartwin.simulation.signal.synthesis import FRAMES_PER_BLOCK, received, thermal_noise
 
 MAX_RAYS = 200_000_000  # per pose: some minutes of tracing
 MAX_DENSITY = 10_000  # seven million tubes on a 10 cm plate

@@ -14,8 +14,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from radartwin import memory
 from radartwin.errors import BackendError
+from radartwin.io import memory
 
 LLVM_MINIMUM = 17
 _FOLDERS = (

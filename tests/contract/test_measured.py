@@ -9,17 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radartwin.compose import compose
+from radartwin.config.compose import compose
 from radartwin.errors import ConfigError, InputError, MissingError, RecordingError
 from radartwin.features.align import overlap, start_offset
 from radartwin.features.gate import gate_energies, multipath_share
 from radartwin.features.profile import range_time
-from radartwin.measured.card import Card
-from radartwin.measured.index import Row
-from radartwin.measured.recording_set import RecordingSet
 from radartwin.radar.chirp import Radar
-from radartwin.scene import objects, trajectory
+from radartwin.recordings.card import Card
+from radartwin.recordings.index import Row
+from radartwin.recordings.recording_set import RecordingSet
+from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.simulate import simulate
 
 RADAR = dataclasses.replace(Radar.iwr1843(), num_chirps=4)

@@ -9,13 +9,14 @@ import pytest
 import trimesh
 
 import radartwin as rt
-from radartwin.compose import compose
+from radartwin.config.compose import compose
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import ConfigError, InputError, PoseError, SceneError
-from radartwin.scene import objects, trajectory
-from radartwin.simulation.backend import SIMULATORS, backend
+from radartwin.scene import objects
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation.backends.backend import SIMULATORS, backend
+from radartwin.simulation.backends.sionna import is_installed
 from radartwin.simulation.simulate import trace_paths
-from radartwin.simulation.sionna import is_installed
 
 # What Sionna cannot return is warned of; tests/contract/test_sionna.py asks for the warnings.
 pytestmark = pytest.mark.filterwarnings("ignore:sionna:UserWarning")
@@ -331,7 +332,7 @@ def test_a_wrong_configuration_is_named(overrides, match):
 
 
 def test_configured_simulators_are_built_as_configured():
-    from radartwin.assemble import simulator_options
+    from radartwin.build.recording import simulator_options
 
     built = simulator_options(compose(["simulator=rfgenesis", "simulator.version=corrected", "simulator.grid=64"]).simulator)["simulator"]
     assert built == backend("rfgenesis", version="corrected", grid=64)
@@ -344,7 +345,7 @@ def test_configured_simulators_are_built_as_configured():
 
 
 def test_a_key_holds_the_simulator_its_settings_and_its_source():
-    from radartwin.digest import import_closure, semantic, spec_digest
+    from radartwin.store.digest import import_closure, semantic, spec_digest
 
     choices = (
         ["simulator=rfgenesis"],
@@ -357,7 +358,7 @@ def test_a_key_holds_the_simulator_its_settings_and_its_source():
     )
     digests = [spec_digest(semantic(compose(choice))) for choice in choices]
     assert len(set(digests)) == len(digests)
-    for root in ("experiments.environment", "experiments.campaigns.twin"):
+    for root in ("experiments.turntable.environment", "experiments.campaign.twin"):
         reached = import_closure((root,))
         assert {
             f"radartwin.simulation.{module}"
@@ -368,7 +369,7 @@ def test_a_key_holds_the_simulator_its_settings_and_its_source():
 @pytest.mark.parametrize("name", SIMULATORS)
 def test_a_configured_scene_is_recorded_by_every_simulator(name):
     needs(name)
-    from radartwin.assemble import simulate_scene
+    from radartwin.build.recording import simulate_scene
 
     recording = simulate_scene(compose([f"simulator={name}", "scene=plate", "trajectory=static"]))
     assert recording.provenance["simulator"] == name
@@ -380,7 +381,7 @@ def test_a_configured_scene_is_recorded_by_every_simulator(name):
 @pytest.mark.parametrize("name", ["rfgenesis", "points"])
 def test_the_environment_experiment_runs_on_every_baseline(name, tmp_path):
     """And reuses what was measured, which no simulator changes."""
-    from radartwin.run import run_experiment
+    from radartwin.runs.run import run_experiment
 
     small = ["experiment.distances_m=[1.0]", "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1"]
     small += ["profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "tracking=off"]

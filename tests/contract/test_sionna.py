@@ -10,16 +10,18 @@ import pytest
 import trimesh
 
 import radartwin as rt
-from experiments.backend_crosscheck import RADAR, pose_in, reference
-from experiments.path_match import partners
+from experiments.validation.backend_crosscheck import RADAR, pose_in, reference
+from experiments.validation.path_match import partners
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import BackendError
 from radartwin.materials import permittivity, reflection
-from radartwin.scene import objects, rooms, trajectory
+from radartwin.scene import objects, rooms
 from radartwin.scene.rooms.parts import FINISHES
-from radartwin.simulation import poses, sionna, sionna_worker, worker
-from radartwin.simulation.backend import backend
-from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation import poses
+from radartwin.simulation.backends import child_process, sionna, sionna_worker
+from radartwin.simulation.backends.backend import backend
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
 
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -75,7 +77,7 @@ def test_it_shares_no_process_with_the_tracer():
 @pytest.mark.parametrize(("material", "thickness_m"), [("glass", 0.004), ("plasterboard", 0.0125), ("wood", 0.022), ("hdpe", 0.003)])
 def test_a_slab_in_air_is_what_sionna_says_itself(material, thickness_m):
     frequency, cosine = 77e9, np.linspace(0.02, 1, 50)
-    answer = worker.shared(sionna_worker.__name__, "sionna").ask({
+    answer = child_process.shared(sionna_worker.__name__, "sionna").ask({
         "variant": "auto", "cosine": cosine, "permittivity": complex(permittivity(material, frequency)), "thickness_m": thickness_m,
         "frequency_hz": frequency,
     })  # fmt: skip

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radartwin.assemble import simulate_scene
-from radartwin.compose import compose
+from radartwin.build.recording import simulate_scene
+from radartwin.config.compose import compose
 from radartwin.errors import ConfigError
 from radartwin.radar.recording import Recording
 

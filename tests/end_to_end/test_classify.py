@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radartwin.config import TrackingConfig
+from radartwin.config.groups import TrackingConfig
 from radartwin.features import sets
 from radartwin.features.log import Nominal
 from radartwin.features.processed import process
@@ -20,7 +20,7 @@ from radartwin.recognize.model import Recogniser
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, gather
 from radartwin.recognize.split import label_free
 from radartwin.recognize.training import fit
-from radartwin.tracking import Tracker
+from radartwin.runs.tracking import Tracker
 
 FRAMES, PERIOD_S = 60, 6.0
 TURNS = {"steady": 0, "once": 1, "thrice": 3}  # glints per revolution

@@ -19,7 +19,7 @@ from building import build
 pytestmark = pytest.mark.slow
 
 SUPPORTED = ("3.11", "3.12", "3.13")
-SAMPLE = ("tests/unit/test_radar.py", "tests/unit/test_digest.py", "tests/physics/test_materials.py", "tests/physics/test_point_targets.py")
+SAMPLE = ("tests/radar/test_radar.py", "tests/store/test_keys.py", "tests/physics/test_materials.py", "tests/physics/test_point_targets.py")
 
 
 def python(version: str) -> Path | None:

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from radartwin.config import TrackingConfig
-from radartwin.tracking import Tracker
+from radartwin.config.groups import TrackingConfig
+from radartwin.runs.tracking import Tracker
 
 # SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")

@@ -24,9 +24,9 @@ import numpy as np
 import own_experiment
 import pytest
 
-from radartwin import plotting
-from radartwin.config import TrackingConfig
-from radartwin.tracking import Tracker
+from radartwin.config.groups import TrackingConfig
+from radartwin.plotting import style
+from radartwin.runs.tracking import Tracker
 
 # SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
@@ -68,9 +68,9 @@ def record(tracker: Tracker, number: int, artifacts: Path) -> str:
 def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a run's figures."""
     folder = tmp_path_factory.mktemp("product") / "figures"
-    figure, axes = plotting.figure()
+    figure, axes = style.figure()
     axes.plot(np.linspace(0, 1, 50), np.linspace(0, 1, 50) ** 2)
-    plotting.save(figure, folder / "curve")
+    style.save(figure, folder / "curve")
     return folder
 
 
@@ -147,8 +147,8 @@ def test_the_pages_show_the_experiments_a_run_with_its_picture_and_a_sweep_compa
 
 
 def test_without_a_port_the_dashboard_takes_a_free_one_and_one_that_is_taken_is_refused(sweep) -> None:
-    from radartwin.dashboard import HOST, USUAL_PORT, dashboard
     from radartwin.errors import BackendError
+    from radartwin.runs.dashboard import HOST, USUAL_PORT, dashboard
 
     with socket.socket() as taken:
         taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

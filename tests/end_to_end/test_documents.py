@@ -14,10 +14,11 @@ import own_experiment
 import pytest
 from markdown_blocks import DOCS, ROOT, Block, blocks, commands, lines_of, prose, quoted
 
-from experiments.oracles.cases import CASES
-from radartwin import cli, sweep
-from radartwin.compose import compose
-from radartwin.search import space
+from experiments.validation.oracles.cases import CASES
+from radartwin import cli
+from radartwin.config.compose import compose
+from radartwin.runs import sweep
+from radartwin.runs.search import space
 
 PAGES = sorted(DOCS.rglob("*.md"))
 README = ROOT / "README.md"
@@ -141,7 +142,7 @@ def test_recording_sets_are_made_as_printed(here: Path, shared_data: Path, capsy
     until = next(i for i, block in enumerate(page) if "radartwin export" in block.text)
     assert follow(page[:until], here) == 3
     assert "doctor: the set can be used" in capsys.readouterr().out
-    (loop,) = [block.text for block in page if block.text.startswith("from radartwin.measured")]
+    (loop,) = [block.text for block in page if block.text.startswith("from radartwin.recordings")]
     given: dict[str, object] = {}
     exec(loop, given)
     assert given["row"].room == "lab"  # type: ignore[attr-defined]

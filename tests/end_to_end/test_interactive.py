@@ -10,13 +10,13 @@ import browser
 import numpy as np
 import pytest
 
-from radartwin import plotting
+from radartwin.plotting import style
 
 WIDTH, HEIGHT = 1000, 700
 
 
 def drawn():
-    figure, axes = plotting.figure(1, 3, height_in=2.5)
+    figure, axes = style.figure(1, 3, height_in=2.5)
     axes[0].plot([0, 1, 2, 3], [1.0, 10.0, 100.0, 1000.0], "o-", label="rising")
     axes[0].set(yscale="log", xlabel="distance (m)", ylabel="level")
     axes[1].imshow(np.arange(12.0).reshape(3, 4) / 100, aspect="auto")  # the first row on top
@@ -28,7 +28,7 @@ def drawn():
 
 def others():
     """What a page must survive, and tell rightly where it can."""
-    figure, axes = plotting.figure(2, 3, height_in=4)
+    figure, axes = style.figure(2, 3, height_in=4)
     axes[0, 0].plot(["mug", "can"], [1, 2])
     axes[0, 1].pcolormesh([1, 10, 100], [0, 1], [[1.0, 2.0]])
     axes[0, 2].pcolormesh(np.arange(3), np.arange(3), np.ones((3, 3)), shading="gouraud")
@@ -41,7 +41,7 @@ def others():
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return plotting.save(drawn, tmp_path_factory.mktemp("figure") / "three_panels")[-1]
+    return style.save(drawn, tmp_path_factory.mktemp("figure") / "three_panels")[-1]
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +72,12 @@ def test_the_page_knows_what_was_drawn_and_is_the_same_bytes_twice(path: Path, t
         {"name": "ours", "points": [[-0.2, 0.4, 0.4], [0.8, 0.8, 0.8]]}, {"name": "theirs", "points": [[0.2, 0.3, 0.3], [1.2, 0.6, 0.6]]},
     ]  # fmt: skip
     assert right["x"]["names"] == [[0, "mug"], [1, "can"]]
-    again = plotting.save(drawn, tmp_path / "three_panels")[-1]
+    again = style.save(drawn, tmp_path / "three_panels")[-1]
     assert again.read_bytes() == path.read_bytes()
 
 
 def test_what_cannot_be_read_is_drawn_and_has_no_values(tmp_path: Path) -> None:
-    names, uneven, shaded, other, low, bars = data_of(plotting.save(others, tmp_path / "others")[-1])["axes"]
+    names, uneven, shaded, other, low, bars = data_of(style.save(others, tmp_path / "others")[-1])["axes"]
     assert names["series"][0]["points"] == [[0, 1], [1, 2]]
     assert uneven["pictures"] == shaded["pictures"] == []
     assert len(other["x"]["steps"]) == 257

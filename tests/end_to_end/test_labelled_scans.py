@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.questions import asked, exact
+from experiments.generators.questions import asked, exact
 from radartwin.label.manifest import write_labels
 from radartwin.label.recorded import shipped, shipped_rooms
 from radartwin.label.sources import Vlm

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from radartwin.assemble import named_radar
+from radartwin.build.recording import named_radar
 from radartwin.errors import MissingError, OutputError, RecordingError
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar

@@ -7,8 +7,8 @@ import pytest
 from scipy import ndimage
 
 from radartwin.reconstruct.distance import covered, to_mesh
-from radartwin.reconstruct.frames import Frame, Frames, points
-from radartwin.reconstruct.fusion import fuse
+from radartwin.reconstruct.frames.frames import Frame, Frames, points
+from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.mesh_file import load_scan
 
 SLAMBOOK_LENS = (518.0, 519.0, 325.5, 253.5)  # its README

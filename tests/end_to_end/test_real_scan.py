@@ -9,7 +9,7 @@ from radartwin.errors import MaterialError
 from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.mesh_file import load_scan
 from radartwin.scene.scene import Scene
-from radartwin.scene.view import view
+from radartwin.scene.viewer.page import view
 
 
 @pytest.fixture(scope="module")

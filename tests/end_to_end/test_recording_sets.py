@@ -13,10 +13,10 @@ import pytest
 from radartwin import cli
 from radartwin.features.gate import multipath_share
 from radartwin.features.profile import range_time
-from radartwin.measured.recording_set import RecordingSet
 from radartwin.radar.captures import load_capture
 from radartwin.radar.inspect import inspect
 from radartwin.radar.maps import Chain
+from radartwin.recordings.recording_set import RecordingSet
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 Said = tuple[int, str, str]

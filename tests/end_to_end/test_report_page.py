@@ -20,7 +20,7 @@ import reported
 from PIL import Image
 
 from analysis import main
-from radartwin.experiment import Result
+from radartwin.runs.experiment import Result
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "outputs" / "screenshots"
 WIDTH, PHONE = 1280, 390

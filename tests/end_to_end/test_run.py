@@ -16,10 +16,10 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 EXPERIMENT = """
 import numpy as np
 
-from radartwin import plotting
+from radartwin.plotting import style
 from radartwin.errors import MissingError
-from radartwin.experiment import Result
-from radartwin.store import save_arrays
+from radartwin.runs.experiment import Result
+from radartwin.store.products import save_arrays
 
 
 def run(config, store, progress):
@@ -37,7 +37,7 @@ def run(config, store, progress):
 
 
 def draw():
-    figure, axes = plotting.figure()
+    figure, axes = style.figure()
     axes.plot([0, 1], [1, 0])
     return figure
 """

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.scan import TARGETS, case_rows, scores
-from experiments.scanning import scanned
-from radartwin.reconstruct.accuracy import sighted
-from radartwin.reconstruct.fusion import fuse
-from radartwin.reconstruct.scanner import scan
-from radartwin.reconstruct.score import score_segments
-from radartwin.reconstruct.score_truth import Truth
-from radartwin.reconstruct.segment import PlanarRegionGrowing, Segment
+from experiments.scans.accuracy import sighted
+from experiments.scans.scan import TARGETS, case_rows, scores
+from experiments.scans.segment_score import score_segments
+from experiments.scans.true_surfaces import Truth
+from experiments.scans.virtual_scan import scanned
+from radartwin.reconstruct.fusion.fusion import fuse
+from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing, Segment
 from radartwin.scene import rooms
+from radartwin.testbed.scanner import scan
 
 # (room, strength) -> least recall and precision, a little below what seed 0 gave; the other limits are the table's own.
 LEAST = {

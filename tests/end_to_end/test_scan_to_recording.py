@@ -9,7 +9,7 @@ import pytest
 import radartwin as rt
 from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.mesh_file import load_scan
-from radartwin.scene.trajectory import look_at
+from radartwin.scene.trajectories.trajectory import look_at
 
 
 def test_real_scan_becomes_a_processed_recording(shared_data, radartwin, tmp_path):

@@ -12,7 +12,7 @@ import own_experiment
 import pytest
 
 from radartwin.errors import ConfigError
-from radartwin.search import space
+from radartwin.runs.search import space
 
 SEARCH = ["--search", "peak", "trajectory.height_m=interval(0.5,2.0)"]
 

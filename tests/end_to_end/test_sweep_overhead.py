@@ -11,7 +11,7 @@ import numpy as np
 import own_experiment
 import pytest
 
-from radartwin.job import OUTCOME
+from radartwin.runs.job import OUTCOME
 
 MOST_S = 0.3  # per job in a worker that is warm
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from radartwin.config import TrackingConfig
-from radartwin.dashboard import dashboard
+from radartwin.config.groups import TrackingConfig
 from radartwin.errors import BackendError, ConfigError, OutputError
-from radartwin.tracking import ARTIFACTS, DATABASE, Tracker
+from radartwin.runs.dashboard import dashboard
+from radartwin.runs.tracking import ARTIFACTS, DATABASE, Tracker
 
 # SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
@@ -135,8 +135,8 @@ def test_a_finished_run_is_known_and_a_failed_one_is_not(output: Path) -> None:
 OPENS = """
 import sys
 from pathlib import Path
-from radartwin.config import TrackingConfig
-from radartwin.tracking import Tracker
+from radartwin.config.groups import TrackingConfig
+from radartwin.runs.tracking import Tracker
 
 number, output = sys.argv[1:]
 with Tracker(TrackingConfig(), Path(output)).run("environment", number * 32, number, {"number": number}) as record:

@@ -8,12 +8,13 @@ import trimesh
 from trimesh.visual import ColorVisuals
 
 from radartwin.materials import Layered
-from radartwin.scene import objects, rooms, trajectory
-from radartwin.scene.layout import Layout
-from radartwin.scene.layout_place import furnish
+from radartwin.scene import objects, rooms
+from radartwin.scene.layouts.layout import Layout
+from radartwin.scene.layouts.place import furnish
 from radartwin.scene.scene import Scene, Surface
-from radartwin.scene.view import material_label, view
-from radartwin.scene.view_colours import material_colours
+from radartwin.scene.trajectories import trajectory
+from radartwin.scene.viewer.colouring import material_colours
+from radartwin.scene.viewer.page import material_label, view
 
 WIDTH, HEIGHT, PANEL = 1280, 800, 330
 PAPER = (238, 242, 245)  # behind the scene

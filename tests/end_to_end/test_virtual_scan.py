@@ -6,12 +6,12 @@ import time
 import numpy as np
 import pytest
 
-from experiments.bench_scan import line, measure
-from radartwin.reconstruct.accuracy import accuracy
-from radartwin.reconstruct.frames import Frames
-from radartwin.reconstruct.fusion import fuse
-from radartwin.reconstruct.scanner import scan
+from experiments.scans.accuracy import accuracy
+from experiments.speed.bench_scan import line, measure
+from radartwin.reconstruct.frames.frames import Frames
+from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.scene import rooms
+from radartwin.testbed.scanner import scan
 
 ROOMS = {"lab": rooms.lab, "atrium": rooms.atrium, "squash_court": rooms.squash_court}
 

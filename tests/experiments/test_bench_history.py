@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments import bench_history
+from experiments.speed import bench_history
 
 MACHINE = {"processor": "a, b", "cores": 2, "load": "0.1", "python": "3.11.7", "repeats": 5, "variant": "llvm"}
 

@@ -10,22 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments import campaign as table
-from experiments import scanning
-from experiments.campaigns import Campaign, Case, tally, truth, twin
-from experiments.campaigns.campaign import load_clean
-from experiments.campaigns.cases import log
-from experiments.campaigns.turned import Turned
-from radartwin.compose import compose
-from radartwin.config import Config, MaterialsConfig
-from radartwin.configured import build_radar
-from radartwin.experiment import check_rows
-from radartwin.measured.drift import Drift
-from radartwin.progress import Progress
+from experiments.campaign import Campaign, Case, table, tally, truth, twin
+from experiments.campaign.campaign import load_clean
+from experiments.campaign.cases import log
+from experiments.campaign.turned import Turned
+from experiments.scans import virtual_scan
+from radartwin.build.radar import build_radar
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
+from radartwin.runs.experiment import check_rows
 from radartwin.simulation.aspects import Aspects
-from radartwin.store import Store
+from radartwin.store.products import Store
+from radartwin.testbed.drift import Drift
 
 TINY = [
     "jobs=1", "experiment=campaign", "materials=void", "profile.resamples=200", "profile.campaign.turntable_objects=[can_211_400]",
@@ -115,13 +114,13 @@ def test_a_scan_that_was_made_before_counts_with_its_room(config: Config, tmp_pa
     config = replace(config, materials=MaterialsConfig(source="uniform"))
     campaign = Campaign(config, store, progress)
     before = table.make(campaign, progress)
-    spec = scanning.specification(config, "lab", config.measured.gap.geometry)
+    spec = virtual_scan.specification(config, "lab", config.measured.gap.geometry)
 
     def slowly(folder: Path) -> None:
         time.sleep(3.0)
         (folder / "scan").write_text("made up")
 
-    store.fetch(scanning.KIND, spec, scanning.ROOTS, slowly)
+    store.fetch(virtual_scan.KIND, spec, virtual_scan.ROOTS, slowly)
     scanned = [(one.setups, round(one.seconds[0])) for one in table.make(campaign, progress) if one.domain == "twin"]
     alone = [(one.setups, round(one.seconds[0])) for one in before if one.domain == "twin"]
     assert scanned[0] == (alone[0][0] + 1, alone[0][1] + 3)

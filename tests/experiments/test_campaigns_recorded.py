@@ -11,25 +11,25 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from experiments import environment
-from experiments.campaigns import Campaign, Case
-from experiments.campaigns.cases import Motion, course
-from experiments.campaigns.export import export
-from radartwin.compose import compose
-from radartwin.config import Config
+from experiments.campaign import Campaign, Case
+from experiments.campaign.cases import Motion, course
+from experiments.campaign.export import export
+from experiments.turntable import environment
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config
 from radartwin.errors import ConfigError, InputError, UserError
 from radartwin.features import sets
 from radartwin.features.align import start_offset
 from radartwin.features.envelope import frames_per_revolution
 from radartwin.features.gate import gate_energies
 from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
-from radartwin.measured.checks import examine
-from radartwin.measured.index import Row
-from radartwin.measured.recording_set import RecordingSet
-from radartwin.progress import Progress
+from radartwin.io.progress import Progress
 from radartwin.radar.recording import Recording
-from radartwin.simulation.drives import straight
-from radartwin.store import Store
+from radartwin.recordings.checks import examine
+from radartwin.recordings.index import Row
+from radartwin.recordings.recording_set import RecordingSet
+from radartwin.simulation.flat.drives import straight
+from radartwin.store.products import Store
 
 TINY = [
     "jobs=1", "experiment=environment", "materials=void", "experiment.distances_m=[1.0]", "measured.gap.solver=0", "measured.gap.clutter=0",

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.campaigns import Campaign
-from experiments.campaigns.campaign import load_clean
-from radartwin.compose import compose
+from experiments.campaign import Campaign
+from experiments.campaign.campaign import load_clean
+from radartwin.config.compose import compose
 from radartwin.features.processed import process
-from radartwin.progress import Progress
-from radartwin.store import Store
+from radartwin.io.progress import Progress
+from radartwin.store.products import Store
 
 pytestmark = pytest.mark.slow
 TURN = 20  # frames

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from radartwin.compose import compose
-from radartwin.run import run_experiment, run_key
-from radartwin.store import Counts
+from radartwin.config.compose import compose
+from radartwin.runs.run import run_experiment, run_key
+from radartwin.store.products import Counts
 
 TINY = [
     "experiment=environment", "jobs=1", "tracking=off", "measured.gap.solver=0", "measured.gap.clutter=0", "measured.gap.geometry=0",

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from experiments.campaigns.cases import ROVER, planned
-from experiments.campaigns.crew import PIECE, Tracks, Wanted
-from radartwin.compose import compose
-from radartwin.config import MaterialsConfig
+from experiments.campaign.cases import ROVER, planned
+from experiments.campaign.crew import PIECE, Tracks, Wanted
+from radartwin.config.compose import compose
+from radartwin.config.groups import MaterialsConfig
 
 CONFIG = compose(["profile=quick"])
 

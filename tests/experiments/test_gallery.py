@@ -10,13 +10,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from experiments import gallery
-from experiments.campaigns.cases import Case, Motion, log
-from radartwin import plotting
-from radartwin.compose import compose
-from radartwin.config import CampaignConfig
+from experiments.campaign import gallery
+from experiments.campaign.cases import Case, Motion, log
+from radartwin.config.compose import compose
+from radartwin.config.groups import CampaignConfig
 from radartwin.errors import ConfigError
 from radartwin.features.processed import Processed, process
+from radartwin.plotting import style
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 
@@ -87,7 +87,7 @@ def test_both_domains_share_scale_and_marks(tmp_path: Path) -> None:
         assert len(above.lines) == len(below.lines) == 1
     assert "(testbed)" in pictures[0].get_ylabel()
     assert "simulated" in pictures[3].get_ylabel()
-    plotting.save(drawn, tmp_path / "gallery")
+    style.save(drawn, tmp_path / "gallery")
     assert (tmp_path / "gallery.png").stat().st_size > 10_000
 
 

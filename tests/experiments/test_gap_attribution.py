@@ -7,21 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_campaign import FakeCampaign
 
-from experiments import gap_attribution, gap_coalitions, transfer
-from experiments.campaigns.cases import Case
-from experiments.coalitions import Coalition
-from experiments.gap_attribution import ALL, ALONE, CLAIMS, FILLED, LEFT_OUT, PLANS, SHARE, Plan, chart, table
-from experiments.gap_coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Sides, configured, losses, side, told
-from experiments.recognition import right
-from radartwin.compose import compose
-from radartwin.config import GapConfig
+from experiments.campaign.cases import Case
+from experiments.gaps import coalitions, gap_attribution
+from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Sides, configured, losses, side, told
+from experiments.gaps.gap_attribution import ALL, ALONE, CLAIMS, FILLED, LEFT_OUT, PLANS, SHARE, Plan, chart, table
+from experiments.gaps.shapley import Coalition
+from experiments.recognition import transfer
+from experiments.recognition.protocol import right
+from radartwin.config.compose import compose
+from radartwin.config.groups import GapConfig
 from radartwin.errors import ConfigError
-from radartwin.experiment import check_rows
 from radartwin.features.processed import Processed
-from radartwin.progress import Progress
-from radartwin.store import Store
-from tests.unit.fake_campaign import FakeCampaign
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import check_rows
+from radartwin.store.products import Store
 
 CONFIG = compose(["experiment=gap_attribution", "profile.resamples=200", "supervision.trees=20", "supervision.seeds=2"])
 OBJECTS = ("corner_reflector", "mug", "mustard", "mouthwash")
@@ -52,7 +53,7 @@ class FakeSides(Sides):
 
 @pytest.fixture(scope="module")
 def scored(tmp_path_factory: pytest.TempPathFactory):
-    sides = FakeSides(CONFIG, Store(tmp_path_factory.mktemp("store")), QUIET, gap_coalitions.cases(OBJECTS))
+    sides = FakeSides(CONFIG, Store(tmp_path_factory.mktemp("store")), QUIET, coalitions.cases(OBJECTS))
     found = losses(CONFIG, sides, PLAN.needed())
     filled = np.array([case.object in FILLED_ONES for case in sides.cases])
     return sides, found, filled, table(CONFIG, PLAN, found, filled, sides.keys)
@@ -148,7 +149,7 @@ def test_real_recordings_of_a_can_and_a_bottle_lose_to_contents_and_hand_what_th
     """Exact room, true labels: without gaps both domains are one; a can knows of no liquid, a bottle does, the hand's placement both."""
     plan = Plan({"contents": ("contents",), "placement": ("placement",)}, ("drink_can_355", "mustard"))
     config = replace(CONFIG, output=str(tmp_path))
-    sides = Sides(config, Store(tmp_path / "cache"), QUIET, gap_coalitions.cases(plan.objects))
+    sides = Sides(config, Store(tmp_path / "cache"), QUIET, coalitions.cases(plan.objects))
     found = losses(config, sides, plan.needed())
     can, bottle = 0, 1
     assert [case.object for case in sides.cases] == ["drink_can_355", "mustard"]

@@ -8,17 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments import gap_cases, gap_claims, gaps, scanning
-from experiments.campaigns.cases import Case, Log
-from radartwin.compose import compose
-from radartwin.config import Config
+from experiments.campaign.cases import Case, Log
+from experiments.gaps import case_set, claims, gaps
+from experiments.scans import virtual_scan
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config
 from radartwin.errors import ConfigError
 from radartwin.features.processed import MAX_RANGE_M, Processed
-from radartwin.progress import Progress
+from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import range_axis, velocity_axis
 from radartwin.scene import rooms
-from radartwin.store import Store
+from radartwin.store.products import Store
 
 RADAR = Radar.iwr1843()
 FRAMES = 24
@@ -29,7 +30,7 @@ def config(tmp_path: Path) -> Config:
     return compose(["experiment=gaps", f"output={tmp_path}"])
 
 
-def reading(target: np.ndarray, room: complex = 1e-4, offset_m: float = 0.0, floor: float = 1e-16) -> gap_cases.Reading:
+def reading(target: np.ndarray, room: complex = 1e-4, offset_m: float = 0.0, floor: float = 1e-16) -> case_set.Reading:
     """A target of these amplitudes (F,) at 1 m and an echo of the room at 3 m, both one range bin wide."""
     axis = range_axis(RADAR, RADAR.num_samples)
     axis = axis[axis <= MAX_RANGE_M]
@@ -40,7 +41,7 @@ def reading(target: np.ndarray, room: complex = 1e-4, offset_m: float = 0.0, flo
     processed = Processed(RADAR, axis, power, channels, None, velocity_axis(RADAR, RADAR.num_chirps), np.full(len(axis), floor, np.float32))
     places = np.tile(np.eye(4), (FRAMES, 1, 1))
     places[:, 0, 3] = 1.0
-    return gap_cases.read("key", processed, Log(FRAMES / 25, np.eye(4)[None], places, ANGLE))
+    return case_set.read("key", processed, Log(FRAMES / 25, np.eye(4)[None], places, ANGLE))
 
 
 STEADY = np.full(FRAMES, 1e-3)
@@ -48,36 +49,36 @@ STEADY = np.full(FRAMES, 1e-3)
 
 def test_each_change_moves_its_own_feature_by_what_it_is() -> None:
     base = reading(STEADY)
-    twice = gap_cases.moved(reading(2 * STEADY), base)
+    twice = case_set.moved(reading(2 * STEADY), base)
     assert twice["target brightness (dB)"] == pytest.approx(6.02, abs=0.01)
     assert twice["target change (dB)"] == pytest.approx(0.0, abs=0.01)  # |2 - 1| over 1
     assert twice["room level (dB)"] == pytest.approx(0.0, abs=0.01)
     assert twice["room change (dB)"] < -100
-    louder = gap_cases.moved(reading(STEADY, room=1e-3), base)
+    louder = case_set.moved(reading(STEADY, room=1e-3), base)
     assert louder["room level (dB)"] == pytest.approx(20.0, abs=0.01)
     assert louder["target brightness (dB)"] == pytest.approx(0.0, abs=1e-3)
     assert louder["multipath share"] == pytest.approx(0.5 - 1 / 101, abs=1e-3)
-    turned = gap_cases.moved(reading(STEADY * np.exp(1j)), base)
+    turned = case_set.moved(reading(STEADY * np.exp(1j)), base)
     assert turned["target change (dB)"] == pytest.approx(20 * np.log10(2 * np.sin(0.5)), abs=0.01)
     assert turned["target brightness (dB)"] == pytest.approx(0.0, abs=1e-3)
-    away = gap_cases.moved(reading(STEADY, offset_m=RADAR.range_resolution_m), base)
+    away = case_set.moved(reading(STEADY, offset_m=RADAR.range_resolution_m), base)
     assert away["track rms (mm)"] == pytest.approx(1e3 * RADAR.range_resolution_m, rel=0.01)
-    lobed = gap_cases.moved(reading(1e-3 * np.sqrt(1 + 0.5 * np.cos(2 * ANGLE))), base)
+    lobed = case_set.moved(reading(1e-3 * np.sqrt(1 + 0.5 * np.cos(2 * ANGLE))), base)
     assert lobed["angular harmonic ratio"] == pytest.approx(0.25**2, rel=0.01)
-    same = gap_cases.moved(base, base)
+    same = case_set.moved(base, base)
     assert same["profile correlation"] == pytest.approx(1.0)
-    assert same["target change (dB)"] == -gap_cases.DARKEST_DB
-    assert gap_cases.profile_difference_db(reading(2 * STEADY, room=2e-4, floor=4e-16), base) == pytest.approx(6.02, abs=0.01)
+    assert same["target change (dB)"] == -case_set.DARKEST_DB
+    assert case_set.profile_difference_db(reading(2 * STEADY, room=2e-4, floor=4e-16), base) == pytest.approx(6.02, abs=0.01)
 
 
 def test_one_gap_alone_leaves_all_others_off(tmp_path: Path) -> None:
-    for gap in gap_cases.GAPS:
-        strengths = asdict(gap_cases.alone(config(tmp_path), gap, 2.0).measured.gap)
+    for gap in case_set.GAPS:
+        strengths = asdict(case_set.alone(config(tmp_path), gap, 2.0).measured.gap)
         assert strengths.pop(gap) == 2.0
         assert set(strengths.values()) == {0.0}
-    assert set(asdict(gap_cases.alone(config(tmp_path)).measured.gap).values()) == {0.0}
+    assert set(asdict(case_set.alone(config(tmp_path)).measured.gap).values()) == {0.0}
     with pytest.raises(ConfigError, match="choose geometry"):
-        gap_cases.alone(config(tmp_path), "weather")
+        case_set.alone(config(tmp_path), "weather")
 
 
 def test_what_the_table_sets_by_itself_is_refused(tmp_path: Path) -> None:
@@ -88,7 +89,7 @@ def test_what_the_table_sets_by_itself_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_scan_at_strength_0_is_the_room_without_its_clutter_and_is_not_scored(tmp_path: Path) -> None:
-    known = scanning.scene_of(scanning.fetch(config(tmp_path), Store(tmp_path), "lab", 0.0))
+    known = virtual_scan.scene_of(virtual_scan.fetch(config(tmp_path), Store(tmp_path), "lab", 0.0))
     truth = rooms.room("lab", detail="furnished")
     assert known.names == truth.names
     for mine, theirs in zip(known, truth, strict=True):
@@ -101,12 +102,12 @@ def test_a_scan_at_strength_0_is_the_room_without_its_clutter_and_is_not_scored(
 
 def test_every_gap_has_claims_of_features_and_groups_that_there_are() -> None:
     base = reading(STEADY)
-    known = set(gap_cases.moved(base, base))
-    for gap in gap_cases.GAPS:
-        found = gap_claims.expected(gap, 1.0)
+    known = set(case_set.moved(base, base))
+    for gap in case_set.GAPS:
+        found = claims.expected(gap, 1.0)
         assert found
         for group, feature, claim in found:
-            assert group in gap_cases.GROUPS
+            assert group in case_set.GROUPS
             assert feature in known or gap == "hardware"
             assert claim.text
             assert claim.least == 1
@@ -115,9 +116,9 @@ def test_every_gap_has_claims_of_features_and_groups_that_there_are() -> None:
 def test_a_claim_holds_or_fails_by_what_was_found(tmp_path: Path) -> None:
     """Hardware that takes what its lines and filter take, 7.7 dB at 1 m, and hardware that takes nothing."""
     base = reading(STEADY)
-    still = gap_cases.moved(base, base) | {"noise floor (dB)": -138.0, "level at zero range, risen by (dB)": 40.0}
+    still = case_set.moved(base, base) | {"noise floor (dB)": -138.0, "level at zero range, risen by (dB)": 40.0}
     for level, verdict in ((-7.7, "holds"), (0.0, "fails")):
-        moves = {case: still | {"target brightness (dB)": level} for case in gap_cases.CASES}
+        moves = {case: still | {"target brightness (dB)": level} for case in case_set.CASES}
         rows = gaps._rows(config(tmp_path), ("hardware", 1.0), moves, ["key"])
         found = {(row["cases"], row["metric"]): row["verdict"] for row in rows}
         assert found["turntable, metal", "target brightness (dB)"] == verdict
@@ -127,12 +128,12 @@ def test_a_claim_holds_or_fails_by_what_was_found(tmp_path: Path) -> None:
 
 def test_with_every_gap_off_both_domains_are_one(tmp_path: Path) -> None:
     """What is left is the room's storage in single precision, far below any solver error."""
-    off = gap_cases.alone(config(tmp_path))
+    off = case_set.alone(config(tmp_path))
     off = replace(off, profile=replace(off.profile, campaign=replace(off.profile.campaign, frames_per_turn=16)))
     case, progress = Case("drink_can_355", "lab", "turntable", 1.0), Progress()
     store = Store(tmp_path)
-    measured = gap_cases.recorded(off, store, progress, "measured", case)
-    told = gap_cases.recorded(off, store, progress, "twin", case)
+    measured = case_set.recorded(off, store, progress, "measured", case)
+    told = case_set.recorded(off, store, progress, "twin", case)
     for chosen in (measured.target, ~measured.target):
-        assert gap_cases.change_db(told, measured, chosen) < -80
-    assert gap_cases.profile_difference_db(told, measured) < 0.01
+        assert case_set.change_db(told, measured, chosen) < -80
+    assert case_set.profile_difference_db(told, measured) < 0.01

@@ -10,20 +10,20 @@ import miepython
 import numpy as np
 import pytest
 
-from analysis import choosing
-from experiments import measuring, methods, problems, signal_error, speed_accuracy, speed_figures, speed_page
-from experiments.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
-from experiments.oracles import traced
-from experiments.oracles.point_source import cylinder_echo, sphere_echo
-from experiments.oracles.targets import corner_faces, cylinder_rcs
-from experiments.pareto import front, shortfall
-from radartwin.compose import compose
+from analysis.figures import choosing
+from experiments.speed import chart, chart_page, measuring, methods, problems, signal_error, speed_accuracy
+from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
+from experiments.speed.pareto import front, shortfall
+from experiments.validation.oracles import traced
+from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
+from experiments.validation.oracles.targets import corner_faces, cylinder_rcs
+from radartwin.config.compose import compose
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.experiment import check_rows
 from radartwin.radar.chirp import Radar
-from radartwin.run import run_key
+from radartwin.runs.experiment import check_rows
+from radartwin.runs.run import run_key
 from radartwin.scene import objects
-from radartwin.simulation.rfgenesis_signal import direct_frame
+from radartwin.simulation.backends.rfgenesis_signal import direct_frame
 
 FREQUENCY_HZ = 77e9
 WAVELENGTH_M = SPEED_OF_LIGHT / FREQUENCY_HZ
@@ -199,7 +199,7 @@ def test_a_run_is_of_its_machine(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_page_holds_every_point_and_loads_nothing() -> None:
     rows = rows_of(measured(POINTS, "table", [0.1] * 3, 5.0), measured(OURS, "</script>", [2.0] * 3, 5.0))
-    text = speed_page.page(rows)
+    text = chart_page.page(rows)
     assert not re.search(r"(src|href)=|https?://(?!www\.w3\.org/2000/svg)", text)
     data = json.loads(re.search(r"const data = (.*);\n", text).group(1))  # type: ignore[union-attr]
     assert text.count("</script>") == 1
@@ -210,7 +210,7 @@ def test_the_page_holds_every_point_and_loads_nothing() -> None:
 
 
 def test_the_chart_shows_every_point() -> None:
-    drawing = speed_figures.chart(rows_of(measured(POINTS, "far-field table", [0.1] * 3, 5.0)), "profile_error_db")
+    drawing = chart.chart(rows_of(measured(POINTS, "far-field table", [0.1] * 3, 5.0)), "profile_error_db")
     labels = {text.get_text() for axes in drawing.axes for text in axes.texts}
     assert {"default", "table"} <= labels
 

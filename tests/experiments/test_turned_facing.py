@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.campaigns import Case, truth
-from radartwin.compose import compose
+from experiments.campaign import Case, truth
+from radartwin.config.compose import compose
 
 COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
 

@@ -28,10 +28,10 @@ RECORDINGS = 13  # of both domains
 MADE_UP = """
 import sys, time
 import numpy as np
-from experiments.campaigns import truth, twin
-from experiments.campaigns.cases import log
-from experiments.campaigns.turned import Turned
-from radartwin.configured import build_radar
+from experiments.campaign import truth, twin
+from experiments.campaign.cases import log
+from experiments.campaign.turned import Turned
+from radartwin.build.radar import build_radar
 from radartwin.cli import main
 from radartwin.radar.recording import Recording
 from radartwin.simulation.aspects import Aspects

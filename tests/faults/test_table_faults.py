@@ -19,9 +19,9 @@ import pytest
 from disks import Disk
 
 from analysis import main, registry
-from radartwin import plotting
 from radartwin.errors import OutputError
-from radartwin.experiment import Result
+from radartwin.plotting import style
+from radartwin.runs.experiment import Result
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLES = ["labels", "positioning"]  # the cheapest that trace, scan and start a worker of their own
@@ -129,9 +129,9 @@ def test_a_disk_that_fills_up_while_a_table_is_written_leaves_each_file_old_or_n
     table, output = next(table for table in registry.TABLES if table.name == "environment"), small_disk.folder / "out"
     results = {}
     for value in (0.5, 0.45):
-        drawing, axes = plotting.figure(width_in=2.0, height_in=1.0)
+        drawing, axes = style.figure(width_in=2.0, height_in=1.0)
         axes.plot([0, value])
-        plotting.save(drawing, tmp_path / f"{value}")
+        style.save(drawing, tmp_path / f"{value}")
         results[value] = Result(table.name, [ROW | {"value": value}], {"drawn": tmp_path / f"{value}"}, {}, [], f"{value:032}")
 
     def write(value: float) -> None:

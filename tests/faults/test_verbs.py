@@ -14,15 +14,15 @@ import pytest
 from disks import Disk
 
 from analysis import main, registry
-from radartwin import plotting
-from radartwin.config import TrackingConfig
-from radartwin.experiment import Result
+from radartwin.config.groups import TrackingConfig
 from radartwin.label.labelling import prepare
+from radartwin.plotting import style
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
+from radartwin.runs.experiment import Result
+from radartwin.runs.tracking import Tracker
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
-from radartwin.tracking import Tracker
 
 # SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")]
@@ -36,7 +36,7 @@ SMALL = ["trajectory=static", "simulator.rays=1000", "radar.num_chirps=2", "rada
 
 
 def draw() -> object:
-    drawing, axes = plotting.figure(width_in=2.0, height_in=1.0)
+    drawing, axes = style.figure(width_in=2.0, height_in=1.0)
     axes.plot([0, 1])
     return drawing
 

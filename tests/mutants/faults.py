@@ -21,14 +21,14 @@ def _in(path: str, tests: str, *changes: tuple[str, str, str]) -> list[Fault]:
     return [Fault(f"radartwin/{path}.py", right, wrong, meaning, tests) for right, wrong, meaning in changes]
 
 
-MATERIALS, MINC = "tests/physics/test_materials.py", "tests/physics/test_minc.py"
+MATERIALS, MINC = "tests/physics/test_materials.py", "tests/materials/test_minc.py"
 RCS, TUBES, SHELLS = "tests/physics/test_rcs.py", "tests/physics/test_tubes.py", "tests/physics/test_shells.py"
 SYNTHESIS, DIFFUSE, IMAGES = "tests/physics/test_synthesis.py", "tests/physics/test_diffuse.py", "tests/physics/test_images.py"
 COUPLING, DRIVES, ASPECTS = "tests/physics/test_coupling.py", "tests/physics/test_drives.py", "tests/physics/test_aspects.py"
 RECEIVER, HARDWARE, BASELINES = "tests/physics/test_receiver.py", "tests/physics/test_hardware.py", "tests/physics/test_baselines.py"
-POSES, POINTS = "tests/unit/test_poses.py", "tests/physics/test_point_targets.py"
-RADAR, CFAR, FEATURES = "tests/unit/test_radar.py", "tests/unit/test_cfar.py", "tests/unit/test_features.py"
-GATE, PROFILE, RANK = "tests/unit/test_gate_align.py", "tests/unit/test_profile.py", "tests/unit/test_rank_calibration.py"
+POSES, POINTS = "tests/simulation/test_poses.py", "tests/physics/test_point_targets.py"
+RADAR, CFAR, FEATURES = "tests/radar/test_radar.py", "tests/radar/test_cfar.py", "tests/features/test_features.py"
+GATE, PROFILE, RANK = "tests/features/test_gate_align.py", "tests/features/test_profile.py", "tests/features/test_rank_calibration.py"
 
 MATERIAL_FAULTS = (
     *_in(

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 import radartwin as rt
-from experiments import baselines
+from experiments.validation import baselines
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.scene import objects, rooms, trajectory
-from radartwin.simulation import rfgenesis
-from radartwin.simulation.backend import backend
-from radartwin.simulation.rfgenesis_signal import direct_frame, whole_frame_seconds
+from radartwin.scene import objects, rooms
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation.backends import rfgenesis
+from radartwin.simulation.backends.backend import backend
+from radartwin.simulation.backends.rfgenesis_signal import direct_frame, whole_frame_seconds
 
 RADAR = rt.Radar.iwr1843(element="isotropic")
 HERE = np.eye(4)[None]

@@ -97,7 +97,7 @@ def test_three_million_rays_in_a_room_fit_in_two_gigabytes():
 
     code = (
         "import resource, numpy as np, trimesh\n"
-        "from radartwin.simulation import geometry, launch, reflection_table, tubes, variant\n"
+        "from radartwin.simulation import geometry, reflection_table, variant\nfrom radartwin.simulation.curved import tube_grid, tubes\n"
         "variant.activate('llvm')\n"
         "room = trimesh.creation.box((6.0, 4.0, 3.0))\n"
         "room.invert()\n"
@@ -106,7 +106,7 @@ def test_three_million_rays_in_a_room_fit_in_two_gigabytes():
         "source = np.array([[0.3, -0.2, 0.1]])\n"
         "antenna = tubes.Antennas(source, np.array([[0.0, 0.0, 1.0]]))\n"
         "count = 0\n"
-        "for one in launch.all_around(source, np.eye(3)[None], 3_000_000):\n"
+        "for one in tube_grid.all_around(source, np.eye(3)[None], 3_000_000):\n"
         "    count += len(tubes.trace(built, table, one, antenna, antenna, max_bounces=4, hats=True, prune=2e-4).pose)\n"
         "print(count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
     )

@@ -7,10 +7,10 @@ import pytest
 from scipy.special import fresnel
 
 import radartwin as rt
-from experiments.oracles import stack, traced
+from experiments.validation.oracles import stack, traced
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene import objects, rooms
-from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 
 RADAR = traced.MONOSTATIC
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz

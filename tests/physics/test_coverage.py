@@ -10,7 +10,7 @@ import trimesh
 
 from radartwin.errors import BackendError
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation import coverage, division, launch
+from radartwin.simulation.curved import coverage, division, tube_grid
 
 
 def slanted_frame() -> Any:
@@ -27,7 +27,7 @@ def test_no_cell_that_a_ray_meets_is_left_out() -> None:
     mesh = slanted_frame()
     mesh.apply_translation([1.5, 0.0, 0.0])
     source = np.array([[0.0, 0.0, 0.0], [0.2, -0.4, 0.3]])
-    grid = launch.towards(mesh.vertices, source, mesh.bounds.mean(0), 0.02, (0.3, 0.7))
+    grid = tube_grid.towards(mesh.vertices, source, mesh.bounds.mean(0), 0.02, (0.3, 0.7))
     assert grid is not None
     for pose in range(2):
         cells = coverage.covered(grid, pose, mesh.triangles)
@@ -45,14 +45,14 @@ def test_no_cell_that_a_ray_meets_is_left_out() -> None:
 
 def test_what_is_partly_behind_the_source_takes_all_cells() -> None:
     mesh = slanted_frame()
-    grid = launch.towards(mesh.vertices + np.array([[3.0, 0.0, 0.0]]), np.zeros((1, 3)), np.array([3.0, 0.0, 0.0]), 0.02, (0.5, 0.5))
+    grid = tube_grid.towards(mesh.vertices + np.array([[3.0, 0.0, 0.0]]), np.zeros((1, 3)), np.array([3.0, 0.0, 0.0]), 0.02, (0.5, 0.5))
     assert grid is not None
     assert coverage.covered(grid, 0, mesh.triangles) is None
 
 
 def test_a_corner_beside_the_source_takes_all_cells() -> None:
     """A depth of one rounding error is no depth: 0.1 + 0.2 is not 0.3."""
-    grid = launch.all_around(np.array([[0.3, 0.0, 0.0]]), np.eye(3)[None], 6 * 50**2)[0]
+    grid = tube_grid.all_around(np.array([[0.3, 0.0, 0.0]]), np.eye(3)[None], 6 * 50**2)[0]
     corners = np.array([[[0.1 + 0.2, 1.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0]]])
     assert coverage.covered(grid, 0, corners) is None
     grazing = np.array([[[0.3 + 2e-3, 1.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0]]])
@@ -62,7 +62,7 @@ def test_a_corner_beside_the_source_takes_all_cells() -> None:
 
 
 def test_more_tubes_than_can_be_counted_are_refused() -> None:
-    grid = launch.all_around(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), 6 * 8000**2)[0]
+    grid = tube_grid.all_around(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), 6 * 8000**2)[0]
     with pytest.raises(BackendError, match="more than the"):
         next(division.blocks(None, grid, np.zeros((0, 3, 3)), 1, 0, 1, None))  # pyright: ignore[reportArgumentType]
 

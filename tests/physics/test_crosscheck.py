@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import radartwin as rt
-from experiments import backend_crosscheck as crosscheck
-from experiments.oracles import box, stack
-from experiments.oracles.rooms import rotation
-from experiments.oracles.shells import Room
-from experiments.path_match import Found, partners, together
+from experiments.validation import backend_crosscheck as crosscheck
+from experiments.validation.oracles import box, stack
+from experiments.validation.oracles.rooms import rotation
+from experiments.validation.oracles.shells import Room
+from experiments.validation.path_match import Found, partners, together
 from radartwin.scene import objects
-from radartwin.simulation.sionna import is_installed
+from radartwin.simulation.backends.sionna import is_installed
 
 SIZE, SENSOR = (4.0, 3.0, 2.5), np.array([1.3, 1.1, 0.9])
 FREQUENCY_HZ = 78e9
@@ -113,9 +113,9 @@ def test_a_reference_is_scored_by_what_it_shares() -> None:
 @pytest.mark.slow
 def test_the_cross_check_holds_in_every_room() -> None:
     """Every image within 40 dB is ours too, at its length; so is every path of Sionna in one place."""
-    from radartwin.compose import compose
-    from radartwin.experiment import check_rows
-    from radartwin.progress import Progress
+    from radartwin.config.compose import compose
+    from radartwin.io.progress import Progress
+    from radartwin.runs.experiment import check_rows
 
     result = crosscheck.run(compose(["experiment=backend_crosscheck"]), None, Progress())  # type: ignore[arg-type]
     check_rows("backend_crosscheck", result.rows)

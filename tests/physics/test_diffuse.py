@@ -12,7 +12,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, variant
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.synthesis import synthesize
+from radartwin.simulation.signal.synthesis import synthesize
 
 C = 299_792_458.0
 ISOTROPIC = Radar.iwr1843(element="isotropic")

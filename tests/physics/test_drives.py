@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 import radartwin as rt
-from radartwin.measured.motion_errors import RoverErrors, rover
-from radartwin.scene import objects, rooms, trajectory
-from radartwin.simulation.drives import Drives, Track, places_along
-from radartwin.simulation.mitsuba import TraceSettings
+from radartwin.scene import objects, rooms
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation.backends.mitsuba import TraceSettings
+from radartwin.simulation.flat.drives import Drives, Track, places_along
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
-from radartwin.simulation.synthesis import received
+from radartwin.testbed.motion_errors import RoverErrors, rover
 
 RADAR = rt.Radar.iwr1843()
 SETTINGS = TraceSettings(max_bounces=2)

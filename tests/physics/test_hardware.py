@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radartwin.measured.testbed import received
 from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import FULL_SCALE
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 from radartwin.radar.recording import Recording
+from radartwin.testbed.testbed import received
 
 C = 299_792_458.0
 RADAR = Radar.iwr1843(element="isotropic")

@@ -8,9 +8,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import fresnel
 
-from experiments.oracles.nearfield import chain_quadrature, panel_quadrature, two_panel_quadrature
+from experiments.validation.oracles.nearfield import chain_quadrature, panel_quadrature, two_panel_quadrature
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.simulation import aperture, images, panels, reflection_table
+from radartwin.simulation import reflection_table
+from radartwin.simulation.flat import aperture, images, panels
 from radartwin.simulation.geometry import Geometry
 
 FREQUENCY = 78.72e9

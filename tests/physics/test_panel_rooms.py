@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 from scipy.special import fresnel
 
 import radartwin as rt
-from experiments.oracles import rooms as room_oracles
-from experiments.oracles import traced
-from experiments.oracles.box import image_paths, image_sum
-from experiments.oracles.nearfield import panel_quadrature
+from experiments.validation.oracles import rooms as room_oracles
+from experiments.validation.oracles import traced
+from experiments.validation.oracles.box import image_paths, image_sum
+from experiments.validation.oracles.nearfield import panel_quadrature
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms
-from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 
 RADAR = traced.MONOSTATIC
 FREQUENCY = RADAR.center_frequency_hz

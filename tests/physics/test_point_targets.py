@@ -11,7 +11,7 @@ from radartwin.radar.detection import Detector, detect
 from radartwin.radar.maps import Chain, survey
 from radartwin.radar.processing import azimuth_spectrum, doppler_fft, range_fft, window
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.synthesis import synthesize
+from radartwin.simulation.signal.synthesis import synthesize
 
 C = 299_792_458.0
 RADAR = Radar.iwr1843(element="isotropic")

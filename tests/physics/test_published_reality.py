@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from radartwin.features.profile import beyond_target_share, range_time
-from radartwin.measured import fixtures, testbed
-from radartwin.measured.testbed import OFF, Gaps
 from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
-from radartwin.scene import objects, rooms, trajectory
+from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories import trajectory
+from radartwin.testbed import fixtures, testbed
+from radartwin.testbed.testbed import OFF, Gaps
 
 RADAR = Radar.iwr1843()
 REFLECTOR = Scene([Surface(objects.trihedral(0.1), "metal", "reflector", role="object")])

@@ -11,7 +11,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.synthesis import received, synthesize
+from radartwin.simulation.signal.synthesis import received, synthesize
 
 C = 299_792_458.0
 RADAR = Radar.iwr1843(element="isotropic")

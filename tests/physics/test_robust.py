@@ -19,7 +19,8 @@ import trimesh
 import radartwin as rt
 from radartwin.errors import InputError
 from radartwin.scene import objects
-from radartwin.simulation import geometry, launch, reflection_table, tubes, variant
+from radartwin.simulation import geometry, reflection_table, variant
+from radartwin.simulation.curved import tube_grid, tubes
 
 WAVELENGTH = 299_792_458.0 / 77e9
 K = 2 * np.pi / WAVELENGTH
@@ -37,8 +38,8 @@ def traced(mesh, position, *, rays=None, bounces=4, pieces=3, hats=False):
     table = reflection_table.build([("metal", 0.0)], 77e9)
     source = np.asarray(position, float)[None]
     antenna = tubes.Antennas(source, np.array([[0.0, 0.0, 1.0]]))
-    one = None if rays else launch.towards(built.hull_points(), source, built.centre, WAVELENGTH, (0.3, 0.6))
-    grids = [one] if one is not None else launch.all_around(source, np.eye(3)[None], rays or 60_000)
+    one = None if rays else tube_grid.towards(built.hull_points(), source, built.centre, WAVELENGTH, (0.3, 0.6))
+    grids = [one] if one is not None else tube_grid.all_around(source, np.eye(3)[None], rays or 60_000)
     hits = tubes.Hits.concatenate(
         [tubes.trace(built, table, grid, antenna, antenna, max_bounces=bounces, hats=hats, pieces=pieces) for grid in grids]
     )

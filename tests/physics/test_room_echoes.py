@@ -6,7 +6,7 @@ import pytest
 import radartwin as rt
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene import rooms
-from radartwin.simulation.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 
 HEIGHT_M = 0.4
 

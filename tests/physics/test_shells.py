@@ -5,9 +5,10 @@ import pytest
 import trimesh
 
 import radartwin as rt
-from experiments.oracles import stack
+from experiments.validation.oracles import stack
 from radartwin.scene import objects
-from radartwin.simulation import geometry, launch, reflection_table, shell, tubes, variant
+from radartwin.simulation import geometry, reflection_table, variant
+from radartwin.simulation.curved import shell, tube_grid, tubes
 
 FREQUENCY = 77e9
 WAVELENGTH = 299_792_458.0 / FREQUENCY
@@ -25,7 +26,7 @@ def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=
     table = reflection_table.build([(m, 0.0) for m in materials], FREQUENCY, high_hz)
     if not through:
         table = reflection_table.ReflectionTable(table.te, table.tm, table.frequencies_hz)
-    grid = launch.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
+    grid = tube_grid.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
     assert grid is not None
     hits = tubes.trace(built, table, grid, tubes.Antennas(start, UP), tubes.Antennas(end, UP), max_bounces=1, pieces=3, prune=prune)
     far = (hits.length_in_m > beyond_m) & (hits.length_in_m < within_m)
@@ -67,7 +68,7 @@ def test_metal_in_a_box_is_seen_through_its_wall():
 
 def test_empty_bottles_are_near_the_exact_series():
     """The mean over the sweep, with three reflections inside."""
-    from experiments.oracles.dielectrics import exact_bottle, our_bottle
+    from experiments.validation.oracles.dielectrics import exact_bottle, our_bottle
 
     error = [our_bottle(wall, "air") - exact_bottle(wall, "air", 65) for wall in ("pet 0.3", "hdpe 1", "glass 3")]
     assert np.abs(error).max() < 1.0
@@ -111,7 +112,7 @@ def test_nothing_passes_what_is_no_shell(mesh, material):
 
 def test_bottle_in_a_scene_shows_its_far_wall():
     """In front of a wall, through rooms by images, as a moving object: its echo stands where its far wall does."""
-    from radartwin.simulation.mitsuba import TraceSettings
+    from radartwin.simulation.backends.mitsuba import TraceSettings
     from radartwin.simulation.simulate import trace_paths
 
     wall = objects.plate(3, 3).apply_translation([-1.5, 0, 0])

@@ -11,7 +11,8 @@ import trimesh
 
 import radartwin as rt
 from radartwin.materials import reflection
-from radartwin.scene import objects, rooms, trajectory
+from radartwin.scene import objects, rooms
+from radartwin.scene.trajectories import trajectory
 
 C = 299_792_458.0
 RADAR = rt.Radar.iwr1843(element="isotropic")

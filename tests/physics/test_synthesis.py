@@ -11,9 +11,9 @@ from scipy.special import jv
 from radartwin import compiled
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
-from radartwin.simulation import gridding
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.synthesis import planar_phase, synthesize, thermal_noise
+from radartwin.simulation.signal import gridding
+from radartwin.simulation.signal.synthesis import planar_phase, synthesize, thermal_noise
 
 C = 299_792_458.0
 
@@ -96,8 +96,8 @@ def test_frames_of_many_paths_are_split_and_frames_of_none_stay_silent(monkeypat
     paths = random_paths(60, 2, 0.2)
     paths = dataclasses.replace(paths, poses=4, pose=2 * paths.pose)
     expected = direct_sum(paths, radar)
-    monkeypatch.setattr("radartwin.simulation.synthesis._PATHS_PER_TASK", 7)
-    monkeypatch.setattr("radartwin.simulation.synthesis._GRID_BYTES", 1)
+    monkeypatch.setattr("radartwin.simulation.signal.synthesis._PATHS_PER_TASK", 7)
+    monkeypatch.setattr("radartwin.simulation.signal.synthesis._GRID_BYTES", 1)
     iq = synthesize(paths, radar)
     assert np.linalg.norm(iq - expected) / np.linalg.norm(expected) < 1e-4
     assert not iq[[1, 3]].any()

@@ -7,7 +7,8 @@ from scipy.optimize import minimize
 
 import radartwin as rt
 from radartwin.scene import objects
-from radartwin.simulation import geometry, launch, reflection_table, tubes, variant
+from radartwin.simulation import geometry, reflection_table, variant
+from radartwin.simulation.curved import tube_grid, tubes
 
 FREQUENCY = 77e9
 WAVELENGTH = 299_792_458.0 / FREQUENCY
@@ -85,7 +86,7 @@ def test_sphere_before_a_wall_echoes_by_all_its_images(density, bound_db):
     parts = []
     for first, at in ((1, centre), (0, centre * [-1, 1, 1] + [2 * wall_x, 0, 0])):
         target = geometry.build([objects.sphere(radius, 4).apply_translation(at)])
-        grid = launch.towards(target.hull_points(), sensor[None], target.centre, WAVELENGTH / np.sqrt(density), (0.14, 0.95))
+        grid = tube_grid.towards(target.hull_points(), sensor[None], target.centre, WAVELENGTH / np.sqrt(density), (0.14, 0.95))
         assert grid is not None
         parts.append(
             tubes.trace(
@@ -109,9 +110,9 @@ def carried(mesh, reflectance, bounces):
     """Power in flight after 0, 1, 2, ... bounces of tubes from the middle of a closed mesh, summed tube by tube."""
     import drjit as dr
 
-    from radartwin.simulation import contact as contacts
-    from radartwin.simulation import device as on_device
-    from radartwin.simulation import flight, scatter
+    from radartwin.simulation.curved import contact as contacts
+    from radartwin.simulation.curved import device as on_device
+    from radartwin.simulation.curved import flight, scatter
 
     variant.activate()
     built = geometry.build([mesh])
@@ -119,7 +120,7 @@ def carried(mesh, reflectance, bounces):
     device = on_device.Device(built, reflection_table.ReflectionTable(-flat, 1j * flat, np.array([FREQUENCY])), None, None, True)
     power = np.zeros(bounces + 1)
     source = np.array([[0.11, -0.07, 0.05]])
-    for grid in launch.all_around(source, np.eye(3)[None], 20_000):
+    for grid in tube_grid.all_around(source, np.eye(3)[None], 20_000):
         lanes = flight.start(grid, UP, False, flight.Chosen(np.arange(grid.per_pose, dtype=np.uint32)), 1)
         active = contacts.cast(device, lanes, True)
         for bounce in range(bounces + 1):
@@ -166,7 +167,7 @@ def test_single_bounces_are_reciprocal(name):
     ends = np.array([[1.0, 0.02, 0.01]]), np.array([[1.0, -0.02, 0.0]])
     values = []
     for a, b in (ends, ends[::-1]):
-        grid = launch.towards(built.hull_points(), a, built.centre, WAVELENGTH / 4, (0.3, 0.7))
+        grid = tube_grid.towards(built.hull_points(), a, built.centre, WAVELENGTH / 4, (0.3, 0.7))
         assert grid is not None
         hits = tubes.trace(built, table, grid, tubes.Antennas(a, UP), tubes.Antennas(b, UP), max_bounces=1, pieces=3)
         values.append(coherent(hits))
@@ -178,11 +179,11 @@ def test_single_bounces_are_reciprocal(name):
 def test_divided_tubes_still_sum_to_one(pieces):
     """Hats and boxes, whole and in pieces, weighed over the grid: one everywhere inside."""
     variant.activate()
-    from radartwin.simulation import division
+    from radartwin.simulation.curved import division
 
     rng = np.random.default_rng(1)
     line, one = np.zeros((1, 3)), np.zeros(1)
-    grid = launch.Launch(line, line, line, line, one, one, one, one, 7, 6)
+    grid = tube_grid.Launch(line, line, line, line, one, one, one, one, 7, 6)
     met = rng.integers(1, 3, (1, 7 * 6 + 8 * 7)).astype(np.uint32)
     index, share, whole = division.divided(met, grid, 0, pieces, True)
     at = rng.uniform([1, 1], [5, 4], (200, 2))
@@ -207,7 +208,7 @@ def test_a_field_leads_by_a_quarter_of_a_cycle_behind_each_focal_line(foci_m):
     variant.activate("llvm")
     import mitsuba as mi
 
-    from radartwin.simulation import contact, flight
+    from radartwin.simulation.curved import contact, flight
 
     way = 2.0
     expected = np.prod([np.sqrt(1 / (1e-9 + 1j * (1 / way - 1 / f))) / np.sqrt(1 / (1e-9 + 1j * (1 / 1e-3 - 1 / f))) for f in foci_m])
@@ -246,7 +247,7 @@ def test_every_pose_of_a_run_is_traced_as_if_alone(material):
     values = []
     for poses in ([0, 1, 2, 3, 4, 5], [4]):
         antenna = tubes.Antennas(at[poses], np.repeat(UP, len(poses), axis=0))
-        grid = launch.towards(built.hull_points(), at[poses], built.centre, WAVELENGTH, built.grid_shift)
+        grid = tube_grid.towards(built.hull_points(), at[poses], built.centre, WAVELENGTH, built.grid_shift)
         assert grid is not None
         hits = tubes.trace(built, table, grid, antenna, antenna, max_bounces=3, prune=1e-4)
         assert set(hits.pose) == set(range(len(poses)))

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.campaigns import Campaign
-from radartwin.compose import compose
+from experiments.campaign import Campaign
+from radartwin.config.compose import compose
 from radartwin.features import sets
-from radartwin.progress import Progress
-from radartwin.store import Store
+from radartwin.io.progress import Progress
+from radartwin.store.products import Store
 
 pytestmark = pytest.mark.slow
 

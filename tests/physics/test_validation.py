@@ -6,12 +6,12 @@ A missed limit is an expected failure that must fail, with the measured figure: 
 import numpy as np
 import pytest
 
-from experiments import validation
-from experiments.oracles.case import Case, Finding, Untestable
-from experiments.oracles.cases import CASES
-from experiments.oracles.cylinder import conductor_width, layered_width
-from experiments.oracles.nearfield import chain_quadrature, panel_quadrature
-from radartwin.experiment import check_rows
+from experiments.validation import validation
+from experiments.validation.oracles.case import Case, Finding, Untestable
+from experiments.validation.oracles.cases import CASES
+from experiments.validation.oracles.cylinder import conductor_width, layered_width
+from experiments.validation.oracles.nearfield import chain_quadrature, panel_quadrature
+from radartwin.runs.experiment import check_rows
 
 WAVELENGTH = 299_792_458.0 / 77e9
 QUICK_MISSES = {

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from radartwin.errors import LabelError, MissingError
-from radartwin.files import write_atomically
+from radartwin.io.files import write_atomically
 from radartwin.label.journal import Journal, Record
 from radartwin.label.place import Place, matches
 from radartwin.label.questions import Question

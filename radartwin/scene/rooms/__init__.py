@@ -37,7 +37,7 @@ from radartwin.scene.rooms.parts import (
 )
 from radartwin.scene.rooms.squash_court import squash_court
 from radartwin.scene.scene import Scene
-from radartwin.scene.trajectory import look_at, pose
+from radartwin.scene.trajectories.trajectory import look_at, pose
 
 __all__ = [
     "CEILING",

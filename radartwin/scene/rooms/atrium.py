@@ -14,7 +14,7 @@ from radartwin.scene import objects
 from radartwin.scene.rooms import furniture
 from radartwin.scene.rooms.parts import GAP, Detail, Shell, check_detail, check_size, room_scene, surface
 from radartwin.scene.scene import Scene, Surface
-from radartwin.scene.trajectory import pose
+from radartwin.scene.trajectories.trajectory import pose
 
 CLUTTER = ("parcel", "laptop", "desk_vase", "magazines", "bag", "umbrella_stand", "litter_bin", "coffee_cup")
 FRAME_M = 0.06  # bars of door frames

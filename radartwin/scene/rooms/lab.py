@@ -14,7 +14,7 @@ from radartwin.scene import objects
 from radartwin.scene.rooms import furniture
 from radartwin.scene.rooms.parts import GAP, Bench, Detail, Shell, check_detail, check_size, room_scene, surface
 from radartwin.scene.scene import Scene, Surface
-from radartwin.scene.trajectory import look_at, pose
+from radartwin.scene.trajectories.trajectory import look_at, pose
 
 CLUTTER = (
     "monitor",

@@ -18,7 +18,7 @@ from radartwin.errors import SceneError
 from radartwin.scene import objects, textures
 from radartwin.scene.rooms.parts import GAP, Detail, Shell, check_detail, check_size, room_scene, surface
 from radartwin.scene.scene import Scene, Surface
-from radartwin.scene.trajectory import pose
+from radartwin.scene.trajectories.trajectory import pose
 
 SIZE_M = (9.75, 6.40, 5.64)
 TIN_M, SERVICE_M, OUT_FRONT_M, OUT_BACK_M = 0.48, 1.78, 4.57, 2.13

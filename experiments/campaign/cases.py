@@ -1,0 +1,159 @@
+"""What is recorded in a campaign: objects, distances, motions, rooms and repetitions, and the log that goes with each recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from radartwin.errors import ConfigError
+from radartwin.scene import rooms
+from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.trajectories import trajectory
+
+if TYPE_CHECKING:
+    from radartwin.config.groups import CampaignConfig
+
+Motion = Literal["turntable", "radial", "diagonal", "depth", "lateral"]
+RAIL: tuple[Motion, ...] = ("radial", "diagonal")
+ROVER: tuple[Motion, ...] = ("depth", "lateral")
+REFLECTOR = "corner_reflector"
+BENCH_ROOM = "lab"  # of turntable and rail
+RATE_HZ = 10.0
+TURN_S = 25.0
+BENCH_HEIGHT_M = 1.0  # of the radar before the lab's bench
+SPEED_MPS = 0.2
+RAIL_M, RAIL_START_M = 0.6, 1.0
+DEPTH_M, LATERAL_M, LATERAL_MPS = 1.0, 1.2, 0.24
+_TRAVEL = {  # metres and metres per second
+    **dict.fromkeys(RAIL, (RAIL_M, SPEED_MPS)), "depth": (DEPTH_M, SPEED_MPS), "lateral": (LATERAL_M, LATERAL_MPS),
+}  # fmt: skip
+FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x looks back at the radar
+
+
+@dataclass(frozen=True, order=True)
+class Case:
+    """One recording; `distance_m` is from the radar to the target's axis at the start, of a drive past it at its nearest."""
+
+    object: str
+    room: str
+    motion: Motion
+    distance_m: float
+    repetition: int = 0
+
+    @property
+    def name(self) -> str:
+        return f"{self.room}-{self.motion}-{self.object}-{self.distance_m:g}m-{self.repetition}"
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """What experimenter and twin agree on.
+
+    Attributes:
+        frame_rate_hz: of the recording.
+        sensor_poses: (F, 4, 4) or (1, 4, 4) to world, nominal. target_poses: (F, 4, 4) or (1, 4, 4), of the object's own frame.
+        distance_m: (F,) from the radar to the target's axis, level. angle_rad: (F,) of the turntable, or None.
+    """
+
+    frame_rate_hz: float
+    sensor_poses: np.ndarray
+    target_poses: np.ndarray
+    angle_rad: np.ndarray | None = None
+
+    @property
+    def frames(self) -> int:
+        return max(len(self.sensor_poses), len(self.target_poses))
+
+    @property
+    def distance_m(self) -> np.ndarray:
+        away = np.linalg.norm(self.target_poses[:, :2, 3] - self.sensor_poses[:, :2, 3], axis=1)
+        return np.repeat(away, self.frames) if len(away) == 1 else away
+
+
+def planned(config: CampaignConfig, measured: bool) -> list[Case]:
+    """Every recording of a campaign, the quick ones first. The twin repeats nothing.
+
+    Raises:
+        ConfigError: an object or room that there is not.
+    """
+    known = catalogue()
+    for name in (*config.turntable_objects, *config.rover_objects):
+        if name not in known:
+            raise ConfigError(f"profile.campaign: there is no object {name!r}; choose {', '.join(known)}")
+    cases = []
+    for name in config.turntable_objects or list(known):
+        distances = config.reflector_distances_m if name == REFLECTOR else config.turntable_distances_m
+        cases += [Case(name, BENCH_ROOM, "turntable", d) for d in distances]
+    for name in config.rail_objects:
+        cases += [Case(name, BENCH_ROOM, motion, RAIL_START_M) for motion in RAIL]
+    for room in config.rover_rooms:
+        for motion in ROVER:
+            for distance in config.rover_distances_m:
+                for name in config.rover_objects or [entry.name for entry in known.values() if entry.rover]:
+                    cases.append(Case(name, room, motion, distance))
+    repeats: dict[str, int] = {"turntable": 1, **dict.fromkeys(RAIL, config.rail_repeats), **dict.fromkeys(ROVER, config.rover_repeats)}
+    if not measured:
+        return cases
+
+    def times(case: Case) -> int:
+        again = case.motion == "turntable" and case.object == REFLECTOR
+        return config.reflector_repeats if again else repeats[case.motion]
+
+    return [replace(case, repetition=number) for case in cases for number in range(times(case))]
+
+
+def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
+    """The nominal course of a recording of the campaign; the twin's turntable turns once."""
+    if case.motion == "turntable":
+        return course(case, config.frames_per_turn / TURN_S, config.frames_per_turn * (config.turns if measured else 1))
+    every = config.rover_every if case.motion in ROVER else 1
+    length, speed = _TRAVEL[case.motion]
+    whole = int(np.floor(length * RATE_HZ / speed + 1e-9))  # as trajectory.sweep counts
+    return course(case, RATE_HZ / every, len(range(0, whole, every)))
+
+
+def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driven: np.ndarray | None = None) -> Log:
+    """The nominal course of a recording of so many frames; what goes along rests once it has gone its way.
+
+    Args:
+        turn_s: of one revolution of the turntable.
+        driven: (F, 4, 4) where a rover's radar went, in any world; None goes straight on at the motion's speed.
+    """
+    known = catalogue().get(case.object)
+    aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
+    if case.motion in ROVER:
+        bench = rooms.bench(case.room)
+        start, way = _rover_start(case.motion, bench.sensor_pose)
+        poses = _straight(start, way, case.motion, rate_hz, frames)
+        if driven is not None:
+            poses = start @ np.linalg.inv(driven[0]) @ driven
+        return Log(rate_hz, poses, trajectory.pose(bench.target_position(case.distance_m) - aim, FACING)[None])
+    bench = rooms.lab_bench(BENCH_HEIGHT_M)
+    at, sensor = bench.target_position(case.distance_m) - aim, bench.sensor_pose[None]
+    if case.motion == "turntable":
+        angle = 2 * np.pi * np.arange(frames) / (rate_hz * turn_s)
+        return Log(rate_hz, sensor, trajectory.turntable(at, frames, rate_hz, turn_s, np.pi), angle)
+    angle = np.radians(45.0 if case.motion == "diagonal" else 0.0)
+    way = sensor[0, :3, 0] * np.cos(angle) + sensor[0, :3, 1] * np.sin(angle)
+    return Log(rate_hz, sensor, _straight(trajectory.pose(at, FACING), way, case.motion, rate_hz, frames))
+
+
+def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where a drive starts, and its way: past the target, or away from it, as from the nearest stand-off there is no room towards it."""
+    if motion == "lateral":
+        return trajectory.lateral_sweep(middle, LATERAL_M, LATERAL_MPS, RATE_HZ)[0], middle[:3, 1]
+    return middle, -middle[:3, 0]
+
+
+def _straight(start: np.ndarray, way: np.ndarray, motion: Motion, rate_hz: float, frames: int) -> np.ndarray:
+    length, speed = _TRAVEL[motion]
+    moving = min(frames, int(np.floor(length * rate_hz / speed + 1e-9)) + 1)
+    poses = trajectory.rail(start, way, speed / rate_hz * (moving - 1), moving)
+    return np.concatenate([poses, np.repeat(poses[-1:], frames - moving, axis=0)])
+
+
+def stand_top(nominal: Log) -> np.ndarray:
+    """(3,) where the middle of the stand's top is at the start, just below the object."""
+    return nominal.target_poses[0, :3, 3] - [0, 0, rooms.GAP]

@@ -1,0 +1,79 @@
+"""The testbed's recordings as a recording set on disk, as people would have made them: samples, rows, the log's poses, nothing of truth.
+
+What is exported goes back in as `measured=recordings measured.folder=SET`. Interrupted, the same call goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import TURN_S, Case
+from experiments.campaign.recorded import TURN
+from radartwin import __version__
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config
+from radartwin.errors import InputError
+from radartwin.io import files
+from radartwin.io.progress import Progress
+from radartwin.recordings.card import Card
+from radartwin.recordings.index import Row
+from radartwin.recordings.recording_set import RecordingSet
+from radartwin.store.products import Store
+
+
+def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
+    """Write every measured recording of the campaign that the set does not hold yet.
+
+    Raises:
+        InputError: what is measured is a recording set already.
+        OutputError, RecordingError: the folder cannot be written, or is another set.
+    """
+    if campaign.domain != "testbed":
+        raise InputError(f"measured={campaign.domain} is a recording set already: copy {campaign.config.measured.folder}")
+    files.check_folder(Path(folder))
+    target = RecordingSet.create(folder, card(campaign.config))
+    for case in campaign.progress.over(campaign.cases("measured"), "recordings written"):
+        if case.name in target:
+            _check(target, case, campaign)
+        else:
+            recording = campaign.recording("measured", case)
+            recording.sensor_poses = campaign.log(case).sensor_poses
+            target.add(recording, row(case))
+    return target
+
+
+def _check(target: RecordingSet, case: Case, campaign: Campaign) -> None:
+    """What is there already is of the same profile."""
+    (radar, frames, _), log = target.course(next(row for row in target if row.recording == case.name)), campaign.log(case)
+    if (frames, radar.frame_rate_hz) != (log.frames, log.frame_rate_hz):
+        raise InputError(
+            f"{target.folder}: {case.name} has {frames} frames at {radar.frame_rate_hz:g} Hz; profile={campaign.config.profile.name} makes "
+            f"{log.frames} at {log.frame_rate_hz:g} Hz; export to another folder"
+        )
+
+
+def card(config: Config) -> Card:
+    """Of a set that the testbed made."""
+    gaps = ", ".join(f"{name} {strength:g}" for name, strength in vars(config.measured.gap).items() if name != "geometry")
+    return Card(
+        "radartwin testbed", "CC0-1.0", "amplitude", f"virtual {config.radar.name}", f"radartwin {__version__}",
+        f"virtual, seed {config.seed}", f"a virtual measurement campaign, not a measurement of reality; gaps: {gaps}",
+    )  # fmt: skip
+
+
+def row(case: Case) -> Row:
+    """The index's row of a case."""
+    extra = {TURN: f"{TURN_S:g}"} if case.motion == "turntable" else {}
+    return Row(case.name, case.object, case.distance_m, case.room, case.motion, case.repetition, extra=extra)
+
+
+def export_verb(overrides: Sequence[str], config_dirs: Sequence[Path], out: Path) -> int:
+    """`radartwin export`."""
+    config, progress = compose(overrides, config_dirs), Progress()
+    campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress)
+    before = len(RecordingSet.load(out)) if (out / "card.yaml").is_file() else 0
+    target = export(campaign, out)
+    print(f"{out}: {len(target) - before} recordings added, {len(target)} in all")
+    return 0

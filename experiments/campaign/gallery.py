@@ -1,0 +1,239 @@
+"""The same recording measured and simulated, side by side: range over time, over Doppler and over azimuth, on one colour scale.
+
+Pairs are chosen by experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...], such as mug/squash_court/lateral/1; without any, those of the
+profile, or the first of a recording set. Dashed and ringed is where the log says that the target is. On a turntable Doppler is over the
+frames of a turn (what turns folds at the frame rate, in both alike) and azimuth the mean over them; where radar or target move along, both
+are of the middle frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments import statistics
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import RAIL, ROVER, Case, Log, Motion
+from experiments.claims import row
+from radartwin.config.groups import Config
+from radartwin.errors import ConfigError
+from radartwin.features import envelope, gate, track
+from radartwin.features.processed import Processed
+from radartwin.features.profile import profile_correlation
+from radartwin.io.progress import Progress
+from radartwin.plotting.style import PAGE_WIDTH_IN, figure
+from radartwin.radar.processing import range_doppler, steering
+from radartwin.radar.recording import Recording
+from radartwin.runs.experiment import Result
+from radartwin.scene.objects.catalogue import catalogue
+from radartwin.store.products import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PAIRS = {
+    "quick": ("corner_reflector/lab/turntable/1",),
+    "paper": (
+        "corner_reflector/lab/turntable/2", "mustard/lab/turntable/1", "corner_reflector/lab/diagonal/1",
+        "corner_reflector/squash_court/depth/1", "mug/atrium/lateral/1",
+    ),
+}  # fmt: skip
+RECORDED = 4  # pairs that are shown of a recording set where none is named
+NEAREST_M, FARTHEST_M = 0.5, 2.5  # of a target
+DRIVEN = ("atrium", "squash_court")
+LABELS = {"measured": "measured", "twin": "simulated"}
+SPAN_DB = 75.0  # from the brightest of both down: what a reflector leaves of a room's furniture
+FASTEST_MPS = 3.0
+AZIMUTH_RAD = np.radians(np.arange(-80.0, 81.0))
+Real = NDArray[np.floating]
+_PADDING = 8  # of Doppler, which 16 chirps resolve to 0.95 m/s
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One recording as three maps of power.
+
+    Attributes:
+        range_m: (B,). across: by panel the other axis (X,). maps: by panel (X, B).
+        truth: by panel where the log has the target, across and range: a line (K,), a point (1,), or a range alone where across is NaN.
+    """
+
+    range_m: Real
+    across: dict[str, Real]
+    maps: dict[str, Real]
+    truth: dict[str, tuple[Real, Real]]
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """One figure per pair, and rows of how alike the two are."""
+    campaign = Campaign(config, store, progress)
+    cases = chosen(config, campaign)
+    rows: list[dict[str, Any]] = []
+    figures: dict[str, Callable[[], Figure]] = {}
+    keys: list[str] = []
+    for case in progress.over(cases, "pairs"):
+        found = {domain: campaign.processed(domain, case) for domain in LABELS}
+        logs = {domain: campaign.log(case, domain) for domain in LABELS}
+        views = {domain: view(found[domain][1], logs[domain], partial(campaign.recording, domain, case)) for domain in LABELS}
+        rows += _rows(config, case, found, logs)
+        name = f"gallery_{case.object}_{case.room}_{case.motion}_{case.distance_m:g}m"
+        figures[name] = partial(draw, views, _title(case), campaign.domain)
+        keys += [key for key, _ in found.values()]
+    metrics = {f"correlation_{r['pair'].replace('/', '_')}": r["value"] for r in rows if r["metric"] == "profile correlation"}
+    return Result("gallery", rows, figures, metrics, keys)
+
+
+def chosen(config: Config, campaign: Campaign) -> list[Case]:
+    """The named pairs; else the profile's, or of a recording set its first ones."""
+    if config.experiment.pairs or config.measured.provider != "recordings":
+        return [parse(pair) for pair in config.experiment.pairs or PAIRS.get(config.profile.name, PAIRS["quick"])]
+    return list({(c.object, c.room, c.motion, c.distance_m): c for c in reversed(campaign.cases("measured"))}.values())[::-1][:RECORDED]
+
+
+def parse(pair: str) -> Case:
+    """The case of OBJECT/ROOM/MOTION/DISTANCE_M.
+
+    Raises:
+        ConfigError: another form, or what no campaign records.
+    """
+    parts = pair.split("/")
+    where = f"experiment.pairs: {pair!r}"
+    if len(parts) != 4:
+        raise ConfigError(f"{where} must be OBJECT/ROOM/MOTION/DISTANCE_M, such as mug/lab/turntable/1")
+    name, room, motion, text = parts
+    if name not in catalogue():
+        raise ConfigError(f"{where}: there is no object {name!r}; choose {', '.join(catalogue())}")
+    if motion not in get_args(Motion):
+        raise ConfigError(f"{where}: there is no motion {motion!r}; choose {', '.join(get_args(Motion))}")
+    rooms = DRIVEN if motion in ROVER else ("lab",)
+    if room not in rooms:
+        raise ConfigError(f"{where}: {motion} is recorded in {' and '.join(rooms)}, not in {room!r}")
+    try:
+        distance = float(text)
+    except ValueError as error:
+        raise ConfigError(f"{where}: {text!r} is no distance in metres") from error
+    if not NEAREST_M <= distance <= FARTHEST_M:
+        raise ConfigError(f"{where}: {text} m is not from {NEAREST_M:g} to {FARTHEST_M:g} m")
+    return Case(name, room, motion, distance)  # type: ignore[arg-type]
+
+
+def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> View:
+    """The three maps of one recording; its samples are read only where the processed ones do not tell Doppler finely enough."""
+    turning = log.angle_rad is not None
+    count = processed.num_frames if log.angle_rad is None else envelope.frames_per_revolution(log.angle_rad)
+    time_s, middle = np.arange(count) / log.frame_rate_hz, count // 2
+    radar, weights = processed.radar, steering(processed.radar, AZIMUTH_RAD)
+    azimuth, speed, nominal = course(log, count)
+    looked_at = slice(count) if turning else slice(middle, middle + 1)
+    beams = np.einsum("fab,ap->pfb", processed.channels[looked_at], weights, optimize=True)
+    if turning:
+        slow = np.fft.fftshift(np.fft.fft(processed.channels[:count], axis=0) / count, axes=0)
+        doppler = np.mean(np.abs(slow) ** 2, axis=1)
+        doppler_axis = np.fft.fftshift(np.fft.fftfreq(count, 1 / log.frame_rate_hz))
+        point = (np.array([np.nan]), nominal[:1])
+    else:
+        spectra, velocity, _ = range_doppler(recording().iq[middle], radar, doppler_bins=_PADDING * radar.num_chirps)
+        shown = np.abs(velocity) <= FASTEST_MPS
+        doppler = np.mean(np.abs(spectra[shown][..., : len(processed.range_m)]) ** 2, axis=(1, 2))
+        doppler_axis, point = velocity[shown], (speed[middle : middle + 1], nominal[middle : middle + 1])
+    return View(
+        range_m=processed.range_m,
+        across={"time": time_s, "Doppler": doppler_axis, "azimuth": np.degrees(AZIMUTH_RAD[::-1])},
+        maps={
+            "time": processed.power[:count].astype(np.float64),
+            "Doppler": doppler.astype(np.float64),
+            "azimuth": np.mean(np.abs(beams[::-1]) ** 2, axis=1),
+        },
+        truth={
+            "time": (time_s, nominal),
+            "Doppler": point,
+            "azimuth": (np.degrees(azimuth[middle : middle + 1]), nominal[middle : middle + 1]),
+        },
+    )
+
+
+def course(log: Log, frames: int) -> tuple[Real, Real, Real]:
+    """(azimuth, radial velocity, distance) of the target by the log, each (F,)."""
+    away = log.target_poses[:, :3, 3] - log.sensor_poses[:, :3, 3]
+    seen = np.einsum("fji,fj->fi", np.broadcast_to(log.sensor_poses[:, :3, :3], (len(away), 3, 3)), away)
+    azimuth = np.broadcast_to(np.arctan2(seen[:, 1], seen[:, 0]), log.frames)[:frames]
+    distance = np.asarray(log.distance_m, float)
+    return azimuth, np.gradient(distance, 1 / log.frame_rate_hz)[:frames], distance[:frames]
+
+
+def _rows(config: Config, case: Case, found: dict[str, tuple[str, Processed]], logs: dict[str, Log]) -> list[dict[str, Any]]:
+    pair = f"{case.object}/{case.room}/{case.motion}/{case.distance_m:g}"
+    rows = []
+
+    def add(of: str, metric: str, value: float, keys: list[str]) -> None:
+        rows.append(row(config, {"pair": pair, "of": of}, metric, statistics.Estimate(value, value, value, 1), keys))
+
+    both = [key for key, _ in found.values()]
+    measured, simulated = (found[domain][1].power.mean(axis=0, dtype=np.float64) for domain in ("measured", "twin"))
+    add("both", "profile correlation", profile_correlation(measured, simulated, found["twin"][1].range_m), both)
+    for domain, (key, processed) in found.items():
+        log = logs[domain]
+        nominal = np.asarray(log.distance_m, float)
+        path = track.around(processed, nominal, log.frame_rate_hz)
+        energy = gate.gate_energies(processed.power, processed.range_m, nominal)[0]
+        add(LABELS[domain], "range of the target less the log's (mm)", 1e3 * float(np.average(path - nominal, weights=energy)), [key])
+        add(LABELS[domain], "multipath share", gate.multipath_share(processed.power, processed.range_m, nominal), [key])
+    return rows
+
+
+def draw(views: dict[str, View], title: str, domain: str) -> Figure:
+    """Measured above, simulated below; each column on one scale of decibels."""
+    turning = bool(np.isnan(views["measured"].truth["Doppler"][0][0]))
+    labels = {
+        "time": "time (s)",
+        "Doppler": "Doppler over the turn (Hz)" if turning else "radial velocity (m/s)",
+        "azimuth": "azimuth (degrees), left positive",
+    }
+    drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=4.6, sharey=True, sharex="col")
+    for column, (panel, label) in enumerate(labels.items()):
+        top = 10 * np.log10(max(one.maps[panel].max() for one in views.values()))
+        images = []
+        for axes, (side, one) in zip(panels[:, column], views.items(), strict=True):
+            level = 10 * np.log10(np.maximum(one.maps[panel], 10 ** ((top - SPAN_DB) / 10)))
+            extent = (*_edges(one.across[panel]), *_edges(one.range_m))
+            scale = {"vmin": top - SPAN_DB, "vmax": top, "interpolation": "nearest"}
+            images.append(axes.imshow(level.T, origin="lower", aspect="auto", extent=extent, **scale))
+            _mark(axes, *one.truth[panel])
+            if not column:
+                axes.set_ylabel(f"{LABELS[side]}{f' ({domain})' if side == 'measured' else ''}\nrange (m)")
+        panels[0, column].set_title(f"range over {panel}")
+        panels[1, column].set_xlabel(label)
+        bar = drawing.colorbar(images[0], ax=panels[:, column], location="bottom", pad=0.02, shrink=0.9)
+        bar.set_label("received / transmitted power (dB)")
+    drawing.suptitle(title, fontsize=9)
+    return drawing
+
+
+def _title(case: Case) -> str:
+    motion = (
+        "on a turntable" if case.motion == "turntable" else f"on a rail, {case.motion}" if case.motion in RAIL else f"{case.motion} drive"
+    )
+    room = case.room.replace("_", " ")
+    return f"{catalogue()[case.object].label} in the {room}, {motion}, {case.distance_m:g} m; dashed and ringed: the target by the log"
+
+
+def _mark(axes: Any, across: Real, range_m: Real) -> None:
+    """Where the log has the target: a line over time, a ring where its place across is known, else a range."""
+    dashed = {"color": "white", "lw": 0.6, "ls": (0, (3, 9))}
+    if len(across) > 1:
+        axes.plot(across, range_m, **dashed)
+    elif np.isnan(across[0]):
+        axes.axhline(range_m[0], **dashed)
+    else:
+        axes.plot(across, range_m, "o", mfc="none", mec="white", ms=9, mew=1.0)
+
+
+def _edges(axis: Real) -> tuple[float, float]:
+    """Outer edges of the first and last pixel, in the axis's own direction."""
+    half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
+    return float(axis[0] - half), float(axis[-1] + half)

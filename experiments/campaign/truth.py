@@ -1,0 +1,254 @@
+"""The testbed's side of a campaign: clean recordings of the truth, and what one receiver makes of them.
+
+Never imports the twin's scan, labels or settings. A clean recording depends on how hard the hardware is driven only in whether there is
+any; noise, leakage and ADC are added on reading, seeded by the recording.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from experiments.campaign import tally
+from experiments.campaign.cases import RAIL, ROVER, Case, Log, log, stand_top
+from experiments.campaign.target import on_carriage, seen
+from experiments.campaign.turned import Turned
+from radartwin.build.radar import build_radar
+from radartwin.radar.chirp import Radar
+from radartwin.radar.hardware import Hardware
+from radartwin.radar.recording import Recording
+from radartwin.scene import rooms
+from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.scene import Scene, Surface
+from radartwin.simulation.aspects import Aspects, needed
+from radartwin.simulation.backends.mitsuba import TraceSettings
+from radartwin.simulation.flat.drives import Drives
+from radartwin.simulation.signal.synthesis import received
+from radartwin.simulation.simulate import simulate
+from radartwin.testbed import drift, fixtures, testbed
+from radartwin.testbed import motion_errors as errors
+
+if TYPE_CHECKING:
+    from radartwin.config.groups import Config
+
+ROUND = ("can_", "drink_can")  # about their own axes
+OFF_AXIS = 3.0  # standard deviations of hand and wobble that aspects hold
+RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm while a turntable turns
+KEPT = 2  # tracks with what was scouted along them
+
+
+def gaps_of(config: Config) -> testbed.Gaps:
+    """The configured gaps that are the testbed's; the scan's geometry is the twin's affair."""
+    return testbed.Gaps(**{k: v for k, v in asdict(config.measured.gap).items() if k != "geometry"})
+
+
+def seed_of(case: Case, config: Config) -> int:
+    """Of one recording."""
+    return int(np.random.SeedSequence([config.seed, *case.name.encode()]).generate_state(1)[0])
+
+
+def specification(case: Case, config: Config) -> dict[str, Any]:
+    """What decides a clean recording."""
+    gap = {**asdict(gaps_of(config)), "hardware": config.measured.gap.hardware > 0}
+    campaign = config.profile.campaign
+    course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn} if case.motion == "turntable" else {}
+    course |= {"every": campaign.rover_every} if case.motion in ROVER else {}
+    return {"case": asdict(case), "course": course, "gap": gap, "radar": build_radar(config.radar).to_dict(), "seed": config.seed}
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where one recording is made: radar as the front end leaves it, the log, and the tracer's settings."""
+
+    radar: Radar
+    log: Log
+    gaps: testbed.Gaps
+    settings: TraceSettings
+
+
+def record(case: Case, config: Config) -> Recording | Turned:
+    """The clean recording of a case: of an ideal receiver behind the IF filter. Many turns come as the aspects they are made of."""
+    gaps = gaps_of(config)
+    nominal = log(case, config.profile.campaign, measured=True)
+    radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
+    fine = gaps.solver > 0
+    settings = TraceSettings(
+        max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
+        # what is carried along a track is off by a few hundredths (radartwin/simulation/flat/drives.py), more than finer tubes give
+        rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
+        coupled_rays_per_wavelength2=1.0,  # against four: 0.016 of what turns, a bottle at 1 m in the lab, at a sixth of the cost
+        variant=config.simulator.variant,
+    )
+    hardware = Hardware().scaled(gaps.hardware)
+    place = _Place(hardware.front_end(radar), nominal, gaps, settings)
+    seed = seed_of(case, config)
+    passes = None if hardware.if_filter is None else hardware.if_filter.to_dict()
+    provenance = {"kind": "testbed, clean", "if_filter": passes}
+    creep = _creep(case, place, seed, config.seed) if case.motion == "turntable" else None
+    if case.motion == "turntable" and nominal.frames > aspects(case, gaps):
+        traced, angles = _turned(case, place, seed, config.seed)
+        return Turned(traced, angles, radar, creep, provenance)
+    iq = _moved(case, place, seed, config.seed)
+    if creep is not None:
+        creep.add_to(iq)
+    return Recording(iq, radar, None, provenance=provenance)
+
+
+def aspects(case: Case, gaps: testbed.Gaps) -> int:
+    """Of a turn, that stand for all its frames, where there are more of these."""
+    surfaces = catalogue()[case.object].surfaces()
+    tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
+    height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
+    beyond = OFF_AXIS * float(np.hypot(errors.PlacementErrors().eccentric_m * gaps.placement, tilt * height))
+    return needed(surfaces, beyond, case.object.startswith(ROUND))
+
+
+def receive(clean: Recording, case: Case, config: Config) -> Recording:
+    """A clean recording as this repetition's receiver gives it."""
+    return testbed.received(clean, Hardware().scaled(gaps_of(config).hardware), seed_of(case, config))
+
+
+def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
+    """The object as it really is, in its own frame; its repetitions share it."""
+    own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
+    return testbed.truth(Scene(catalogue()[case.object].surfaces()), gaps, own)
+
+
+def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
+    """All that rests whatever is measured: room, clutter, and what holds a radar at rest."""
+    full = rooms.room(case.room, detail="cluttered")
+    scene = full if case.motion in ROVER else full + fixtures.radar_rig(nominal.sensor_poses[0])
+    return testbed.truth(scene, gaps, seed, _small(case))
+
+
+def _small(case: Case) -> frozenset[str]:
+    """Names of a room's clutter."""
+    full, bare = (rooms.room(case.room, detail=detail).names for detail in ("cluttered", "furnished"))
+    return frozenset(full) - frozenset(bare)
+
+
+def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
+    """What the target stands on: the disc, and what is seen directly alone. A turntable has a motor, a gear and a cable."""
+    top = stand_top(nominal)
+    parts = rooms.support(top)
+    if case.motion == "turntable":
+        parts = parts + fixtures.target_rig(nominal.sensor_poses[0], top)
+    true = testbed.truth(parts, gaps, seed)
+    return [s for s in true if s.name == "turntable"], [s for s in true if s.name != "turntable"]
+
+
+def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.ndarray:
+    """(F, C, T, R, N) of everything, where it really is."""
+    drives, radar = _drives(case, place, root), place.radar
+    poses = there.motion[case.object]
+    disc, apart = _below(case, place.log, place.gaps, root)
+    aside = poses[0, :3, 3] - place.log.target_poses[0, :3, 3]
+    if case.motion in ROVER:  # put down together
+        off = poses[0] @ np.linalg.inv(place.log.target_poses[0])
+        disc, apart = ([s.moved(off) for s in some] for some in (disc, apart))
+    target = list(_target(case, place.gaps, root))
+    parts = drives.room(there.sensor_poses)
+    if case.motion in RAIL:
+        parts += on_carriage(drives, there.sensor_poses, target, poses, place.log.target_poses[0], disc, apart)
+    else:
+        parts += seen(drives, there.sensor_poses, radar.frame_rate_hz, target, poses, disc, apart, aside)
+    return received(parts, radar, max(len(there.sensor_poses), len(poses)), elements="exact", oscillator=None)
+
+
+def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, np.ndarray]:
+    """Aspects of a turn, and (F, C, T) the angle that the table has at each chirp."""
+    nominal, radar, gaps = place.log, place.radar, place.gaps
+    off = errors.TurntableErrors().scaled(gaps.trajectory)
+    wobbling = replace(off, start_deg=0.0, rate=0.0, ripple_deg=0.0)
+    clock, table, placing = (np.random.default_rng(np.random.SeedSequence([seed, *n])) for n in (b"clock", b"turntable", b"placement"))
+    state, hand = table.bit_generator.state, placing.bit_generator.state
+    short = replace(place, radar=replace(radar, num_chirps=1))
+
+    def chirp(angles: np.ndarray) -> np.ndarray:
+        poses = np.repeat(nominal.target_poses[:1], len(angles), axis=0)
+        poses[:, :3, :3] = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix() @ nominal.target_poses[0, :3, :3]
+        table.bit_generator.state, placing.bit_generator.state = state, hand  # one table, one hand, whatever the angle
+        there = errors.turntable(poses, wobbling, table)
+        there = errors.placed({case.object: there}, errors.PlacementErrors().scaled(gaps.placement), placing)
+        return _seen(case, short, root, testbed.Actual(nominal.sensor_poses, there))[:, 0]
+
+    traced = Aspects.traced(chirp, aspects(case, gaps))
+    times = Hardware().scaled(gaps.trajectory).frame_times(nominal.frames, nominal.frame_rate_hz, clock)
+    assert nominal.angle_rad is not None
+    speed = float(nominal.angle_rad[1] - nominal.angle_rad[0]) * nominal.frame_rate_hz
+    angle = speed * (times[:, None, None] + radar.chirp_times()[None])  # (F, C, T)
+    table.bit_generator.state = state
+    more = errors.turntable_angles(angle[:, 0, 0], off, table)
+    return traced, angle + more[:, None, None]
+
+
+def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | None:
+    """What creeps around a turntable while it turns, and below it; the room's states are those of all its recordings."""
+    creeps, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
+    if not creeps.creep_m:
+        return None
+    around, small = list(_around(case, nominal, place.gaps, root)), _small(case)
+    below = [s for s in _below(case, nominal, place.gaps, root)[1] if s.name in RUNNING]
+    # A change, not a level: three bounces hold all of it but 0.09 of its root mean square, which lies beyond 5.2 m.
+    settings = replace(place.settings, rays_per_wavelength2=1.0, max_bounces=min(3, place.settings.max_bounces))
+    short, sensor = replace(place.radar, num_chirps=1), nominal.sensor_poses
+
+    def room(state: float) -> np.ndarray:
+        parts = Drives(drift.shifted(around, small, state, creeps, root), short, sensor, settings).room(sensor)
+        return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
+
+    def running(state: float) -> np.ndarray:
+        warm = drift.shifted(below, RUNNING, state, creeps, root)
+        parts = [part for one in warm for part in _drives(case, place, root).moving([one], sensor, np.eye(4)[None], False)]
+        return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
+
+    key = f"{case.room} {root} {place.gaps} {settings} {short}"
+    if key not in _creeping:
+        tally.count(tally.SETUPS)
+        _creeping.clear()
+        _creeping[key] = drift.traced(room, creeps)
+    times = np.arange(nominal.frames) / nominal.frame_rate_hz
+    return drift.Drift(_creeping[key] + drift.traced(running, creeps), drift.course(times, creeps, seed))
+
+
+def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
+    """Target or radar on their actual course, every frame traced."""
+    nominal = place.log
+    there = testbed.actual(nominal.sensor_poses, {case.object: nominal.target_poses}, nominal.frame_rate_hz, place.gaps, seed)
+    iq = _seen(case, place, root, there)
+    return iq + _carrier(place, root) if case.motion in ROVER else iq
+
+
+def _carrier(place: _Place, root: int) -> np.ndarray | float:
+    """What the rover under its radar returns, the same in every frame."""
+    body = testbed.truth(fixtures.rover(rooms.ROVER_HEIGHT_M), place.gaps, root)
+    if not len(body):
+        return 0.0
+    settings = place.settings
+    return simulate(
+        body, place.radar, np.eye(4)[None], variant=settings.variant, max_bounces=settings.max_bounces,
+        rays_per_wavelength2=settings.rays_per_wavelength2,
+    ).iq  # fmt: skip
+
+
+_creeping: dict[str, np.ndarray] = {}  # of the last place
+_tracks: OrderedDict[str, Drives] = OrderedDict()
+
+
+def _drives(case: Case, place: _Place, root: int) -> Drives:
+    """Of the track a case is on; the last few are kept, so that objects and repetitions share them."""
+    motion = case.motion if case.motion in ROVER else "bench"
+    here = replace(place.gaps, hardware=0.0, trajectory=0.0, placement=0.0)  # the room has no part in these but for the radar's own
+    key = f"{case.room} {motion} {root} {here} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
+    if key not in _tracks:
+        tally.count(tally.SETUPS)
+        around = list(_around(case, place.log, place.gaps, root))
+        _tracks[key] = Drives(around, place.radar, place.log.sensor_poses, place.settings, offset=0.5 if place.gaps.solver else 0.0)
+        while len(_tracks) > KEPT:
+            _tracks.popitem(last=False)
+    _tracks.move_to_end(key)
+    return _tracks[key]

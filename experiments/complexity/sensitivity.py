@@ -1,0 +1,226 @@
+"""What each simulator setting costs and changes: the twin's features against the finest setting's, and every fidelity figure.
+
+Each setting is the default with one thing changed, but for the finest, with more rays and a bounce more. The feature error of a
+recording is the root mean square, over the features of its motion's set, of the difference from the finest twin's, each in units of that
+feature's standard deviation over the finest twin's recordings of that motion: recordings of different objects, distances and rooms differ
+by 1.4. The measured side is the same throughout. What drives carry (simulation/drives.py) is as coarse in the finest as in the others, so
+that the error understates it. Costs are of recordings that found their track set up, set-ups apart, as they were made in this store. As a
+sweep: docs/sweeps.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments import statistics
+from experiments.campaign import tally
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import Case
+from experiments.claims import row
+from experiments.recognition import corner_reflector_calibration
+from experiments.rover import rover_disentangle, rover_fidelity
+from experiments.speed import measuring
+from experiments.statistics import Estimate
+from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape, turntable_size
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.errors import ConfigError, UserError
+from radartwin.features import sets
+from radartwin.io.progress import Progress
+from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
+from radartwin.runs.experiment import Result
+from radartwin.store.digest import semantic
+from radartwin.store.products import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FIDELITY = (
+    turntable_shape, turntable_material, turntable_size, linear_rail, environment, rover_fidelity, rover_disentangle,
+    corner_reflector_calibration,
+)  # fmt: skip
+FEATURES = {"turntable": "rotation", "depth": "depth", "lateral": "lateral"}  # by motion
+FINEST, DEFAULT = "finest", "default"
+ERROR, COST, SETUP = "feature error", "core time per frame (ms)", "core time of a set-up (s)"
+LEAST = 3  # recordings of a motion, below which features have no spread to speak of
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A name, what of the simulator it changes, and the twin's source of materials where that is another."""
+
+    name: str
+    simulator: dict[str, Any] = field(default_factory=dict)
+    materials: str = ""
+
+
+SETTINGS = (
+    Setting(FINEST, {"rays_per_wavelength2": 4.0, "max_bounces": 5}),
+    Setting(DEFAULT),
+    Setting("a quarter of the rays", {"rays_per_wavelength2": 0.25}),
+    Setting("3 bounces", {"max_bounces": 3}),
+    Setting("2 bounces", {"max_bounces": 2}),
+    Setting("1 bounce", {"max_bounces": 1}),
+    Setting("no ways over the room", {"coupling": False}),
+    Setting("no diffuse cloud", {"diffuse": False}),
+    Setting("plane waves across the array", {"elements": "planar"}),
+    Setting("plasterboard everywhere", materials="uniform"),
+    Setting("no room", materials="void"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """The twin's recordings under one setting.
+
+    Attributes:
+        values: {motion: (recordings, features)}. keys: {motion: of the recordings}.
+        frame_s: {motion: (recordings,) core seconds of a frame}. setups: {motion: (recordings,) set-ups made with each}.
+        frames: {motion: of one recording}.
+        figures: {(table, metric): (value, keys of the recordings)} of the fidelity tables.
+    """
+
+    values: dict[str, np.ndarray]
+    keys: dict[str, list[str]]
+    frame_s: dict[str, np.ndarray]
+    setups: dict[str, np.ndarray]
+    frames: dict[str, int]
+    figures: dict[tuple[str, str], tuple[float, list[str]]]
+
+
+def identity() -> dict[str, Any]:
+    """What a run's key holds beside configuration and source: how each fidelity table is configured, and the machine that was timed."""
+    return {"tables": {_name(module): semantic(_own(module)) for module in FIDELITY}, "machine": measuring.machine()}
+
+
+def _name(module: ModuleType) -> str:
+    return module.__name__.rpartition(".")[2]
+
+
+def _own(module: ModuleType) -> Config:
+    return compose([f"experiment={_name(module)}"])
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Every setting on the twin's side of the campaign.
+
+    Raises:
+        ConfigError: a configured twin that is one of the settings already. UserError: a campaign that cannot be made.
+    """
+    if config.materials.source in {setting.materials for setting in SETTINGS}:
+        raise ConfigError(
+            f"materials={config.materials.source} is one of the settings that experiment=sensitivity tries; leave materials out"
+        )
+    twins = {}
+    for setting in SETTINGS:
+        progress.say(f"sensitivity: {setting.name}")
+        changed = _changed(config, setting)
+        twins[setting.name] = read(Campaign(changed, store, progress), changed, progress)
+    rows = table(config, twins)
+    metrics = {f"feature_error_{r['motion']}_{r['setting'].replace(' ', '_')}": r["value"] for r in rows if r["metric"] == ERROR}
+    keys = {key for twin in twins.values() for some in twin.keys.values() for key in some}
+    keys |= {key for twin in twins.values() for _, some in twin.figures.values() for key in some}
+    return Result("sensitivity", rows, {"sensitivity": lambda: chart(rows)}, metrics, sorted(keys))
+
+
+def _changed(config: Config, setting: Setting) -> Config:
+    materials = MaterialsConfig(source=setting.materials) if setting.materials else config.materials
+    return replace(config, simulator=replace(config.simulator, **setting.simulator), materials=materials)
+
+
+def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
+    """Features and cost of the twin's recordings, and the fidelity figures, under one setting."""
+    found = Twin({}, {}, {}, {}, {}, {})
+    cases = {motion: some for motion in FEATURES if len(some := campaign.cases("twin", motion=motion)) >= LEAST}
+    campaign.prepare([("twin", case) for some in cases.values() for case in some])
+    for motion, some in cases.items():
+        values, keys, seconds, setups, frames = zip(*(_one(campaign, case) for case in progress.over(some, motion)), strict=True)
+        found.values[motion], found.keys[motion] = np.stack(values), list(keys)
+        found.frame_s[motion], found.setups[motion], found.frames[motion] = np.array(seconds), np.array(setups), frames[0]
+    for module in FIDELITY:
+        same = {
+            part: getattr(config, part) for part in ("simulator", "materials", "radar", "measured", "profile", "seed", "output", "jobs")
+        }
+        quick = {"ripple": False} if module is turntable_shape else {}
+        try:
+            result = module.score(replace(_own(module), **same), campaign, progress, **quick)
+        except UserError as error:  # a campaign without its motion, or with too few objects
+            progress.say(f"sensitivity: without {_name(module)}: {error}")
+            continue
+        for metric, value in result.metrics.items():
+            found.figures[_name(module), metric] = value, result.keys
+    return found
+
+
+def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, int]:
+    """(features, key, core seconds a frame, set-ups made with it, frames) of a twin's recording."""
+    key, processed = campaign.processed("twin", case)
+    made = campaign.clean("twin", case).read_json("meta")
+    told = made["told"]
+    values = sets.vector(processed, campaign.log(case, "twin"), FEATURES[case.motion])[1]
+    return values, key, float(made["core_seconds"]) / told["frames"], int(told.get(tally.SETUPS, 0)), int(told["frames"])
+
+
+def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
+    """Per setting: error and cost by motion, and each fidelity figure beside the default's."""
+    finest, default = twins[FINEST], twins[DEFAULT]
+    seeds = config.profile.resamples, config.seed
+    rows = []
+    for name, twin in twins.items():
+        for motion, values in twin.values.items():
+            case = {"setting": name, "table": "", "motion": motion, "change": None}
+            error = feature_error(values, finest.values[motion])
+            keys, plain = twin.keys[motion], twin.setups[motion] == 0
+            rows.append(row(config, case, ERROR, statistics.mean(error, *seeds), {*keys, *finest.keys[motion]}))
+            if plain.any():
+                each = twin.frame_s[motion][plain]
+                rows.append(row(config, case, COST, statistics.mean(1e3 * each, *seeds), np.array(keys)[plain].tolist()))
+                if not plain.all():
+                    whole = (twin.frame_s[motion][~plain] - each.mean()) * twin.frames[motion] / twin.setups[motion][~plain]
+                    rows.append(row(config, case, SETUP, statistics.mean(whole, *seeds), np.array(keys)[~plain].tolist()))
+        for (table_name, metric), (value, keys) in twin.figures.items():
+            change = value - default.figures[table_name, metric][0] if (table_name, metric) in default.figures else None
+            case = {"setting": name, "table": table_name, "motion": "", "change": change}
+            rows.append(row(config, case, metric, Estimate(value, float("nan"), float("nan"), len(keys)), keys))
+    return rows
+
+
+def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
+    """(recordings,) root mean square over features of the difference in spreads; features without spread do not count.
+
+    Args:
+        values, finest: (recordings, features).
+    """
+    spread = finest.std(axis=0)
+    tells = spread > 1e-9 * np.abs(finest).max(axis=0, initial=0.0)
+    return np.sqrt((((values - finest)[:, tells] / spread[tells]) ** 2).mean(axis=1))
+
+
+def chart(rows: Sequence[dict[str, Any]]) -> Figure:
+    """Cost against feature error, a panel per motion, a mark per setting; the finest has no error to show."""
+    motions = list(dict.fromkeys(r["motion"] for r in rows if r["metric"] == ERROR))
+    drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, squeeze=False)
+    names = [one.name for one in SETTINGS if one.name != FINEST]
+    marks = "osD^v<>PX*"
+
+    def value(name: str, motion: str, metric: str) -> float | None:
+        return next((r["value"] for r in rows if (r["setting"], r["motion"], r["metric"]) == (name, motion, metric)), None)
+
+    for axes, motion in zip(panels[0], motions, strict=True):
+        for k, name in enumerate(names):
+            cost = value(name, motion, COST)
+            if cost is None:
+                continue
+            axes.plot(
+                cost, max(value(name, motion, ERROR) or 0.0, 1e-3), marks[k % len(marks)], color=PALETTE[k % len(PALETTE)], label=name
+            )
+        axes.set(xscale="log", yscale="log", xlabel=COST, title=motion)
+    panels[0][0].set_ylabel("feature error (spreads)")
+    handles, labels = panels[0][0].get_legend_handles_labels()
+    drawing.legend(handles, labels, loc="outside upper center", ncols=4)
+    return drawing

@@ -1,0 +1,74 @@
+"""What models cost on a whole recording: core seconds a frame, models in turn, from a short recording and a longer one.
+
+A recording costs what it costs however short it is, such as the room, which a radar at rest traces once, and what each further frame adds.
+Both are told from recordings of a probe's frames and of half as many, each made several times while models take turns; a few frames are
+recorded beforehand, so that everything is compiled. Paths that are kept are dropped before each first recording.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.speed import measuring
+from radartwin.adaptive.model import DEFAULT, Model
+from radartwin.adaptive.probe import Probe
+from radartwin.simulation import path_cache
+from radartwin.store.products import Store, save_json
+
+ROOTS = ("experiments.complexity.timing",)
+FRAMES = 250, 50  # of a whole turn, and of a drive
+FIRST = 4  # of a probe's, to compile what models need
+
+
+def whole(probe: Probe) -> int:
+    """Frames of the recording that a probe is of."""
+    return FRAMES[0] if probe.log.angle_rad is not None else FRAMES[1]
+
+
+def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store) -> dict[Model, list[float]]:
+    """{model: core seconds a frame of a whole recording, round by round}.
+
+    Args:
+        probe_of: gives so many frames of the recording, or those of a probe.
+    """
+    many = probe_of(None, False)
+    few = probe_of((many.frames + 1) // 2, False)
+    ordered = sorted(set(models), key=lambda model: model.told)
+    spec: dict[str, Any] = {**few.described(), "families": None, "models": ordered, "rounds": rounds, "machine": measuring.machine()}
+
+    def build(folder: Path) -> None:
+        first = probe_of(FIRST, False)
+        for model in ordered:
+            first.record(model)
+        few.record(DEFAULT)  # memory that stays with the process
+        found = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
+        save_json(folder, "seconds", found)
+
+    found = store.fetch("timing", spec, ROOTS, build).read_json("seconds")
+    return {model: [each[number] for each in found] for number, model in enumerate(ordered)}
+
+
+def _once(few: Probe, many: Probe, model: Model) -> float:
+    with tempfile.TemporaryDirectory() as empty, path_cache.kept_in(empty):
+        first = _clocked(few, model)
+        short = _clocked(few, model) if few.log.angle_rad is not None else first  # a radar at rest finds its room traced
+        long = _clocked(many, model)
+    frames = whole(few)
+    each = max(long - short, 0.0) / (many.frames - few.frames)
+    return (first + (frames - few.frames) * each) / frames
+
+
+def _clocked(probe: Probe, model: Model) -> float:
+    began = measuring.clock()
+    probe.record(model)
+    return measuring.clock() - began
+
+
+def ratio(one: Sequence[float], other: Sequence[float]) -> float:
+    """Of two models' times, in the median over rounds."""
+    return float(np.median(np.array(one) / np.array(other)))

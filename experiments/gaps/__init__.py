@@ -1,0 +1,1 @@
+"""The gaps between testbed and twin: each alone, and their shares."""

@@ -1,0 +1,180 @@
+"""The recordings that single gaps are studied on, and what is read off them: a few cases, one gap at a time.
+
+Base: every gap off, the twin told the true materials and the exact room. `alone` switches one gap on. Readings are of the features that
+the study rests on (target gate +-3 bins, 0.3 to 5.5 m) and of the complex signal, so that a change of phase is seen too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.campaign.campaign import Campaign, load_clean
+from experiments.campaign.cases import Case
+from radartwin.config.groups import Config, GapConfig, MaterialsConfig
+from radartwin.errors import ConfigError
+from radartwin.features import brightness, envelope, gate, track
+from radartwin.features.log import Log, distances
+from radartwin.features.processed import Processed, process
+from radartwin.features.profile import FAR_M, NEAR_M, profile_correlation
+from radartwin.io.progress import Progress
+from radartwin.store.products import Store
+
+GAPS = tuple(f.name for f in fields(GapConfig))
+ZERO_M = 0.2  # as far as antennas that couple reach into a range profile
+METAL = (Case("corner_reflector", "lab", "turntable", 1.0), Case("drink_can_355", "lab", "turntable", 1.0))
+FILLED = (Case("mustard", "lab", "turntable", 1.0),)
+DRIVE = (Case("corner_reflector", "squash_court", "depth", 1.0),)
+GROUPS: dict[str, tuple[Case, ...]] = {
+    "turntable": (*METAL, *FILLED), "turntable, metal": METAL, "turntable, filled bottle": FILLED, "drive": DRIVE,
+}  # fmt: skip
+CASES = (*METAL, *FILLED, *DRIVE)
+ROOM_BINS = 12  # either side of the target, 0.5 m: beyond them the Hann window has its echo 70 dB down
+FRAMES, EVERY = 24, 5  # of a turn; of a drive's frames: few, in any profile
+DARKEST_DB = 200.0  # below which a level is none
+
+
+def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1) -> Config:
+    """The configuration with this gap at this strength and all others off, or with all off.
+
+    Args:
+        turns: of a measured turntable. More frames than aspects are interpolated (experiments/campaigns).
+    Raises:
+        ConfigError: a gap that there is not.
+    """
+    if gap is not None and gap not in GAPS:
+        raise ConfigError(f"measured.gap.{gap}: there is no such gap; choose {', '.join(GAPS)}")
+    frames = {"frames_per_turn": FRAMES, "rover_every": EVERY, "turns": turns}
+    strengths = GapConfig(**{name: strength if name == gap else 0.0 for name in GAPS})
+    return replace(
+        config, materials=MaterialsConfig(source="true"), measured=replace(config.measured, gap=strengths),
+        profile=replace(config.profile, campaign=replace(config.profile.campaign, **frames)),
+    )  # fmt: skip
+
+
+def check_untouched(config: Config) -> None:
+    """That nobody has set what a study of gaps sets by itself.
+
+    Raises:
+        ConfigError: recordings, or gaps of a strength of their own.
+    """
+    if config.measured.provider != "testbed":
+        raise ConfigError("gaps are the testbed's: measured=recordings has none that could be switched; leave it out")
+    if config.measured.gap != GapConfig():
+        raise ConfigError(f"experiment={config.experiment.name} switches every measured.gap by itself; leave measured.gap out")
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One recording.
+
+    Attributes:
+        key: of what it was read from. range_m: (B,), between NEAR_M and FAR_M as everything below, except zero_db.
+        channels: (F, A, B) complex range profiles. target, room: (F, B) masks of the target gate, and of what is ROOM_BINS from it.
+        profile: (B,) mean power. brightness_db: energy in the gate without the range law; room_db: in the room.
+        multipath: share. harmonic_ratio: of a turn, else NaN. track_m: (F,) range of the target's peak; energy: (F,) in the gate.
+        noise_db: median noise of a range bin; zero_db: mean power of the bins within ZERO_M.
+    """
+
+    key: str
+    range_m: NDArray[np.float64]
+    channels: NDArray[np.complex64]
+    target: NDArray[np.bool_]
+    room: NDArray[np.bool_]
+    profile: NDArray[np.float64]
+    brightness_db: float
+    room_db: float
+    multipath: float
+    harmonic_ratio: float
+    track_m: NDArray[np.floating]
+    energy: NDArray[np.float64]
+    noise_db: float
+    zero_db: float
+
+
+def recorded(config: Config, store: Store, progress: Progress, domain: str, case: Case, frames: int | None = None) -> Reading:
+    """A case under this configuration, made now unless it is in the store. The twin is read without noise.
+
+    Args:
+        frames: the first so many alone.
+    """
+    campaign = Campaign(config, store, progress)
+    log = campaign.log(case, domain)
+    if domain == "measured":
+        key, processed = campaign.processed(domain, case)
+    else:
+        product = campaign.clean(domain, case)
+        key, processed = product.key, process(load_clean(product), doppler=False)
+    return read(key, processed.frames(slice(frames)), log)
+
+
+def read(key: str, processed: Processed, log: Log) -> Reading:
+    """What is read off a recording; of a log longer than it the first frames count."""
+    count = processed.num_frames
+    nominal = distances(log, len(log.distance_m))[:count]
+    inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
+    energy = envelope.target_energy(processed, nominal)
+    in_gate, _ = gate.gate_energies(processed.power, processed.range_m, nominal)
+    centre = np.abs(processed.range_m - nominal[:, None]).argmin(axis=1)
+    apart = np.abs(np.arange(len(processed.range_m)) - centre[:, None])[:, inside]
+    room = apart > ROOM_BINS
+    ratio = float("nan")
+    if log.angle_rad is not None:
+        ratio = envelope.harmonic_ratio(envelope.revolution(energy, log.angle_rad[:count]))
+    return Reading(
+        key=key,
+        range_m=processed.range_m[inside],
+        channels=processed.channels[..., inside],
+        target=apart <= gate.GATE_BINS,
+        room=room,
+        profile=processed.power[:, inside].mean(axis=0, dtype=np.float64),
+        brightness_db=brightness.brightness_db(energy, nominal),
+        room_db=decibels(float(np.sum(processed.power[:, inside], where=room, dtype=np.float64)) / count),
+        multipath=gate.multipath_share(processed.power, processed.range_m, nominal),
+        harmonic_ratio=ratio,
+        track_m=track.around(processed, nominal, log.frame_rate_hz),
+        energy=in_gate,
+        noise_db=decibels(float(np.median(processed.noise_floor))),
+        zero_db=decibels(float(processed.power[:, processed.range_m <= ZERO_M].mean())),
+    )
+
+
+def moved(one: Reading, base: Reading) -> dict[str, float]:
+    """How far each feature is from the base's.
+
+    The track's is weighted by the base's energy: where the target is hardly seen its peak jumps. Signal changes are |one - base| / |base|.
+    """
+    return {
+        "target brightness (dB)": one.brightness_db - base.brightness_db,
+        "room level (dB)": one.room_db - base.room_db,
+        "multipath share": one.multipath - base.multipath,
+        "angular harmonic ratio": one.harmonic_ratio - base.harmonic_ratio,
+        "profile correlation": profile_correlation(one.profile, base.profile, base.range_m, "db"),
+        "track rms (mm)": 1e3 * float(np.sqrt(np.average((one.track_m - base.track_m) ** 2, weights=base.energy))),
+        "target change (dB)": change_db(one, base, base.target),
+        "room change (dB)": change_db(one, base, base.room),
+    }
+
+
+def change_db(one: Reading, base: Reading, chosen: NDArray[np.bool_]) -> float:
+    """Difference of two complex recordings over the base in these cells (F, B), in decibels."""
+    where = chosen[:, None]
+    difference = np.sum(np.abs(one.channels - base.channels) ** 2, where=where, dtype=np.float64)
+    return decibels(float(difference / np.sum(np.abs(base.channels) ** 2, where=where, dtype=np.float64)))
+
+
+def profile_difference_db(one: Reading, base: Reading, span_db: float = 60.0) -> float:
+    """Root mean square difference of the mean range profiles in decibels, over the bins within `span_db` of the strongest."""
+    heard = base.profile >= base.profile.max() * 10 ** (-span_db / 10)
+    return float(np.sqrt(np.mean((10 * np.log10(one.profile[heard] / base.profile[heard])) ** 2)))
+
+
+def decibels(power: float) -> float:
+    return 10 * float(np.log10(max(power, 10 ** (-DARKEST_DB / 10))))
+
+
+def keys(readings: Sequence[Reading]) -> list[str]:
+    return [reading.key for reading in readings]

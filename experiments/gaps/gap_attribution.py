@@ -1,0 +1,200 @@
+"""Which part of the distance between twin and testbed comes from which gap, for fidelity and for recognition.
+
+Three losses (experiments/gaps/coalitions.py) are taken with any set of gaps on. Alone: what a gap costs where all others are off. Left out:
+what is regained where all others stay on. Share: Shapley's, exact over groups of gaps, which sums to what all of them cost
+(experiments/gaps/shapley.py). Where gaps do not act on one another the three are equal; a gap that costs much alone and nothing when
+left out is hidden by others. Losses are per recording, intervals bootstraps over recordings, the draw of each gap is one (seed).
+
+Claims were written before the first run, from what acts on what: walls and their materials are the room's profile; lines and filter take 8
+dB of the target's brightness; ranks do not know a level; a liquid is in its bottle.
+
+Cost in the quick profile: 86 core seconds on a busy machine, of which 28 set up the scanned laboratory (four objects, no clutter, no finer
+solver, true labels). The paper profile has every gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments import statistics
+from experiments.claims import NONE, Claim, row
+from experiments.gaps import case_set, shapley
+from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses
+from experiments.gaps.shapley import Coalition
+from radartwin.config.groups import Config
+from radartwin.errors import ConfigError
+from radartwin.io.progress import Progress
+from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
+from radartwin.runs.experiment import Result
+from radartwin.scene.objects.catalogue import catalogue
+from radartwin.store.products import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ALONE, LEFT_OUT, SHARE = "alone", "left out", "share"
+ALL, FILLED = "all objects", "filled bottles"
+ROOM = "geometry and materials"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which gaps are switched, grouped for the shares, and on which objects; gaps in no group stay off.
+
+    Attributes:
+        singly: whether each gap of a group is also switched by itself.
+    """
+
+    groups: Mapping[str, tuple[str, ...]]
+    objects: tuple[str, ...]
+    singly: bool = True
+
+    @property
+    def everything(self) -> Coalition:
+        return frozenset(gap for gaps in self.groups.values() for gap in gaps)
+
+    def on(self, players: Coalition) -> Coalition:
+        """Gaps of a coalition of groups."""
+        return frozenset(gap for player in players for gap in self.groups[player])
+
+    def switched(self) -> dict[str, Coalition]:
+        """What is switched alone and left out alone: each group, and where told each gap of a group of several."""
+        single = {gap: frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
+        return {name: frozenset(gaps) for name, gaps in self.groups.items()} | {f"{gap} only": one for gap, one in single.items()}
+
+    def needed(self) -> list[Coalition]:
+        """Every set of gaps that has to be scored."""
+        sets = [self.on(some) for some in shapley.coalitions(tuple(self.groups))]
+        sets += [part for one in self.switched().values() for part in (one, self.everything - one)]
+        return list(dict.fromkeys(sets))
+
+
+PLANS = {
+    # what is set up anew for clutter or a finer solver costs more than all of these
+    "quick": Plan(
+        {
+            "geometry": ("geometry",), "materials": ("materials", "roughness"), "contents": ("contents",), "hardware": ("hardware",),
+            "course": ("trajectory", "placement"),
+        },
+        ("corner_reflector", "drink_can_355", "mustard", "mouthwash"),
+        singly=False,
+    ),
+    "paper": Plan(
+        {
+            "geometry": ("geometry",), "materials": (LABELS, "materials", "roughness"), "contents": ("contents",),
+            "clutter": ("clutter", "solver"), "hardware": ("hardware",), "course": ("trajectory", "placement"),
+        },
+        ("corner_reflector", "drink_can_355", "mug", "mustard", "mouthwash"),
+    ),
+}  # fmt: skip
+
+CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # by score, gap, objects, measure
+    (PROFILE, ROOM, ALL, "part of the total"): Claim("the room's walls and materials bring most of what its profile loses", above=0.5),
+    (PROFILE, "geometry", ALL, ALONE): Claim("a scan's walls return another profile", above=0.0),
+    (PROFILE, "contents", ALL, SHARE): Claim("what is in a bottle is not in the room's profile", above=-0.05, below=0.05),
+    (ERROR, "hardware", ALL, SHARE): Claim("lines and filter move every brightness", above=0.0),
+    (ERROR, "contents", FILLED, ALONE): Claim("a bottle that is not full is another", above=0.0),
+    (ERROR, "geometry", ALL, SHARE): Claim("the target's echo knows little of walls", above=-0.1, below=0.1),
+    (RECOGNITION, "hardware", ALL, SHARE): Claim("ranks do not know a level", contains=0.0),
+    (RECOGNITION, "geometry", ALL, SHARE): Claim("the target's echo knows little of walls", contains=0.0),
+}
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Rows of every gap or group, score by score."""
+    check(config)
+    plan = PLANS["quick" if config.profile.name == "quick" else "paper"]
+    sides = Sides(config, store, progress, cases(plan.objects))
+    found = losses(config, sides, plan.needed())
+    filled = np.array([catalogue()[case.object].contents is not None for case in sides.cases])
+    rows = table(config, plan, found, filled, sides.keys)
+    metrics = {f"share_{r['score']}_{r['gap']}".replace(" ", "_"): r["value"] for r in rows if (r["metric"], r["objects"]) == (SHARE, ALL)}
+    figures: dict[str, Callable[[], Figure]] = {"gap_attribution": lambda: chart(rows, tuple(plan.groups))}
+    return Result("gap_attribution", rows, figures, metrics, sides.keys)
+
+
+def check(config: Config) -> None:
+    """Refuse what would be overridden without a word.
+
+    Raises:
+        ConfigError: recordings, gaps or materials that the table sets by itself.
+    """
+    case_set.check_untouched(config)
+    if config.materials.source in ("true", "void"):
+        raise ConfigError(
+            f"experiment=gap_attribution switches from true materials to labelled ones; leave materials={config.materials.source} out"
+        )
+
+
+def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> list[dict[str, Any]]:
+    """Of each score: the loss with none and all of the gaps, then each gap alone, left out and its share; of bottles apart, where several.
+
+    Args:
+        filled: (recordings,) which are of filled bottles.
+    """
+    rows = []
+    for score in SCORES:
+        for objects, chosen in ((ALL, np.ones_like(filled)), (FILLED, filled)):
+            if not chosen.any() or (objects == FILLED and score == RECOGNITION):
+                continue
+            value = {on: loss[chosen] for on, loss in found[score].items()}
+
+            def add(gap: str, metric: str, samples: NDArray[np.float64], score: str = score, objects: str = objects) -> None:
+                claim = CLAIMS.get((score, gap, objects, metric), NONE)
+                estimate = statistics.mean(samples, config.profile.resamples, config.seed)
+                rows.append(row(config, {"score": score, "gap": gap, "objects": objects}, metric, estimate, keys, claim))
+
+            add("none", "loss", value[frozenset()])
+            add("all", "loss", value[plan.everything])
+            for gap, one in plan.switched().items():
+                add(gap, ALONE, shapley.alone(value, one))
+                add(gap, LEFT_OUT, shapley.left_out(value, one, plan.everything))
+            groups = tuple(plan.groups)
+            shared = shapley.shares(groups, {some: value[plan.on(some)] for some in shapley.coalitions(groups)})
+            for gap, samples in shared.items():
+                add(gap, SHARE, samples)
+            if objects == ALL:
+                rows.append(_part(config, score, shared, keys))
+    return rows
+
+
+def _part(config: Config, score: str, shared: Mapping[str, NDArray[np.float64]], keys: Sequence[str]) -> dict[str, Any]:
+    """What geometry and materials have of the total, recordings drawn anew; none where all gaps together cost nothing."""
+    room, total = shared["geometry"] + shared["materials"], np.sum(list(shared.values()), axis=0)
+    drawn = np.random.default_rng(config.seed).integers(len(total), size=(config.profile.resamples, len(total)))
+    sums = total[drawn].mean(axis=1)
+    if total.mean() <= 0 or (sums <= 0).any():
+        estimate = statistics.Estimate(float("nan"), float("nan"), float("nan"), len(total))
+    else:
+        value, parts = float(room.mean() / total.mean()), room[drawn].mean(axis=1) / sums
+        low, high = np.quantile(parts, [0.025, 0.975])
+        estimate = statistics.Estimate(value, min(float(low), value), max(float(high), value), len(total))
+    claim = CLAIMS.get((score, ROOM, ALL, "part of the total"), NONE)
+    return row(config, {"score": score, "gap": ROOM, "objects": ALL}, "part of the total", estimate, keys, claim)
+
+
+def chart(rows: Sequence[Mapping[str, Any]], groups: Sequence[str]) -> Figure:
+    """Alone, share and left out of each group, a panel per score, with intervals."""
+    drawing, panels = figure(1, len(SCORES), width_in=PAGE_WIDTH_IN, height_in=3.4, sharey=True)
+    place = np.arange(len(groups))[::-1]
+    for panel, score in zip(panels, SCORES, strict=True):
+        known = {(r["gap"], r["metric"]): r for r in rows if (r["score"], r["objects"]) == (score, ALL)}
+        for shift, metric, colour in ((0.27, ALONE, PALETTE[5]), (0.0, SHARE, PALETTE[0]), (-0.27, LEFT_OUT, PALETTE[4])):
+            some = [known[gap, metric] for gap in groups]
+            value, low, high = (np.array([one[name] for one in some]) for name in ("value", "low", "high"))
+            error = np.stack([value - low, high - value])
+            panel.barh(place + shift, value, 0.25, color=colour, label=metric, xerr=error, error_kw={"lw": 0.8, "ecolor": "0.3"})
+        none, everything = (known[gap, "loss"]["value"] for gap in ("none", "all"))
+        panel.set_title(score)
+        panel.set_xlabel(f"{none:.2f} without gaps, {everything:.2f} with all")
+        panel.axvline(0, color="0.4", lw=0.6)
+        panel.grid(axis="x", color="0.9", lw=0.5)
+        panel.set_axisbelow(True)
+    panels[0].set_yticks(place, groups)
+    drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return drawing

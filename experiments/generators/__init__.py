@@ -1,0 +1,1 @@
+"""Scripts that write the shipped files: text anchors, recorded questions, repeatability."""

@@ -1,0 +1,14 @@
+"""Write the shipped text anchors anew, after a description in the catalogue has changed: python -m experiments.generators.anchors (`text` extra)."""
+
+from __future__ import annotations
+
+from radartwin.recognize.text import write_shipped
+from radartwin.scene.objects.catalogue import catalogue
+
+
+def main() -> None:
+    print(write_shipped([entry.description for entry in catalogue().values()]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""The questions that the shipped answers belong to, made again: `python -m experiments.generators.questions lab --out FOLDER`.
+
+A room is scanned, reconstructed and asked about as when its answers were recorded (virtual scan, strength 1, seed 0); of the real chair
+scan the frames and the exported mesh are. The questions and their pictures are written as `radartwin label SCENE --export` writes them,
+and compared by their digests with those that the shipped records name.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from radartwin.label.batch import export
+from radartwin.label.labelling import load, prepare
+from radartwin.label.questions import Question
+from radartwin.label.recorded import shipped, shipped_rooms
+from radartwin.reconstruct.build import reconstruct
+from radartwin.scene import rooms
+from radartwin.testbed.scanner import scan
+
+CHAIR = "arkit_lidar_chair_scan"
+DATA = Path("../shared/data/scans") / CHAIR
+
+
+def asked(room: str, data: Path = DATA) -> list[Question]:
+    """The questions of a room's scan, or of both forms of the chair scan.
+
+    Args:
+        data: folder of the chair scan.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        here = Path(folder)
+        sources = [data, data / "export.obj"]
+        if room != CHAIR:
+            scan(rooms.room(room, detail="cluttered"), 0, 1.0)[0].save(here / room)
+            sources = [here / room]
+        found = []
+        for number, source in enumerate(sources):
+            scene = here / f"scene_{number}"
+            reconstruct(source, scene)
+            found += prepare(scene, load(scene)).questions
+        return found
+
+
+def exact(room: str, questions: Sequence[Question]) -> float:
+    """Share of the questions, by the area of their surfaces, whose text and pictures are those that the shipped answers were given to."""
+    keys = {record.key for record in shipped(room)}
+    return sum(q.place.area_m2 for q in questions if q.key in keys) / sum(q.place.area_m2 for q in questions)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Make the questions that the shipped answers belong to, and compare them.")
+    parser.add_argument("room", choices=shipped_rooms())
+    parser.add_argument("--out", type=Path, required=True, help="folder for the questions and their pictures")
+    parser.add_argument("--data", type=Path, default=DATA, help="folder of the real chair scan")
+    options = parser.parse_args()
+    questions = asked(options.room, options.data)
+    export(questions, options.out)
+    print(f"{options.out}: {len(questions)} questions; {exact(options.room, questions):.1%} of their area has its shipped answer by digest")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,97 @@
+"""How far features move between recordings of the same thing, set up anew each time: what a model's error is measured by.
+
+    python -m experiments.generators.repeatability            writes radartwin/adaptive/repeatability.json, some twenty core minutes
+
+Testbed recordings of each object at a metre, REPEATS times: placed anew by hand, with the drive's slip, the turntable's wobble, the room's
+drift and the receiver's noise drawn anew. A limit is of one object, and pooled over all where an object is not known; the standard
+deviation of so few recordings is itself uncertain by a third, which the limit allows for.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import BENCH_ROOM, RAIL, Case, Motion
+from radartwin.adaptive import limits
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config
+from radartwin.features import sets
+from radartwin.io import files
+from radartwin.io.progress import Progress
+from radartwin.store.products import Store
+
+REPEATS = 5
+DISTANCE_M = 1.0
+ROOM = "squash_court"  # of drives
+DRIVEN = ("track", "multipath", "window", "extent", "brightness", "profile")
+FAMILIES: dict[Motion, tuple[str, ...]] = {
+    "turntable": ("harmonics", "envelope", "extent", "brightness", "multipath", "profile"),
+    "radial": DRIVEN,
+    "diagonal": DRIVEN,
+    "depth": DRIVEN,
+    "lateral": ("harmonics", "envelope", *DRIVEN),
+}
+Read = tuple[Sequence[str], np.ndarray]
+
+
+def repeated(config: Config, motion: Motion) -> list[list[Case]]:
+    """The recordings of each object."""
+    campaign = config.profile.campaign
+    if motion == "turntable":
+        from radartwin.scene.objects.catalogue import catalogue
+
+        objects, room = campaign.turntable_objects or list(catalogue()), BENCH_ROOM
+    elif motion in RAIL:
+        objects, room = campaign.rail_objects, BENCH_ROOM
+    else:
+        objects, room = campaign.rover_objects, ROOM
+    return [[Case(name, room, motion, DISTANCE_M, number) for number in range(REPEATS)] for name in objects]
+
+
+def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
+    """Feature names and values (recordings, features) of one object's recordings."""
+    rows = []
+    for case in cases:
+        processed = campaign.processed("measured", case)[1]
+        names, values = sets.read(processed, campaign.log(case), FAMILIES[motion], turns=motion == "turntable")
+        rows.append(values)
+    return names, np.stack(rows)
+
+
+def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
+    """What the shipped file holds. Args: groups: {motion: {object: names and values}}."""
+
+    def rounded(some: Sequence[Read]) -> dict[str, float]:
+        return {name: float(f"{limit:.3g}") for name, limit in limits.measured(some).items()}
+
+    motions = {
+        motion: {"pooled": rounded(list(of.values())), "objects": {name: rounded([one]) for name, one in of.items()}}
+        for motion, of in groups.items()
+    }
+    source = f"testbed, {REPEATS} recordings of each object at {DISTANCE_M:g} m, each set up anew; experiments/generators/repeatability.py"
+    return {"source": source, "motions": motions}
+
+
+def main() -> None:
+    """Measure and write."""
+    config = compose(["experiment=campaign"])
+    config = replace(config, profile=replace(config.profile, campaign=replace(config.profile.campaign, turns=1)))
+    progress = Progress()
+    campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress)
+    groups = {}
+    for motion in FAMILIES:
+        cases = repeated(config, motion)
+        campaign.prepare([("measured", case) for some in cases for case in some])
+        groups[motion] = {some[0].object: read(campaign, motion, some) for some in progress.over(cases, motion)}
+    files.write_atomically(limits.SHIPPED, json.dumps(summary(groups), indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

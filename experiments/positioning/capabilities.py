@@ -1,0 +1,166 @@
+"""What the systems that run here can do, found by making them do it: seconds each, no recording is simulated.
+
+A check returns what it found, as a cell, and whether that is what the paper's cell says.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radartwin.radar.chirp import Radar
+from radartwin.scene import objects
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation.backends import sionna
+from radartwin.simulation.backends.backend import Backend, backend
+from radartwin.simulation.paths import Paths
+
+Check = Callable[[], tuple[str, bool]]
+ROOM_M = (4.0, 3.0, 2.5)
+BOUNCES = 4  # of the paper's row
+FORMATS = (".glb", ".ply", ".obj")
+CATEGORIES = 23  # of MINC
+RADAR = Radar.iwr1843(element="isotropic")
+
+
+def _box(material: str = "concrete") -> Scene:
+    mesh = objects.box((0.0, 0.0, 0.0), ROOM_M)
+    mesh.invert()
+    return Scene([Surface(mesh, material, "walls", role="room")])
+
+
+def _traced(simulator: Backend, scene: Scene) -> list[Paths]:
+    place = trajectory.look_at(np.array([1.23, 1.1, 1.05]), np.array([4.0, 1.4, 1.2]))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "sionna:")
+        return simulator.paths(scene, RADAR, place[None])
+
+
+def _bounces(simulator: Backend) -> int:
+    return max(int(part.bounces.max()) for part in _traced(simulator, _box()))
+
+
+def _materials_matter(simulator: Backend) -> bool:
+    """Whether a metal room returns more than one of wood."""
+    metal, wood = (sum(float(np.abs(p.amplitude).max()) for p in _traced(simulator, _box(m))) for m in ("metal", "wood"))
+    return metal > 1.5 * wood
+
+
+def _own() -> Backend:
+    return backend("mitsuba", room="tubes", rays=50_000, max_bounces=BOUNCES)
+
+
+def _multipath(simulator: Callable[[], Backend]) -> Check:
+    def check() -> tuple[str, bool]:
+        most = _bounces(simulator())
+        return (f"yes ({most}-bounce)" if most > 1 else "no (1-bounce)"), most > 1
+
+    return check
+
+
+def _four_bounces() -> tuple[str, bool]:
+    most = _bounces(_own())
+    return f"yes ({most}-bounce)", most == BOUNCES
+
+
+def _mechanism(simulator: Callable[[], Backend], words: str) -> Check:
+    """Rays from the radar find a wall at its range."""
+
+    def check() -> tuple[str, bool]:
+        nearest = min(float(part.length_m.min()) / 2 for part in _traced(simulator(), _box()))
+        return words, abs(nearest - 1.05) < 0.02  # the floor, or the first ray on it
+
+    return check
+
+
+def _mesh_formats() -> tuple[str, bool]:
+    """A room's mesh read back from every format, to its area."""
+    from radartwin.reconstruct.mesh_file import load_scan
+
+    mesh, read = _box().surfaces[0].mesh, []
+    with tempfile.TemporaryDirectory() as folder:
+        for suffix in FORMATS:
+            mesh.export(Path(folder) / f"room{suffix}")
+            scanned, _ = load_scan(Path(folder) / f"room{suffix}", unit="m", up="z")
+            read.append(bool(np.isclose(scanned.area, mesh.area, rtol=1e-4)))
+    return f"3D scene repr. ({', '.join(FORMATS)})", all(read)
+
+
+def _scanned_room() -> tuple[str, bool]:
+    """A mesh as a phone leaves it, one piece of small noisy triangles, becomes a room of its walls."""
+    from radartwin.reconstruct.build import reconstruct
+
+    mesh: Any = _box().surfaces[0].mesh.subdivide_to_size(0.12)
+    mesh.vertices += np.random.default_rng(0).normal(0, 0.003, mesh.vertices.shape)
+    with tempfile.TemporaryDirectory() as folder:
+        mesh.export(Path(folder) / "scan.ply")
+        scene = reconstruct(Path(folder) / "scan.ply", unit="m", up="z")
+    area = sum(s.mesh.area for s in scene)
+    walls = 2 * (ROOM_M[0] * ROOM_M[1] + ROOM_M[0] * ROOM_M[2] + ROOM_M[1] * ROOM_M[2])
+    return "yes", bool(len(scene) >= 6 and abs(area - walls) < 0.05 * walls)
+
+
+def _labelled() -> tuple[str, bool]:
+    """The model's recorded answers become materials of the package, and every category has one."""
+    from radartwin import materials
+    from radartwin.label.sources import material_source
+    from radartwin.materials.minc import MINC, names_in
+    from radartwin.scene import rooms
+
+    scene = material_source("vlm")(rooms.room("lab", detail="shell"))
+    answered = all(s.provenance["source"] == "vlm" for s in scene)
+    several = len({str(s.material) for s in scene}) > 1
+    known = all(name in materials.MATERIAL_NAMES for row in MINC.values() for name in names_in(row.material))
+    return "VLM -> ITU", answered and several and known and len(MINC) == CATEGORIES
+
+
+def _no_measurement() -> tuple[str, bool]:
+    """Nothing that reconstructs, labels or simulates reaches the modules that read recordings of a campaign."""
+    from radartwin.store.digest import import_closure
+
+    reached = import_closure(("radartwin.reconstruct.build", "radartwin.label.sources", "radartwin.simulation.simulate"))
+    return "yes", not any(name.startswith(("radartwin.recordings", "radartwin.testbed")) for name in reached)
+
+
+def _targets() -> tuple[str, bool]:
+    """Objects in more than one class of shape, and of material."""
+    entries = objects.catalogue().values()
+    classes = [{getattr(entry, kind) for entry in entries} for kind in ("shape", "material_class")]
+    return "objects & materials", all(len(kinds) > 1 for kinds in classes)
+
+
+def _per_surface(simulator: Callable[[], Backend], words: str, matters: bool) -> Check:
+    def check() -> tuple[str, bool]:
+        found = _materials_matter(simulator())
+        return (words if found == matters else "per surface" if found else "uniform"), found == matters
+
+    return check
+
+
+def _sionna() -> Backend:
+    return backend("sionna", rays=100_000, max_bounces=BOUNCES)
+
+
+def _naive() -> Backend:
+    return backend("rfgenesis", version="shipped", grid=32)
+
+
+CHECKS: dict[str, dict[str, Check]] = {
+    "RadarTwin": {
+        "mechanism": _mechanism(_own, "ray tracing"), "scene input": _mesh_formats, "material model": _labelled,
+        "multipath": _four_bounces, "real scene": _scanned_room, "no RF data": _no_measurement, "target": _targets,
+    },
+    "Sionna RT": {"material model": _per_surface(_sionna, "per-surf.", True), "multipath": _multipath(_sionna)},
+    "RF-Genesis": {"material model": _per_surface(_naive, "uniform", False), "multipath": _multipath(_naive)},
+}  # fmt: skip
+
+
+def available(system: str) -> bool:
+    """Whether a system of CHECKS is installed here."""
+    return system != "Sionna RT" or sionna.is_installed()

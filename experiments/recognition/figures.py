@@ -1,0 +1,106 @@
+"""Figures of the recognition tables: bars with intervals, confusion matrices, maps of embeddings, accuracy against labels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
+from radartwin.recognize.samples import MEASURED, Samples
+from radartwin.recognize.score import confusion
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GREY = "0.65"
+Row = Mapping[str, Any]
+
+
+def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", grey: str = "") -> Figure:
+    """Bars of {group: {method: row}} with their intervals; the baseline is grey, and chance is a line through each group."""
+    drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
+    methods = list(dict.fromkeys(method for group in groups.values() for method in group))
+    colours = {grey: GREY} | dict(zip((method for method in methods if method != grey), PALETTE, strict=False))
+    width = 0.8 / len(methods)
+    for place, group in enumerate(groups.values()):
+        for number, method in enumerate(methods):
+            if method not in group:
+                continue
+            row, x = group[method], place + (number - (len(methods) - 1) / 2) * width
+            value, low, high = row["value"], row["low"], row["high"]
+            axis.bar(x, value, 0.92 * width, color=colours[method], label=method if place == 0 else None)
+            axis.errorbar(x, value, [[value - low], [high - value]], color="black", lw=0.8, capsize=2)
+            axis.text(x, high, f" {value:.2f}", rotation=90, ha="center", va="bottom", fontsize=6)
+        chance = next(iter(group.values()))["chance"]
+        axis.plot([place - 0.45, place + 0.45], [chance, chance], color="black", ls="--", lw=0.8, label="chance" if place == 0 else None)
+    axis.set_xticks(range(len(groups)), list(groups))
+    top = max(row["high"] for group in groups.values() for row in group.values())
+    axis.set(ylabel=ylabel, ylim=(0, 1.3 * top), title=title)
+    axis.set_yticks([tick for tick in axis.get_yticks() if tick <= 1.0])
+    handles, labels = axis.get_legend_handles_labels()
+    order = sorted(range(len(labels)), key=lambda i: labels[i] == "chance")
+    axis.legend([handles[i] for i in order], [labels[i] for i in order], loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return drawing
+
+
+def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[str]) -> Figure:
+    """One matrix per panel of (truth, answer): shares of the answers, columns, for each true class, rows."""
+    drawing, axes = figure(1, len(panels), width_in=PAGE_WIDTH_IN, height_in=3.4, squeeze=False, sharey=True)
+    names = [name.replace("_", " ") for name in classes]
+    for axis, (title, (truth, answer)) in zip(axes[0], panels.items(), strict=True):
+        shares = confusion(truth, answer, tuple(classes))
+        axis.imshow(shares, vmin=0, vmax=1, cmap="Blues")
+        for row, column in np.argwhere(shares >= 0.005):
+            dark = "white" if shares[row, column] > 0.6 else "black"
+            axis.text(column, row, f"{100 * shares[row, column]:.0f}", ha="center", va="center", fontsize=5, color=dark)
+        axis.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=6)
+        axis.set_yticks(range(len(names)), names, fontsize=6)
+        axis.set(title=title, xlabel="answer (% of a class)")
+        axis.spines[:].set_visible(False)
+    axes[0, 0].set_ylabel("object")
+    return drawing
+
+
+def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -> Figure:
+    """Embeddings of both domains on their first two principal components: colour by class, filled where measured."""
+    from sklearn.decomposition import PCA
+
+    drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.5, height_in=3.2)
+    plane = PCA(2, svd_solver="full").fit(recordings.values)
+    points = plane.transform(recordings.values)
+    kinds = sorted(set(classes.values()))
+    colours, markers = dict(zip(kinds, PALETTE, strict=False)), dict(zip(kinds, "os^D", strict=False))
+    for kind in kinds:
+        for domain, filled in (("simulated", False), (MEASURED, True)):
+            chosen = (recordings.domain == domain) & np.array([classes[label] == kind for label in recordings.label])
+            face = colours[kind] if filled else "none"
+            label = f"{kind}, {domain}"
+            axis.scatter(*points[chosen].T, s=14, marker=markers[kind], facecolors=face, edgecolors=colours[kind], lw=0.8, label=label)
+    for name in recordings.classes:
+        centre = points[(recordings.label == name) & (recordings.domain == MEASURED)].mean(axis=0)
+        axis.annotate(name.replace("_", " "), centre, fontsize=5, ha="center", va="bottom", xytext=(0, 3), textcoords="offset points")
+    share = 100 * plane.explained_variance_ratio_
+    axis.set(title=title, xlabel=f"component 1 ({share[0]:.0f} % of variance)", ylabel=f"component 2 ({share[1]:.0f} %)")
+    axis.legend(fontsize=6, loc="best")
+    return drawing
+
+
+def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
+    """Accuracy against labelled recordings per class, {method: rows with `shots`}; a symmetric-log axis has a place for zero."""
+    drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
+    for number, (method, found) in enumerate(rows.items()):
+        shots, value, low, high = (np.array([row[name] for row in found], float) for name in ("shots", "value", "low", "high"))
+        colour = PALETTE[number]
+        axis.plot(shots, value, color=colour, marker="os^D"[number], ms=4, label=method)
+        axis.fill_between(shots, low, high, color=colour, alpha=0.2, lw=0)
+    axis.axhline(chance, color="black", ls="--", lw=0.8, label="chance")
+    ticks = sorted({int(row["shots"]) for found in rows.values() for row in found})
+    axis.set_xscale("symlog", base=2, linthresh=1)
+    axis.set_xticks(ticks, [str(tick) for tick in ticks])
+    axis.minorticks_off()
+    axis.set(xlabel="labelled measured revolutions per class", ylabel="accuracy", ylim=(0, 1.02))
+    drawing.legend(loc="outside upper center", ncols=2)
+    return drawing

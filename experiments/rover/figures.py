@@ -1,0 +1,81 @@
+"""Figures of the rover: range-time panels measured beside simulated, and the rank correlation of every feature by family."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments.rover import drive_features
+from experiments.rover.drive_features import Drives, Place
+from experiments.turntable.rotations import DOMAINS, LABELS, MEASURED
+from radartwin.features.profile import FAR_M, NEAR_M
+from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
+from radartwin.scene.objects.catalogue import catalogue
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SHOWN = ("corner_reflector", "can_211_400", "mug", "mustard")  # one of each class, and the reflector
+DEPTH_DB = 50.0
+
+
+def panels_figure(drives: dict[str, Drives]) -> Figure:
+    """Range over time of some objects at the first place of a depth drive, or of any, each domain against its own brightest cell."""
+    where = drive_features.places(drives[MEASURED])
+    place = next((one for one in where if one[1] == "depth"), where[0])
+    here = drive_features.objects(drives[MEASURED], place)
+    names = [name for name in SHOWN if name in here] or here[:4]
+    drawing, panels = figure(len(DOMAINS), len(names), width_in=PAGE_WIDTH_IN, height_in=3.6, sharex=True, sharey=True, squeeze=False)
+    for line, domain in zip(panels, DOMAINS, strict=True):
+        for panel, name in zip(line, names, strict=True):
+            one = drives[domain][name, place][0]
+            inside = (one.range_m >= NEAR_M) & (one.range_m <= FAR_M)
+            level = 10 * np.log10(np.maximum(one.power[:, inside] / one.power[:, inside].max(), 1e-12))
+            end = len(level) / one.frame_rate_hz
+            extent = (0, end, float(one.range_m[inside][0]), float(one.range_m[inside][-1]))
+            panel.imshow(level.T, origin="lower", aspect="auto", extent=extent, vmin=-DEPTH_DB, vmax=0, interpolation="nearest")
+            panel.plot((np.arange(len(level)) + 0.5) / one.frame_rate_hz, one.track_m, color="white", lw=0.8, ls=":")
+            if domain == MEASURED:
+                panel.set_title(catalogue()[name].label, fontsize=8)
+        line[0].set_ylabel(f"{LABELS[domain]}\nrange (m)")
+    for panel in panels[-1]:
+        panel.set_xlabel("time (s)")
+    drawing.colorbar(panels[0, 0].images[0], ax=panels, label="below the brightest cell (dB)", pad=0.01)
+    drawing.suptitle(f"{place[0].replace('_', ' ')}, {place[1]} drive at {place[2]:g} m; dotted: tracked peak", fontsize=8)
+    return drawing
+
+
+def correlation_figure(found: list[tuple[Place, str, float]]) -> Figure:
+    """Rank correlation over objects of every feature and place, by family, a panel per room and motion."""
+    groups = sorted({(place[0], place[1]) for place, _, _ in found})
+    families = list(dict.fromkeys(family for _, family, _ in found))
+    drawing, panels = figure(1, max(len(groups), 1), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True, squeeze=False)
+    for panel, (room, motion) in zip(panels[0], groups, strict=False):
+        for i, family in enumerate(families):
+            values = np.array([rho for place, name, rho in found if name == family and place[:2] == (room, motion)])
+            if len(values):
+                spread = np.linspace(-0.25, 0.25, len(values)) if len(values) > 1 else np.zeros(1)
+                panel.plot(values, i + spread, ".", ms=4, color=PALETTE[0], alpha=0.7)
+                panel.plot([values.mean()] * 2, [i - 0.35, i + 0.35], color=PALETTE[1], lw=1.5)
+        panel.axvline(0, color="0.5", lw=0.8)
+        panel.set(title=f"{room.replace('_', ' ')}, {motion}", xlabel="Spearman over objects", xlim=(-1.05, 1.05))
+        panel.set_yticks(range(len(families)), families)
+    return drawing
+
+
+def slices_figure(slices: dict[tuple[str, str], np.ndarray]) -> Figure:
+    """How far features agree along each factor: rank correlations over objects and distances, signs of the change between rooms."""
+    motions = list(dict.fromkeys(motion for motion, _ in slices))
+    drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=2.4, sharey=True, squeeze=False)
+    for panel, motion in zip(panels[0], motions, strict=True):
+        factors = [factor for known, factor in slices if known == motion]
+        for i, factor in enumerate(factors):
+            values = slices[motion, factor]
+            share, label = np.full(len(values), 1 / len(values)), f"{factor}, mean {values.mean():+.2f}"
+            panel.hist(values, bins=np.linspace(-1, 1, 21), weights=share, histtype="step", color=PALETTE[i], label=label)
+        panel.axvline(0, color="0.5", lw=0.8)
+        panel.set(title=f"{motion} drives", xlabel="agreement of simulated and measured feature")
+        panel.legend(title="what varies", loc="upper left")
+    panels[0, 0].set_ylabel("share of features and slices")
+    return drawing

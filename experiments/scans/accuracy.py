@@ -1,0 +1,157 @@
+"""How far a reconstructed mesh is from the truth of the scanned scene, and how much of what was seen it shows."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from experiments.scans.true_surfaces import Sighted
+from radartwin.reconstruct.distance import Nearest, covered
+from radartwin.reconstruct.frames.frames import Frames
+from radartwin.scene.scene import Scene
+from radartwin.testbed.scanner.scan import ScanTruth
+
+SAMPLE_M = 0.04  # between points compared
+COVERED_M = 0.05  # a point of the truth with the mesh this near is shown
+SAME_M, SAME = 0.01, 0.01  # a pixel saw a point if its true depth is that of the point's plane on the pixel's ray, to this and this share
+GRAZING = 0.02  # cosine of the angle between ray and normal below which a surface is seen edge-on: not at all
+ALIGN_STEPS, ALIGN_GATE_M = 15, 0.15
+FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # taken at random of the mesh's samples
+
+
+@dataclasses.dataclass(frozen=True)
+class Accuracy:
+    """Distances in metres.
+
+    Attributes:
+        median_m, p95_m: from the mesh to the truth, after the mesh was moved as a whole to fit best, since a scan's own frame of
+            reference is arbitrary.
+        placed_median_m, placed_p95_m: the same where the scan says it is.
+        shift_m, turn_deg: the move in between.
+        coverage: share of the truth's area seen by the sensor that has the mesh within COVERED_M, after the move.
+        seen: share of the truth's area that the sensor saw.
+        by_surface: name -> share of its seen area that is covered, and its seen area, m2.
+    """
+
+    median_m: float
+    p95_m: float
+    placed_median_m: float
+    placed_p95_m: float
+    shift_m: float
+    turn_deg: float
+    coverage: float
+    seen: float
+    by_surface: dict[str, tuple[float, float]]
+
+    def to_dict(self) -> dict[str, Any]:
+        return dataclasses.asdict(self)
+
+
+def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Frames) -> Accuracy:
+    """Compare a mesh fused from a virtual scan with the scene that was scanned.
+
+    Args:
+        truth, frames: of the scan: where the camera was, what each pixel saw, at which intrinsics.
+    """
+    nearest = Nearest([s.mesh for s in scene], SAMPLE_M)
+    points = _some(covered(np.asarray(mesh.triangles), SAMPLE_M)[0], COMPARED_POINTS)
+    placed, _ = nearest(points)
+    move = fitted(points, nearest)
+    moved = points @ move[:3, :3].T + move[:3, 3]
+    distance, _ = nearest(moved)
+
+    own, face = covered(np.asarray(nearest.triangles), SAMPLE_M)
+    corners = nearest.triangles
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(across, axis=1)
+    area = (areas / np.bincount(face, minlength=len(areas)))[face]
+    normals = (across / np.maximum(np.linalg.norm(across, axis=1), 1e-15)[:, None])[face]
+    seen = sighted(truth, frames)(own, normals, nearest.mesh_of[face])
+    back = np.linalg.inv(move)
+    shown = Nearest([mesh], SAMPLE_M)(own[seen] @ back[:3, :3].T + back[:3, 3])[0] < COVERED_M
+    index = nearest.mesh_of[face[seen]]
+    have = np.bincount(index, weights=area[seen], minlength=len(scene))
+    show = np.bincount(index, weights=area[seen] * shown, minlength=len(scene))
+    return Accuracy(
+        median_m=float(np.median(distance)),
+        p95_m=float(np.quantile(distance, 0.95)),
+        placed_median_m=float(np.median(placed)),
+        placed_p95_m=float(np.quantile(placed, 0.95)),
+        shift_m=float(np.linalg.norm(points.mean(axis=0) - moved.mean(axis=0))),
+        turn_deg=float(np.degrees(np.arccos(np.clip((np.trace(move[:3, :3]) - 1) / 2, -1, 1)))),
+        coverage=float(show.sum() / max(have.sum(), 1e-12)),
+        seen=float(have.sum() / area.sum()),
+        by_surface={s.name: (float(show[i] / have[i]) if have[i] else 0.0, float(have[i])) for i, s in enumerate(scene) if have[i] > 0},
+    )
+
+
+def fitted(points: np.ndarray, nearest: Nearest) -> np.ndarray:
+    """Rigid transform (4, 4) that brings points (N, 3) closest to the surfaces, point to plane."""
+    from scipy.spatial.transform import Rotation
+
+    some = _some(points, FIT_POINTS)
+    corners = nearest.triangles
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-15)[:, None]
+    move = np.eye(4)
+    for _ in range(ALIGN_STEPS):
+        now = some @ move[:3, :3].T + move[:3, 3]
+        distance, face = nearest(now)
+        good = distance < ALIGN_GATE_M
+        middle, normal = now[good].mean(axis=0), normals[face[good]]
+        gap = ((corners[face[good], 0] - now[good]) * normal).sum(axis=1)
+        rows = np.hstack([np.cross(now[good] - middle, normal), normal])
+        weight = 1 / (1 + (gap / 0.03) ** 2) ** 2
+        step = np.linalg.solve((rows * weight[:, None]).T @ rows + 1e-6 * np.eye(6), (rows * weight[:, None]).T @ gap)
+        turn = Rotation.from_rotvec(step[:3]).as_matrix()
+        change = np.eye(4)
+        change[:3, :3], change[:3, 3] = turn, middle + step[3:] - turn @ middle
+        move = change @ move
+        if np.abs(step).max() < 1e-6:
+            break
+    return move
+
+
+def _some(points: np.ndarray, count: int) -> np.ndarray:
+    return points[np.random.default_rng(0).permutation(len(points))[:count]]
+
+
+def seen_points(points: np.ndarray, normals: np.ndarray, surface: np.ndarray, truth: ScanTruth, lenses: Sequence[np.ndarray]) -> np.ndarray:
+    """Which points (N,) with normals (N, 3) of surfaces (N,) some pixel of the scan measured.
+
+    A pixel measured a point that faces the camera if the surface it hit is the point's and the depth it should have had is where its ray
+    meets the point's own plane: the far side of a thin plate is not seen through it.
+
+    Args:
+        lenses: intrinsics (3, 3) of each frame.
+    """
+    seen = np.zeros(len(points), dtype=bool)
+    height, width = truth.depth_m.shape[1:]
+    for i, (pose, k) in enumerate(zip(truth.poses, lenses, strict=True)):
+        left = np.flatnonzero(~seen)
+        offset = points[left] - pose[:3, 3]
+        ahead = (offset @ pose[:3, 2] > 0.1) & (np.einsum("nk,nk->n", offset, normals[left]) < 0)
+        left, offset = left[ahead], offset[ahead]
+        local = offset @ pose[:3, :3]
+        z = local[:, 2]
+        u, v = np.rint(k[0, 0] * local[:, 0] / z + k[0, 2]).astype(int), np.rint(k[1, 1] * local[:, 1] / z + k[1, 2]).astype(int)
+        inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+        left, u, v, local = left[inside], u[inside], v[inside], local[inside]
+        facing = normals[left] @ pose[:3, :3]
+        ray = np.stack([(u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones(len(u))], axis=1)
+        slope = np.einsum("nk,nk->n", ray, facing)
+        square = slope < -GRAZING * np.linalg.norm(ray, axis=1)
+        depth = np.einsum("nk,nk->n", local, facing) / np.where(square, slope, -1.0)
+        same = square & (np.abs(truth.depth_m[i, v, u] - depth) < SAME_M + SAME * depth) & (truth.surface[i, v, u] == surface[left])
+        seen[left[same]] = True
+    return seen
+
+
+def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
+    """What a virtual scan saw of its scene, for `experiments.scans.segment_score`."""
+    lenses = [frame.intrinsics for frame in frames]
+    return lambda points, normals, surface: seen_points(points, normals, surface, truth, lenses)

@@ -1,0 +1,119 @@
+"""Who says what a surface is made of, and what it costs: recorded answers and stand-ins against the truth.
+
+The virtual scans of `experiments.scans.virtual_scan` are labelled as a user's are: by the vision-language model's recorded answers, by one uniform
+material, and at random. A label counts by the area it covers, as right (the true MINC category) and as close (its reflection within 1 dB of
+the truth's, over angles and the sweep): plaster taken for paint costs a radar nothing, metal taken for wood everything. Each source is then
+compared with uniform plasterboard in the mean decibels it is wrong by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.scans import virtual_scan
+from radartwin.config.groups import Config
+from radartwin.io.progress import Progress
+from radartwin.label.score import CLOSE_DB, Judged, accuracy_table, judge
+from radartwin.label.sources import material_source, without_fragments
+from radartwin.runs.experiment import Result
+from radartwin.scene import rooms
+from radartwin.scene.scene import Scene
+from radartwin.store.products import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SOURCES: dict[str, dict[str, Any]] = {
+    "vlm": {"missing": "plasterboard"},
+    "uniform": {"material": "plasterboard"},
+    "random": {"p": 1.0},
+}
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Label the scans at strength 1 by every source, and score the labels."""
+    rows: list[dict[str, Any]] = []
+    keys, labelled = [], {}
+    for room in progress.over(config.profile.scan_rooms, "labels"):
+        product = virtual_scan.fetch(config, store, room, 1.0)
+        keys.append(product.key)
+        scene, truth = virtual_scan.scene_of(product), rooms.room(room, detail="cluttered")
+        judged: dict[str, Sequence[Judged]] = {}
+        for source in SOURCES:
+            labelled[room, source] = _labelled(source, scene, truth, config.seed)
+            judged[source] = judge(labelled[room, source], truth)
+        rows += [_answered(room, labelled[room, "vlm"], product.key), *_rows(room, judged, product.key)]
+        rows += [_beats(room, judged, source, config, product.key) for source in ("vlm", "random")]
+    figures: dict[str, Callable[[], Figure]] = {
+        f"labels_{room}": lambda room=room: _figure(labelled[room, "vlm"]) for room in config.profile.scan_rooms
+    }
+    metrics = {
+        f"{row['metric'].replace(' ', '_')}_{row['source']}_{row['room']}": row["value"]
+        for row in rows
+        if row["category"] == "all" and row["source"] != "random"
+    }
+    return Result("labels", rows, figures, metrics, keys)
+
+
+def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
+    if source == "random":  # wrong everywhere, of the categories the room has
+        scene = material_source("true", scene=truth)(without_fragments(scene, truth))
+        return material_source("random", seed=seed, **SOURCES[source])(scene)
+    return material_source(source, **SOURCES[source])(scene)
+
+
+def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
+    """Share of the scan's area that a recorded answer was found for, by question or by place; the rest took a stand-in."""
+    area = np.array([s.mesh.area for s in scene])
+    share = float(area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum())
+    return {
+        "room": room, "source": "vlm", "category": "all", "area_m2": round(float(area.sum()), 2), "metric": "answered", "run_keys": key[:8],
+        "paper": "", "n": len(scene), "domain": "virtual scan", "verdict": "untestable", "note": "", "value": share, "low": share,
+        "high": share,
+    }  # fmt: skip
+
+
+def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict[str, Any]]:
+    """Per source all categories together, and of the answers each category by itself."""
+    rows = []
+    for source, found in judged.items():
+        for line in accuracy_table(found).to_dict("records"):
+            if source != "vlm" and line["minc"] != "all":
+                continue
+            named = {"room": room, "source": source, "category": line["minc"], "area_m2": round(float(line["area_m2"]), 2)}
+            note = f"{line['guessed']:.0%} of the area has a stand-in or an uncertain build-up" if line["guessed"] else ""
+            rest = {"run_keys": key[:8], "paper": "", "n": int(line["n"]), "domain": "virtual scan", "verdict": "untestable", "note": note}
+            if source != "uniform":  # which has no category
+                score = {"value": line["accuracy"], "low": line["low"], "high": line["high"]}
+                rows.append({**named, "metric": "right category", **rest, **score})
+            score = {"value": line["close"], "low": line["close_low"], "high": line["close_high"]}
+            rows.append({**named, "metric": f"within {CLOSE_DB:g} dB", **rest, **score})
+            for metric, column in (("mean distance dB", "mean_db"), ("worst distance dB", "worst_db")):
+                value = float(line[column])
+                rows.append({**named, "metric": metric, **rest, "value": value, "low": value, "high": value})
+    return rows
+
+
+def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: Config, key: str) -> dict[str, Any]:
+    """How many decibels nearer to the truth a source is than uniform plasterboard, in the mean over the area; surfaces are resampled."""
+    areas = np.array([j.area_m2 for j in judged[source]])
+    gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])
+    drawn = np.random.default_rng(config.seed).integers(len(gain), size=(config.profile.resamples, len(gain)))
+    means = (gain * areas)[drawn].sum(axis=1) / areas[drawn].sum(axis=1)
+    value = float(np.average(gain, weights=areas))
+    low, high = np.quantile(means, [0.025, 0.975])
+    return {
+        "room": room, "source": source, "category": "all", "area_m2": round(float(areas.sum()), 2), "metric": "gain over uniform dB",
+        "run_keys": key[:8], "paper": "", "n": len(gain), "domain": "virtual scan", "verdict": "holds" if value > 0 else "fails",
+        "note": f"{source} beats uniform plasterboard in mean dB", "value": value, "low": min(float(low), value),
+        "high": max(float(high), value),
+    }  # fmt: skip
+
+
+def _figure(scene: Scene) -> Figure:
+    from radartwin.label.figure import material_map
+
+    return material_map(scene)

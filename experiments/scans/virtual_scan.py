@@ -1,0 +1,64 @@
+"""A virtual phone's scan of a procedural room, reconstructed as a user's is, and kept: what the twin knows of the room.
+
+A phone with LiDAR is walked through the room (radartwin.testbed.scanner; its noise, dropouts and drift are from published
+evaluations, `strength` scales them all), and its frames go the way a user's go: fused, segmented, outlined.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from radartwin.scene import rooms
+from radartwin.scene.scene import Scene
+from radartwin.store.products import Product, Store
+
+if TYPE_CHECKING:
+    from radartwin.config.groups import Config
+
+ROOTS = ["experiments.scans.virtual_scan"]
+KIND = "scan"
+FOLDER = "scene"
+
+
+def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None) -> Product:
+    """A scanned and reconstructed room, from the store or made now; `seed` is the configuration's unless given.
+
+    At strength 0 nothing is lost: the room itself, without the clutter that a scan may miss.
+    """
+    spec = specification(config, room, strength, seed)
+
+    def build(folder: Path) -> None:
+        if strength == 0:
+            rooms.room(room, detail="furnished").save(folder / FOLDER)
+        else:
+            scanned(folder / FOLDER, room, strength, spec["seed"])
+
+    return store.fetch(KIND, spec, ROOTS, build)
+
+
+def key(config: Config, store: Store, room: str, strength: float) -> str:
+    """Of what `fetch` gives, whether it is made or not."""
+    return store.key(KIND, specification(config, room, strength), ROOTS)
+
+
+def specification(config: Config, room: str, strength: float, seed: int | None = None) -> dict[str, Any]:
+    """What decides a scan."""
+    return {"room": room, "strength": strength, "seed": config.seed if seed is None else seed}
+
+
+def scanned(out: Path, room: str, strength: float, seed: int) -> Scene:
+    """Scan a room and reconstruct it into the folder `out`."""
+    from radartwin.reconstruct.build import reconstruct
+    from radartwin.testbed.scanner import scan
+
+    frames, _ = scan(rooms.room(room, detail="cluttered"), seed, strength)
+    with tempfile.TemporaryDirectory() as folder:
+        frames.save(Path(folder) / room)
+        return reconstruct(Path(folder) / room, out)
+
+
+def scene_of(product: Product) -> Scene:
+    """The reconstructed scene of a product."""
+    return Scene.load(product.path / FOLDER)

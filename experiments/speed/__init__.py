@@ -1,0 +1,1 @@
+"""Run time against error for every method, and the benchmarks."""

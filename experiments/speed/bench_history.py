@@ -1,0 +1,44 @@
+"""The history of benchmarks: a line per run in one CSV, of commit, machine and ratios.
+
+Seconds belong to a machine, ratios within one run can be compared between machines and commits. A ratio that a run did not measure is
+left empty; one that is new gets a column at the end.
+"""
+
+import csv
+import io
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from radartwin.io import files
+from radartwin.runs import commit
+
+HISTORY = Path(__file__).with_name("bench_history.csv")
+FIXED = ("date", "commit", "changed", "processor", "cores", "load", "python", "repeats", "variant")
+
+
+def append(machine: Mapping[str, object], ratios: Mapping[str, float], history: Path = HISTORY) -> Path:
+    """Add a line.
+
+    Args:
+        machine: processor, cores, load (of others, as it began), python, repeats and variant. ratios: by name.
+        history: made where it is not yet; written whole or not at all.
+    """
+    head, changed = commit.commit()
+    line = {"date": time.strftime("%Y-%m-%d"), "commit": head[:12], "changed": "yes" if changed else "no", **machine}
+    line |= {name: f"{value:.4g}" for name, value in ratios.items()}
+    lines = [*read(history), {name: str(value) for name, value in line.items()}]
+    columns = [*FIXED, *dict.fromkeys(name for one in lines for name in one if name not in FIXED)]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+    return files.write_atomically(history, text.getvalue())
+
+
+def read(history: Path = HISTORY) -> list[dict[str, str]]:
+    """Its lines, oldest first; none where there is no history."""
+    if not history.is_file():
+        return []
+    with history.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))

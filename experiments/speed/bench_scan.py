@@ -1,0 +1,82 @@
+"""What a scan of half a million triangles costs: seconds and memory of its reconstruction, in a process of its own.
+
+    python experiments/speed/bench_scan.py [--faces 500000]
+
+The scan is a furnished room's true surfaces, triangles all of one size, with colours and the depth noise of a phone; it is made and saved
+by the parent, so that the child's memory is that of `radartwin reconstruct` alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+FACES = 500_000
+NOISE_M = 0.005  # of each vertex; phone LiDAR, fused
+CHILD = """
+import json, resource, sys, time
+from radartwin.reconstruct.build import reconstruct
+began = time.perf_counter()
+scene = reconstruct(sys.argv[1], sys.argv[2])
+usage = resource.getrusage(resource.RUSAGE_SELF)
+print(json.dumps({"seconds": time.perf_counter() - began, "core_seconds": usage.ru_utime + usage.ru_stime,
+                  "peak_gib": usage.ru_maxrss / 2**20, "surfaces": len(scene)}))
+"""
+
+
+def write_scan(path: Path, faces: int, seed: int = 0) -> int:
+    """A furnished laboratory as a coloured mesh of about so many equal triangles; how many there are."""
+    import trimesh
+
+    from radartwin.scene import rooms
+
+    pieces = [s.mesh for s in rooms.lab()]
+    area = sum(float(m.area) for m in pieces)
+    edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / faces))  # halving leaves edges between a half and all of the longest allowed
+    rng = np.random.default_rng(seed)
+    fine, colours = [], []
+    for k, piece in enumerate(pieces):
+        bare = trimesh.Trimesh(piece.vertices, piece.faces, process=False)
+        fine.append(bare.subdivide_to_size(edge, max_iter=20))
+        colours.append(np.tile(np.random.default_rng([seed, k]).integers(60, 220, 3), (len(fine[-1].vertices), 1)))
+    whole: Any = trimesh.util.concatenate(fine)
+    shade = np.clip(np.vstack(colours) + rng.normal(0, 5, (len(whole.vertices), 3)), 0, 255).astype(np.uint8)
+    noisy = whole.vertices + NOISE_M * rng.standard_normal(whole.vertices.shape)
+    mesh = trimesh.Trimesh(noisy, whole.faces, vertex_colors=shade, process=False)
+    mesh.export(path)
+    return len(mesh.faces)
+
+
+def measure(faces: int = FACES) -> dict[str, float]:
+    """Faces, seconds, core_seconds and peak_gib of a reconstruction, scan read and scene written included."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scan.ply"
+        count = write_scan(path, faces)
+        command = [sys.executable, "-c", CHILD, str(path), str(Path(folder) / "scene")]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return {"faces": count, **json.loads(done.stdout.splitlines()[-1])}
+
+
+def line(found: dict[str, float]) -> str:
+    """The figures of `measure` for people."""
+    return (
+        f"Reconstruction of a scan of {found['faces']:,.0f} faces: {found['seconds']:.0f} s ({found['core_seconds']:.0f} core-seconds), "
+        f"peak {found['peak_gib']:.2f} GiB, {found['surfaces']:.0f} surfaces"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--faces", type=int, default=FACES)
+    print(line(measure(parser.parse_args().faces)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,130 @@
+"""What methods cost and tell on a campaign: the twin's turntable recordings of every object by each method, scored against the measured.
+
+Feature error: root mean square over the rotation features of a simulated turn less the measured ones' mean, in standard deviations of each
+feature over the measured recordings; brightness after one gain for all, which a reflector would tell, so that methods without an absolute
+level are judged by the rest. Recognition: a linear probe on ranks, trained on the simulated turns alone, tells symmetric from asymmetric
+objects (as turntable_label_free, without an encoder). Seconds are of the processors, of recordings as they were made by whichever process:
+the median over those that found everything set up, and a share of the least that setting up took; each method's
+in processes of its own. The campaign is the quick one in every
+profile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from experiments.campaign import Campaign, tally
+from experiments.campaign.cases import BENCH_ROOM
+from experiments.recognition import readings
+from experiments.recognition.labelled_probe import FEATURES, MOTION
+from experiments.recognition.protocol import GEOMETRY
+from experiments.recognition.transfer import ranked
+from experiments.scans import virtual_scan
+from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.io.progress import Progress
+from radartwin.recognize.probes import transferred_probe
+from radartwin.recognize.samples import Samples
+from radartwin.recognize.split import label_free
+from radartwin.store.products import Store
+
+NAME = "campaign"
+TITLE = "turntables of twelve objects in the laboratory"
+BRIGHTNESS = "brightness_db"
+
+
+@dataclass(frozen=True)
+class Twin:
+    """How one method makes the twin's recordings: overrides as on the command line, or of a configuration's parts."""
+
+    family: str
+    setting: str
+    simulator: tuple[str, ...] = ()
+    changed: Mapping[str, Any] = field(default_factory=dict)
+
+
+def twins(full: bool) -> list[Twin]:
+    """The default first; `full` takes more settings."""
+    few = [
+        Twin(OURS, DEFAULT),
+        Twin(OURS, "no room", changed={"materials": MaterialsConfig(source="void")}),
+        Twin(RFGENESIS, "corrected, 128 x 128", ("simulator=rfgenesis", "simulator.version=corrected")),
+    ]
+    if not full:
+        return few
+    return [
+        *few,
+        Twin(POINTS, "far-field table", ("simulator=points",)),
+        Twin(OURS, "1 bounce", ("simulator.max_bounces=1",)),
+        Twin(OURS, "2 bounces", ("simulator.max_bounces=2",)),
+        Twin(OURS, "0.25 tubes per square wavelength", ("simulator.rays_per_wavelength2=0.25",)),
+        Twin(OURS, "object and room uncoupled", ("simulator.coupling=false",)),
+        Twin(OURS, "planar elements", ("simulator.elements=planar",)),
+        Twin(RFGENESIS, "shipped, 128 x 128", ("simulator=rfgenesis",)),
+    ]
+
+
+def measure(config: Config, store: Store, progress: Progress, full: bool) -> list[dict[str, Any]]:
+    """A row of each method; the scan that all share is made beforehand."""
+    virtual_scan.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
+    rows = []
+    for method in progress.over(twins(full), "methods on the campaign"):
+        campaign = Campaign(_configured(config, method), store, progress)
+        measured, simulated = readings.shared_cases(campaign, MOTION)
+        campaign.prepare([("twin", case) for case in simulated], fresh=True)
+        told = readings.vectors(campaign, "measured", measured, FEATURES).samples
+        made = readings.vectors(campaign, "twin", simulated, FEATURES)
+        error, spread = feature_error(made.samples, told)
+        missed = recognition_error(made.samples, told)
+        rows.append({
+            "problem": NAME, "family": method.family, "setting": method.setting, **_cost(campaign, simulated), "feature_error": error,
+            "spread of feature_error": spread, "recognition_error": missed, "answers": len(told), "exact": False, "keys": list(made.keys),
+        })  # fmt: skip
+    return rows
+
+
+def _configured(config: Config, method: Twin) -> Config:
+    """The twin of the recognition tables, with this method."""
+    own = compose(["experiment=labelled_probe", "profile=quick", *method.simulator])
+    same = {name: getattr(config, name) for name in ("measured", "radar", "seed", "output", "jobs")}
+    return replace(own, **same, **method.changed)
+
+
+def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
+    """Core seconds of a frame: of each recording that found its room set up, with a share of what setting up took."""
+    made = [campaign.clean("twin", case).read_json("meta") for case in cases]
+    frames = [one["told"]["frames"] for one in made]
+    setups = [int(one["told"].get(tally.SETUPS, 0)) for one in made]
+    each = [one["core_seconds"] / n for one, n, k in zip(made, frames, setups, strict=True) if not k] or [
+        one["core_seconds"] / n for one, n in zip(made, frames, strict=True)
+    ]
+    middle = float(np.median(each))
+    took = [(one["core_seconds"] - middle * n) / k for one, n, k in zip(made, frames, setups, strict=True) if k]
+    share = max(min(took, default=0.0), 0.0) / sum(frames)
+    return {"seconds_frame": middle + share, "seconds": [one + share for one in each]}
+
+
+def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
+    """In spreads of the measured features, and the standard error over recordings; features without a spread do not count."""
+    spread = measured.values.std(axis=0)
+    tells = spread > 1e-9 * np.abs(measured.values).max(axis=0)
+    apart = np.stack([
+        values - measured.values[(measured.label == label) & (measured.stratum == stratum)].mean(axis=0)
+        for label, stratum, values in zip(simulated.label, simulated.stratum, simulated.values, strict=True)
+    ])  # fmt: skip
+    levels = np.array([name == BRIGHTNESS for name in simulated.names])
+    apart[:, levels] -= apart[:, levels].mean(axis=0)
+    squares = ((apart[:, tells] / spread[tells]) ** 2).mean(axis=1)
+    error = float(np.sqrt(squares.mean()))
+    return error, float(squares.std(ddof=1) / np.sqrt(len(squares)) / (2 * error)) if error and len(squares) > 1 else 0.0
+
+
+def recognition_error(simulated: Samples, measured: Samples) -> float:
+    """Share of measured turns whose symmetry is not told from simulated ones."""
+    split = label_free(ranked(simulated).relabelled(GEOMETRY), ranked(measured).relabelled(GEOMETRY))
+    return float(np.mean(transferred_probe(split) != split.test.label))

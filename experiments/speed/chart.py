@@ -1,0 +1,161 @@
+"""The chart of speed against accuracy, drawn from the rows of its table alone."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.speed.labels_on_axes import place
+from experiments.speed.methods import DEFAULT, FAMILIES, OURS
+from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Row = Mapping[str, Any]
+LOOKS = dict(zip(FAMILIES, (("o", PALETTE[0]), ("s", PALETTE[1]), ("^", PALETTE[2]), ("v", PALETTE[3]), ("D", "#595959")), strict=True))
+AXES = {
+    "profile_error_db": ("error of the range profile (dB, rms)", 0.01, 60.0),
+    "signal_error": ("error of the signal, |a - b| / |b|", 1e-3, 30.0),
+}
+SHORT = {
+    "room by tubes, by the width rule": "room by tubes",
+    " tubes per square wavelength": " tubes", "object and room uncoupled": "uncoupled", "planar elements": "planar", "tubes, ": "tubes ",
+    " million": "M", "far-field table": "table", " x 128": "", " x 512": "", "shipped, 128": "shipped", "shipped,": "shipped",
+    "corrected, 128": "mended", "corrected,": "mended", "in one place": "Sionna, one place",
+    "3 cm apart": "Sionna", "all of four bounces": "exact images", "no diffuse cloud": "no cloud",
+}  # fmt: skip
+
+
+def short(setting: str) -> str:
+    """A setting as its label on the chart."""
+    for words, shorter in SHORT.items():
+        setting = setting.replace(words, shorter)
+    return setting
+
+
+def chart(rows: Sequence[Row], error: str) -> Figure:
+    """Seconds of a frame against error, a panel per problem; the front is a line, the default a star."""
+    measured = [row for row in rows if not row["claim"] and row[error] is not None]
+    names = list(dict.fromkeys(row["problem"] for row in measured))
+    drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=5.6, sharex=True, sharey=True)
+    label, low, high = AXES[error]
+    seconds = [row["seconds_frame"] for row in measured]
+    for panel, name in zip(panels.flat, names, strict=False):
+        mine = [row for row in measured if row["problem"] == name]
+        panel.set(xscale="log", yscale="log", ylim=(low, high), xlim=(min(seconds) / 2, max(seconds) * 4))
+        panel.grid(which="major", color="0.92", lw=0.5)
+        panel.set_axisbelow(True)
+        panel.set_title(mine[0]["title"].replace(" in the ", "\nin the ").replace(", moving", ",\nmoving"), fontsize=7.5)
+        _front(panel, [row for row in mine if row["front" if error == "profile_error_db" else "front of the signal"]], error, high)
+        answer = panel.text(0.02, 0.02, _answer(mine[0]["domain"]), fontsize=5.5, color="0.4", transform=panel.transAxes)
+        answer.set_in_layout(False)
+        for row in mine:
+            _point(panel, row, row[error], low)
+    for panel in panels[:, 0]:
+        panel.set_ylabel(label)
+    for panel in [*panels[-1, :2], panels[0, 2]]:
+        panel.set_xlabel("processor-seconds a frame")
+    panels[0, 2].tick_params(labelbottom=True)
+    _legend(panels.flat[-1], measured)
+    drawing.draw_without_rendering()
+    for panel, name in zip(panels.flat, names, strict=False):
+        mine = [row for row in measured if row["problem"] == name]
+        places = [(row["seconds_frame"], float(np.clip(row[error], low, high))) for row in mine]
+        named = _named(mine, error)
+        place(panel, places, [_label(row) if row in named else "" for row in mine], [LOOKS[row["family"]][1] for row in mine])
+    return drawing
+
+
+def _named(mine: Sequence[Row], error: str) -> list[Row]:
+    """Rows that are told by name: those on the front, the default, the published pipeline and the most accurate of each family."""
+    front = "front" if error == "profile_error_db" else "front of the signal"
+    named = [row for row in mine if row[front] or row["setting"] in (DEFAULT, "as published")]
+    families = dict.fromkeys(row["family"] for row in mine)
+    return named + [min((row for row in mine if row["family"] == family), key=lambda row: row[error]) for family in families]
+
+
+def campaign(rows: Sequence[Row]) -> Figure:
+    """Seconds of a frame on the campaign against feature error and against what is not recognised."""
+    mine = [row for row in rows if not row["claim"] and row["feature_error"] is not None]
+    drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.0, sharex=True)
+    shown = (
+        (panels[0], "error of the features (spreads of the measured)", "front of features", [row["feature_error"] for row in mine]),
+        (panels[1], "symmetry not recognised (share of turns)", "front of recognition", [row["recognition_error"] for row in mine]),
+    )
+    for panel, label, on_front, values in shown:
+        panel.set(xscale="log", xlabel="processor-seconds a frame", ylabel=label)
+        panel.grid(which="major", color="0.92", lw=0.5)
+        panel.set_axisbelow(True)
+        best = sorted((row["seconds_frame"], value) for row, value in zip(mine, values, strict=True) if row[on_front])
+        x, y = zip(*best, strict=True)
+        panel.step([x[0], *x, 1e6], [10 * max(values), *y, y[-1]], where="post", color="0.6", lw=1.0, zorder=1)
+        for row, value in zip(mine, values, strict=True):
+            _point(panel, row, value, 0.0)
+        panel.set_xlim(min(row["least_s_frame"] for row in mine) / 2, max(row["most_s_frame"] for row in mine) * 2)
+    panels[0].set(yscale="log", ylim=(min(shown[0][3]) / 2, max(shown[0][3]) * 2))
+    panels[1].set_ylim(0, min(1.0, 2 * max(shown[1][3]) + 0.1))
+    drawing.draw_without_rendering()
+    for panel, _, _, values in shown:
+        places = [(row["seconds_frame"], value) for row, value in zip(mine, values, strict=True)]
+        place(panel, places, [_label(row) for row in mine], [LOOKS[row["family"]][1] for row in mine])
+    return drawing
+
+
+def _answer(truth: str) -> str:
+    truth = truth.replace("tubes per square wavelength", "tubes").replace("this tracer", "this tracer's own run")
+    return "\n".join(textwrap.wrap(f"answer: {truth}", 48))
+
+
+def _label(row: Row) -> str:
+    """What stands beside a point; of the published pipeline also how many times the default's seconds it takes."""
+    if row["setting"] == "as published":
+        return f"published ({row['value']:.0f} x)"
+    return short(row["setting"])
+
+
+def _point(panel: Any, row: Row, value: float, low: float) -> None:
+    marker, colour = LOOKS[row["family"]]
+    spread = [[row["seconds_frame"] - row["least_s_frame"]], [row["most_s_frame"] - row["seconds_frame"]]]
+    default = (row["family"], row["setting"]) == (OURS, DEFAULT)
+    at = max(value, low * 1.1)
+    face = "white" if row["exact"] or row["setting"] == "as published" else colour
+    panel.errorbar(row["seconds_frame"], at, xerr=spread, color=colour, lw=0.7, zorder=2)
+    panel.plot(
+        row["seconds_frame"], at, "*" if default else marker, ms=11 if default else 4.5, mfc=face, mec="black" if default else colour,
+        mew=0.7, zorder=4 if default else 3,
+    )  # fmt: skip
+
+
+def _front(panel: Any, chosen: Sequence[Row], error: str, high: float) -> None:
+    ordered = sorted((row["seconds_frame"], row[error]) for row in chosen)
+    if ordered:
+        x, y = zip(*ordered, strict=True)
+        panel.step([x[0], *x, 1e6], [high * 10, *y, y[-1]], where="post", color="0.6", lw=1.0, zorder=1)
+
+
+def _legend(panel: Any, measured: Sequence[Row]) -> None:
+    from matplotlib.lines import Line2D
+
+    panel.set_axis_off()
+    present = {row["family"] for row in measured}
+    handles = [Line2D([], [], color="none", marker="*", ms=11, mfc=PALETTE[0], mec="black", mew=0.7, label="this tracer, default")]
+    for family, (marker, colour) in LOOKS.items():
+        if family in present:
+            face = "white" if family == "image sources" else colour
+            words = {"RF-Genesis style": "RF-Genesis style, our synthesis", "image sources": "exact image sources, not on the front"}
+            handles.append(Line2D([], [], color="none", marker=marker, ms=4.5, mfc=face, mec=colour, label=words.get(family, family)))
+    marker, colour = LOOKS["RF-Genesis style"]
+    handles.append(Line2D([], [], color="none", marker=marker, ms=4.5, mfc="white", mec=colour, label="RF-Genesis style, as published"))
+    handles.append(Line2D([], [], color="0.6", lw=1.0, label="front: nothing is faster and more accurate"))
+    panel.legend(handles=handles, loc="upper left", fontsize=6.5, borderaxespad=0)
+    lines = ["Fast is left, accurate is down. Bars: least to most.", "Profiles count within 40 dB of their peak."]
+    lines += [
+        "(n x): times the default's seconds.",
+        "Without a name: other settings; the table has all.",
+        *measured[0]["machine"].split("; "),
+    ]
+    panel.text(0, 0.0, "\n".join(lines), fontsize=5.5, color="0.35", va="bottom", transform=panel.transAxes)

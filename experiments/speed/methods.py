@@ -1,0 +1,202 @@
+"""Methods that are compared in speed, accuracy and stability: this tracer at several settings, and every peer that runs here.
+
+RF-Genesis style appears twice: through this project's synthesis, as all others, and with the signal generator that its published program
+has (`published`), whose echoes are summed one by one; of that one a share of the sums is timed and scaled, for each costs the same.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from experiments.speed.problems import OFFICE, Part, Problem
+from experiments.validation.oracles import box, rooms
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.radar.chirp import Radar
+from radartwin.simulation.backends import rfgenesis
+from radartwin.simulation.backends.backend import backend
+from radartwin.simulation.backends.mitsuba import MitsubaBackend
+from radartwin.simulation.backends.rfgenesis_signal import direct_frame
+from radartwin.simulation.backends.sionna import RAYS, SionnaBackend, is_installed
+from radartwin.simulation.curved import tube_grid
+from radartwin.simulation.paths import Paths
+
+OURS, POINTS, RFGENESIS, SIONNA, IMAGES = "this tracer", "points", "RF-Genesis style", "Sionna RT", "image sources"
+FAMILIES = (OURS, POINTS, RFGENESIS, SIONNA, IMAGES)
+DEFAULT = "default"
+
+
+@dataclass(frozen=True)
+class Method:
+    """One setting of one method.
+
+    Attributes:
+        family, setting: names. backend: of radartwin, with its settings; "" for the exact images of a box.
+        elements: as `simulate`. published: synthesised sum by sum.
+    """
+
+    family: str
+    setting: str
+    backend: str = "mitsuba"
+    settings: tuple[tuple[str, Any], ...] = ()
+    elements: str = "exact"
+    published: bool = False
+
+    @property
+    def name(self) -> str:
+        return f"{self.family}, {self.setting}"
+
+    @property
+    def simulator(self) -> Any:
+        return ExactImages() if not self.backend else backend(self.backend, **dict(self.settings))
+
+    def iq(self, part: Part, frames: int, radar: Radar, aside_m: float = 0.0) -> np.ndarray:
+        """Samples of the first frames of a recording."""
+        with quiet():
+            return part.iq(frames, radar, self.simulator, self.elements, aside_m)
+
+
+def ours(setting: str, elements: str = "exact", **settings: Any) -> Method:
+    return Method(OURS, setting, "mitsuba", tuple(settings.items()), elements)
+
+
+def of_problem(problem: Problem, full: bool) -> list[Method]:
+    """The methods that a problem is given to, this project's default first; `full` takes all settings."""
+    images = [Method(IMAGES, "all of four bounces", "")] if problem.name == "empty room" else []
+    return [ours(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
+
+
+def _targets(full: bool) -> list[Method]:
+    densities = (0.25, 4.0, 0.06, 16.0) if full else (0.25, 4.0)
+    mine = [ours(f"{n:g} tubes per square wavelength", rays_per_wavelength2=n) for n in densities]
+    return [*mine, ours("1 bounce", max_bounces=1), *([ours("planar elements", "planar")] if full else [])]
+
+
+def _room(problem: Problem, full: bool) -> list[Method]:
+    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]  # references have few more
+    if problem.exact:
+        rays = (100_000, 300_000, 1_200_000, 2_900_000) if full else (300_000,)
+        return mine + [ours(f"tubes, {n / 1e6:g} million", room="tubes", rays=n) for n in rays]
+    mine += [ours("object and room uncoupled", coupling=False), ours("planar elements", "planar")]
+    if full or problem.resting:
+        mine.append(ours("0.25 tubes per square wavelength", rays_per_wavelength2=0.25))
+    if full:
+        mine += [ours("4 tubes per square wavelength", rays_per_wavelength2=4.0), ours("no diffuse cloud", diffuse=False)]
+    if full and problem.resting:
+        mine.append(ours("room by tubes, by the width rule", room="tubes"))
+    return mine
+
+
+def _peers(full: bool) -> list[Method]:
+    peers = [Method(POINTS, "far-field table", "points")]
+    if full:
+        peers.append(Method(POINTS, "sphere", "points", (("cross_section", "sphere"),)))
+    for version in ("shipped", "corrected"):
+        for grid in (128, 512) if full else (128,):
+            peers.append(Method(RFGENESIS, f"{version}, {grid} x {grid}", "rfgenesis", (("version", version), ("grid", grid))))
+    peers.append(Method(RFGENESIS, "as published", "rfgenesis", (("version", "shipped"), ("grid", 128)), published=True))
+    if is_installed():
+        peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))  # where it finds most
+        if full:
+            peers.append(Method(SIONNA, "in one place", "sionna"))
+    return peers
+
+
+@dataclass(frozen=True)
+class ExactImages:
+    """Every image source of the bare office, as a simulator: no tracing, no other room."""
+
+    bounces: int = 4
+    name = "images"
+
+    @property
+    def settings(self) -> Any:
+        return self
+
+    def paths(self, scene: Any, radar: Radar, sensor_poses: np.ndarray, motion: Any = None) -> list[Paths]:
+        """Paths between isotropic antennas; the radar's own pattern is applied by the synthesis."""
+        reflection, frequency = rooms.wall_reflection("concrete"), radar.center_frequency_hz
+        found: list[tuple[int, complex, float, np.ndarray, np.ndarray, int]] = []
+        for number, pose in enumerate(sensor_poses):
+            sensor = pose[:3, 3]
+            listed = zip(
+                box.images(np.array(OFFICE), sensor, self.bounces),
+                box.image_paths(np.array(OFFICE), sensor, pose[:3, 2], reflection, self.bounces),
+                strict=True,
+            )
+            for (index, place, _), (gain, length, order) in listed:
+                out = (place - sensor) / length
+                level = gain * SPEED_OF_LIGHT / (4 * np.pi * frequency * length)
+                found.append((number, level, length, out @ pose[:3, :3], (-out * (-1.0) ** index) @ pose[:3, :3], order))
+        pose, level, length, departure, arrival, order = (np.array(column) for column in zip(*found, strict=True))
+        ends = length / 2, length / 2
+        return [Paths(len(sensor_poses), pose, order, level[:, None], np.array([frequency]), *ends, departure, arrival, 0 * length)]
+
+
+def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: Radar, clock: Callable[[], float]) -> float:
+    """Seconds of a frame of the naive tracer with its own signal generator: its trace, and one of its sums times their number."""
+    poses, motion = part.sensor[:1], {name: pose[:1] for name, pose in part.motion.items()}
+    began = clock()
+    hits = rfgenesis.trace(part.scene, radar, poses, motion, settings)
+    traced = clock() - began
+    seen = hits.distance[0] > rfgenesis.LEAST
+    distance = hits.distance[0, seen]
+    points = distance[:, None] * hits.directions[seen]
+    one = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
+    began = clock()
+    direct_frame(points, points, distance, one)
+    return traced + (clock() - began) * radar.num_chirps * radar.num_tx * radar.num_rx
+
+
+@contextmanager
+def counted_rays() -> Iterator[list[int]]:
+    """Grids of tubes that are launched meanwhile, in tubes."""
+    counts: list[int] = []
+    towards, all_around = tube_grid.towards, tube_grid.all_around
+
+    def count(made: Any) -> Any:
+        grids = [made] if isinstance(made, tube_grid.Launch) else list(made or [])
+        counts.extend(one.per_pose * one.poses for one in grids)
+        return made if isinstance(made, tube_grid.Launch) or made is None else grids
+
+    def counted_towards(*arguments: Any, **options: Any) -> Any:
+        return count(towards(*arguments, **options))
+
+    def counted_around(*arguments: Any, **options: Any) -> Any:
+        return count(all_around(*arguments, **options))
+
+    tube_grid.towards, tube_grid.all_around = counted_towards, counted_around
+    try:
+        yield counts
+    finally:
+        tube_grid.towards, tube_grid.all_around = towards, all_around
+
+
+def rays_of(simulator: Any) -> int | None:
+    """Rays of a frame that a peer's settings tell."""
+    if isinstance(simulator, rfgenesis.RFGenesisBackend):
+        return simulator.settings.grid**2
+    if isinstance(simulator, SionnaBackend):
+        return simulator.settings.rays or RAYS
+    return None if isinstance(simulator, MitsubaBackend) else 0
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """What Sionna cannot return is what the tables say; its warnings are tested elsewhere."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "sionna:")
+        yield
+
+
+def worker_pids() -> list[int]:
+    """Processes that peers run in."""
+    from radartwin.simulation.backends import child_process, sionna_worker
+
+    kept = child_process._kept(sionna_worker.__name__)
+    return [one._child.pid for one in kept.values() if one.usable]

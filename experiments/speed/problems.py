@@ -1,0 +1,215 @@
+"""Problems that methods are compared on: a scene, what moves, and an answer that is exact or converged.
+
+canonical    plate, sphere, cylinder and trihedral of metal at 1 m against quadrature and series.
+near         a 15 cm trihedral at 0.5 m, 25 dB below its far field, against quadrature.
+empty room   a bare concrete office, the radar moving, against all its image sources of four bounces.
+object       a filled bottle on a turntable in the furnished laboratory, against this tracer at finer settings and a bounce more.
+rover        a radar driving towards a can in the furnished squash court, likewise.
+
+Exact answers are of one isotropic element in place of transmitter and receiver, so methods are scored there; they are timed with the whole
+array. A converged answer is no truth: it tells how far a setting is from where this tracer would end, not what its physics leaves out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import BarycentricInterpolator
+
+from experiments.validation.oracles import box, rooms, traced
+from experiments.validation.oracles.nearfield import corner_quadrature
+from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
+from experiments.validation.oracles.targets import corner_faces
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.radar.chirp import Radar
+from radartwin.scene import objects
+from radartwin.scene import rooms as furnished
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.simulate import simulate
+
+RADAR = Radar.iwr1843()
+TURN, DRIVE = 250, 50  # frames of a revolution and of a pass: what a scene at rest is shared among
+NODES = 9  # frequencies at which an echo is integrated; between them it is a polynomial but for the phase of its way
+OFFICE, OFFICE_SENSOR = rooms.ROOMS["office"][1], np.array(rooms.ROOMS["office"][2])
+CONVERGED = TraceSettings(max_bounces=5, rays_per_wavelength2=16.0)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One recording of a problem.
+
+    Attributes:
+        scene, sensor, motion: as `simulate` takes them, of every frame that may be timed.
+        scored: frames, from the first, that are compared with the reference.
+        radar: that they are compared for.
+        reference: their samples (scored, chirps, tx, rx, samples) of that radar.
+    """
+
+    name: str
+    scene: Scene
+    sensor: np.ndarray
+    motion: Mapping[str, np.ndarray]
+    scored: int
+    radar: Radar
+    reference: Callable[[], np.ndarray]
+
+    def iq(self, frames: int, radar: Radar, simulator: object, elements: str = "exact", aside_m: float = 0.0) -> np.ndarray:
+        """Samples of the first frames; `aside_m` moves the radar, so that nothing kept is found again."""
+        sensor = self.sensor[: frames if len(self.sensor) > 1 else 1].copy()
+        sensor[:, 1, 3] += aside_m
+        motion = {name: poses[:frames] for name, poses in self.motion.items()}
+        return simulate(self.scene, radar, sensor, motion=motion, simulator=simulator, elements=elements).iq  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Recordings that are scored together.
+
+    Attributes:
+        truth: what its reference is. frames: of a whole recording. resting: the radar is, so a room is traced once for all of them.
+        room: there is one. exact: the reference is not this tracer's.
+    """
+
+    name: str
+    title: str
+    truth: str
+    parts: Sequence[Part]
+    frames: int
+    resting: bool
+    room: bool
+    exact: bool
+    cache: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def reference(self, part: Part) -> np.ndarray:
+        if part.name not in self.cache:
+            self.cache[part.name] = part.reference()
+        return self.cache[part.name]
+
+
+def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.ndarray:
+    """(1, 1, 1, samples) of an echo (F,) against frequency whose way is about twice a distance."""
+    frequencies = traced.frequencies(traced.MONOSTATIC)
+    middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2
+    nodes = middle + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+
+    def turn(f: np.ndarray) -> np.ndarray:
+        return np.exp(4j * np.pi * f / SPEED_OF_LIGHT * distance_m)
+
+    smooth = BarycentricInterpolator(nodes, echo(nodes) / turn(nodes))
+    return (np.asarray(smooth(frequencies)) * turn(frequencies))[None, None, None]
+
+
+def corner_echo(faces: Sequence[np.ndarray], pose: np.ndarray) -> np.ndarray:
+    """Samples of a plate or corner at a pose (4, 4), upright, before an antenna at the origin."""
+    here = -pose[:3, :3].T @ pose[:3, 3]
+    return swept(
+        lambda f: np.array([corner_quadrature(faces, here, SPEED_OF_LIGHT / one) for one in f]), float(np.linalg.norm(pose[:3, 3]))
+    )
+
+
+def _turned(distance_m: float, frames: int, start_deg: float) -> np.ndarray:
+    """(F, 4, 4) of what faces the radar from a distance, turning as on a turntable."""
+    return trajectory.turntable([distance_m, 0, 0], frames, RADAR.frame_rate_hz, 25.0, np.pi + np.radians(start_deg))
+
+
+@cache
+def canonical(frames: int, scored: int, distance_m: float = 1.0) -> Problem:
+    """Four metal targets; the flat and cornered ones turn."""
+    parts = []
+    for name, mesh, start_deg in (("plate", objects.plate(0.1, 0.1), 0.0), ("trihedral", objects.trihedral(0.1), 5.0)):
+        parts.append(_corner_part(name, mesh, _turned(distance_m, frames, start_deg), scored))
+    for name, mesh, echo in (
+        ("sphere", objects.sphere(0.033, 4), lambda f: sphere_echo(0.033, distance_m, f)),
+        ("cylinder", objects.cylinder(0.033, 0.12, 64), lambda f: cylinder_echo(0.033, 0.12, distance_m, f)),
+    ):
+        poses = _turned(distance_m, frames, 0.0)
+
+        def same(echo: Callable[[np.ndarray], np.ndarray] = echo) -> np.ndarray:
+            return np.repeat(swept(echo, distance_m)[None], scored, axis=0)
+
+        parts.append(Part(name, _alone(mesh), np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC, same))
+    truth = "near-field quadrature (plate, trihedral); series (sphere, cylinder)"
+    return Problem("canonical", f"canonical targets at {distance_m:g} m", truth, parts, TURN, True, False, True)
+
+
+@cache
+def near(frames: int, scored: int, distance_m: float = 0.5) -> Problem:
+    part = _corner_part("trihedral 15 cm", objects.trihedral(0.15), _turned(distance_m, frames, 5.0), scored)
+    title = f"15 cm reflector in the near field, {distance_m:g} m"
+    return Problem("near", title, "near-field quadrature", [part], TURN, True, False, True)
+
+
+def _alone(mesh: object) -> Scene:
+    return Scene([Surface(mesh, "metal", "target", role="object")])  # type: ignore[arg-type]
+
+
+def _corner_part(name: str, mesh: object, poses: np.ndarray, scored: int) -> Part:
+    faces = corner_faces(mesh)  # type: ignore[arg-type]
+
+    def reference() -> np.ndarray:
+        return np.stack([corner_echo(faces, pose) for pose in poses[:scored]])
+
+    return Part(name, _alone(mesh), np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC, reference)
+
+
+@cache
+def empty_room(frames: int, scored: int, bounces: int = 4) -> Problem:
+    """A radar that moves 2 cm a frame, turned so that no image lies on its antennas' axis."""
+    poses = np.stack([traced.pose(OFFICE_SENSOR + np.array([0.02 * n, 0, 0]), rooms.rotation()) for n in range(frames)])
+    part = Part(
+        "office", rooms.room_scene(OFFICE, "concrete"), poses, {}, scored, traced.MONOSTATIC,
+        lambda: np.stack([office_images(pose, bounces) for pose in poses[:scored]]),
+    )  # fmt: skip
+    truth = f"all image sources of up to {bounces} bounces"
+    return Problem("empty room", "bare concrete office, moving radar", truth, [part], DRIVE, False, True, True)
+
+
+def office_images(pose: np.ndarray, bounces: int = 4) -> np.ndarray:
+    """(1, 1, 1, samples) by image sources."""
+    reflection = rooms.wall_reflection("concrete")
+    frequencies = traced.frequencies(traced.MONOSTATIC)
+    return box.image_sum(np.array(OFFICE), pose[:3, 3], pose[:3, 2], reflection, bounces, frequencies)[None, None, None]
+
+
+@cache
+def object_in_room(frames: int, scored: int) -> Problem:
+    bench = furnished.lab_bench()
+    turning = trajectory.turntable(bench.target_position(1.5), frames, RADAR.frame_rate_hz, 25.0, np.pi)
+    entry = objects.catalogue()["mustard"]
+    turning[:, 2, 3] -= entry.aim_m
+    scene = furnished.lab() + Scene(entry.surfaces(name="target"))
+    part = _converged("mustard bottle", scene, bench.sensor_pose[None], {"target": turning}, scored)
+    return Problem("object in room", "bottle on a turntable in the furnished laboratory", OWN, [part], TURN, True, True, False)
+
+
+@cache
+def rover(frames: int, scored: int) -> Problem:
+    bench = furnished.bench("squash_court")
+    entry = objects.catalogue()["drink_can_355"]
+    place = bench.target_position(2.0) - [0, 0, entry.aim_m]
+    poses = trajectory.depth_sweep(bench.sensor_pose)[:frames]
+    scene = furnished.room("squash_court") + Scene(entry.surfaces(trajectory.pose(place)))
+    part = _converged("drink can", scene, poses, {}, scored)
+    return Problem("rover", "drive towards a can in the furnished squash court", OWN, [part], DRIVE, False, True, False)
+
+
+OWN = f"this tracer, {CONVERGED.rays_per_wavelength2:g} tubes per square wavelength, {CONVERGED.max_bounces} bounces"
+
+
+def _converged(name: str, scene: Scene, sensor: np.ndarray, motion: Mapping[str, np.ndarray], scored: int) -> Part:
+    part = Part(name, scene, sensor, motion, scored, RADAR, lambda: np.zeros(0))
+    return replace(part, reference=lambda: part.iq(scored, RADAR, MitsubaBackend(CONVERGED)))
+
+
+def problems(full: bool) -> tuple[Problem, ...]:
+    """All of them, in the order of the chart; `full` times and scores more frames."""
+    turning, driven, exact, converged = (30, 25, 11, 3) if full else (16, 6, 4, 2)
+    return (
+        canonical(turning, exact), near(turning, exact), empty_room(driven, converged), object_in_room(turning, converged),
+        rover(driven, converged),
+    )  # fmt: skip

@@ -1,0 +1,205 @@
+"""Speed against accuracy: what each method costs and how far it is from the answer, problem by problem.
+
+Problems and their answers are in `problems`, methods in `methods`, how cost is taken in `measuring`, errors in `signal_error`. A method is
+on the Pareto front of a problem where no other is as fast and as accurate and better in one; methods that only know the problem's exact
+answer stand beside it. The default is where it should be if no other setting is better by more than NEAR in both. Figures of cost are of
+one machine and move with its load; ratios within one run are what to compare, which is why methods alternate and values are ratios.
+
+Beside the problems stands the campaign (`speed_campaign`): what methods cost there against feature error and recognition accuracy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments import claims
+from experiments.speed import campaign_methods, measuring
+from experiments.speed.methods import DEFAULT, OURS, RFGENESIS, of_problem
+from experiments.speed.pareto import front, shortfall
+from experiments.speed.problems import Problem, problems
+from radartwin.config.groups import Config
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import Result
+from radartwin.store.products import Store, save_json
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NEAR = 1.1
+FASTER = 500.0
+ERRORS = {"signal_error": "error of the signal", "profile_error_db": "error of the range profile"}
+PUBLISHED = "as published"
+MEASURED = (  # of the problems alone
+    "wall_s_frame", "setup_s", "frames timed", "memory_mib", "rays", "signal_error", "profile_error_db", "offset_db", "free_error_db",
+)  # fmt: skip
+UNSCORED = {
+    "feature_error": None,
+    "recognition_error": None,
+    "front of features": None,
+    "front of recognition": None,
+}  # what a campaign tells
+SOURCES = ("experiments.speed.measuring", "experiments.speed.problems", "experiments.speed.methods")
+# rounds after the first two, seconds that one repetition may fill with frames, and beyond which a method is not repeated
+QUICK, PAPER = (2, 0.2, 1.0), (2, 2.0, 8.0)
+
+
+def identity() -> dict[str, Any]:
+    """What a run's key holds beside configuration and source: timings are of one machine."""
+    return {"machine": measuring.machine()}
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Measure what this machine has not measured, and mark fronts."""
+    full = config.profile.name != "quick"
+    measured, keys = [], []
+    for problem in progress.over(problems(full), "problems"):
+        product = store.fetch(
+            "timing", {"problem": problem.name, "full": full, **identity()}, SOURCES, _measurement(problem, full, progress)
+        )
+        measured += product.read_json("rows")
+        keys.append(product.key)
+    told = campaign_methods.measure(config, store, progress, full)
+    keys += [key for one in told for key in one["keys"]]
+    rows = table(measured, measuring.machine(), {problem.name: problem for problem in problems(full)})
+    rows += campaign_rows(told, measuring.machine(), config.measured.provider)
+    metrics = {
+        f"{row['problem']} {row['metric']}".replace(",", ""): float(row["value"])
+        for row in rows
+        if row["claim"] and row["value"] is not None
+    }
+    return Result("speed_accuracy", rows, _figures(rows), metrics, keys)
+
+
+def _figures(rows: list[dict[str, Any]]) -> dict[str, Callable[[], Figure]]:
+    from experiments.speed import chart
+
+    return {
+        "speed_accuracy": lambda: chart.chart(rows, "profile_error_db"),
+        "speed_accuracy_signal": lambda: chart.chart(rows, "signal_error"),
+        "speed_accuracy_campaign": lambda: chart.campaign(rows),
+    }
+
+
+def _measurement(problem: Problem, full: bool, progress: Progress) -> Callable[[Path], None]:
+    def build(folder: Path) -> None:
+        rounds, budget_s, slow_s = PAPER if full else QUICK
+        rows = measuring.measure(problem, of_problem(problem, full), rounds, budget_s, slow_s, progress.say)
+        save_json(folder, "rows", rows)
+
+    return build
+
+
+def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], known: Mapping[str, Problem]) -> list[dict[str, Any]]:
+    """Rows of the table: each method on each problem with its cost over the default's, then the claims."""
+    rows: list[dict[str, Any]] = []
+    for name in dict.fromkeys(one["problem"] for one in measured):
+        mine = [one for one in measured if one["problem"] == name]
+        default = next(one for one in mine if (one["family"], one["setting"]) == (OURS, DEFAULT))
+        fronts = {error: _on_front(mine, error) for error in ERRORS}
+        for number, one in enumerate(mine):
+            ratios = ratios_of(one["seconds"], default["seconds"])
+            rows.append({
+                **_case(one, machine, known[name]), "exact": one["exact"],
+                "front": fronts["profile_error_db"][number], "front of the signal": fronts["signal_error"][number], **UNSCORED,
+                "claim": "", "run_keys": "", "metric": "seconds a frame over those of the default", "paper": None, "value": ratios[1],
+                "low": ratios[0], "high": ratios[2], "n": len(one["seconds"]), "domain": known[name].truth, "verdict": "untestable",
+            })  # fmt: skip
+        rows += _claims(name, mine, default, machine, known[name])
+    return rows
+
+
+def _case(one: Mapping[str, Any], machine: Mapping[str, str], problem: Problem) -> dict[str, Any]:
+    kept = {name: value for name, value in one.items() if name not in ("seconds", "exact")}
+    seconds = {"least_s_frame": min(one["seconds"]), "most_s_frame": max(one["seconds"])}
+    return kept | seconds | {"title": problem.title, "machine": "; ".join(machine.values())}
+
+
+def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str], domain: str) -> list[dict[str, Any]]:
+    """Each method's cost over the default's, feature and recognition error; then whether any other does as well for less."""
+    default = told[0]
+    rows: list[dict[str, Any]] = []
+
+    def add(
+        one: Mapping[str, Any], metric: str, value: tuple[float, float, float], n: int, claim: str = "", holds: bool | None = None
+    ) -> None:
+        rows.append({
+            **dict.fromkeys(MEASURED), **{name: one[name] for name in ("problem", "family", "setting", "seconds_frame", "exact")},
+            "least_s_frame": min(one["seconds"]), "most_s_frame": max(one["seconds"]), "title": campaign_methods.TITLE,
+            "machine": "; ".join(machine.values()), "front": None, "front of the signal": None,
+            "feature_error": one["feature_error"], "recognition_error": one["recognition_error"],
+            "front of features": one in by_features,
+            "front of recognition": one in by_recognition, "claim": claim, "run_keys": claims.told(one["keys"]), "metric": metric,
+            "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n, "domain": domain,
+            "verdict": "untestable" if holds is None else "holds" if holds else "fails",
+        })  # fmt: skip
+
+    scores = {"features": lambda one: one["feature_error"], "recognition": lambda one: one["recognition_error"]}
+    places = {name: [(one["seconds_frame"], score(one)) for one in told] for name, score in scores.items()}
+    by_features, by_recognition = ([one for one, on in zip(told, front(places[name]), strict=True) if on] for name in scores)
+    for one in told:
+        ratios = ratios_of(one["seconds"], default["seconds"])
+        add(one, "seconds a frame over those of the default", ratios, len(one["seconds"]))
+    for name, score in scores.items():
+        worse = {
+            "features": default["spread of feature_error"],
+            "recognition": _share_error(default["recognition_error"], default["answers"]),
+        }
+        as_good = [one for one in told if score(one) <= score(default) + worse[name]]  # within its standard error
+        far = default["seconds_frame"] / min(one["seconds_frame"] for one in as_good)
+        claim = f"no other that is as good in {name}, within a standard error, is more than {100 * (NEAR - 1):.0f} % faster"
+        add(default, f"times the cheapest that is as good in {name}", (far, far, far), len(told), claim, far <= NEAR)
+    return rows
+
+
+def _share_error(share: float, answers: int) -> float:
+    """Standard error of a share, by Laplace's rule where none or all are wrong."""
+    fair = (share * answers + 1) / (answers + 2)
+    return float(np.sqrt(fair * (1 - fair) / answers))
+
+
+def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> tuple[float, float, float]:
+    """(least, median, most) of the ratios of repetitions, round by round from the last one; of those that both have."""
+    n = min(len(seconds), len(default_s))
+    ratio = np.array(seconds[-n:]) / np.array(default_s[-n:])
+    return float(ratio.min()), float(np.median(ratio)), float(ratio.max())
+
+
+def points(rows: Sequence[Mapping[str, Any]], error: str) -> list[tuple[float, float]]:
+    return [(row["seconds_frame"], row[error]) for row in rows]
+
+
+def _on_front(mine: Sequence[Mapping[str, Any]], error: str) -> list[bool]:
+    real = [one for one in mine if not one["exact"]]
+    marks = iter(front(points(real, error)))
+    return [not one["exact"] and next(marks) for one in mine]
+
+
+def _claims(
+    name: str, mine: Sequence[Mapping[str, Any]], default: Mapping[str, Any], machine: Mapping[str, str], problem: Problem
+) -> list[dict[str, Any]]:
+    """The default's distance from the front by both errors, and the naive pipeline's cost and error over the default's."""
+    rows = []
+
+    def add(one: Mapping[str, Any], metric: str, claim: str, value: tuple[float, float, float], n: int, holds: bool) -> None:
+        rows.append({
+            **_case(one, machine, problem), "exact": False, "front": None, "front of the signal": None, **UNSCORED,
+            "claim": claim, "run_keys": "", "metric": metric, "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n,
+            "domain": problem.truth, "verdict": "holds" if holds else "fails",
+        })  # fmt: skip
+
+    for error, words in ERRORS.items():
+        others = [one for one in mine if not one["exact"] and one is not default]
+        far = shortfall(points([default], error)[0], points(others, error))
+        claim = f"no other is more than {100 * (NEAR - 1):.0f} % better in both time and {words}"
+        add(default, f"factor from the front, {words}", claim, (far, far, far), len(mine), far <= NEAR)
+    naive = next((one for one in mine if (one["family"], one["setting"]) == (RFGENESIS, PUBLISHED)), None)
+    if naive is not None:
+        ratio = ratios_of(naive["seconds"], default["seconds"])
+        lower = all(default[error] < naive[error] for error in (*ERRORS, "free_error_db"))
+        claim = f"at least {FASTER:g} times faster than the RF-Genesis-style pipeline, at lower error by every measure"
+        add(naive, "its seconds a frame over those of the default", claim, ratio, len(naive["seconds"]), lower and ratio[0] >= FASTER)
+    return rows

@@ -1,0 +1,1 @@
+"""Where each method fails, along sweeps of increasing difficulty."""

@@ -1,0 +1,291 @@
+"""Sweeps in which methods fail: a scene that gets harder, or a setting that gets coarser, from one value to the next, with the true answer.
+
+Levels are of whole samples, against closed forms, series and quadrature; rooms are compared profile by profile (`signal_error`). Nothing
+is off by more than `DYNAMIC_DB`: a method that returns nothing is off by that. Methods without absolute level get one gain, which makes
+their metal sphere at 1 m right, as calibrating them would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, ours, quiet
+from experiments.speed.problems import OFFICE, OFFICE_SENSOR, office_images
+from experiments.speed.signal_error import DYNAMIC_DB, compare
+from experiments.validation.baselines import speed_read_mps
+from experiments.validation.oracles import rooms, stack, traced
+from experiments.validation.oracles.nearfield import corner_quadrature
+from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
+from experiments.validation.oracles.targets import corner_faces
+from radartwin.materials import Layered
+from radartwin.radar.chirp import Radar
+from radartwin.scene import objects
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation.backends.backend import backend
+from radartwin.simulation.backends.sionna import is_installed
+from radartwin.simulation.simulate import simulate
+
+RADAR = traced.MONOSTATIC
+MIDDLE_HZ = RADAR.center_frequency_hz
+WAVELENGTH_M = stack.SPEED_OF_LIGHT / MIDDLE_HZ
+BALL_M = 0.05
+BOARD_M = 0.0125
+DRAWS = 64
+METHODS = (
+    ours("default"),
+    Method(POINTS, "far-field table", "points"),
+    Method(RFGENESIS, "shipped", "rfgenesis"),
+    Method(RFGENESIS, "corrected", "rfgenesis", (("version", "corrected"),)),
+    Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)),
+)
+
+
+def methods() -> list[Method]:
+    """Those that run here."""
+    return [one for one in METHODS if one.backend != "sionna" or is_installed()]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One row of the map.
+
+    Attributes:
+        title, unit: for readers. kind: why it fails: "physical", "numerical", "a setting" or "knowledge". values: easiest first.
+        error_db: of a method at a value. why: the failure in a sentence.
+    """
+
+    name: str
+    title: str
+    unit: str
+    kind: str
+    values: tuple[float, ...]
+    error_db: Callable[[Method, float], float]
+    why: str
+
+
+def samples(method: Method, scene: Scene, pose: np.ndarray | None = None, motion: Any = None, **settings: Any) -> np.ndarray:
+    """One frame of a method, its settings changed where it has them.
+
+    Raises:
+        FloatingPointError: what it returned is not finite.
+    """
+    simulator = backend(method.backend, **(dict(method.settings) | settings))
+    with quiet():
+        iq = simulate(scene, RADAR, np.eye(4)[None] if pose is None else pose[None], motion=motion, simulator=simulator).iq
+    if not np.isfinite(iq).all():
+        raise FloatingPointError(f"{method.name} returned samples that are not finite")
+    return iq
+
+
+def level_db(iq: np.ndarray) -> float:
+    """Mean power of a frame's samples, which for an echo alone is its level."""
+    return float(10 * np.log10(np.mean(np.abs(iq) ** 2) + 1e-30))
+
+
+@cache
+def gain_db(method: Method) -> float:
+    """What makes the level of a method's metal sphere at 1 m right; nothing for methods that have an absolute level."""
+    if method.backend != "rfgenesis":
+        return 0.0
+    return 20 * np.log10(abs(sphere_echo(BALL_M, 1.0, MIDDLE_HZ)[0])) - level_db(samples(method, *alone(objects.sphere(BALL_M, 4), 1.0)))
+
+
+def off(method: Method, iq: np.ndarray, truth: complex | float) -> float:
+    """Level error of a frame against a true amplitude, dB."""
+    return float(min(abs(level_db(iq) + gain_db(method) - 20 * np.log10(abs(truth))), DYNAMIC_DB))
+
+
+def alone(
+    mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0, aside_m: float = 0.0, material: Any = "metal"
+) -> tuple[Any, ...]:
+    """Scene, sensor and motion of an object that faces the radar on its axis."""
+    pose = trajectory.turntable([distance_m, aside_m, 0], 1, 10.0, 25.0, np.pi + np.radians(turn_deg))
+    return Scene([Surface(mesh, material, "target", role="object")]), None, {"target": pose}
+
+
+def facing(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0) -> complex:
+    """True amplitude of a plate or corner at the middle of the sweep."""
+    turn = np.radians(turn_deg)
+    here = distance_m * np.array([np.cos(turn), -np.sin(turn), 0.0])
+    return corner_quadrature(corner_faces(mesh), here, WAVELENGTH_M)
+
+
+def _rays(method: Method, value: float) -> float:
+    mesh, n = objects.trihedral(0.1), int(value)
+    wide = {"mitsuba": {"rays": n}, "points": {"rays_per_wavelength2": n * WAVELENGTH_M**2 / 0.02}, "rfgenesis": {"grid": round(n**0.5)},
+            "sionna": {"rays": n}}  # fmt: skip
+    return off(method, samples(method, *alone(mesh, 1.0, 5.0), **wide[method.backend]), facing(mesh, 1.0, 5.0))
+
+
+def _shift(method: Method, value: float) -> float:
+    distance = np.hypot(1.0, value / 1e3)
+    return off(method, samples(method, *alone(objects.sphere(0.033, 4), 1.0, 0.0, value / 1e3)), sphere_echo(0.033, distance, MIDDLE_HZ)[0])
+
+
+def _facets(method: Method, value: float) -> float:
+    mesh, truth = objects.cylinder(0.033, 0.12, int(value)), cylinder_echo(0.033, 0.12, 1.0, MIDDLE_HZ)[0]
+    errors = [off(method, samples(method, *alone(mesh, 1.0, turn)), truth) for turn in np.array([0.1, 0.5, 0.8]) * 180 / value]
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def sheet(side_m: float, cells: int) -> trimesh.Trimesh:
+    """A plate as a scan has it: cells x cells squares of two triangles, flat normals."""
+    across = np.linspace(-side_m / 2, side_m / 2, cells + 1)
+    z, y = np.meshgrid(across, across, indexing="ij")
+    vertices = np.stack([np.zeros(y.size), y.ravel(), z.ravel()], axis=1)
+    low = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    faces = np.concatenate([np.stack([low, low + 1, low + cells + 2], 1), np.stack([low, low + cells + 2, low + cells + 1], 1)])
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _holes(method: Method, value: float) -> float:
+    errors = []
+    for seed in range(3):
+        mesh = sheet(0.2, 20)
+        keep = np.random.default_rng(seed).random(len(mesh.faces)) >= value / 100
+        mesh.update_faces(keep)
+        errors.append(off(method, samples(method, *alone(mesh, 2.0)), facing(objects.plate(0.2, 0.2), 2.0)))
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def _noise(method: Method, value: float) -> float:
+    errors = []
+    for seed in range(3):
+        mesh = sheet(0.2, 20)
+        moved = mesh.vertices + np.random.default_rng(seed).normal(size=mesh.vertices.shape) * [value / 1e3, 0, 0]
+        mesh = trimesh.Trimesh(moved, mesh.faces, process=False)
+        errors.append(off(method, samples(method, *alone(mesh, 2.0)), facing(objects.plate(0.2, 0.2), 2.0)))
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def _tilt(method: Method, value: float) -> float:
+    """Powers in the mean over a degree, so that no single null decides."""
+    mesh, turns = objects.plate(0.1, 0.1), value + np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
+    found = np.mean([10 ** (level_db(samples(method, *alone(mesh, 1.0, turn))) / 10) for turn in turns])
+    true = np.mean([abs(facing(mesh, 1.0, turn)) ** 2 for turn in turns])
+    return float(min(abs(10 * np.log10((found + 1e-30) / true) + gain_db(method)), DYNAMIC_DB))
+
+
+def _near(method: Method, value: float) -> float:
+    mesh = objects.trihedral(0.15)
+    return off(method, samples(method, *alone(mesh, value, 5.0)), facing(mesh, value, 5.0))
+
+
+def _office(method: Method, scene: Scene, bounces: int, **settings: Any) -> float:
+    pose = traced.pose(OFFICE_SENSOR, rooms.rotation())
+    found = compare([(samples(method, scene, pose, **settings), _images(bounces))], RADAR, gain_db(method))
+    return min(found.profile_db, DYNAMIC_DB)
+
+
+@cache
+def _images(bounces: int) -> np.ndarray:
+    return office_images(traced.pose(OFFICE_SENSOR, rooms.rotation()), bounces)[None]
+
+
+def _room_rays(method: Method, value: float) -> float:
+    n = int(value)
+    wide: dict[str, dict[str, Any]] = {
+        "mitsuba": {"room": "tubes", "rays": n}, "points": {}, "rfgenesis": {"grid": round(n**0.5)}, "sionna": {"rays": n},
+    }  # fmt: skip
+    return _office(method, rooms.room_scene(OFFICE, "concrete"), 4, **wide[method.backend])
+
+
+def _bounces(method: Method, value: float) -> float:
+    reads = method.backend in ("mitsuba", "sionna")
+    return _office(method, rooms.room_scene(OFFICE, "concrete"), 5, **({"max_bounces": int(value)} if reads else {}))
+
+
+def _missing(method: Method, value: float) -> float:
+    """Walls are left out from the far end of the office: x high, ceiling, y low, x low, floor."""
+    mesh = rooms.room_scene(OFFICE, "concrete").surfaces[0].mesh
+    centre, size = mesh.triangles_center, np.array(OFFICE)
+    gone = [
+        centre[:, axis] > size[axis] - 1e-6 if high else centre[:, axis] < 1e-6 for axis, high in ((0, 1), (2, 1), (1, 0), (0, 0), (2, 0))
+    ]
+    keep = ~np.any([np.zeros(len(centre), bool), *gone[: int(value)]], axis=0)
+    kept = trimesh.Trimesh(mesh.vertices, mesh.faces[keep], process=False)
+    return _office(method, Scene([Surface(kept, "concrete", "walls", role="room")]), 4)
+
+
+def _far(method: Method, value: float) -> float:
+    """Level in the gate where the ball is; beyond the fold there is no such bin, and the echo stands where nothing is."""
+    if value > RADAR.unambiguous_range_m:
+        return DYNAMIC_DB
+    return off(method, samples(method, *alone(objects.sphere(BALL_M, 4), value)), sphere_echo(BALL_M, value, MIDDLE_HZ)[0])
+
+
+def _speed(method: Method, value: float) -> float:
+    with quiet():
+        read = speed_read_mps(method.simulator, Radar.iwr1843(element="isotropic"), value)
+    return float(min(abs(20 * np.log10(max(read / value, 1e-2))), DYNAMIC_DB))
+
+
+def _thickness(method: Method, value: float) -> float:
+    """A wall of plasterboard taken for one that is thicker by so many millimetres."""
+    te, _ = stack.stack([("plasterboard", BOARD_M)], "air", 0.0, MIDDLE_HZ)
+    wall = objects.plate(6.0, 6.0).apply_translation((1.5, 0, 0))
+    scene = Scene([Surface(wall, Layered([("plasterboard", BOARD_M + value / 1e3)]), "wall", role="room")])
+    bandless = replace(RADAR, num_samples=8, sample_rate_hz=RADAR.sample_rate_hz)
+    start = (RADAR.num_samples - bandless.num_samples) / 2 / RADAR.sample_rate_hz
+    radar = replace(bandless, start_frequency_hz=RADAR.start_frequency_hz + RADAR.slope_hz_per_s * start)
+    with quiet():
+        iq = simulate(scene, radar, np.eye(4)[None], simulator=method.simulator).iq
+    return off(method, iq, WAVELENGTH_M / (8 * np.pi * 1.5) * abs(te))
+
+
+def _gap(method: Method, value: float) -> float:
+    """A metal plate behind one of concrete, which hides it."""
+    front, behind = objects.plate(0.2, 0.2), objects.plate(0.2, 0.2).apply_translation((-value / 1e3, 0, 0))
+    scene = Scene([Surface(front, "concrete", "front", role="object"), Surface(behind, "metal", "behind", role="object")])
+    pose = alone(front, 2.0)[2]["target"]
+    te, _ = stack.fresnel(stack.permittivity("concrete", MIDDLE_HZ), 1.0)
+    return off(method, samples(method, scene, None, {"front": pose, "behind": pose}), abs(facing(front, 2.0)) * float(abs(te)))
+
+
+def _snr(method: Method, value: float) -> float:
+    """Mean power in the target's bin, with receiver noise so many decibels below the true echo there, and no noise taken off."""
+    level = np.abs(samples(method, *alone(objects.sphere(BALL_M, 4), 1.0))).mean() * 10 ** (gain_db(method) / 20)
+    truth = abs(sphere_echo(BALL_M, 1.0, MIDDLE_HZ)[0])
+    noise = np.random.default_rng(1).normal(size=(DRAWS, 2)) @ [1, 1j] * truth * 10 ** (-value / 20) / np.sqrt(2)
+    return float(min(abs(10 * np.log10(np.mean(np.abs(level + noise) ** 2) / truth**2)), DYNAMIC_DB))
+
+
+SWEEPS = (
+    Sweep("rays", "rays on an object (10 cm trihedral, 1 m)", "rays a frame", "numerical", (65536, 16384, 4096, 1024, 256, 64), _rays,
+          "too few tubes to tell faces apart; a camera's pixels miss the corner"),
+    Sweep("room rays", "rays in a room (bare office, tubes)", "rays a frame", "numerical", (3e5, 1e5, 3e4, 1e4, 1e3), _room_rays,
+          "tubes wider than the rule; the default's panel images launch rays only to find panels"),
+    Sweep("grid", "place of the grid (sphere moved sideways)", "mm", "numerical", (0.0, 0.5, 1.0, 1.5, 2.0, 2.5), _shift,
+          "regular tubes tile the wavefront wherever they lie; points of a camera do not"),
+    Sweep("facets", "sides of a can's mesh", "sides", "numerical", (128, 64, 32, 16, 12, 8, 6), _facets,
+          "vertex normals round the sides off; the outline stays a polygon"),
+    Sweep("holes", "holes in a scanned plate", "% of faces", "knowledge", (0, 1, 2, 5, 10, 20, 40), _holes,
+          "what is not scanned returns nothing: 20 lg of the area that is left"),
+    Sweep("noise", "height noise of a scanned plate", "mm rms", "physical", (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6), _noise,
+          "a tenth of the wavelength destroys the flash of any plate, real ones too; planes fitted to a scan average it away"),
+    Sweep("tilt", "tilt of a 10 cm plate", "deg", "numerical", (0, 10, 20, 40, 60, 75, 85), _tilt,
+          "sidelobes 40 dB down; beyond 60 deg physical optics itself is no truth"),
+    Sweep("near", "distance of a 15 cm trihedral", "m", "physical", (8.0, 4.0, 2.0, 1.0, 0.5, 0.3), _near,
+          "a far-field cross-section holds beyond 2 D^2/lambda = 20 m"),
+    Sweep("bounces", "bounces traced (bare office)", "bounces", "a setting", (5, 4, 3, 2, 1), _bounces,
+          "a room rings: each bounce left out takes its range bins"),
+    Sweep("fold", "range of a ball", "m", "physical", (2.0, 4.0, 8.0, 10.0, 12.0, 16.0), _far,
+          "beyond 11.16 m the sampled beat folds, in every method and in the sensor"),
+    Sweep("speed", "speed of a plate", "m/s", "physical", (0.2, 1.0, 3.0, 6.0, 7.0, 8.0, 12.0), _speed,
+          "beyond 7.6 m/s the chirps' phase folds, in every method and in the sensor"),
+    Sweep("thickness", "error of a board's thickness", "mm", "knowledge", (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.2), _thickness,
+          "front and back of a board interfere: half a millimetre moves its echo by decibels"),
+    Sweep("gap", "gap before a hidden plate", "mm", "numerical", (100.0, 10.0, 1.0, 0.3, 0.1, 0.03), _gap,
+          "rays start a little off the surface they left; what is nearer than that is not met"),
+    Sweep("missing", "surfaces missing (bare office)", "of 6", "knowledge", (0, 1, 2, 3, 5), _missing,
+          "a wall that the scan lacks returns nothing"),
+    Sweep("snr", "echo over receiver noise", "dB", "physical", (40, 30, 20, 10, 5, 0, -5), _snr,
+          "below 0 dB a bin holds more noise than echo"),
+)  # fmt: skip

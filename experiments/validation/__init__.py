@@ -1,0 +1,1 @@
+"""The tracer against independent oracles and against Sionna RT."""

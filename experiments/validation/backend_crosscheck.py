@@ -1,0 +1,270 @@
+"""Path by path: panel images of this tracer against Sionna RT and against exact image sources, in the procedural rooms.
+
+Both references know infinite mirrors alone; the tracer's images carry the Fresnel factor of what is open and what stands in the way, and a
+corner of m walls is the sum of its orders. So paths that leave and arrive alike over one length are added first, and levels are claimed of
+paths whose first Fresnel zone is clear (of the others the difference is told: it is what an infinite mirror misses). Sionna looks for
+paths between one place and itself ("co-located"), where it misses corners, whose mirror points lie on edges; and with the receiver APART_M
+aside, where it sees into them, by one order each. Its lengths are its own, in single precision, in the first case; in the second its
+facets are kept and the path belongs to one place.
+
+A reference path within DYNAMIC_DB of the strongest is matched by one of ours of its length and both its directions, within tolerances
+(`path_match`) wider than either's errors and narrower than what sets paths apart. Paths by way of small or curved things are tubes' work
+here and are counted by themselves. "Share of ours it has" is the other way round, of our images within DYNAMIC_DB; the image sources are
+those of the six planes, so furniture is ours alone.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.statistics import bootstrap_mean
+from experiments.validation.oracles.rooms import rotation
+from experiments.validation.oracles.shells import Room
+from experiments.validation.path_match import Found, partners, together
+from radartwin.config.groups import Config
+from radartwin.io.progress import Progress
+from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
+from radartwin.radar.chirp import Radar
+from radartwin.runs import workers
+from radartwin.runs.experiment import Result
+from radartwin.scene import rooms
+from radartwin.scene.scene import Scene
+from radartwin.simulation import geometry, reflection_table
+from radartwin.simulation.backends import sionna
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.backends.sionna import SionnaBackend, SionnaSettings
+from radartwin.simulation.flat import panel_room
+from radartwin.simulation.paths import Paths
+from radartwin.store.products import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ROOMS, DETAILS = ("lab", "atrium", "squash_court"), ("shell", "furnished")
+REFERENCES = ("image sources", "Sionna, co-located", "Sionna, apart")
+BOUNCES, DYNAMIC_DB = 4, 40.0
+APART_M = 0.03
+RADAR = Radar.iwr1843(element="isotropic")
+SHARE, DELAY_MM, LEVEL_DB = 0.95, 0.1, 0.5  # what is claimed: paths found, a fortieth of a wavelength, half a decibel
+METRICS = ("matched share", "level error (dB)", "length error (mm)")
+CLAIMS = {
+    METRICS[0]: f"at least {SHARE:g} of the reference's paths are ours too",
+    METRICS[2]: f"lengths agree to {DELAY_MM:g} mm in the mean",
+    METRICS[1]: f"levels of clear paths agree to {LEVEL_DB:g} dB in the mean",
+}
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One reference against ours in one place: matched (N,) of its paths; of those the errors of length (mm) and level (dB), the latter
+    for clear paths and the rest; and which of ours it has."""
+
+    matched: np.ndarray
+    length_mm: np.ndarray
+    level_db: np.ndarray
+    cut_level_db: np.ndarray
+    ours_matched: np.ndarray
+    small: int
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Compare all rooms; profile=quick from one place in each, profile=paper from `profile.repeats`."""
+    places = 1 if config.profile.name == "quick" else config.profile.repeats
+    references = REFERENCES if sionna.is_installed() else REFERENCES[:1]
+    compared: dict[tuple[str, str, str], list[Compared]] = {}
+    shown: dict[str, dict[str, Found]] = {}
+    cases = [(room, detail, place, config.seed, references) for room in ROOMS for detail in DETAILS for place in range(places)]
+    with progress.task("rooms", len(cases)) as done:
+        paths = workers.each(_found, cases, config.jobs, done)
+    for (room, detail, *_), found in zip(cases, paths, strict=True):
+        shown.setdefault(f"{room}, {detail}", found)
+        for name in references:
+            compared.setdefault((room, detail, name), []).append(compare(found[name], found["ours"]))
+    rows = [row for key, each in compared.items() for row in _rows(key, each, config)]
+    missing = [name for name in REFERENCES if name not in references]
+    rows += [_absent(room, detail, name) for room in ROOMS for detail in DETAILS for name in missing]
+    figures: dict[str, Callable[[], Figure]] = {"backend_crosscheck": lambda: _figure(shown)}
+    metrics = {
+        f"{what} {name}".replace(",", ""): float(of([row["value"] for row in rows if row["metric"] == metric and row["reference"] == name]))
+        for what, metric, of in (("least matched share", METRICS[0], min), ("worst mean level error dB", METRICS[1], max))
+        for name in references
+    }
+    return Result("backend_crosscheck", rows, figures, metrics)
+
+
+def _found(room: str, detail: str, place: int, seed: int, references: Sequence[str]) -> dict[str, Found]:
+    """Paths at one place, ours and each reference's."""
+    scene, pose = rooms.room(room, detail=detail), pose_in(room, place, seed)
+    found = {"ours": ours(scene, pose)} | {name: reference(name, scene, pose) for name in references}
+    return {name: cleared(one, found["image sources"]) for name, one in found.items()}
+
+
+def pose_in(room: str, place: int, seed: int) -> np.ndarray:
+    """(4, 4) near the rover's start, off every plane of symmetry, turned so that no image lies on the antenna's axis."""
+    pose = rooms.bench(room).sensor_pose.copy()
+    draw = np.random.default_rng([seed, place])
+    pose[:3, 3] += draw.uniform([0.05, 0.05, 0.02], [0.35, 0.35, 0.6])
+    pose[:3, :3] = rotation()
+    return pose
+
+
+def ours(scene: Scene, pose: np.ndarray) -> Found:
+    """Panel images: the parts of the tracer's paths that have mirrors."""
+    parts = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=BOUNCES)).paths(scene, RADAR, pose[None])
+    return together(_of_paths(Paths.concatenate([part for part in parts if part.mirror is not None])))
+
+
+def reference(name: str, scene: Scene, pose: np.ndarray) -> Found:
+    """Paths of one of REFERENCES."""
+    if name == "image sources":
+        return _images(scene, pose)
+    if name == "Sionna, apart":
+        backend = SionnaBackend(SionnaSettings(max_bounces=BOUNCES, separation_m=APART_M))
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "sionna:")  # what it misses is what the table says
+            (paths,) = backend.paths(scene, RADAR, pose[None])
+        mesh = sionna.merged(scene.surfaces, {})
+        answer = backend.found(scene, mesh, RADAR, pose[None])
+        return together(_of_paths(paths, _small(scene, mesh, answer["face"])))
+    backend = SionnaBackend(SionnaSettings(max_bounces=BOUNCES))
+    mesh = sionna.merged(scene.surfaces, {})
+    return together(_of_answer(scene, mesh, backend.found(scene, mesh, RADAR, pose[None]), pose))
+
+
+def _images(scene: Scene, pose: np.ndarray) -> Found:
+    images = list(Room(scene, frequency_hz(scene)).images(pose[:3, 3], pose[:3, 2], BOUNCES))
+    departure, arrival = (np.array([getattr(image, end) for image in images]) @ pose[:3, :3] for end in ("departure", "arrival"))
+    amplitude = np.array([image.amplitude for image in images])
+    clear = np.array([image.clear for image in images])
+    length = np.array([image.length_m for image in images])
+    return Found(length, departure, arrival, amplitude, np.zeros(len(images), bool), clear)
+
+
+def _of_paths(paths: Paths, small: np.ndarray | None = None) -> Found:
+    amplitude, unknown = _middle(paths.amplitude, paths.frequencies_hz), np.zeros(len(paths), bool)
+    return Found(paths.length_m, paths.departure, paths.arrival, amplitude, unknown if small is None else small, unknown)
+
+
+def _of_answer(scene: Scene, mesh: sionna.Mesh, answer: dict[str, np.ndarray], pose: np.ndarray) -> Found:
+    """Sionna's own lengths and hits."""
+    vertex, count = answer["vertex"], (answer["face"] >= 0).sum(axis=1)
+    ends = (vertex[:, 0], vertex[np.arange(len(vertex)), count - 1])
+    lines = [(end - pose[:3, 3]) @ pose[:3, :3] for end in ends]
+    departure, arrival = (line / np.linalg.norm(line, axis=1, keepdims=True) for line in lines)
+    amplitude = _middle(answer["amplitude"].conj(), answer["frequencies_hz"])
+    return Found(answer["length_m"], departure, arrival, amplitude, _small(scene, mesh, answer["face"]), np.zeros(len(vertex), bool))
+
+
+def _small(scene: Scene, mesh: sionna.Mesh, face: np.ndarray) -> np.ndarray:
+    """(N,) paths that lead over surfaces which tubes trace here."""
+    built = geometry.build([s.mesh for s in scene])
+    surfaces = np.unique(built.surface[panel_room.small_faces(scene.surfaces, built)])
+    return np.any(np.isin(mesh.surface[face], surfaces) & (face >= 0), axis=1)
+
+
+def _middle(amplitude: np.ndarray, frequencies_hz: np.ndarray) -> np.ndarray:
+    return amplitude[:, np.abs(frequencies_hz - RADAR.center_frequency_hz).argmin()]
+
+
+def frequency_hz(scene: Scene) -> float:
+    """Near mid-sweep, where amplitudes are computed: between such nodes they are a polynomial, which is no part of this comparison."""
+    high = RADAR.start_frequency_hz + RADAR.sampled_bandwidth_hz
+    nodes = reflection_table.build([(s.material, s.roughness_m) for s in scene], RADAR.start_frequency_hz, high).frequencies_hz
+    return float(_middle(nodes[None], nodes)[0])
+
+
+def cleared(found: Found, images: Found) -> Found:
+    """The paths with what the image sources know of their Fresnel zones; of a path over furniture they know nothing."""
+    index = partners(found, images)
+    return replace(found, clear=np.where(index >= 0, images.clear[index], False))
+
+
+def compare(theirs: Found, mine: Found) -> Compared:
+    """A reference's strong paths against all of ours, and our strong ones against all of its."""
+    strong = theirs.strong(DYNAMIC_DB)
+    small = int(strong.small.sum())
+    strong = strong.where(~strong.small)
+    index = partners(strong, mine)
+    there = index >= 0
+    matched, partner = strong.where(there), mine.where(index[there])
+    level_db = matched.level_db - partner.level_db
+    return Compared(
+        there,
+        1e3 * (matched.length_m - partner.length_m),
+        level_db[matched.clear],
+        level_db[~matched.clear],
+        partners(mine.strong(DYNAMIC_DB), theirs) >= 0,
+        small,
+    )
+
+
+def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> list[dict[str, Any]]:
+    """Rows of one room and reference: shares, and mean absolute errors over paths."""
+    low_high = config.profile.resamples, config.seed
+
+    def row(metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None) -> dict[str, Any]:
+        n = len(samples)
+        low, value, high = bootstrap_mean(samples, *low_high) if n else (None, None, None)
+        verdict = "untestable" if holds is None or low is None or high is None else "holds" if holds(low, high) else "fails"
+        room, detail, name = key
+        return {
+            "room": room, "detail": detail, "reference": name, "claim": CLAIMS[metric] if holds else "", "metric": metric, "run_keys": "",
+            "paper": None, "value": value, "low": low, "high": high, "n": n, "domain": "simulation", "verdict": verdict,
+        }  # fmt: skip
+
+    def joined(field: str) -> np.ndarray:
+        return np.concatenate([getattr(one, field) for one in each]).astype(float)
+
+    found = [
+        row("matched share", joined("matched"), lambda low, _: low >= SHARE),
+        row("share of ours it has", joined("ours_matched"), None),
+        row("level error (dB)", np.abs(joined("level_db")), lambda _, high: high <= LEVEL_DB),
+        row("level difference where an edge cuts the zone (dB)", np.abs(joined("cut_level_db")), None),
+    ]
+    if key[2] != "Sionna, apart":
+        found.insert(2, row("length error (mm)", np.abs(joined("length_mm")), lambda _, high: high <= DELAY_MM))
+    if (small := np.array([float(one.small) for one in each])).any():
+        found.append(row("paths over small things", small, None))
+    return [one for one in found if one["n"]]
+
+
+def _absent(room: str, detail: str, name: str) -> dict[str, Any]:
+    return {
+        "room": room, "detail": detail, "reference": name, "claim": CLAIMS["matched share"], "metric": "matched share", "run_keys": "",
+        "paper": None, "value": None, "low": None, "high": None, "n": 0, "domain": "sionna-rt is not installed", "verdict": "untestable",
+    }  # fmt: skip
+
+
+def _figure(shown: dict[str, dict[str, Found]]) -> Figure:
+    """Level against half the length, room by room."""
+    drawing, panels = figure(len(ROOMS), len(DETAILS), width_in=PAGE_WIDTH_IN, height_in=6.4, sharex=True, sharey=True)
+    looks = {
+        "ours": ("o", "none", PALETTE[0], 6.0), "image sources": ("+", PALETTE[1], PALETTE[1], 5.0),
+        "Sionna, co-located": ("x", PALETTE[2], PALETTE[2], 4.0), "Sionna, apart": (".", PALETTE[3], PALETTE[3], 4.0),
+    }  # fmt: skip
+    for panel, (title, found) in zip(panels.flat, shown.items(), strict=True):
+        for name, images in found.items():
+            marker, face, edge, size = looks[name]
+            strong = images.strong(DYNAMIC_DB)
+            panel.plot(
+                strong.length_m / 2,
+                strong.level_db,
+                marker,
+                ms=size,
+                mfc=face,
+                mec=edge,
+                mew=0.8,
+                label=name if name != "ours" else "this tracer",
+            )
+        panel.set(title=title.replace("_", " "))
+    for panel in panels[-1]:
+        panel.set_xlabel("half the path's length (m)")
+    for panel in panels[:, 0]:
+        panel.set_ylabel("received / transmitted (dB)")
+    panels[0, 0].legend(loc="upper right", fontsize=7)
+    return drawing

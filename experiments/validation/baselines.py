@@ -1,0 +1,181 @@
+"""What the naive tracer gets wrong, measured: levels, range law, convergence and speed of each version of simulator=rfgenesis.
+
+Each row says what physics expects, what the published program itself returned when it was run on the same cases (column paper; for the
+`shipped` and `columns` versions), and what the re-implementation returns. A claim holds where the two programs agree within
+`SAME_DB` or `SAME_EXPONENT`; rows of the `corrected` version have no such figure and show what the mended program would return.
+
+    radartwin run experiment=baselines
+    python -m experiments.validation.baselines          the seconds of whole frames with the original's own signal generator
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+import trimesh
+from scipy.special import fresnel
+
+from radartwin.config.groups import Config
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.io.progress import Progress
+from radartwin.radar.chirp import Radar
+from radartwin.runs.experiment import Result
+from radartwin.scene import objects, rooms
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation.backends import rfgenesis
+from radartwin.simulation.backends.backend import Backend, backend
+from radartwin.simulation.backends.rfgenesis_signal import whole_frame_seconds
+from radartwin.simulation.simulate import simulate
+from radartwin.store.products import Store
+
+SIZE_M = 0.1  # leg of the trihedral, radius of the sphere, edge of the plate
+CLOSED_FORM_RATIO_DB = 10 * math.log10(4 / 3 * SIZE_M**2 / (SPEED_OF_LIGHT / 77e9) ** 2)  # 4 pi a^4 / (3 lambda^2) over pi r^2
+SAME_DB = 6.0  # a pixel row more or less on a target of five rows
+SAME_EXPONENT = 1.0
+SAME_GROWTH, SAME_MPS = 0.2, 0.005
+SPEED_MPS = 0.2
+FRAMES, REPEATS = 100, 3
+TARGETS: dict[str, Callable[[], trimesh.Trimesh]] = {
+    "trihedral": lambda: objects.trihedral(SIZE_M),
+    "sphere": lambda: objects.sphere(SIZE_M),
+    "plate": lambda: objects.plate(SIZE_M, SIZE_M),
+}
+
+
+def published_radar() -> Radar:
+    """The configuration the published program ships (TI1843_config.json), whose ADC starts 6 us into the chirp."""
+    half = SPEED_OF_LIGHT / 77e9 / 2
+    slope = 60.012e12
+    return Radar(
+        name="rfgenesis", start_frequency_hz=77e9 + slope * 6e-6, slope_hz_per_s=slope, sample_rate_hz=4.4e6, num_samples=256,
+        num_chirps=128, tx_positions_m=((0.0, 0.0, 0.0), (0.0, -4 * half, 0.0), (0.0, -2 * half, half)),
+        rx_positions_m=tuple((0.0, n * half, 0.0) for n in (6, 5, 4, 3)), chirp_interval=72e-6, frame_rate_hz=10.0,
+    )  # fmt: skip
+
+
+def plate_db(distance_m: float, frequency_hz: float = 78.72e9) -> float:
+    """Level of the facing plate by physical optics: A^2/(4 pi R^2)^2 in the far field, less the Fresnel integral of its square aperture."""
+    wavelength = SPEED_OF_LIGHT / frequency_hz
+    edge = SIZE_M * math.sqrt(1 / (wavelength * distance_m))  # k x^2/R = (pi/2) u^2 with u = 2 x/sqrt(lambda R)
+    sine, cosine = fresnel(edge)
+    aperture = abs(complex(cosine, sine) / edge) ** 2
+    return 20 * math.log10(SIZE_M**2 / (4 * math.pi * distance_m**2) * aperture)
+
+
+def level_db(mesh: trimesh.Trimesh, distance_m: float, simulator: Backend) -> float:
+    """Peak of the Hann-windowed range profile of a target on boresight: received over transmitted power."""
+    radar = Radar.iwr1843(element="isotropic")
+    facing = mesh.copy().apply_transform(np.diag([-1.0, -1.0, 1.0, 1.0]))
+    motion = {"target": trajectory.pose([distance_m, 0.0, 0.0])[None]}
+    iq = simulate(Scene([Surface(facing, "metal", "target")]), radar, np.eye(4)[None], motion=motion, simulator=simulator).iq
+    window = np.hanning(radar.num_samples)
+    profile = np.abs(np.fft.fft(iq[0, 0, 0, 0] * window, 8 * radar.num_samples)) / window.sum()
+    return float(20 * np.log10(profile.max() + 1e-30))
+
+
+def trihedral_over_sphere_db(simulator: Backend, distances_m: Iterable[float]) -> np.ndarray:
+    """(n,) ratio of the two targets' levels at each distance."""
+    meshes = TARGETS["trihedral"](), TARGETS["sphere"]()
+    return np.array([level_db(meshes[0], d, simulator) - level_db(meshes[1], d, simulator) for d in distances_m])
+
+
+def range_exponents(simulator: Backend, distances_m: Sequence[float] | np.ndarray) -> dict[str, float]:
+    """n of a power law R^-n fitted to each target's level."""
+    decades = 10 * np.log10(distances_m)
+    return {
+        name: -float(np.polyfit(decades, [level_db(make(), d, simulator) for d in distances_m], 1)[0]) for name, make in TARGETS.items()
+    }
+
+
+def plate_levels_db(version: str, grids: Sequence[int]) -> list[float]:
+    """Level of the plate at 3 m for each number of pixels along a side."""
+    return [level_db(TARGETS["plate"](), 3.0, backend("rfgenesis", version=version, grid=grid)) for grid in grids]
+
+
+def speed_read_mps(simulator: Backend, radar: Radar, speed_mps: float = SPEED_MPS) -> float:
+    """Speed of a receding plate read from one transmitter's chirps by their own interval, at the wavelength of 77 GHz."""
+    poses = np.array([trajectory.pose([2 + speed_mps * frame / radar.frame_rate_hz, 0.0, 0.0]) for frame in range(3)])
+    scene = Scene([Surface(TARGETS["plate"](), "metal", "plate")])
+    iq = simulate(scene, radar, np.eye(4)[None], motion={"plate": poses}, simulator=simulator).iq[1, :, 0, 0]
+    spectrum = np.fft.fft(iq * np.hanning(radar.num_samples), axis=1)
+    chirps = spectrum[:, np.abs(spectrum).sum(axis=0).argmax()]
+    doppler = np.abs(np.fft.fft(chirps * np.hanning(len(chirps)), 64 * len(chirps)))
+    cycles = float(np.fft.fftfreq(len(doppler))[doppler.argmax()])
+    return cycles * rfgenesis.LOSS_WAVELENGTH_M / 2 / radar.loop_interval_s
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """The table; nothing of it is stored but the result, for a case takes a fraction of a second."""
+    rows: list[dict] = []
+
+    def add(case: str, metric: str, expected: str, paper: str, values: Sequence[float] | np.ndarray, agrees: bool | None) -> None:
+        low, value, high = np.min(values), np.median(values), np.max(values)
+        claim = "" if agrees is None else "the re-implementation returns what the published program does"
+        verdict = "untestable" if agrees is None else "holds" if agrees else "fails"
+        rows.append({
+            "case": case, "expected": expected, "claim": claim, "metric": metric, "run_keys": "", "paper": paper, "value": value,
+            "low": low, "high": high, "n": len(values), "domain": "simulation", "verdict": verdict,
+        })  # fmt: skip
+
+    metrics = {}
+    for version in progress.over(rfgenesis.VERSIONS, "versions of the naive tracer"):
+        simulator, shipped, columns = backend("rfgenesis", version=version), version == "shipped", version == "columns"
+        ratio = trihedral_over_sphere_db(simulator, np.linspace(1.9, 2.1, 11))
+        same = bool(ratio.min() - SAME_DB <= -11.6 <= ratio.max() + SAME_DB) if shipped else None
+        add(version, "trihedral over sphere at 2 m (dB)", f"{CLOSED_FORM_RATIO_DB:+.1f}", "-11.6" if shipped else "", ratio, same)
+        exponents = range_exponents(simulator, np.geomspace(1, 4, 9))
+        found = sorted(exponents.values())
+        span = (3.0, 5.0) if shipped else (9.0, 13.0) if columns else None
+        same = span and bool(span[0] - SAME_EXPONENT <= found[0] and found[-1] <= span[1] + SAME_EXPONENT)
+        paper = f"{span[0]:g} to {span[1]:g}" if span else ""
+        add(version, "exponent n of the range law R^-n, of three targets", "4", paper, found, same)
+        few, many = plate_levels_db(version, (128, 1024))
+        for name, level, theirs in (("128", few, -143.0), ("1024", many, -105.0)):
+            same = abs(level - theirs) <= SAME_DB if shipped else None
+            add(version, f"plate at 3 m, {name}^2 rays (dB)", f"{plate_db(3.0):.1f}", f"{theirs:g}" if shipped else "", [level], same)
+        growth = (many - few) / (10 * math.log10(64))
+        same = abs(growth - 2) < SAME_GROWTH if shipped else None
+        add(version, "power of the number of rays the level grows with", "0", "2" if shipped else "", [growth], same)
+        speed = speed_read_mps(simulator, published_radar())
+        same = abs(speed - 0.743) < SAME_MPS if shipped else None
+        add(version, "speed read of 0.2 m/s", "0.2", "0.743" if shipped else "", [speed], same)
+        metrics |= {
+            f"trihedral_over_sphere_db_{version}": float(np.median(ratio)),
+            f"range_exponent_least_{version}": found[0],
+            f"range_exponent_most_{version}": found[-1],
+            f"ray_growth_{version}": growth,
+            f"speed_read_{version}": speed,
+        }
+    return Result("baselines", rows, {}, metrics)
+
+
+def main() -> None:
+    """Seconds of one frame in the original's own way and of a frame of tubes, for an object alone and in a furnished room.
+
+    The tubes' frames are those of a turning target; a room at rest is traced in the first, unmeasured call.
+    """
+    radar, bench, distance_m = Radar.iwr1843(), rooms.lab_bench(), 1.0
+    turning = trajectory.turntable(bench.target_position(distance_m), FRAMES, radar.frame_rate_hz)
+    target = Scene([Surface(objects.plate(0.3, 0.3), "metal", "plate")])
+    for name, scene in (("plate of 0.3 m at 1 m", target), ("the plate in a furnished room", rooms.lab() + target)):
+        motion, pose = {"plate": turning}, bench.sensor_pose[None]
+        simulate(scene, radar, pose, motion=motion)
+        seconds = []
+        for _ in range(REPEATS):
+            began = time.perf_counter()
+            simulate(scene, radar, pose, motion=motion)
+            seconds.append((time.perf_counter() - began) / FRAMES)
+        slow = whole_frame_seconds(scene, radar, bench.sensor_pose, {"plate": turning[:1]})
+        fast = float(np.median(seconds))
+        print(
+            f"{name}: {slow.hits} hits, trace {slow.trace_s:.3f} s, synthesis {slow.synthesis_s:.1f} s; tubes {fast * 1e3:.2f} ms a frame"
+        )
+        print(f"  ratio {slow.total_s / fast:.0f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""All image sources of a rectangular room, with vector reflection at every wall. Ref: J. Allen, D. Berkley, JASA 65 (1979) 943.
+
+The image with (i, j, k) reflections along x, y, z is reached by the unfolded straight line; its walls are met in the order in which the
+line crosses them. A monostatic path into an edge or corner meets walls at once: every order has the share of directions around the
+line in which it occurs, for the stationary phase weighs all directions alike.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+
+import numpy as np
+
+from experiments.validation.oracles.case import SPEED_OF_LIGHT
+
+Reflection = Callable[[float], tuple[complex, complex]]  # (te, tm) at a cosine of incidence, exp(+j omega t)
+TURNS = 720  # directions around a line in which the order of its walls is looked up
+ASIDE = 1e-7
+
+
+def images(size_m: np.ndarray, sensor_m: np.ndarray, bounces: int) -> Iterator[tuple[np.ndarray, np.ndarray, list[tuple[int, float]]]]:
+    """(index (3,), image position (3,), [(axis, plane coordinate)] met) of all images of 1 to `bounces` reflections."""
+    for index in product(range(-bounces, bounces + 1), repeat=3):
+        if not 1 <= sum(map(abs, index)) <= bounces:
+            continue
+        place = np.array([n * s + (x if n % 2 == 0 else s - x) for n, s, x in zip(index, size_m, sensor_m, strict=True)])
+        walls = []
+        for axis, n in enumerate(index):
+            walls += [(axis, m * size_m[axis]) for m in (range(1, n + 1) if n > 0 else range(0, n, -1))]
+        yield np.array(index), place, walls
+
+
+def image_sum(
+    size_m: np.ndarray, sensor_m: np.ndarray, axis: np.ndarray, reflection: Reflection, bounces: int, frequency_hz: np.ndarray
+) -> np.ndarray:
+    """Received amplitude (F,) between isotropic antennas with this polarisation axis, signals exp(+j k L).
+
+    Args:
+        size_m: (3,) of the room, one corner at zero; sensor_m: (3,) transmitter and receiver in it.
+        axis: (3,) unit, both antennas' polarisation before projection across the ray.
+        reflection: the same for all walls and frequencies.
+    """
+    total = np.zeros(len(frequency_hz), complex)
+    for amplitude, length, _ in image_paths(size_m, sensor_m, axis, reflection, bounces):
+        total += (
+            amplitude * SPEED_OF_LIGHT / (4 * np.pi * frequency_hz * length) * np.exp(2j * np.pi * frequency_hz / SPEED_OF_LIGHT * length)
+        )
+    return total
+
+
+def image_paths(
+    size_m: np.ndarray, sensor_m: np.ndarray, axis: np.ndarray, reflection: Reflection, bounces: int
+) -> Iterator[tuple[complex, float, int]]:
+    """(product of reflections and polarisations, length in metres, bounces) of every image."""
+    for index, place, walls in images(size_m, sensor_m, bounces):
+        line = place - sensor_m
+        length = float(np.linalg.norm(line))
+        direction = line / length
+        received = sum(
+            (
+                share * carried([walls[w][0] for w in order], direction, axis, [reflection] * len(order))
+                for order, share in orders(direction, walls, sensor_m)
+            ),
+            0j,
+        )
+        yield received, length, int(np.abs(index).sum())
+
+
+def orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.ndarray) -> Iterator[tuple[tuple[int, ...], float]]:
+    """Orders in which walls are met, with their shares of the directions around the line."""
+    first = np.eye(3)[np.argmin(np.abs(direction))]
+    u = np.cross(direction, first)
+    u /= np.linalg.norm(u)
+    turn = 2 * np.pi * (np.arange(TURNS) + 0.37) / TURNS
+    around = direction + ASIDE * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * np.cross(direction, u))
+    reached = np.stack([(coordinate - sensor_m[axis]) / around[:, axis] for axis, coordinate in walls], axis=1)
+    orders, counts = np.unique(np.argsort(reached, axis=1, kind="stable"), axis=0, return_counts=True)
+    for order, count in zip(orders, counts, strict=True):
+        yield tuple(int(w) for w in order), count / TURNS
+
+
+def across(axis: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    field = axis - (axis @ ray) * ray
+    return field / np.linalg.norm(field)
+
+
+def carried(axes: Sequence[int], direction: np.ndarray, axis: np.ndarray, reflections: Sequence[Reflection]) -> complex:
+    """Received field of a path that meets walls across these axes in turn, each with its own reflection."""
+    ray = direction.copy()
+    field = across(axis, ray).astype(complex)
+    for wall, reflection in zip(axes, reflections, strict=True):
+        normal = np.eye(3)[wall]
+        te, tm = reflection(abs(float(ray[wall])))
+        side = np.cross(ray, normal)
+        size = np.linalg.norm(side)
+        side = side / size if size > 1e-9 else across(np.eye(3)[wall - 1], ray)
+        mirrored = ray - 2 * ray[wall] * normal
+        field = te * (field @ side) * side + tm * (field @ np.cross(ray, side)) * np.cross(mirrored, side)
+        ray = mirrored
+    return complex(np.conj(across(axis, ray) @ field))

@@ -1,0 +1,94 @@
+"""What a validation case is: one claim of the physics, the figure an independent oracle gives, ours, and the limit between them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+SPEED_OF_LIGHT = 299_792_458.0
+FREQUENCY_HZ = 77e9
+WAVELENGTH_M = SPEED_OF_LIGHT / FREQUENCY_HZ
+WAVENUMBER = 2 * np.pi / WAVELENGTH_M
+# Figures kept beside the checkout, not part of it; a case that needs an absent one is untestable.
+REFERENCE = Path(__file__).resolve().parents[4] / "shared" / "reference"
+OBJECTS = REFERENCE.parent / "data" / "objects"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a comparison found.
+
+    Attributes:
+        reference, ours: the two figures where they differ most, in the case's own unit; NaN where a claim is about many at once.
+        error: what is compared with the limit, never negative.
+        n: comparisons made.
+    """
+
+    reference: float
+    ours: float
+    error: float
+    n: int = 1
+
+
+class Untestable(Exception):
+    """What the case needs is not here; the message says what."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the card and one test.
+
+    Attributes:
+        name: unique, lower case with hyphens.
+        subject: group of the card.
+        claim: what is claimed, for a reader.
+        oracle: how the reference figure is computed, and its source.
+        metric: what the two figures are, with unit.
+        limit: largest error that holds.
+        unit: of error and limit.
+        compare: the comparison; True takes all sizes, seeds, angles and densities, False a short choice of them.
+        cost: "quick" cases run in every profile, "full" ones in the paper's alone.
+    """
+
+    name: str
+    subject: str
+    claim: str
+    oracle: str
+    metric: str
+    limit: float
+    unit: str
+    compare: Callable[[bool], Finding]
+    cost: str = "quick"
+
+    def verdict(self, finding: Finding) -> str:
+        return "holds" if finding.error <= self.limit else "fails"
+
+
+def db(power: Any) -> Any:
+    """Decibels of a power."""
+    return 10 * np.log10(power)
+
+
+def worst(pairs: Sequence[tuple[float, float]]) -> Finding:
+    """Of (reference, ours) pairs, the one that differs most."""
+    reference, ours = max(pairs, key=lambda pair: abs(pair[1] - pair[0]))
+    return Finding(reference, ours, abs(ours - reference), len(pairs))
+
+
+def rms(differences: Sequence[float] | np.ndarray) -> Finding:
+    """Root mean square of differences that should vanish."""
+    value = float(np.sqrt(np.mean(np.square(differences))))
+    return Finding(0.0, value, value, len(differences))
+
+
+def reference_rows(name: str) -> list[dict[str, str]]:
+    """Rows of a reference table. Raises Untestable where it is absent."""
+    path = REFERENCE / name
+    if not path.is_file():
+        raise Untestable(f"reference table {name} is not here")
+    return list(csv.DictReader(path.read_text().splitlines()))

@@ -1,0 +1,182 @@
+"""Walls, bottles and rough surfaces: transfer matrices, exact layered cylinders, Ament, and the reference tables."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+import trimesh
+
+import radartwin as rt
+from experiments.validation.oracles import stack, traced
+from experiments.validation.oracles.case import FREQUENCY_HZ, SPEED_OF_LIGHT, WAVENUMBER, Case, Finding, reference_rows, worst
+from experiments.validation.oracles.cylinder import conductor_width, layered_width
+from experiments.validation.oracles.targets import AHEAD
+from radartwin.materials import Layered
+from radartwin.scene import objects
+
+SLABS: dict[str, tuple[list[tuple[str, float]], str]] = {
+    "plasterboard 12.5 mm": ([("plasterboard", 0.0125)], "air"),
+    "glass 4 mm": ([("glass", 0.004)], "air"),
+    "double glazing": ([("glass", 0.004), ("air", 0.016), ("glass", 0.004)], "air"),
+    "stud wall": ([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)], "air"),
+    "concrete 150 mm": ([("concrete", 0.15)], "air"),
+    "1 mm PET before water": ([("pet", 0.001)], "water"),
+    "wood 20 mm before concrete": ([("wood", 0.02)], "concrete"),
+}
+WALLS_M = {"pet 0.3": ("pet", 0.3e-3), "pet 1": ("pet", 1e-3), "hdpe 1": ("hdpe", 1e-3), "glass 3": ("glass", 3e-3)}
+RADIUS_M, HEIGHT_M = 0.033, 0.12
+SWEEP_HZ = (77e9, 80.44e9)
+EMPTY_LIMIT_DB = 2.5  # stated: one straight echo through the far wall is all that the local slab leaves out
+FAR_M = 40.0  # where a 10 cm dihedral sees the radar under one angle, to 0.1 degrees
+EDGE = 8  # samples at either end of the sweep that are left out
+OVER_METAL = "over metal (dB)"
+
+
+def _samples(mesh: trimesh.Trimesh, material: str | Layered, distance_m: float, roll: bool = False, bounce: int = 0) -> np.ndarray:
+    """(samples,) of a target at a distance on the axis, for vertical or (rolled) horizontal antennas; of one number of bounces if given."""
+    pose = traced.pose([distance_m, 0.0, 0.0], np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]) if roll else None)
+    scene = rt.Scene([rt.Surface(mesh, material, "target", role="object")])
+    parts = traced.trace(scene, traced.MONOSTATIC, pose, traced.settings("tubes", rays_per_wavelength2=4.0))
+    return traced.sweep([part.where(part.bounces == bounce) for part in parts] if bounce else parts, traced.MONOSTATIC)
+
+
+def _over_metal(mesh: trimesh.Trimesh, material: str | Layered, **options: Any) -> float:
+    return float(10 * np.log10(rt.rcs(mesh, AHEAD, material=material, **options) / rt.rcs(mesh, AHEAD, **options)))
+
+
+def _mean_over_metal(mesh: trimesh.Trimesh, material: str | Layered, distance_m: float) -> float:
+    """Mean over the sweep of the power over that of metal, dB."""
+    ratio = np.abs(_samples(mesh, material, distance_m) / _samples(mesh, "metal", distance_m)) ** 2
+    return float(10 * np.log10(ratio[EDGE:-EDGE].mean()))
+
+
+def _slabs(full: bool) -> Finding:
+    """A 10 cm plate seen face-on, at one to five frequencies of the sweep."""
+    pairs = []
+    for frequency in np.linspace(*SWEEP_HZ, 5) if full else (77e9,):
+        for layers, backing in SLABS.values():
+            exact = 20 * np.log10(abs(stack.stack(layers, backing, 0.0, frequency)[0] / stack.fresnel(_metal(frequency), 1.0)[0]))
+            ours = _over_metal(objects.plate(0.1, 0.1), Layered(layers, backing), frequency=float(frequency))
+            pairs.append((float(exact), ours))
+    return worst(pairs)
+
+
+def _metal(frequency_hz: float) -> complex:
+    return stack.permittivity("metal", frequency_hz)
+
+
+def _oblique(full: bool) -> Finding:
+    """Double bounces in a dihedral, both at 45 degrees: TE with the field along the fold, TM across it; mean over the sweep."""
+    pairs = []
+    mesh = objects.dihedral(0.1, 0.1)
+    frequencies = traced.frequencies(traced.MONOSTATIC)[EDGE:-EDGE:16]
+    for name in SLABS if full else ("plasterboard 12.5 mm", "glass 4 mm"):
+        layers, backing = SLABS[name]
+        for index, roll in enumerate((False, True)):
+            exact = [abs(stack.stack(layers, backing, np.pi / 4, f)[index]) ** 4 for f in frequencies]
+            ratio = np.abs(_samples(mesh, Layered(layers, backing), FAR_M, roll, 2) / _samples(mesh, "metal", FAR_M, roll, 2)) ** 2
+            pairs.append((float(10 * np.log10(np.mean(exact))), float(10 * np.log10(ratio[EDGE:-EDGE:16].mean()))))
+    return worst(pairs)
+
+
+def _slab_table(full: bool) -> Finding:
+    """Slabs at 77 GHz; brick, plywood and marble are left out, for the table extrapolates their fits and this project does not."""
+    pairs = []
+    for row in reference_rows("slab_reflection_77GHz.csv"):
+        if row["material"] in ("brick", "plywood", "marble"):
+            continue
+        slab = Layered([(row["material"].replace(" ", "_"), float(row["d_mm"]) / 1e3)])
+        pairs.append((float(row["slab77_dB"]), _over_metal(objects.plate(0.1, 0.1), slab)))
+    return worst(pairs)
+
+
+def _bottle_table(full: bool) -> Finding:
+    """Mean power over the sweep of bottle walls before air and water."""
+    pairs = []
+    rows = [row for row in reference_rows("bottle_wall_reflection_77GHz.csv") if row["wall"] != "HDPE"]  # whose 2.33 is 2.31 here
+    for row in rows[:: 1 if full else 3]:
+        for backing, column in (("air", "slab_air_mean"), ("water", "slab_water_mean")):
+            wall = Layered([(row["wall"].lower(), float(row["d_mm"]) / 1e3)], backing)
+            pairs.append((float(row[column]), _mean_over_metal(objects.plate(0.05, 0.05), wall, 3.0)))
+    return worst(pairs)
+
+
+@cache
+def exact_bottle(wall: str, contents: str, points: int) -> float:
+    """Mean power over the sweep of the exact series of a bottle, over a metal can, dB."""
+    material, thickness = WALLS_M[wall]
+    ratios = []
+    for frequency in np.linspace(*SWEEP_HZ, points):
+        inside = [stack.permittivity(name, frequency) for name in (material, contents)]
+        wavelength = SPEED_OF_LIGHT / frequency
+        ratios.append(layered_width([RADIUS_M, RADIUS_M - thickness], inside, wavelength) / conductor_width(RADIUS_M, wavelength))
+    return float(10 * np.log10(np.mean(ratios)))
+
+
+def our_bottle(wall: str, contents: str) -> float:
+    """The same traced: a closed can, 5 m away, whose side is the wall backed by its contents."""
+    material, thickness = WALLS_M[wall]
+    return _mean_over_metal(objects.cylinder(RADIUS_M, HEIGHT_M), Layered([(material, thickness)], contents), 5.0)
+
+
+def _bottles(contents: str, full: bool) -> Finding:
+    walls = list(WALLS_M) if full else ["pet 1", "hdpe 1"]
+    return worst([(exact_bottle(wall, contents, 65), our_bottle(wall, contents)) for wall in walls])
+
+
+def _bottle_series_table(full: bool) -> Finding:
+    """Water-filled bottles of the table, total over the metal can; our series against it is at 1e-2 dB."""
+    rows = {row["case"]: float(row["total_rel_PEC"]) for row in reference_rows("layered_cylinder_exact.csv")}
+    names = {"pet 0.3": "PET0.3 water", "pet 1": "PET1.0 water", "glass 3": "glass3 water"}
+    return worst([(rows[names[wall]], our_bottle(wall, "water")) for wall in (names if full else ("pet 1",))])
+
+
+def ament_db(roughness_m: float, cosine: float) -> float:
+    """Coherent loss of a rough surface, dB. Ref: Ament, Proc. IRE 41 (1953) 142."""
+    return float(20 * np.log10(np.exp(-2 * (WAVENUMBER * roughness_m * cosine) ** 2)))
+
+
+def _rough(full: bool) -> Finding:
+    """A rough metal plate over a smooth one, traced; at the middle of the sweep."""
+    frequency = traced.MONOSTATIC.center_frequency_hz
+    scale = (frequency / FREQUENCY_HZ) ** 2
+
+    def traced_level(roughness_m: float) -> float:
+        scene = rt.Scene([rt.Surface(objects.plate(0.1, 0.1), "metal", "plate", roughness_m)])
+        parts = traced.trace(scene, traced.MONOSTATIC, traced.pose([2.0, 0.0, 0.0]), traced.settings("tubes"))
+        return 20 * np.log10(abs(traced.field(parts, frequency)))
+
+    smooth = traced_level(0.0)
+    return worst([(scale * ament_db(r, 1.0), traced_level(r) - smooth) for r in (0.05e-3, 0.15e-3, 0.4e-3)])
+
+
+def _ament_table(full: bool) -> Finding:
+    from radartwin.materials.roughness import ament
+
+    pairs = []
+    for row in reference_rows("ament_roughness_dB.csv"):
+        factor = ament(float(row["sigma_mm"]) / 1e3, np.cos(np.radians(float(row["theta_deg"]))), WAVENUMBER)
+        pairs.append((float(row["loss_dB"]), float(20 * np.log10(factor))))
+    return worst(pairs)
+
+
+MATRICES = "transfer matrices"
+SERIES = "exact series of the layered cylinder, mean power over the sweep"
+CASES = [
+    Case("slabs", "dielectrics", "seven layered walls, face-on", MATRICES, OVER_METAL, 0.15, "dB", _slabs),
+    Case("slabs-oblique", "dielectrics", "walls of a dihedral at 45 degrees, TE and TM", MATRICES, OVER_METAL, 0.15, "dB", _oblique),
+    Case("slab-table", "dielectrics", "building slabs, face-on", "reference/slab_reflection_77GHz.csv", OVER_METAL, 0.15, "dB",
+         _slab_table),
+    Case("bottle-wall-table", "dielectrics", "bottle walls before air and water", "reference/bottle_wall_reflection_77GHz.csv", OVER_METAL,
+         0.15, "dB", _bottle_table),
+    *(Case(f"bottles-{contents}", "dielectrics", f"bottles of PET, HDPE and glass, {words}", SERIES, OVER_METAL, limit, "dB",
+           partial(_bottles, contents))
+      for contents, words, limit in (("water", "water", 0.15), ("oil", "oil", 0.15), ("air", "empty", EMPTY_LIMIT_DB))),
+    Case("bottle-series-table", "dielectrics", "bottles of PET and glass, water", "reference/layered_cylinder_exact.csv", OVER_METAL,
+         0.15, "dB", _bottle_series_table),
+    Case("rough-plate", "dielectrics", "metal plates of 0.05 to 0.4 mm roughness", "Ament 1953", "coherent loss (dB)", 0.05, "dB", _rough),
+    Case("ament-table", "dielectrics", "coherent loss against height and angle", "reference/ament_roughness_dB.csv", "coherent loss (dB)",
+         0.01, "dB", _ament_table),
+]  # fmt: skip

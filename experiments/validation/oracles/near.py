@@ -1,0 +1,166 @@
+"""Targets and panels at close range against physical-optics quadrature, and the range law far away."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+
+import numpy as np
+import trimesh
+
+import radartwin as rt
+from experiments.validation.oracles import traced
+from experiments.validation.oracles.case import SPEED_OF_LIGHT, WAVELENGTH_M, Case, Finding, db, reference_rows, worst
+from experiments.validation.oracles.nearfield import corner_quadrature, panel_quadrature, two_panel_quadrature
+from experiments.validation.oracles.targets import AHEAD, corner_faces, level
+from radartwin.scene import objects
+
+DISTANCES_M = (0.5, 1.0, 2.0)
+RCS = "effective cross-section (dBsm)"
+
+
+def effective(amplitude: complex, distance_m: float) -> float:
+    """Cross-section in dBsm that a far-field target of this received amplitude would have."""
+    return float(db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2))
+
+
+def corner_level(mesh: trimesh.Trimesh, distance_m: float) -> float:
+    """Effective cross-section of a plate or corner on its axis, by quadrature of all its paths."""
+    return effective(corner_quadrature(corner_faces(mesh), np.array([distance_m, 0.0, 0.0]), WAVELENGTH_M), distance_m)
+
+
+MESHES = {
+    "plate": ("plate 5, 10, 15 cm", {s: objects.plate(s, s) for s in (0.1, 0.05, 0.15)}),
+    "trihedral": ("trihedral 5, 10, 15 cm", {s: objects.trihedral(s) for s in (0.1, 0.05, 0.15)}),
+    "dihedral": ("square dihedral 5, 10, 15 cm", {s: objects.dihedral(s, s) for s in (0.1, 0.05, 0.15)}),
+}
+
+
+def curve(name: str, size_m: float, distances_m: np.ndarray, density: float = 4.0) -> tuple[np.ndarray, np.ndarray]:
+    """(quadrature, ours) in dBsm against distance."""
+    mesh = MESHES[name][1][size_m]
+    ours = [level(mesh, AHEAD, density, distance=float(d)) for d in distances_m]
+    return np.array([corner_level(mesh, float(d)) for d in distances_m]), np.array(ours)
+
+
+def _near(name: str, full: bool) -> Finding:
+    pairs = []
+    for size in list(MESHES[name][1])[: 3 if full else 1]:
+        reference, ours = curve(name, size, np.array(DISTANCES_M))
+        pairs += list(zip(reference.tolist(), ours.tolist(), strict=True))
+    return worst(pairs)
+
+
+def _table(full: bool) -> Finding:
+    """Plate, trihedrals, can and sphere at 0.5 to 2 m over their far field."""
+    rows = {float(row["R_m"]): row for row in reference_rows("near_over_far_field_dB.csv")}
+    meshes = {
+        "plate10cm": (objects.plate(0.1, 0.1), 19.1855), "tri5": (objects.trihedral(0.05), 2.3731),
+        "tri10": (objects.trihedral(0.1), 14.4143), "tri15": (objects.trihedral(0.15), 21.4579),
+        "cyl3.3x12": (objects.cylinder(0.033, 0.12), -1.1527),
+    }  # fmt: skip
+    return worst([
+        (far + float(rows[distance][name]), level(mesh, AHEAD, 4.0, distance=distance))
+        for name, (mesh, far) in meshes.items() for distance in DISTANCES_M
+    ])  # fmt: skip
+
+
+def _range_law(full: bool) -> Finding:
+    """Received power times R^4 of a 3 cm plate and dihedral, 10 to 80 m over 5 m."""
+    pairs = []
+    for mesh in (objects.plate(0.03, 0.03), objects.dihedral(0.03, 0.03)):
+        first = level(mesh, AHEAD, 4.0, distance=5.0)
+        pairs += [(first, level(mesh, AHEAD, 4.0, distance=d)) for d in ((10.0, 20.0, 40.0, 80.0) if full else (10.0, 40.0))]
+    return worst(pairs)
+
+
+def _friis(method: str, full: bool) -> Finding:
+    """A wall of 12 m at 1 to 4 m returns lambda/(4 pi 2 d), Friis over the image's distance."""
+    pairs = []
+    for distance in (1.0, 2.0, 4.0) if full else (2.0,):
+        scene = rt.Scene([rt.Surface(objects.plate(12.0, 12.0), "metal", "wall")])
+        sensor = np.array([distance, 0.13, -0.21])
+        frequency = traced.MONOSTATIC.center_frequency_hz
+        ours = traced.field(traced.trace(scene, traced.MONOSTATIC, traced.pose(sensor), traced.settings(method)), frequency)
+        pairs.append((20 * np.log10(SPEED_OF_LIGHT / frequency / (8 * np.pi * distance)), 20 * np.log10(abs(ours))))
+    return worst(pairs)
+
+
+def panel_positions(full: bool) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m, from the middle to a width beyond the edge."""
+    chosen = []
+    for width in (0.1, 0.3, 1.0):
+        half = width / 2
+        corners = np.array([[0, -half, -half], [0, half, -half], [0, half, half], [0, -half, half]])
+        for distance in (0.5, 1.0, 2.0, 4.0) if full else (0.5, 2.0) if width < 0.5 else (2.0,):
+            for beyond in (0.0, 0.25, 0.5, 0.75, 1.0, 1.5) if full else (0.0, 0.5, 1.5):
+                for up in (0.03, 0.4) if full else (0.03,):
+                    chosen.append((corners, np.array([distance, beyond * width, up * width])))
+    return chosen
+
+
+@cache
+def exact_panels(full: bool) -> list[complex]:
+    """Quadrature of every position."""
+    wavelength = SPEED_OF_LIGHT / traced.MONOSTATIC.center_frequency_hz
+    return [panel_quadrature(corners, sensor, wavelength) for corners, sensor in panel_positions(full)]
+
+
+def panel_errors(method: str, full: bool) -> np.ndarray:
+    """Complex errors over the image's amplitude, one per position."""
+    frequency = traced.MONOSTATIC.center_frequency_hz
+    wavelength = SPEED_OF_LIGHT / frequency
+    errors = []
+    for (corners, sensor), exact in zip(panel_positions(full), exact_panels(full), strict=True):
+        scene = rt.Scene([rt.Surface(traced.polygon(corners), "metal", "panel", role="object" if method == "tubes" else "room")])
+        chosen = traced.settings(method, rays_per_wavelength2=4.0)
+        ours = traced.field(traced.trace(scene, traced.MONOSTATIC, traced.pose(sensor), chosen), frequency)
+        image = wavelength / (8 * np.pi * sensor[0])
+        errors.append(abs(ours - exact) / image)
+    return np.array(errors)
+
+
+def _panels(method: str, full: bool) -> Finding:
+    errors = panel_errors(method, full)
+    return Finding(0.0, float(errors.max()), float(errors.max()), len(errors))
+
+
+def _two_panels(method: str, full: bool) -> Finding:
+    """Two 0.5 m panels at a right angle, 1 mm apart at the fold: first then second alone, over the double image."""
+    frequency = traced.MONOSTATIC.center_frequency_hz
+    wavelength = SPEED_OF_LIGHT / frequency
+    first = np.array([[0.001, 0, -0.25], [0.5, 0, -0.25], [0.5, 0, 0.25], [0.001, 0, 0.25]])
+    second = first[:, [1, 0, 2]]
+    role = "object" if method == "tubes" else "room"
+    scene = rt.Scene([rt.Surface(traced.polygon(one), "metal", name, role=role) for one, name in ((first, "a"), (second, "b"))])
+    errors = []
+    for sensor in ([1.0, 0.8, 0.02], [0.4, 1.5, 0.1], [1.2, 1.2, -0.2]) if full else ([1.0, 0.8, 0.02],):
+        place = np.array(sensor)
+        parts = traced.trace(scene, traced.MONOSTATIC, traced.pose(place), traced.settings(method, max_bounces=2, rays_per_wavelength2=4.0))
+        ours = traced.field([part.where(part.bounces == 2) for part in parts], frequency)
+        exact = sum(two_panel_quadrature(a, b, place, wavelength) for a, b in ((first, second), (second, first)))
+        errors.append(abs(ours - exact) / (wavelength / (8 * np.pi * np.hypot(*place[:2]))))
+    return Finding(0.0, max(errors), max(errors), len(errors))
+
+
+QUADRATURE = "near-field physical-optics quadrature, geometric-optics illumination"
+CASES = [
+    *(
+        Case(f"near-{name}", "near field", f"{words} at 0.5, 1 and 2 m, 4 rays", QUADRATURE, RCS, 0.2, "dB", partial(_near, name))
+        for name, (words, _) in MESHES.items()
+    ),
+    Case("near-table", "near field", "plate, trihedrals and can at 0.5, 1 and 2 m", "reference/near_over_far_field_dB.csv", RCS, 0.3,
+         "dB", _table),
+    Case("range-law", "near field", "plate and dihedral 3 cm from 5 to 80 m", "R^-4", RCS, 0.05, "dB", _range_law),
+    *(
+        case
+        for method, words in traced.METHODS.items()
+        for case in (
+            Case(f"friis-{method}", "near field", f"12 m metal wall, {words}", "Friis over the image's distance",
+                 "received over transmitted power (dB)", 0.25, "dB", partial(_friis, method)),
+            Case(f"panel-{method}", "near field", f"0.1 to 1 m panels at 0.5 to 4 m to a width beyond the edge, {words}, worst", QUADRATURE,
+                 "complex error over the image", 0.01, "", partial(_panels, method), "full" if method == "tubes" else "quick"),
+            Case(f"two-panels-{method}", "near field", f"two 0.5 m panels at a right angle, double bounce, {words}", QUADRATURE,
+                 "complex error over the image", 0.03, "", partial(_two_panels, method)),
+        )
+    ),
+]  # fmt: skip

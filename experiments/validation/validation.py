@@ -1,0 +1,155 @@
+"""Validation card: every physics oracle with its case, reference figure, our figure, error, limit and verdict.
+
+The cases live in experiments/oracles and are the physics tests' own (tests/physics/test_validation.py). profile=quick computes a short
+choice of sizes, seeds and angles of the cases that cost seconds; profile=paper all of all.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.validation.oracles import near, rooms, targets
+from experiments.validation.oracles.case import Case, Untestable, reference_rows
+from experiments.validation.oracles.cases import CASES
+from radartwin.config.groups import Config
+from radartwin.io.progress import Progress
+from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
+from radartwin.runs import workers
+from radartwin.runs.experiment import Result
+from radartwin.store.products import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DOMAIN = "oracle"
+DENSITIES = (1, 2, 4, 8, 16, 32, 64)
+LAYOUT = ("{:<11.11}", "{:<82.82}", "{:<58.58}", "{:>9.9}", "{:>9.9}", "{:>8.8}", "{:>5.5}", "{:<3.3}", "{:<10}")
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Compute every case of the profile; rows in the order of the card."""
+    full = config.profile.name != "quick"
+    chosen = [(number, full) for number, case in enumerate(CASES) if full or case.cost == "quick"]
+    with progress.task("validation cases", len(chosen)) as done:
+        rows = workers.each(_row, chosen, config.jobs, done)
+    count = {verdict: sum(r["verdict"] == verdict for r in rows) for verdict in ("holds", "fails", "untestable")}
+    metrics = {f"cases_{verdict}": float(number) for verdict, number in count.items()}
+    metrics |= {f"share_of_limit_{r['case']}": r["error"] / r["limit"] for r in rows if r["verdict"] == "fails"}
+    figures: dict[str, Callable[[], Figure]] = {
+        "validation_rcs_pattern": lambda: _pattern_figure(full),
+        "validation_ray_count": lambda: _ray_count_figure(full),
+        "validation_near_field": lambda: _near_figure(full),
+        "validation_room_profile": lambda: _room_figure(full),
+    }
+    return Result("validation", rows, figures, metrics)
+
+
+def _row(number: int, full: bool) -> dict[str, Any]:
+    return row(CASES[number], full)
+
+
+def row(case: Case, full: bool) -> dict[str, Any]:
+    """A line of the card; what cannot be tested says why in place of its oracle."""
+    shared = {"subject": case.subject, "case": case.name, "claim": case.claim}
+    score = {"limit": case.limit, "unit": case.unit or "-", "run_keys": "", "metric": case.metric, "paper": None, "low": None, "high": None}
+    started = time.perf_counter()
+    try:
+        found = case.compare(full)
+    except Untestable as reason:
+        return {
+            **shared, "oracle": f"untestable: {reason}", "reference": None, "ours": None, "error": None, **score,
+            "value": None, "n": 0, "domain": DOMAIN, "verdict": "untestable", "seconds": None,
+        }  # fmt: skip
+    error = found.error if math.isfinite(found.error) else 1e9
+    return {
+        **shared, "oracle": case.oracle, "reference": found.reference, "ours": found.ours, "error": error, **score,
+        "value": error, "n": found.n, "domain": DOMAIN, "verdict": case.verdict(found),
+        "seconds": round(time.perf_counter() - started, 2),
+    }  # fmt: skip
+
+
+def page(rows: list[dict[str, Any]]) -> str:
+    """The card as text, a line per case, failures marked."""
+    line = "  ".join(LAYOUT)
+    out = [line.format("subject", "case", "oracle", "reference", "ours", "error", "limit", "", "verdict")]
+    for r in rows:
+        numbers = ["-" if r[c] is None else f"{r[c]:.3g}" for c in ("reference", "ours", "error", "limit")]
+        verdict = r["verdict"].upper() if r["verdict"] == "fails" else r["verdict"]
+        out.append(line.format(r["subject"], r["claim"], r["oracle"], *numbers, r["unit"], verdict).rstrip())
+    return "\n".join(out)
+
+
+def _pattern_figure(full: bool) -> Figure:
+    """Trihedral against azimuth, and plate against angle, with their oracles."""
+    azimuth = np.linspace(-30, 30, 121 if full else 31)
+    reference, ours = targets.pattern(azimuth)
+    drawing, (left, right) = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
+    left.plot(azimuth, reference, color="0.6", lw=2.5, label="quadrature of all bounces")
+    left.plot(azimuth, ours, color=PALETTE[0], label="tubes, 4 rays")
+    try:
+        table = [(float(r["az_deg"]), float(r["SBR_h0.1_dBsm"])) for r in reference_rows("trihedral_10cm_pattern.csv")]
+        shown = np.array([pair for pair in table if abs(pair[0]) <= 30])
+        left.plot(*shown[::4].T, ".", color=PALETTE[1], ms=3, label="reference table (prototype)")
+    except Untestable:
+        pass
+    left.set(title="trihedral, leg 10 cm", xlabel="azimuth (deg)", ylabel="cross-section (dBsm)")
+    left.legend(loc="lower center")
+    angle = np.radians(np.linspace(0, 12, 121 if full else 41))
+    mesh = targets.objects.plate(0.1, 0.1)
+    right.plot(np.degrees(angle), [targets.db(max(targets.plate_rcs(0.1, a), 1e-6)) for a in angle], color="0.6", lw=2.5, label="sinc$^2$")
+    measured = [targets.level(mesh, (np.cos(a), np.sin(a), 0.0), 1.0) for a in angle]
+    right.plot(np.degrees(angle), measured, color=PALETTE[0], label="tubes, 1 ray")
+    right.set(title="plate 10 cm", xlabel="angle (deg)", ylim=(-35, 22))
+    right.legend(loc="upper right")
+    return drawing
+
+
+def _ray_count_figure(full: bool) -> Figure:
+    """Worst error over sizes and grid offsets against rays per square wavelength."""
+    drawing, axes = figure(1, 1, width_in=COLUMN_WIDTH_IN, height_in=2.6)
+    densities = DENSITIES if full else DENSITIES[:5:2]
+    for number, target in enumerate(targets.TARGETS):
+        errors = [targets.at_density(target, float(density), full).error for density in densities]
+        axes.plot(densities, np.maximum(errors, 1e-3), "o-", ms=3, color=PALETTE[number], label=target.name)
+    axes.plot([1, 4, 64], [0.5, 0.25, 0.25], color="0.3", lw=0.8, ls="--", drawstyle="steps-post", label="limit")
+    axes.set(xscale="log", yscale="log", xlabel="rays per square wavelength", ylabel="largest error (dB)", ylim=(3e-3, 8))
+    axes.legend(ncols=2, loc="upper right")
+    return drawing
+
+
+def _near_figure(full: bool) -> Figure:
+    """Effective cross-section against distance."""
+    distances = np.geomspace(0.3, 10, 41 if full else 13)
+    drawing, axes = figure(1, 1, width_in=COLUMN_WIDTH_IN, height_in=2.6)
+    for number, (name, (_, meshes)) in enumerate(near.MESHES.items()):
+        reference, ours = near.curve(name, next(iter(meshes)), distances)
+        axes.plot(distances, reference, color=PALETTE[number], lw=2.5, alpha=0.35)
+        axes.plot(distances, ours, "o", ms=2.5, color=PALETTE[number], label=f"{name} 10 cm")
+    axes.set(xscale="log", xlabel="distance (m)", ylabel="effective cross-section (dBsm)", title="lines: quadrature, dots: tubes, 4 rays")
+    axes.legend(loc="lower right")
+    return drawing
+
+
+def _room_figure(full: bool) -> Figure:
+    """Range profile of the squash court by image sources and by tubes."""
+    drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN, height_in=2.4)
+    methods = [("tubes", 1_200_000, "tubes, 1.2M rays"), ("tubes", 2_900_000, "tubes, 2.9M rays"), ("panels", 1_200_000, "panel images")]
+    exact = np.zeros(1)
+    for number, (method, rays, label) in enumerate(methods if full else methods[::2]):
+        try:
+            axis, exact, ours = rooms.compared("court", "constant", method, rays).profiles()
+        except Untestable:
+            continue
+        shown = axis < 22
+        if not number:
+            axes.plot(axis[shown], exact[shown], color="0.6", lw=2.5, label="128 image sources")
+        axes.plot(axis[shown], ours[shown], color=PALETTE[number], lw=0.9, label=label)
+    axes.set(xlabel="range (m)", ylabel="received / transmitted (dB)", title="squash court, |reflection| 0.4, 4 bounces")
+    axes.set_ylim(top=axes.get_ylim()[1], bottom=float(exact.max()) - 70)
+    axes.legend(loc="upper right")
+    return drawing

@@ -1,0 +1,1 @@
+"""Typed configuration: one dataclass per group, composed by Hydra from conf/."""

@@ -1,0 +1,1 @@
+"""Files, locks, untrusted input, progress and the chat client: what every package may use."""

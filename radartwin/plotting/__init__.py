@@ -1,0 +1,1 @@
+"""How figures look, and how a figure becomes an interactive page."""

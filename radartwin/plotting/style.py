@@ -1,0 +1,81 @@
+"""One style for every figure: the Okabe-Ito palette, readable without colour vision, and print sizes in inches.
+
+Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. Figures are drawn without a
+display and without pyplot's global state: make one with `figure`, return it, and `save` writes PNG, PDF and a page to zoom and read values.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+COLUMN_WIDTH_IN, PAGE_WIDTH_IN = 3.33, 7.0  # acmart sigconf, one and two columns
+SEQUENTIAL = "viridis"
+SUFFIXES = (".png", ".pdf", ".html")
+
+
+def style() -> dict[Any, Any]:
+    """Matplotlib settings, for `matplotlib.rc_context`."""
+    from cycler import cycler
+
+    return {
+        "axes.prop_cycle": cycler(color=PALETTE),
+        "axes.spines.right": False,
+        "axes.spines.top": False,
+        "axes.titlesize": 9,
+        "axes.labelsize": 8,
+        "figure.constrained_layout.use": True,
+        "figure.dpi": 100,
+        "font.size": 8,
+        "image.cmap": SEQUENTIAL,
+        "legend.fontsize": 7,
+        "legend.frameon": False,
+        "lines.linewidth": 1.2,
+        "pdf.fonttype": 42,
+        "savefig.dpi": 200,
+        "svg.fonttype": "none",
+        "svg.hashsalt": "radartwin",
+        "xtick.labelsize": 7,
+        "ytick.labelsize": 7,
+    }
+
+
+def figure(
+    rows: int = 1, columns: int = 1, *, width_in: float = PAGE_WIDTH_IN, height_in: float = 2.6, **subplots: Any
+) -> tuple[Figure, Any]:
+    """A figure in the project's style and its axes, as `plt.subplots` returns them, without registering it anywhere."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(style()):
+        drawing = Figure(figsize=(width_in, height_in))
+        return drawing, drawing.subplots(rows, columns, **subplots)
+
+
+def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path]:
+    """Write `stem`.png, .pdf and .html, each whole or not at all, from a figure, a function that draws one, or files of another stem."""
+    import matplotlib
+
+    from radartwin.io import files
+    from radartwin.plotting import pages
+
+    paths = [stem.with_name(stem.name + suffix) for suffix in SUFFIXES]
+    if isinstance(drawing, Path):
+        for path in paths:
+            files.write_atomically(path, drawing.with_name(drawing.name + path.suffix).read_bytes())
+        return paths
+    with matplotlib.rc_context(style()):
+        drawn = drawing() if callable(drawing) else drawing
+        for path in paths[:-1]:
+            # A PDF without its creation date is the same bytes for the same figure.
+            stream = io.BytesIO()
+            drawn.savefig(stream, format=path.suffix[1:], metadata={"CreationDate": None} if path.suffix == ".pdf" else None)
+            files.write_atomically(path, stream.getvalue())
+        files.write_atomically(paths[-1], pages.page(drawn, stem.name.replace("_", " ")))
+    return paths

@@ -1,0 +1,1 @@
+"""RGB-D frames with poses: reading, checking and writing them."""

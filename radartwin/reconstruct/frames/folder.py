@@ -1,0 +1,122 @@
+"""Our own folder of frames, written by `Frames.save` and read by `Frames.load`.
+
+    frames.json               {"format": "radartwin-frames", "version": 1, "up": "z", "camera": "x right, y down, z forward",
+                               "depth_unit_m": 0.001, "scan_of": what was scanned or "",
+                               "frames": [{"name", "pose" (4x4 rows, camera-to-world, metres),
+                               "intrinsics" (3x3 rows), "colour_intrinsics" (3x3 rows or null), "depth", "colour", "confidence"
+                               (file names relative to the folder, or null)}, ...]}
+    depth/NAME.png            uint16, millimetres, 0 where there is none
+    colour/NAME.jpg           8 bits, JPEG of quality 95
+    confidence/NAME.png       uint8, 0 low, 1 medium, 2 high
+
+frames.json is written last: without it the folder is not complete.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radartwin.errors import ScanError
+from radartwin.io import untrusted_json
+from radartwin.io.files import inside, make_folder, write_atomically
+from radartwin.reconstruct.frames.frames import Frame, Frames, scan_digest
+from radartwin.reconstruct.frames.pictures import check_depth, read_colour, read_depth, read_picture
+
+FORMAT, VERSION = "radartwin-frames", 1
+INDEX = "frames.json"
+UNIT_M = 0.001
+JPEG_QUALITY = 95
+
+
+def save_frames(frames: Frames, folder: Path) -> Path:
+    """See `Frames.save`."""
+    make_folder(folder)
+    (folder / INDEX).unlink(missing_ok=True)
+    entries = [_save_frame(frame, folder) for frame in frames]
+    index = {
+        "format": FORMAT,
+        "version": VERSION,
+        "up": "z",
+        "camera": "x right, y down, z forward",
+        "depth_unit_m": UNIT_M,
+        "scan_of": frames.scan_of,
+        "frames": entries,
+    }
+    write_atomically(folder / INDEX, json.dumps(index, indent=1) + "\n")
+    return folder
+
+
+def _save_frame(frame: Frame, folder: Path) -> dict[str, Any]:
+    if not re.fullmatch(r"[\w.-]+", frame.name):
+        raise ScanError(f"frame '{frame.name}': a name is letters, digits, - _ and ., since it becomes a file name")
+    counts = np.minimum(np.rint(frame.depth_m / UNIT_M), 65535).astype(np.uint16)
+    entry: dict[str, Any] = {
+        "name": frame.name,
+        "pose": frame.pose.tolist(),
+        "intrinsics": frame.intrinsics.tolist(),
+        "colour_intrinsics": None,
+        "depth": _write(counts, folder, f"depth/{frame.name}.png"),
+        "colour": None,
+        "confidence": None,
+    }
+    if frame.colour is not None and frame.colour_intrinsics is not None:
+        entry["colour"] = _write(frame.colour, folder, f"colour/{frame.name}.jpg")
+        entry["colour_intrinsics"] = frame.colour_intrinsics.tolist()
+    if frame.confidence is not None:
+        entry["confidence"] = _write(frame.confidence, folder, f"confidence/{frame.name}.png")
+    return entry
+
+
+def _write(pixels: np.ndarray, folder: Path, name: str) -> str:
+    from PIL import Image
+
+    stream = io.BytesIO()
+    if name.endswith(".jpg"):
+        Image.fromarray(pixels).save(stream, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+    else:
+        Image.fromarray(pixels).save(stream, "PNG", compress_level=1)
+    write_atomically(folder / name, stream.getvalue())
+    return name
+
+
+def load_own(folder: Path, colour_only: bool) -> Frames:
+    """A folder that `save_frames` wrote.
+
+    Raises:
+        ScanError: frames.json is damaged, or of another format.
+    """
+    try:
+        index = untrusted_json.read(folder / INDEX)
+        if (index["format"], index["version"]) != (FORMAT, VERSION):
+            raise ScanError(f"{folder / INDEX}: format {index['format']} {index['version']}; this version reads {FORMAT} {VERSION}")
+        unit, entries = float(index["depth_unit_m"]), list(index["frames"])
+        scan_of = str(index.get("scan_of", "")) or scan_digest([folder / INDEX])
+        names = [str(e["name"]) for e in entries]
+        poses = np.array([e["pose"] for e in entries], dtype=np.float64).reshape(-1, 4, 4)
+        cameras = [np.array(e["intrinsics"], dtype=np.float64).reshape(3, 3) for e in entries]
+        depths = [inside(folder, str(e["depth"])) for e in entries]
+        colours = [inside(folder, str(e["colour"])) if e["colour"] else None for e in entries]
+        lenses = [np.array(e["colour_intrinsics"], dtype=np.float64).reshape(3, 3) if e["colour"] else None for e in entries]
+        sure = [inside(folder, str(e["confidence"])) if e["confidence"] else None for e in entries]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        if isinstance(error, ScanError):
+            raise
+        raise ScanError(f"{folder / INDEX}: damaged ({type(error).__name__}: {error}); save the frames again") from error
+    if entries and not colour_only:
+        check_depth(depths, unit, str(folder), f"mend depth_unit_m in {INDEX}:")
+
+    def read(i: int) -> Frame:
+        colour = read_colour(path) if (path := colours[i]) else None
+        camera = lenses[i]
+        if colour_only and colour is not None and camera is not None:
+            return Frame(names[i], poses[i], camera, np.zeros(colour.shape[:2], np.float32), colour, camera)
+        confidence = read_picture(path) if (path := sure[i]) else None
+        return Frame(names[i], poses[i], cameras[i], read_depth(depths[i], unit), colour, camera, confidence)
+
+    return Frames(names, poses, read, str(folder), scan_of)

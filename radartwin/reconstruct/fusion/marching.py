@@ -1,0 +1,125 @@
+"""The surface of a volume as triangles: marching cubes (Lewiner et al. 2003, by scikit-image) piece by piece, with colours."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from trimesh.visual import ColorVisuals
+
+from radartwin.compiled import compiled
+from radartwin.errors import ScanError
+from radartwin.reconstruct.fusion.volume import SIDE, Volume
+
+PIECE = 8  # blocks along a piece's edge: 65^3 samples at a time
+GREY = 128  # of a vertex that no colour picture saw
+
+
+def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndarray]:
+    """Triangles where the signed distance changes sign, facing free space.
+
+    Args:
+        min_weight: of all eight corners of a cube; beyond it, how much a surface must have been seen.
+    Returns:
+        The mesh with vertex colours (RGBA), and which vertices (V,) some colour picture saw.
+    Raises:
+        ScanError: no surface was seen.
+    """
+    from skimage.measure import marching_cubes
+
+    side = PIECE * SIDE + 1
+    values, weights = np.empty((side, side, side), np.float32), np.empty((side, side, side), np.float32)
+    vertices, faces, count = [], [], 0
+    for piece in np.unique(volume.blocks // PIECE, axis=0):
+        _gather(volume.slot, volume.sdf, volume.weight, piece * PIECE, values, weights)
+        seen = _whole_cubes(weights >= min_weight)
+        near = values[weights > 0]
+        if not seen.any() or near.min() > 0 or near.max() < 0:
+            continue
+        try:
+            corners, triangles, _, _ = marching_cubes(values, 0.0, mask=seen, gradient_direction="descent", allow_degenerate=False)
+        except RuntimeError:  # what scikit-image says where the mask leaves no crossing
+            continue
+        vertices.append(corners + piece * PIECE * SIDE)
+        faces.append(triangles + count)
+        count += len(corners)
+    if not count:
+        raise ScanError("the frames show no surface: nothing was seen often enough; are poses and depth of one scan?")
+    mesh = trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), process=False)
+    mesh.merge_vertices(digits_vertex=4)  # in voxels: seams between pieces
+    mesh.update_faces(mesh.nondegenerate_faces(height=1e-4))
+    mesh.remove_unreferenced_vertices()
+    cells = np.asarray(mesh.vertices)
+    colours, coloured = _colours(cells, volume.slot, volume.colour, volume.colour_weight)
+    return painted(trimesh.Trimesh(cells * volume.voxel_m + volume.origin, mesh.faces, process=False), colours), coloured
+
+
+def painted(mesh: trimesh.Trimesh, colours: np.ndarray) -> trimesh.Trimesh:
+    """The mesh with vertex colours (V, 3) uint8, opaque."""
+    opaque = np.column_stack([colours, np.full(len(colours), 255, np.uint8)])
+    mesh.visual = ColorVisuals(mesh, vertex_colors=opaque)
+    return mesh
+
+
+def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray:
+    """Colours (V, 3) uint8 of a painted mesh."""
+    return np.asarray(getattr(mesh.visual, "vertex_colors"))[:, :3]  # noqa: B009 - not of every kind of visual
+
+
+def _whole_cubes(seen: np.ndarray) -> np.ndarray:
+    """Where all eight corners are seen, in scikit-image's place: at a cube's highest corner."""
+    whole = np.zeros_like(seen)
+    low, high = slice(None, -1), slice(1, None)
+    inner = np.ones(tuple(n - 1 for n in seen.shape), dtype=bool)
+    for i in (low, high):
+        for j in (low, high):
+            for k in (low, high):
+                inner &= seen[i, j, k]
+    whole[1:, 1:, 1:] = inner
+    return whole
+
+
+@compiled
+def _gather(slot, sdf, weight, block, values, weights):
+    """Copy a piece out of its blocks, from `block` (3,) on; what was not seen has weight 0 and a distance of 1."""
+    values[:] = 1.0
+    weights[:] = 0.0
+    side = values.shape[0]
+    for i in range(side // SIDE + 1):
+        for j in range(side // SIDE + 1):
+            for k in range(side // SIDE + 1):
+                a, b, c = block[0] + i, block[1] + j, block[2] + k
+                if a >= slot.shape[0] or b >= slot.shape[1] or c >= slot.shape[2] or slot[a, b, c] < 0:
+                    continue
+                s = slot[a, b, c]
+                for x in range(min(SIDE, side - i * SIDE)):
+                    for y in range(min(SIDE, side - j * SIDE)):
+                        for z in range(min(SIDE, side - k * SIDE)):
+                            if weight[s, x, y, z] > 0:
+                                values[i * SIDE + x, j * SIDE + y, k * SIDE + z] = sdf[s, x, y, z]
+                                weights[i * SIDE + x, j * SIDE + y, k * SIDE + z] = weight[s, x, y, z]
+
+
+@compiled
+def _colours(cells, slot, colour, colour_weight):
+    """Colours (N, 3) at vertices (N, 3) in voxels, from the coloured of the eight voxels around; whether there were any."""
+    out = np.full((len(cells), 3), GREY, np.uint8)
+    known = np.zeros(len(cells), np.bool_)
+    for p in range(len(cells)):
+        i0, j0, k0 = int(np.floor(cells[p, 0])), int(np.floor(cells[p, 1])), int(np.floor(cells[p, 2]))
+        total, red, green, blue = 0.0, 0.0, 0.0, 0.0
+        for c in range(8):
+            i, j, k = i0 + (c >> 2), j0 + ((c >> 1) & 1), k0 + (c & 1)
+            if i // SIDE >= slot.shape[0] or j // SIDE >= slot.shape[1] or k // SIDE >= slot.shape[2]:
+                continue
+            s = slot[i // SIDE, j // SIDE, k // SIDE]
+            if s < 0 or colour_weight[s, i % SIDE, j % SIDE, k % SIDE] <= 0:
+                continue
+            w = (1.01 - abs(cells[p, 0] - i)) * (1.01 - abs(cells[p, 1] - j)) * (1.01 - abs(cells[p, 2] - k))
+            total += w
+            red += w * colour[s, i % SIDE, j % SIDE, k % SIDE, 0]
+            green += w * colour[s, i % SIDE, j % SIDE, k % SIDE, 1]
+            blue += w * colour[s, i % SIDE, j % SIDE, k % SIDE, 2]
+        if total > 0:
+            out[p, 0], out[p, 1], out[p, 2] = int(red / total + 0.5), int(green / total + 0.5), int(blue / total + 0.5)
+            known[p] = True
+    return out, known

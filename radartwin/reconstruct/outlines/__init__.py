@@ -1,0 +1,1 @@
+"""From segments to the surfaces of a scene."""

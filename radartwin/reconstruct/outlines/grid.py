@@ -1,0 +1,60 @@
+"""A plane as a picture: which cells of a square grid in it are covered, hidden or empty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.reconstruct.segmentation.coplanar import in_plane
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Cells of a plane.
+
+    Attributes:
+        normal: (3,) unit; offset_m: the plane is normal . x = offset_m.
+        axes: (2, 3) unit vectors in the plane, level and upwards where it is upright.
+        low: (2,) coordinates of the first cell's corner; shape: cells along both axes; cell_m: their edge.
+    """
+
+    normal: np.ndarray
+    offset_m: float
+    axes: np.ndarray
+    low: np.ndarray
+    shape: tuple[int, int]
+    cell_m: float
+
+    @classmethod
+    def around(
+        cls, points: np.ndarray, normal: np.ndarray, offset_m: float, cell_m: float, turn: float = 0.0, margin_m: float = 0.2
+    ) -> Grid:
+        """The grid that holds points (N, 3) and a margin, its axes turned by `turn` radians from `in_plane`."""
+        axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ in_plane(normal)
+        flat = points @ axes.T
+        low, high = flat.min(axis=0) - margin_m, flat.max(axis=0) + margin_m
+        x, y = np.ceil((high - low) / cell_m).astype(int) + 1
+        return cls(normal, offset_m, axes, low, (int(x), int(y)), cell_m)
+
+    def cells(self, points: np.ndarray) -> np.ndarray:
+        """Mask of the cells that points (N, 3), projected along the normal, fall in."""
+        return self.counts(points) > 0
+
+    def counts(self, points: np.ndarray) -> np.ndarray:
+        """How many of the points (N, 3), projected along the normal, fall in each cell."""
+        at = np.floor((points @ self.axes.T - self.low) / self.cell_m).astype(int)
+        at = at[((at >= 0) & (at < np.array(self.shape))).all(axis=1)]
+        return np.bincount(at[:, 0] * self.shape[1] + at[:, 1], minlength=self.shape[0] * self.shape[1]).reshape(self.shape)
+
+    def depth(self, points: np.ndarray) -> np.ndarray:
+        """Height (N,) of points over the plane, positive on the side it shows."""
+        return points @ self.normal - self.offset_m
+
+    def area(self, mask: np.ndarray) -> float:
+        """Square metres of a mask."""
+        return float(mask.sum()) * self.cell_m**2
+
+    def to_space(self, flat: np.ndarray) -> np.ndarray:
+        """Points (N, 3) of in-plane coordinates (N, 2)."""
+        return np.asarray(flat) @ self.axes + self.offset_m * self.normal

@@ -1,0 +1,53 @@
+"""How surfaces look: the scan's colours, laid on flat ones as a small picture and kept by vertex on the rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from scipy.spatial import KDTree
+
+from radartwin.reconstruct.outlines.grid import Grid
+from radartwin.reconstruct.segmentation.masks import nearest
+
+LARGEST_PX = 1024
+
+
+def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarray, seen: np.ndarray | None = None) -> trimesh.Trimesh:
+    """A flat mesh with a picture of what was seen on its plane; unseen cells take the nearest colour, and no alpha.
+
+    Args:
+        grid: of the plane. points: (N, 3) on it; rgb: (N, 3) their colours, 0..255.
+        seen: mask of the grid's cells that were scanned; None: all.
+    """
+    from PIL import Image
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    cell = max(grid.cell_m, grid.cell_m * max(grid.shape) / LARGEST_PX)
+    shape = tuple(int(np.ceil(s * grid.cell_m / cell)) for s in grid.shape)
+    at = np.floor((points @ grid.axes.T - grid.low) / cell).astype(int)
+    at = np.clip(at, 0, np.array(shape) - 1)
+    index = at[:, 0] * shape[1] + at[:, 1]
+    count = np.bincount(index, minlength=shape[0] * shape[1])
+    picture = np.stack([np.bincount(index, rgb[:, k], minlength=count.size) for k in range(3)], axis=-1) / np.maximum(count, 1)[:, None]
+    picture = np.rint(picture).astype(np.uint8).reshape(*shape, 3)[nearest((count > 0).reshape(shape))]
+    if seen is not None and not seen.all():
+        column, row = (
+            np.minimum(((np.arange(n) + 0.5) * cell / grid.cell_m).astype(int), m - 1) for n, m in zip(shape, seen.shape, strict=True)
+        )
+        picture = np.dstack([picture, np.where(seen[np.ix_(column, row)], 255, 0).astype(np.uint8)])
+    uv = (np.asarray(mesh.vertices) @ grid.axes.T - grid.low) / (cell * np.array(shape))
+    image = Image.fromarray(np.ascontiguousarray(picture.transpose(1, 0, 2)[::-1]))
+    material = PBRMaterial(baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0)
+    return trimesh.Trimesh(
+        mesh.vertices, mesh.faces, vertex_normals=mesh.vertex_normals, visual=TextureVisuals(uv=uv, material=material), process=False
+    )
+
+
+def coloured(mesh: trimesh.Trimesh, points: np.ndarray, rgb: np.ndarray) -> trimesh.Trimesh:
+    """A mesh whose vertices take the mean colour of the nearest points (N, 3) with colours (N, 3)."""
+    _, near = KDTree(points).query(np.asarray(mesh.vertices), k=min(16, len(points)))
+    near = np.asarray(near).reshape(len(mesh.vertices), -1)
+    mean = np.rint(rgb[near].mean(axis=1)).astype(np.uint8)
+    rgba = np.column_stack([mean, np.full(len(mean), 255, np.uint8)])
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.vertex_normals, vertex_colors=rgba, process=False)

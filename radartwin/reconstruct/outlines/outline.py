@@ -1,0 +1,210 @@
+"""Clean polygons: the border of a plane's cells, simplified, laid onto the lines where planes meet, squared where it nearly is.
+
+Edges near the line of intersection with a neighbouring plane are moved onto it, so that rooms close at their corners; other edges
+near the plane's main directions are turned onto them. A polygon that this would change by more than the scan's resolution stays as it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+
+from radartwin.reconstruct.outlines.grid import Grid
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+SNAP_CELLS = 4.0  # an edge this close to a line of intersection lies on it
+ALONG = np.cos(np.radians(15.0))  # and this parallel
+SQUARE = np.cos(np.radians(12.0))  # to a main direction, for edges of SQUARE_M and more
+SQUARE_M = 0.1
+SMALLEST_M2 = 0.004
+RAGGED = 0.1  # of the area that cells differ by from a rectangle that they stand for
+
+Line = tuple[np.ndarray, np.ndarray]  # a point (2,) and a unit direction (2,)
+_Edge = tuple[np.ndarray, np.ndarray, Line | None]  # its ends, and the line it is laid on
+
+
+def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), angle: float = 0.0, edge: float = -0.5) -> BaseGeometry:
+    """Polygon or polygons, with holes, in plane coordinates.
+
+    Args:
+        mask: cells that are covered.
+        lines: where neighbouring planes cut this one.
+        angle: main direction in the plane, radians from its first axis; the other is square to it.
+        edge: cells by which the border lies outside the cells. One that is covered in part counts in full, so what was seen ends half
+            a cell inside, and what was not half a cell outside.
+    """
+    from shapely import Polygon, unary_union
+
+    raw = _traced(grid, mask).buffer(edge * grid.cell_m, join_style="mitre").simplify(1.2 * grid.cell_m)
+    pieces = []
+    for piece in getattr(raw, "geoms", [raw]):
+        if piece.is_empty or piece.area < SMALLEST_M2:
+            continue
+        shell = _regular(np.array(piece.exterior.coords)[:-1], grid, lines, angle)
+        holes = [_regular(np.array(r.coords)[:-1], grid, lines, angle) for r in piece.interiors if Polygon(r).area >= SMALLEST_M2]
+        tidy = Polygon(shell, [h for h in holes if len(h) >= 3]) if len(shell) >= 3 else piece
+        tidy = tidy if tidy.is_valid else tidy.buffer(0)
+        moved = tidy.symmetric_difference(piece).area
+        pieces.append(tidy if moved < 0.1 * piece.area + SNAP_CELLS * grid.cell_m * piece.length / 2 else piece.simplify(grid.cell_m))
+    return unary_union(pieces) if pieces else Polygon()
+
+
+def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
+    """The rectangle along the grid's axes that cells nearly are, as doors and posters are, or None.
+
+    Each side lies in the middle of the cells' ends; what differs is a ragged edge of a cell on average, and less than RAGGED of the area.
+    """
+    from shapely import box
+
+    sides = []
+    for cells in (mask.T, mask):
+        cells = cells[cells.any(axis=1)]
+        if not len(cells):
+            return None
+        last = cells.shape[1] - cells[:, ::-1].argmax(axis=1)
+        sides.append((float(np.median(cells.argmax(axis=1))), float(np.median(last))))
+    (x0, x1), (y0, y1) = sides
+    frame = np.zeros_like(mask)
+    frame[round(x0) : round(x1), round(y0) : round(y1)] = True
+    if (mask ^ frame).sum() > min(2 * (x1 - x0 + y1 - y0), RAGGED * frame.sum()):
+        return None
+    low, high = grid.low + grid.cell_m * np.array([x0, y0]), grid.low + grid.cell_m * np.array([x1, y1])
+    return box(*low, *high)
+
+
+def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
+    """Few triangles of a polygon, on the plane, facing its normal; None for an empty one."""
+    vertices, faces = [], []
+    count = 0
+    for piece in getattr(shape, "geoms", [shape]):
+        if piece.geom_type != "Polygon" or piece.is_empty or piece.area < SMALLEST_M2:
+            continue
+        corners, triangles = trimesh.creation.triangulate_polygon(piece, engine="earcut")
+        vertices.append(grid.to_space(corners))
+        faces.append(np.asarray(triangles) + count)
+        count += len(corners)
+    if not faces:
+        return None
+    points, index = np.vstack(vertices), np.vstack(faces)
+    a, b, c = points[index].transpose(1, 0, 2)
+    turned = np.cross(b - a, c - a) @ grid.normal < 0
+    index[turned] = index[turned][:, ::-1]
+    return trimesh.Trimesh(points, index, vertex_normals=np.tile(grid.normal, (len(points), 1)), process=False)
+
+
+def meeting_line(grid: Grid, normal: np.ndarray, offset: float) -> Line | None:
+    """Where another plane cuts the grid's, in plane coordinates; None if they are nearly parallel."""
+    inside = grid.axes @ normal
+    length = float(np.linalg.norm(inside))
+    if length < 0.5:
+        return None
+    # On the plane x = u axes + offset_m normal: inside . u = offset - offset_m normal . other
+    point = inside * (offset - grid.offset_m * float(grid.normal @ normal)) / length**2
+    return point, np.array([-inside[1], inside[0]]) / length
+
+
+def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
+    """Border of the cells, to a fraction of a cell, as valid polygons."""
+    from shapely import Polygon, make_valid
+    from skimage.measure import find_contours
+
+    shape = Polygon()
+    rings = [Polygon(ring) for ring in find_contours(np.pad(mask, 1).astype(float), 0.5) if len(ring) >= 4]
+    for ring in sorted(rings, key=lambda r: -r.area):  # each ring inside another turns inside out
+        shape = shape.symmetric_difference(ring if ring.is_valid else make_valid(ring))
+    from shapely.affinity import affine_transform
+
+    c = grid.cell_m
+    shape = affine_transform(shape, [c, 0, 0, c, grid.low[0] - c / 2, grid.low[1] - c / 2])
+    return shape
+
+
+def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line], angle: float) -> np.ndarray:
+    """A ring (n, 2) with its edges on lines of intersection and main directions."""
+    fixed = [_fixed(a, b, grid, lines, angle) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
+    edges: list[_Edge] = []
+    for a, b, line in zip(ring, np.roll(ring, -1, axis=0), fixed, strict=True):
+        if edges and line is not None and edges[-1][2] is not None and _same(edges[-1][2], line, grid.cell_m):
+            first = edges[-1]
+            longer = first[2] if np.linalg.norm(first[1] - first[0]) >= np.linalg.norm(b - a) else line
+            edges[-1] = (first[0], b, longer)
+        else:
+            edges.append((a, b, line))
+    if len(edges) > 1 and edges[0][2] is not None and edges[-1][2] is not None and _same(edges[0][2], edges[-1][2], grid.cell_m):
+        edges[0] = (edges[-1][0], edges[0][1], edges[0][2])
+        edges.pop()
+    edges = _pointed(edges, 6 * grid.cell_m)
+    corners: list[np.ndarray] = []
+    for (_, at, before), (_, _, after) in zip(edges, edges[1:] + edges[:1], strict=True):
+        corners += _corner(at, before, after, 6 * grid.cell_m)
+    return np.array(corners).reshape(-1, 2)
+
+
+def _pointed(edges: list[_Edge], reach: float) -> list[_Edge]:
+    """Without the short edges that cells leave across a corner of two straight ones."""
+    out = []
+    for k, (a, b, line) in enumerate(edges):
+        before, after = edges[k - 1][2], edges[(k + 1) % len(edges)][2]
+        if line is None and before is not None and after is not None and abs(_cross(before, after)) > 0.3:
+            meet = _meeting(before, after)
+            if max(np.linalg.norm(meet - a), np.linalg.norm(meet - b)) < reach:
+                continue
+        out.append((a, b, line))
+    return out
+
+
+def _cross(first: Line, second: Line) -> float:
+    return float(first[1][0] * second[1][1] - first[1][1] * second[1][0])
+
+
+def _meeting(first: Line, second: Line) -> np.ndarray:
+    """Where two lines that are not parallel cross."""
+    step = second[0] - first[0]
+    return first[0] + (step[0] * second[1][1] - step[1] * second[1][0]) / _cross(first, second) * first[1]
+
+
+def _fixed(a: np.ndarray, b: np.ndarray, grid: Grid, lines: Sequence[Line], angle: float) -> Line | None:
+    step = b - a
+    length = float(np.linalg.norm(step))
+    if length < 1e-9:
+        return None
+    best, nearest = None, SNAP_CELLS * grid.cell_m
+    for point, along in lines:
+        across = np.array([-along[1], along[0]])
+        off = max(abs((a - point) @ across), abs((b - point) @ across))
+        if off < nearest and (abs(step @ along) > ALONG * length or length < 3 * grid.cell_m):
+            best, nearest = (point, along), off
+    if best is not None or length < max(SQUARE_M, 3 * grid.cell_m):
+        return best
+    for turn in (angle, angle + np.pi / 2):
+        along = np.array([np.cos(turn), np.sin(turn)])
+        if abs(step @ along) > SQUARE * length:
+            return (a + b) / 2, along
+    return None
+
+
+def _same(first: Line, second: Line, tolerance: float) -> bool:
+    across = np.array([-first[1][1], first[1][0]])
+    return bool(abs(second[1] @ across) < 1e-6 and abs((second[0] - first[0]) @ across) < 1.5 * tolerance)
+
+
+def _corner(at: np.ndarray, before: Line | None, after: Line | None, reach: float) -> list[np.ndarray]:
+    """Corner or corners that replace `at`, between two edges on lines of their own."""
+
+    def onto(line: Line) -> np.ndarray:
+        return line[0] + ((at - line[0]) @ line[1]) * line[1]
+
+    if before is None and after is None:
+        return [at]
+    if before is None or after is None:
+        return [onto(before if after is None else after)]  # type: ignore[arg-type]
+    if abs(_cross(before, after)) > 0.3:
+        meet = _meeting(before, after)
+        if np.linalg.norm(meet - at) < reach:
+            return [meet]
+    return [onto(before), onto(after)]

@@ -1,0 +1,1 @@
+"""From a mesh to segments: coherent surfaces of a scan."""

@@ -1,0 +1,227 @@
+"""Surfaces that differ by colour alone: a door in its wall, a poster, a metal strip along a painted wall.
+
+A plane's colours are laid out as a picture and divided in two as often as the division is a real edge: a step between
+neighbouring cells, not a gradient of light, over a piece wide and large enough to be a thing. Colours are CIE L*a*b* with
+lightness scaled down, since shading changes lightness first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from radartwin.reconstruct.segmentation import masks
+from radartwin.reconstruct.segmentation.coplanar import in_plane
+
+LIGHTNESS = 0.6  # weight of L* against a* and b*
+DEEP_M, BESIDE_M = 0.3, 0.25  # a piece is told from its surroundings by the colours so far from its edge, inside and outside
+EDGE = 0.4  # of the least step that two cells may differ by, two cells apart, inside one area
+MOSTLY = 0.6  # of a piece's cells that differ from those outside, and of its border that is an edge
+ACROSS = 2.5  # cells from a border within which colours are blurred
+WITHIN = 0.5  # of the step that parts a thing from what it is on that parts its own pieces: what stands out shows light in proportion
+ROUNDS = 12  # divisions tried per plane
+
+
+@dataclass(frozen=True)
+class ColourSplit:
+    """When a piece of a plane is a surface of its own.
+
+    Attributes:
+        cell_m: of the picture; about the scan's resolution.
+        step: least colour difference across its edge (weighted L*a*b*; 2 is just visible beside each other).
+        contrast: and at least this many times what the surroundings differ by beside the edge.
+        width_m: narrower pieces (painted lines, frames) stay with what they are on.
+        area_m2: so do smaller ones.
+    """
+
+    cell_m: float = 0.02
+    step: float = 7.0
+    contrast: float = 2.0
+    width_m: float = 0.12
+    area_m2: float = 0.12
+
+    def pieces(self, centre: np.ndarray, area: np.ndarray, lab: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """Piece number of each face (K,), 0 for the main one.
+
+        Args:
+            centre: (K, 3) of the plane's faces; area: (K,); lab: (K, 3) from `face_colours`; normal: (3,).
+        """
+        from scipy.ndimage import median_filter
+
+        points = centre @ in_plane(normal).T
+        # A picture finer than its faces is full of holes.
+        cell = max(self.cell_m, 1.5 * float(np.sqrt(np.median(area))))
+        at = ((points - points.min(axis=0)) / cell).astype(int)
+        shape = tuple(at.max(axis=0) + 1)
+        index = at[:, 0] * shape[1] + at[:, 1]
+        weight = np.bincount(index, area, minlength=shape[0] * shape[1]).reshape(shape)
+        seen = weight > 0
+        picture = np.stack([np.bincount(index, area * lab[:, k], minlength=weight.size).reshape(shape) for k in range(3)], axis=-1)
+        picture /= np.maximum(weight, 1e-12)[..., None]
+        picture = picture[masks.nearest(seen)]
+        smooth = np.stack([median_filter(picture[..., k], size=5, mode="nearest") for k in range(3)], axis=-1)
+        known = masks.distance(seen) < 1.5
+        label = np.where(known, 0, -1)
+        self._divide(label, smooth, cell)
+        return np.maximum(label.reshape(-1)[index], 0)
+
+    def _divide(self, label: np.ndarray, picture: np.ndarray, cell: float) -> None:
+        """Number the pieces of a picture (W, H, 3) in place; -1 stays outside."""
+        count, todo = 1, [0]
+        least = {0: self.step}  # by which pieces of each piece differ from it
+        for _ in range(ROUNDS):
+            if not todo:
+                return
+            current = todo.pop()
+            region = label == current
+            # What has been taken out must not show at the borders of the rest, where colours are blurred.
+            inner = region & (masks.distance(~region) > 1.5)
+            found = self._pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell, least[current])
+            for piece, step in found:
+                label[piece] = count
+                todo.append(count)
+                least[count] = max(self.step, WITHIN * step)
+                count += 1
+            if found:
+                todo.append(current)
+
+    def _pieces_of(self, region: np.ndarray, picture: np.ndarray, cell: float, least: float) -> list[tuple[np.ndarray, float]]:
+        """Pieces that differ from the rest of a region by a step of `least`, and their steps; of those that overlap the best edged one."""
+        if region.sum() * cell**2 < 2 * self.area_m2:
+            return []
+        ranked = []
+        for candidates in (self._between_edges, self._of_two_colours):
+            for candidate in candidates(region, picture, cell):
+                for piece in masks.pieces(self._refined(candidate, region, picture, cell, least)):
+                    steps = _steps(piece, region, picture)
+                    share = float((steps > least).mean()) if steps.size else 0.0
+                    if self.area_m2 <= piece.sum() * cell**2 and share >= MOSTLY:
+                        ranked.append((share, piece, float(np.median(steps))))
+        found: list[tuple[np.ndarray, float]] = []
+        for _, piece, step in sorted(ranked, key=lambda one: -one[0]):
+            if not any((piece & other).any() for other, _ in found):
+                found.append((piece, step))
+        return found
+
+    def _between_edges(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
+        """What edges of colour part from the largest even area: gradients of light have no edges, posters have little else."""
+        strength = np.zeros(region.shape)
+        for axis in range(2):
+            step = np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1)
+            strength = np.maximum(strength, step)
+        even = masks.pieces(masks.opened(region & (strength < EDGE * self.step), 1))
+        if not even:
+            return []
+        main = max(even, key=np.sum)
+        # An edge is blurred over two cells, of which the nearer is the main area's.
+        others = region & ~masks.dilated(main, 2)
+        wide = masks.opened(others, np.ceil(self.width_m / 2 / cell))
+        return [masks.dilated(piece, 2, region & ~main) for piece in masks.pieces(wide)]
+
+    def _of_two_colours(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
+        """Connected areas of the rarer of the region's two colours."""
+        minor = np.zeros(region.shape, dtype=bool)
+        minor[region] = _two_means(picture[region])
+        minor = masks.opened(minor, self.width_m / 2 / cell)
+        minor = masks.closed(minor, 2) & region
+        return [masks.dilated(piece, 1, minor) for piece in masks.pieces(minor)]
+
+    def _refined(self, piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float, least: float) -> np.ndarray:
+        """The piece with its border where colours change, or nothing where they do not by a step of `least`."""
+        none = np.zeros_like(piece)
+        rest = region & ~piece
+        if self.area_m2 > piece.sum() * cell**2 or not rest.any():
+            return none
+        to_rest, to_piece = masks.distance(rest), masks.distance(piece)
+        beside = rest & (to_piece > 2) & (to_piece * cell <= BESIDE_M)
+        inside = piece & (to_rest > 1) & (to_rest * cell <= DEEP_M)
+        if min(beside.sum(), inside.sum()) < 8:
+            return none
+        # Light changes along the edge, so each cell is compared with the nearest one outside.
+        difference = np.linalg.norm(picture - picture[masks.nearest(beside)], axis=-1)
+        spread = float(np.median(np.linalg.norm(picture[beside] - _local_mean(picture, beside, cell)[beside], axis=-1)))
+        least = max(least, self.contrast * spread)
+        if (difference[inside] > least).mean() < MOSTLY:
+            return none
+        zone = masks.dilated(piece, 3, region)
+        other = zone & (difference > max(0.6 * least, 0.5 * float(np.median(difference[inside]))))
+        zone = masks.dilated(piece, 3, region)
+        other = masks.opened(masks.closed(other, 1) & zone, self.width_m / 3 / cell)
+        return other if other.sum() > 0.3 * piece.sum() else none
+
+
+def _steps(piece: np.ndarray, region: np.ndarray, picture: np.ndarray) -> np.ndarray:
+    """What colours differ by from ACROSS cells on one side to as many on the other, at each cell of a piece's border with the rest."""
+    rest = region & ~piece
+    to_rest, to_piece = masks.distance(rest), masks.distance(piece)
+    inside, outside = piece & (to_rest > ACROSS), rest & (to_piece > ACROSS)
+    if not (inside.any() and outside.any()):
+        return np.zeros(0)
+    difference = picture[masks.nearest(inside)] - picture[masks.nearest(outside)]
+    return np.linalg.norm(difference[piece & (to_rest <= 1)], axis=-1)
+
+
+def face_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
+    """Weighted L*a*b* of every face (F, 3), or None where the mesh has no colour or only one."""
+    rgb = face_rgb(mesh)
+    if rgb is None or float(np.ptp(rgb, axis=0).max()) < 4:
+        return None
+    return weighted_lab(rgb)
+
+
+def weighted_lab(rgb: np.ndarray) -> np.ndarray:
+    """Weighted L*a*b* (N, 3) of sRGB colours (N, 3), 0..255."""
+    from skimage.color import rgb2lab
+
+    return rgb2lab(rgb[:, None] / 255)[:, 0] * [LIGHTNESS, 1.0, 1.0]
+
+
+def face_rgb(mesh: trimesh.Trimesh) -> np.ndarray | None:
+    """sRGB of every face (F, 3), 0..255 floats, or None for a mesh without colours."""
+    visual: Any = mesh.visual
+    if visual.kind == "vertex":
+        return np.asarray(visual.vertex_colors)[:, :3][np.asarray(mesh.faces)].mean(axis=1)
+    if visual.kind == "face":
+        return np.asarray(visual.face_colors)[:, :3].astype(float)
+    return None
+
+
+def _two_means(values: np.ndarray) -> np.ndarray:
+    """Which values (N, 3) belong to the smaller of two clusters."""
+    centred = values - values.mean(axis=0)
+    axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    second = centred @ axis > _otsu(centred @ axis)
+    for _ in range(10):
+        if second.all() or not second.any():
+            return np.zeros(len(values), dtype=bool)
+        a, b = values[~second].mean(axis=0), values[second].mean(axis=0)
+        again = ((values - b) ** 2).sum(axis=1) < ((values - a) ** 2).sum(axis=1)
+        if (again == second).all():
+            break
+        second = again
+    return second if second.sum() * 2 <= len(second) else ~second
+
+
+def _local_mean(picture: np.ndarray, where: np.ndarray, cell: float) -> np.ndarray:
+    """Mean colour of the cells of a mask within BESIDE_M of each cell."""
+    from scipy.ndimage import gaussian_filter
+
+    sigma = BESIDE_M / 2 / cell
+    weight = gaussian_filter(where.astype(float), sigma)
+    mean = [gaussian_filter(np.where(where, picture[..., k], 0.0), sigma) for k in range(3)]
+    return np.stack(mean, axis=-1) / np.maximum(weight, 1e-9)[..., None]
+
+
+def _otsu(values: np.ndarray) -> float:
+    """The threshold of largest variance between what lies below and above (Otsu 1979)."""
+    counts, edges = np.histogram(values, 128)
+    middle = (edges[:-1] + edges[1:]) / 2
+    below = np.cumsum(counts)
+    above = below[-1] - below
+    sums = np.cumsum(counts * middle)
+    mean_below = sums / np.maximum(below, 1)
+    mean_above = (sums[-1] - sums) / np.maximum(above, 1)
+    return float(edges[1:][np.argmax(below * above * (mean_below - mean_above) ** 2)])

@@ -1,0 +1,125 @@
+"""Coplanar pieces that are one surface: a wall on both sides of a window, a door frame, or a cabinet that hides its middle.
+
+Two pieces of one plane belong together where nothing contradicts: nothing was seen behind the plane in the gap between them.
+Behind the gap between two tables lies the floor; behind the gap in a wall lies nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.reconstruct.segmentation import masks
+from radartwin.reconstruct.segmentation.faces import Faces, members
+
+CELL_M = 0.05
+BEHIND_M = 0.06  # deeper behind the plane than its noise
+CONTRADICTED = 0.2  # share of the gap through which something was seen
+NEAR_M = 0.15  # pieces this close are one without further evidence
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """When two pieces are one plane.
+
+    Attributes:
+        angle_deg: between the planes.
+        offset_m: of either piece's centre from the plane of both.
+        gap_m: widest gap that is bridged.
+        gap_sizes: and in multiples of the smaller piece's side, the root of its area.
+    """
+
+    angle_deg: float = 6.0
+    offset_m: float = 0.03
+    gap_m: float = 3.0
+    gap_sizes: float = 2.0
+
+
+def merge(faces: Faces, label: np.ndarray, how: Tolerances) -> np.ndarray:
+    """Labels (F,) with coplanar pieces joined, largest first, numbered 0..P-1 without gaps."""
+    while True:
+        groups = members(label)
+        normal, offset = faces.planes(label)
+        centre = np.array([np.average(faces.centre[g], axis=0, weights=faces.area[g]) for g in groups]).reshape(-1, 3)
+        area = np.array([faces.area[g].sum() for g in groups])
+        joined = np.arange(len(groups))
+        for i, j in _pairs(normal, offset, centre, area, how):
+            if joined[i] != i or joined[j] != j or not _coplanar(faces, groups[i], groups[j], how):
+                continue
+            if _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), min(how.gap_m, how.gap_sizes * area[j] ** 0.5)):
+                joined[j] = i
+        if (joined == np.arange(len(groups))).all():
+            return label
+        while (joined[joined] != joined).any():
+            joined = joined[joined]
+        _, packed = np.unique(joined, return_inverse=True)
+        label = np.where(label >= 0, packed[np.maximum(label, 0)], -1)
+
+
+def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray, how: Tolerances) -> list[tuple[int, int]]:
+    """Candidates (larger, smaller), largest first: nearly parallel, centres near each other's planes."""
+    if len(normal) < 2:
+        return []
+    away = np.abs(centre @ normal.T - offset)  # [i, j]: centre of i from the plane of j
+    # A small piece's plane tilts over a distance, so it is the larger piece's plane that counts.
+    large = np.where(area[:, None] >= area[None], away.T, away)
+    close = (normal @ normal.T > np.cos(np.radians(how.angle_deg))) & (large < 2 * how.offset_m)
+    i, j = np.nonzero(np.triu(close, 1))
+    swap = area[i] < area[j]
+    i, j = np.where(swap, j, i), np.where(swap, i, j)
+    order = np.lexsort((-area[j], -area[i]))
+    return [(int(a), int(b)) for a, b in zip(i[order], j[order], strict=True)]
+
+
+def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray, how: Tolerances) -> bool:
+    """Whether one plane fits both: neither centre lies off it."""
+    normal, offset = faces.plane(np.concatenate([first, second]))
+    return all(
+        abs(np.average(faces.centre[g] @ normal - offset, weights=faces.area[g])) < how.offset_m
+        and np.average(np.abs(faces.centre[g] @ normal - offset), weights=faces.area[g]) < how.offset_m
+        for g in (first, second)
+    )
+
+
+def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tuple[np.ndarray, float], gap_m: float) -> bool:
+    from shapely import MultiPoint, contains_xy
+
+    normal, offset = plane
+    axes = in_plane(normal)
+    a, b = faces.centre[first] @ axes.T, faces.centre[second] @ axes.T
+    low = np.minimum(a.min(axis=0), b.min(axis=0)) - CELL_M
+    shape = tuple(((np.maximum(a.max(axis=0), b.max(axis=0)) - low) / CELL_M).astype(int) + 2)
+
+    def cells(points: np.ndarray) -> np.ndarray:
+        mask = np.zeros(shape, dtype=bool)
+        at = ((points - low) / CELL_M).astype(int)
+        inside = ((at >= 0) & (at < shape)).all(axis=1)
+        mask[tuple(at[inside].T)] = True
+        return mask
+
+    of_a, of_b = cells(a), cells(b)
+    from_a, from_b = (CELL_M * masks.distance(mask) for mask in (of_a, of_b))
+    gap = float(from_a[of_b].min())
+    if gap <= NEAR_M:
+        return True
+    if gap > gap_m:
+        return False
+    # The gap is what lies between: on a shortest way from one to the other, or nearly.
+    between = (from_a + from_b < gap + 0.3) & ~of_a & ~of_b
+    hull = MultiPoint(np.vstack([a, b])).convex_hull
+    x, y = (low[k] + CELL_M * (np.arange(shape[k]) + 0.5) for k in range(2))
+    between &= contains_xy(hull, *np.meshgrid(x, y, indexing="ij"))
+    if not between.any():
+        return False
+    depth = faces.centre @ normal - offset
+    behind = cells(faces.centre[depth < -BEHIND_M] @ axes.T)
+    return bool(behind[between].mean() < CONTRADICTED)
+
+
+def in_plane(normal: np.ndarray) -> np.ndarray:
+    """Two unit vectors (2, 3) that span the plane, right-handed with the normal: level and upwards where it is upright."""
+    up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    across = np.cross(up, normal)
+    across /= np.linalg.norm(across)
+    return np.array([across, np.cross(normal, across)])

@@ -1,0 +1,164 @@
+"""Planes grown over a mesh, face by face, as machine code.
+
+Region growing after Rabbani, van den Heuvel and Vosselman 2006, Segmentation of point clouds using smoothness
+constraint: seeds in order of local flatness, neighbours join while normal and distance fit the plane, the plane is
+refitted as it grows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radartwin.compiled import compiled
+from radartwin.reconstruct.segmentation.faces import FEW, Faces
+
+REFIT = 1.2  # the plane is refitted as it grows by a fifth: often while small, rarely when settled
+
+
+def grow(faces: Faces, angle_deg: float, distance_m: float, min_area_m2: float) -> np.ndarray:
+    """Plane index of every face (F,), -1 for none."""
+    label = np.full(len(faces.area), -1)
+    _grow(
+        faces.adjacency.indptr, faces.adjacency.indices, faces.centre, faces.normal, faces.area,
+        np.argsort(-faces.coherence, kind="stable"), np.cos(np.radians(angle_deg)), distance_m, min_area_m2, label,
+    )  # fmt: skip
+    return label
+
+
+def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float) -> None:
+    """Let leftovers join the plane they touch and lie in, corners and all, ring by ring, in place."""
+    normal, offset = faces.planes(label)
+    if len(normal):
+        _absorb(
+            faces.adjacency.indptr, faces.adjacency.indices, faces.corners, faces.normal, normal, offset,
+            np.cos(np.radians(angle_deg)), distance_m, label,
+        )  # fmt: skip
+
+
+@compiled
+def _plane(count, sums, normal):
+    """Plane (nx, ny, nz, d) of weighted sums: [w, wc (3), wcc (xx xy xz yy yz zz), wn (3)]."""
+    w = sums[0]
+    cx, cy, cz = sums[1] / w, sums[2] / w, sums[3] / w
+    normal[0], normal[1], normal[2] = sums[10], sums[11], sums[12]
+    if count >= FEW:
+        spread = np.empty((3, 3))
+        spread[0, 0] = sums[4] / w - cx * cx
+        spread[1, 1] = sums[7] / w - cy * cy
+        spread[2, 2] = sums[9] / w - cz * cz
+        spread[0, 1] = spread[1, 0] = sums[5] / w - cx * cy
+        spread[0, 2] = spread[2, 0] = sums[6] / w - cx * cz
+        spread[1, 2] = spread[2, 1] = sums[8] / w - cy * cz
+        vectors = np.linalg.eigh(spread)[1]
+        side = vectors[0, 0] * sums[10] + vectors[1, 0] * sums[11] + vectors[2, 0] * sums[12]
+        sign = 1.0 if side > 0 else -1.0
+        for k in range(3):
+            normal[k] = sign * vectors[k, 0]
+    length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+    for k in range(3):
+        normal[k] /= max(length, 1e-300)
+    return normal[0] * cx + normal[1] * cy + normal[2] * cz
+
+
+@compiled
+def _add(sums, w, c, n):
+    sums[0] += w
+    sums[1] += w * c[0]
+    sums[2] += w * c[1]
+    sums[3] += w * c[2]
+    sums[4] += w * c[0] * c[0]
+    sums[5] += w * c[0] * c[1]
+    sums[6] += w * c[0] * c[2]
+    sums[7] += w * c[1] * c[1]
+    sums[8] += w * c[1] * c[2]
+    sums[9] += w * c[2] * c[2]
+    for k in range(3):
+        sums[10 + k] += w * n[k]
+
+
+@compiled
+def _fits(c, n, normal, offset, straight, distance):
+    away = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2] - offset
+    return n[0] * normal[0] + n[1] * normal[1] + n[2] * normal[2] > straight and abs(away) < distance
+
+
+@compiled
+def _grow(start, neighbour, centre, normals, area, order, straight, distance, min_area, label):
+    faces = len(area)
+    tried = np.zeros(faces, np.bool_)
+    mark = np.full(faces, -1)  # the last seed whose region held a face
+    queue = np.empty(faces, np.int64)
+    normal, sums = np.empty(3), np.empty(13)
+    planes = 0
+    for seed in order:
+        if tried[seed] or label[seed] >= 0:
+            continue
+        sums[:] = 0.0
+        origin = centre[seed]  # sums are taken about the seed: squares of large coordinates lose the millimetres
+        _add(sums, area[seed], centre[seed] - origin, normals[seed])
+        offset = _plane(1, sums, normal)
+        mark[seed] = seed
+        queue[0] = seed
+        head, tail, fitted = 0, 1, 1
+        while head < tail:
+            face = queue[head]
+            head += 1
+            for k in range(start[face], start[face + 1]):
+                other = neighbour[k]
+                if mark[other] == seed or label[other] >= 0:
+                    continue
+                place = centre[other] - origin
+                if _fits(place, normals[other], normal, offset, straight, distance):
+                    mark[other] = seed
+                    queue[tail] = other
+                    tail += 1
+                    _add(sums, area[other], place, normals[other])
+                    if tail > REFIT * fitted:
+                        offset = _plane(tail, sums, normal)
+                        fitted = tail
+        offset = _plane(tail, sums, normal)
+        total = 0.0
+        for k in range(tail):
+            face = queue[k]
+            tried[face] = True
+            if _fits(centre[face] - origin, normals[face], normal, offset, straight, distance):
+                total += area[face]
+        if total >= min_area:
+            for k in range(tail):
+                face = queue[k]
+                if _fits(centre[face] - origin, normals[face], normal, offset, straight, distance):
+                    label[face] = planes
+                else:
+                    tried[face] = False
+            planes += 1
+
+
+@compiled
+def _absorb(start, neighbour, corners, normals, normal, offset, straight, distance, label):
+    faces = len(label)
+    queue = np.empty(faces, np.int64)
+    tail = 0
+    for face in range(faces):
+        if label[face] >= 0:
+            queue[tail] = face
+            tail += 1
+    head = 0
+    while head < tail:
+        face = queue[head]
+        head += 1
+        plane = label[face]
+        n, d = normal[plane], offset[plane]
+        for k in range(start[face], start[face + 1]):
+            other = neighbour[k]
+            if label[other] >= 0:
+                continue
+            if normals[other, 0] * n[0] + normals[other, 1] * n[1] + normals[other, 2] * n[2] <= straight:
+                continue
+            far = 0.0
+            for c in range(3):
+                p = corners[other, c]
+                far = max(far, abs(p[0] * n[0] + p[1] * n[1] + p[2] * n[2] - d))
+            if far < distance:
+                label[other] = plane
+                queue[tail] = other
+                tail += 1

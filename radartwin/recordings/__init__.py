@@ -1,0 +1,1 @@
+"""Recording sets: real captures with their index, data card and checks."""

@@ -1,0 +1,184 @@
+"""Everything that can be wrong with a recording set, found in one pass: card, index, files, radars, trajectories and samples."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radartwin.errors import InputError, MissingError, UserError
+from radartwin.io.progress import Progress
+from radartwin.radar.captures import EDGE_DB, band_edge_db
+from radartwin.radar.dca1000 import FULL_SCALE
+from radartwin.radar.recording import Recording, recording_files
+from radartwin.recordings.card import CARD, Card
+from radartwin.recordings.index import INDEX, Row, read_index
+from radartwin.recordings.recording_set import RECORDINGS, TRAJECTORIES, difference, same_radar
+from radartwin.recordings.studio_log import PACKET_BYTES
+from radartwin.recordings.trajectory import course_poses
+
+if TYPE_CHECKING:
+    from radartwin.radar.chirp import Radar
+
+# A judgement: one value in a thousand at full scale is more than a glint now and then, and its harmonics are no longer small.
+CLIPPED_SHARE = 1e-3
+EDGE_FRAMES = 16  # that say together whether I and Q are exchanged: one frame of few chirps errs by a decibel or two
+LOST_SHARE = 0.01  # of frames with samples lost on the way, above which a log entry does not excuse them
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One line: where, and what is wrong with it and what to do."""
+
+    where: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.text}"
+
+
+@dataclass
+class Report:
+    """What `examine` found: problems make a set unusable, notes do not; bytes are those of the recordings."""
+
+    rows: list[Row] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
+    notes: list[Problem] = field(default_factory=list)
+    card: Card | None = None
+    radar: Radar | None = None
+    bytes: int = 0
+    frames: int = 0
+
+    def counts(self, column: str) -> Counter[str]:
+        """How many rows have each value of a column."""
+        found = Counter(row.value(column) for row in self.rows)
+        number = column == "distance_m"
+        keys = sorted(found, key=lambda value: (value is None, value))
+        return Counter({("unknown" if key is None else f"{key:g} m") if number else str(key): found[key] for key in keys})
+
+
+def examine(folder: str | Path, progress: Progress | None = None) -> Report:
+    """All that is wrong with the set in a folder; every recording is read once, one after the other.
+
+    Raises:
+        MissingError: no such folder.
+    """
+    folder, report = Path(folder), Report()
+    if not folder.is_dir():
+        raise MissingError(f"{folder}: no such folder; give a recording set")
+    try:
+        report.card = Card.load(folder)
+        report.problems += [Problem(CARD, line) for line in report.card.problems()]
+    except (UserError, OSError) as error:
+        report.problems.append(Problem(CARD, str(error).removeprefix(f"{folder / CARD}: ").removeprefix(f"{folder}: ")))
+    report.rows, wrong = read_index(folder / INDEX)
+    report.problems += [Problem(INDEX, line) for line in wrong]
+    radars: list[tuple[str, Radar]] = []
+    for row in (progress or Progress(quiet=True)).over(report.rows, "recordings"):
+        where = f"{RECORDINGS}/{row.recording}"
+        pair = recording_files(folder / RECORDINGS / row.recording)
+        if absent := [path.name for path in pair if not path.is_file()]:
+            report.problems.append(Problem(where, f"{' and '.join(absent)} missing; record again or take the row out of {INDEX}"))
+            continue
+        report.bytes += sum(path.stat().st_size for path in pair)
+        try:
+            recording = Recording.load(folder / RECORDINGS / row.recording)
+        except (UserError, OSError) as error:
+            report.problems.append(Problem(where, str(error).replace(f"{folder / RECORDINGS}/", "")))
+            continue
+        report.frames += recording.num_frames
+        radars.append((where, recording.radar))
+        problems, notes = samples(recording, row, report.card)
+        if row.trajectory:
+            problems += _trajectory(folder / TRAJECTORIES / row.trajectory, row, recording)
+        report.problems += [Problem(where, line) for line in problems]
+        report.notes += [Problem(where, line) for line in notes]
+    if radars:
+        report.radar = Counter(radar for _, radar in radars).most_common(1)[0][0]
+        report.problems += [
+            Problem(where, f"its radar is not that of the other recordings: {difference(radar, report.radar)}; make a set of its own")
+            for where, radar in radars
+            if not same_radar(radar, report.radar)
+        ]
+    elif not report.rows and not wrong:
+        report.notes.append(Problem(INDEX, "the set has no recordings yet; add some with radartwin import"))
+    report.notes += _strangers(folder, report.rows) if not wrong else []
+    return report
+
+
+def samples(recording: Recording, row: Row, card: Card | None = None) -> tuple[list[str], list[str]]:
+    """What is wrong with the samples of one recording, and what is worth knowing of them, a line each."""
+    problems, notes = [], []
+    if not recording.iq.any():
+        return ["all samples are zero; record again with the sensor started"], notes
+    dead = [f"tx {t} rx {r}" for t, r in np.argwhere(~_any_by_channel(recording)).tolist()]
+    if dead:
+        problems.append(f"no samples from {', '.join(dead)}: all zero; check that the channel is enabled")
+    if (clipped := clipped_share(recording)) > 0:
+        text = f"{100 * clipped:.2g} % of the samples are at full scale"
+        (problems if clipped > CLIPPED_SHARE else notes).append(f"{text}; lower the receiver's gain" if clipped > CLIPPED_SHARE else text)
+    if not dead and (frames := zero_filled_frames(recording)):
+        text = f"{len(frames)} of {recording.num_frames} frames hold samples lost on the way and filled with zeros (frame {few(frames)})"
+        logged = row.extra.get("lost_packets", "0") not in ("", "0")
+        if logged and len(frames) <= LOST_SHARE * recording.num_frames:
+            notes.append(text)
+        else:
+            problems.append(f"{text}; record again with a larger packet delay")
+    spread = np.unique(np.linspace(0, recording.num_frames - 1, EDGE_FRAMES).round().astype(int))
+    edge = 0.0 if recording.radar.real_sampling else float(np.mean([band_edge_db(recording.iq[frame]) for frame in spread]))
+    if edge < -EDGE_DB:
+        flag = str(not recording.iq_swapped).lower()
+        problems.append(f"I and Q look exchanged: noise is {-edge:.1f} dB lower above zero beat than below; set iq_swapped to {flag}")
+    if card is not None and (card.units == "counts") != (recording.scale == 1.0):
+        problems.append(f"its scale is {recording.scale:g}, which is not that of units {card.units} in {CARD}; correct one of them")
+    return problems, notes
+
+
+def clipped_share(recording: Recording) -> float:
+    """Share of int16 values at the ends of their range."""
+    limit = FULL_SCALE * (recording.scale or np.inf) * (1 - 1e-6)
+    parts = recording.iq.view(np.float32)
+    clipped = sum(int(np.count_nonzero(np.abs(parts[block]) >= limit)) for block in recording.frame_blocks())
+    return clipped / (recording.iq.size * (1 if recording.radar.real_sampling else 2))
+
+
+def zero_filled_frames(recording: Recording) -> list[int]:
+    """Frames in which half a packet or more is zero, as where the capture card filled a lost one."""
+    per_sample = 2 if recording.radar.real_sampling else 4
+    run = PACKET_BYTES // per_sample // 2  # a packet of zeros covers one aligned run of half its length, wherever it begins
+    per_frame = recording.iq[0].size
+    found: set[int] = set()
+    for block in recording.frame_blocks():
+        flat = recording.iq[block].reshape(-1)
+        whole = flat[: flat.size // run * run].reshape(-1, run)
+        found |= set((block.start + np.flatnonzero(~whole.any(axis=1)) * run // per_frame).tolist())
+    return sorted(found)
+
+
+def _any_by_channel(recording: Recording) -> np.ndarray:
+    """(tx, rx) whether a channel has any sample that is not zero."""
+    return np.logical_or.reduce([recording.iq[block].any(axis=(0, 1, 4)) for block in recording.frame_blocks()])
+
+
+def _trajectory(path: Path, row: Row, recording: Recording) -> Iterator[str]:
+    try:
+        course_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
+    except (InputError, MissingError, OSError) as error:
+        yield str(error).removeprefix("trajectory ").replace(str(path), f"trajectory {row.trajectory}")
+
+
+def _strangers(folder: Path, rows: list[Row]) -> Iterator[Problem]:
+    """Recordings on disk that no row names: left by an interrupted writer, or forgotten."""
+    known = {row.recording for row in rows}
+    for path in sorted((folder / RECORDINGS).glob("*")):
+        if path.suffix in (".bin", ".json") and path.stem not in known and not path.name.startswith("."):
+            yield Problem(f"{RECORDINGS}/{path.name}", f"it is in no row of {INDEX}: add it again, or remove it")
+
+
+def few(items: Sequence[object], most: int = 5) -> str:
+    """The first of them, for people."""
+    return ", ".join(map(str, items[:most])) + (", ..." if len(items) > most else "")

@@ -1,0 +1,237 @@
+"""Captures from elsewhere into a recording set.
+
+A capture is a raw .bin of the DCA1000 (with .mmwave.json and LogFile.csv beside it, perhaps in several parts), a .npy cube, or a
+recording of this package. What it shows is said by values for all captures, by a mapping file (radartwin/recordings/mapping.py), or both.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.io.progress import Progress
+from radartwin.radar import dca1000
+from radartwin.radar.captures import description_beside, from_counts, load_capture
+from radartwin.radar.chirp import Radar
+from radartwin.radar.description import read_radar
+from radartwin.radar.recording import Recording, read_json, recording_files
+from radartwin.recordings import studio_log
+from radartwin.recordings.card import CARD, KEYS, Card
+from radartwin.recordings.checks import few, zero_filled_frames
+from radartwin.recordings.index import Row, row_of
+from radartwin.recordings.mapping import CaptureMap, columns_of
+from radartwin.recordings.recording_set import RecordingSet
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One capture to import: its first file, its row, and the trajectory file that goes with it."""
+
+    capture: Path
+    row: Row
+    trajectory: Path | None
+
+
+def import_captures(
+    source: str | Path,
+    out: str | Path,
+    values: Mapping[str, Any] | None = None,
+    mapping: CaptureMap | None = None,
+    *,
+    radar: Radar | None = None,
+    cut: bool = False,
+    progress: Progress | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> tuple[RecordingSet, list[Row]]:
+    """Add every capture of a file or folder to a set, which is made if there is none; one that is in it already is passed over.
+
+    Rows and card are checked before the first capture is read, and the set is made when the first one has been read.
+
+    Args:
+        out: folder of the set.
+        values: keys of the card of a new set, and columns for all rows that the mapping's entries do not give.
+        radar: of all captures; None takes each one's own description.
+        cut: leave out an incomplete frame at the end of a raw capture.
+        say: receives what is worth knowing of a capture: lost packets, missing frames, no log.
+    Returns:
+        The set, and the rows added.
+    Raises:
+        MissingError: no capture, no radar description, an entry of the mapping that fits no file.
+        InputError: rows that no experiment could use, an incomplete card.
+        RecordingError: a capture that cannot be read, or is of another radar or other units; those before it are in the set.
+    """
+    source, out, mapping, values = Path(source), Path(out), mapping or CaptureMap(), dict(values or {})
+    shared = {key: value for key, value in values.items() if key not in KEYS}
+    target = RecordingSet.load(out) if (out / CARD).exists() else None
+    plans = plan(source, shared, mapping, say)
+    card = _card(out, {**mapping.card, **{key: value for key, value in values.items() if key in KEYS}}, target)
+    missing = [item for item in plans if target is None or item.row.recording not in target]
+    if len(missing) < len(plans):
+        say(f"{len(plans) - len(missing)} of {len(plans)} captures are in {out} already")
+    added = []
+    for item in (progress or Progress(quiet=True)).over(missing, "captures"):
+        recording, columns, notes = read_capture(item.capture, radar, cut=cut)
+        for note in notes:
+            say(f"{item.row.recording}: {note}")
+        if (card.units == "counts") != (recording.scale == 1.0):
+            kind = "counts of an ADC" if recording.scale == 1.0 else "amplitudes"
+            raise RecordingError(f"{item.capture}: its samples are {kind}, not units={card.units} as the card says; make a set of its own")
+        target = target or RecordingSet.create(out, card)
+        added.append(target.add(recording, replace(item.row, extra={**columns, **item.row.extra}), item.trajectory))
+    assert target is not None  # there was one, or something was missing from it
+    return target, added
+
+
+def key_values(words: Iterable[str]) -> dict[str, str]:
+    """KEY=VALUE words as a mapping. Raises InputError for a word that is none, or a key given twice."""
+    out: dict[str, str] = {}
+    for word in words:
+        key, separator, value = word.partition("=")
+        if not (separator and key.isidentifier()):
+            raise InputError(f"'{word}' is not KEY=VALUE, such as object=mug or licence=CC-BY-4.0")
+        if key in out:
+            raise InputError(f"{key} is given twice: {out[key]} and {value}")
+        out[key] = value
+    return out
+
+
+def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Callable[[str], None] = lambda line: None) -> list[Plan]:
+    """What an import would add; errors as `import_captures`. Repetitions that nobody gives are counted in the order of the file names."""
+    captures, root = find_captures(source), source if source.is_dir() else source.parent
+    found = columns_of(captures, root, mapping.entries)
+    if left := [capture for capture, columns in zip(captures, found, strict=True) if columns is None]:
+        say(f"{len(left)} of {len(captures)} captures are in no entry of the mapping and are left out: {few([p.name for p in left])}")
+    plans: list[Plan] = []
+    counted: Counter[tuple[Any, ...]] = Counter()
+    for capture, columns in zip(captures, found, strict=True):
+        if columns is None:
+            continue
+        given = {"recording": _name(capture, root), "distance_m": "", **shared, **columns}
+        course = given.pop("trajectory", "")
+        try:
+            row = row_of(given)
+        except InputError as error:
+            raise InputError(f"{capture}: {error}; give it as COLUMN=VALUE or in a mapping file") from error
+        if "repetition" not in given:
+            condition = row.condition
+            row = replace(row, repetition=counted[condition])
+            counted[condition] += 1
+        for other in plans:
+            if row.recording == other.row.recording or row.condition == other.row.condition:
+                what = "name" if row.recording == other.row.recording else "object, distance, room, motion and repetition"
+                raise InputError(f"{capture}: it has the same {what} as {other.capture}; tell them apart in a mapping file")
+        if course and not (root / course).is_file():
+            raise MissingError(f"{root / course}: no such trajectory file; its path is given from {root}")
+        plans.append(Plan(capture, row, root / course if course else None))
+    return plans
+
+
+def find_captures(source: Path) -> list[Path]:
+    """Captures of a folder and all below it, or the one file; of a capture in parts, the first. Raises MissingError for none."""
+    if not source.is_dir():
+        if not source.is_file():
+            raise MissingError(f"{source}: no such capture; give a .bin, a .npy or a folder of them")
+        return [studio_log.parts(source)[0]]
+    files = sorted(path for kind in ("bin", "npy") for path in source.rglob(f"*.{kind}") if not path.name.startswith("."))
+    captures = list(dict.fromkeys(studio_log.parts(path)[0] for path in files))
+    if not captures:
+        raise MissingError(f"{source}: there is no .bin and no .npy in it; give a folder of captures")
+    return captures
+
+
+def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False) -> tuple[Recording, dict[str, str], list[str]]:
+    """The recording, further columns for its row, and what is worth knowing of it, a line each.
+
+    Raises:
+        MissingError: no radar description.
+        RecordingError: sizes that do not fit, a log or a description that cannot be read.
+    """
+    if capture.suffix == ".npy" or (radar is None and recording_files(capture)[1].is_file()):
+        recording = load_capture(capture, radar)
+        if recording.scale == 1.0 and not _whole(recording):
+            recording.scale = None  # chosen by its peak on saving, so that rounding to int16 costs little
+        return recording, {}, []
+    description = description_beside(capture) if radar is None else None
+    if description is not None:
+        radar = read_radar(description)
+    assert radar is not None
+    data, frame = b"".join(path.read_bytes() for path in studio_log.parts(capture)), dca1000.frame_bytes(radar)
+    whole, rest = divmod(len(data), frame)
+    if not whole:
+        raise RecordingError(f"{capture}: {len(data)} bytes are not one frame of {frame} bytes for radar {radar.name}; record again")
+    if rest and not cut:
+        raise RecordingError(
+            f"{capture}: {len(data)} bytes are {whole} frames of {frame} bytes for radar {radar.name} and {rest} more; "
+            "it belongs to another radar description, or was cut short: then leave the rest out with --cut"
+        )
+    recording = from_counts(capture, dca1000.decode(memoryview(data)[: whole * frame], radar), radar, None)
+    columns, notes = _transfer(capture, recording, _configured_frames(description))
+    return recording, columns, [f"the last frame is incomplete and left out ({rest} of {frame} bytes)", *notes] if rest else notes
+
+
+def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dict[str, str], list[str]]:
+    """What the log beside a capture says of its way to the disk, kept in the provenance; columns for its row, and notes."""
+    columns: dict[str, str] = {}
+    notes: list[str] = []
+    expected = {"configured": configured}
+    if path := studio_log.find_log(capture):
+        log = studio_log.read_log(path)
+        expected["logged"] = log.frames(dca1000.frame_bytes(recording.radar))
+        columns = {"started": log.started or "", "lost_packets": str(log.lost)}
+        recording.provenance["log"] = log.to_dict()
+        if log.lost or log.out_of_sequence:
+            frames = zero_filled_frames(recording)
+            where = f", in frame {few(frames)}" if frames else ""
+            notes.append(f"{log.lost} of {log.received + log.lost} packets were lost ({log.lost_bytes} bytes of zeros{where})")
+            if log.out_of_sequence:
+                notes.append(f"{log.out_of_sequence} packets were out of sequence")
+    else:
+        notes.append("no LogFile.csv is beside it: nobody knows whether packets were lost")
+    recording.provenance["frames"] = expected
+    if dropped := {who: count for who, count in expected.items() if count > recording.num_frames}:
+        missing = ", ".join(f"{count} {who}" for who, count in dropped.items())
+        notes.append(f"frames are missing: it holds {recording.num_frames}; {missing}")
+    return columns, notes
+
+
+def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> Card:
+    """The set's own card, which these values must not contradict, or a new one of them."""
+    if target is not None:
+        for key in sorted(values.keys() & KEYS):
+            value = values[key]
+            if (has := getattr(target.card, key)) != getattr(Card.of({key: value}), key):
+                raise InputError(f"{out / CARD} has {key}={has}, not {value}; change it there, or choose another folder")
+        return target.card
+    card = Card.of({"name": out.name, "units": "counts", **values})
+    if problems := card.problems():
+        raise InputError(f"{out / CARD}: {'; '.join(problems)}; give it as KEY=VALUE or under card in a mapping file")
+    return card
+
+
+def _whole(recording: Recording) -> bool:
+    """Whether all samples are whole numbers that fit int16, as an ADC gives them."""
+    parts = np.stack([recording.iq.real, recording.iq.imag])
+    return bool(np.array_equal(parts, np.rint(parts)) and np.abs(parts).max() <= dca1000.FULL_SCALE + 1)
+
+
+def _name(capture: Path, root: Path) -> str:
+    """From the path below the source, of the letters a name may have."""
+    relative = capture.relative_to(root).with_name(studio_log.capture_prefix(capture))
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", "_".join(relative.parts)).lstrip("._-")
+
+
+def _configured_frames(description: Path | None) -> int:
+    """numFrames of a mmWave Studio description; 0 where it runs until it is stopped, or is of another kind."""
+    if description is None:
+        return 0
+    try:
+        return int(read_json(description)["mmWaveDevices"][0]["rfConfig"]["rlFrameCfg_t"]["numFrames"])
+    except (KeyError, IndexError, TypeError, ValueError):
+        return 0

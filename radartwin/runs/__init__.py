@@ -1,0 +1,1 @@
+"""Runs and sweeps: experiments, launchers, workers, tracking, dashboard and doctor."""

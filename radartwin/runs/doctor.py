@@ -1,0 +1,153 @@
+"""What this machine has for the simulation, what is wrong with a recording set, and what to do about it."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.metadata
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from radartwin import __version__
+from radartwin.errors import OutputError
+from radartwin.io import files
+from radartwin.runs.commit import commit
+
+LIBRARIES = ("mitsuba", "drjit", "numpy", "scipy", "trimesh", "hydra-core", "mlflow", "matplotlib")
+DISK_NEEDED_GB = 5.0  # the quick profile writes well below one, the paper profile a few
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line: `missing` makes the machine unusable, `note` does not."""
+
+    topic: str
+    status: Literal["ok", "note", "missing"]
+    text: str
+    remedy: str = ""
+
+
+def doctor(output: Path) -> int:
+    """Print the findings and what to do; 0 if simulations can run here, else 2."""
+    findings = list(examine(output))
+    for finding in findings:
+        print(f"{finding.status:8s}{finding.topic:10s}{finding.text}")
+    for finding in findings:
+        if finding.remedy:
+            print(f"to do: {finding.remedy}")
+    usable = all(finding.status != "missing" for finding in findings)
+    print("doctor: usable" if usable else "doctor: not usable yet; see above")
+    return 0 if usable else 2
+
+
+def doctor_data(folder: Path) -> int:
+    """Print everything that is wrong with a recording set, and what is in it; 0 if it can be used, else 2."""
+    from radartwin.io.progress import Progress
+    from radartwin.recordings.checks import examine as examine_set
+
+    report = examine_set(folder, Progress())
+    for kind, lines in (("note", report.notes), ("problem", report.problems)):
+        for line in lines:
+            print(f"{kind:9s}{line}")
+    radar = f"; radar {report.radar.name}" if report.radar else ""
+    licence = f", {report.card.licence}" if report.card and report.card.licence else ""
+    name = report.card.name if report.card and report.card.name else str(folder)
+    size = f"{_count(len(report.rows), 'recording')}, {_count(report.frames, 'frame')}, {report.bytes / 1e6:.1f} MB"
+    print(f"{name}: {size}{radar}{licence}")
+    for column in ("object", "distance_m", "room", "motion", "split"):
+        counts = report.counts(column)
+        if any(counts.keys()):
+            print(f"{column:12s}{', '.join(f'{key or None} {count}'.lower() for key, count in counts.items())}")
+    print(f"doctor: {_count(len(report.problems), 'problem')}; see above" if report.problems else "doctor: the set can be used")
+    return 2 if report.problems else 0
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def examine(output: Path) -> Iterator[Finding]:
+    yield _python()
+    yield from _libraries()
+    yield from _devices()
+    yield _cpus()
+    disk = _disk(output)
+    yield disk
+    if disk.status != "missing":
+        yield _tracking(output)
+
+
+def _python() -> Finding:
+    head, dirty = commit()
+    code = f", commit {head[:12]}{' with changes' if dirty else ''}" if head != "none" else ""
+    number = ".".join(map(str, sys.version_info[:3]))
+    good = (3, 11) <= sys.version_info[:2] <= (3, 13)
+    remedy = "" if good else "install Python 3.11, 3.12 or 3.13"
+    return Finding("python", "ok" if good else "missing", f"{number}; radartwin {__version__}{code}", remedy)
+
+
+def _libraries() -> Iterator[Finding]:
+    found, absent = [], []
+    for name in LIBRARIES:
+        try:
+            found.append(f"{name} {importlib.metadata.version(name)}")
+        except importlib.metadata.PackageNotFoundError:
+            absent.append(name)
+    yield Finding("libraries", "ok", ", ".join(found))
+    if absent:
+        yield Finding("libraries", "missing", ", ".join(absent), f"pip install {' '.join(absent)} -c constraints.txt")
+
+
+def _devices() -> Iterator[Finding]:
+    from radartwin.simulation import variant
+
+    cuda, llvm = variant.has_cuda(), variant.find_llvm()
+    yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces")
+    if llvm is not None:
+        yield Finding("llvm", "ok", f"version {variant.llvm_version(llvm)}, {llvm}")
+    else:
+        explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
+        text = f"DRJIT_LIBLLVM_PATH={explicit} is none" if explicit else "no library"
+        text += f" of version {variant.LLVM_MINIMUM} or newer"
+        yield Finding("llvm", "note" if cuda else "missing", text, variant.REMEDY)
+    if cuda or llvm is not None:
+        yield Finding("variant", "ok", "cuda_ad_rgb" if cuda else "llvm_ad_rgb")
+
+
+def _cpus() -> Finding:
+    pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
+    return Finding("machine", "ok", f"{os.cpu_count()} cores, {pages:.0f} GB memory")
+
+
+def _disk(output: Path) -> Finding:
+    try:
+        files.check_folder(output)
+    except OutputError as error:
+        return Finding("disk", "missing", str(error), "give a folder that can be written with --output DIR")
+    folder = output.absolute()
+    while not folder.exists():
+        folder = folder.parent
+    free = shutil.disk_usage(folder).free / 1e9
+    enough = free >= DISK_NEEDED_GB
+    remedy = "" if enough else f"free {DISK_NEEDED_GB:g} GB or choose another folder with --output DIR"
+    return Finding("disk", "ok" if enough else "note", f"{free:.0f} GB free in {folder}", remedy)
+
+
+def _tracking(output: Path) -> Finding:
+    from radartwin.runs.tracking import DATABASE
+
+    database = output.absolute() / DATABASE
+    if not database.exists():
+        return Finding("tracking", "ok", f"{database} will be created by the first run")
+    import sqlite3
+
+    try:
+        with contextlib.closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=5)) as connection:
+            runs = connection.execute("SELECT count(*) FROM runs").fetchone()[0]
+    except sqlite3.Error as error:
+        return Finding("tracking", "note", f"{database}: {error}", f"move {database} away; the next run creates it again")
+    return Finding("tracking", "ok", f"{database}, {runs} runs")

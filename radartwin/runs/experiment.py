@@ -1,0 +1,183 @@
+"""What an experiment is to the runner: a module with `run(config, store, progress) -> Result`.
+
+The library finds it by the name its configuration gives (`experiment.name` -> experiments.NAME, or `experiment.module`)
+and never imports it by statement. A finished result is itself a product of the store, so a second run reads it back.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import numbers
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+from radartwin.config.groups import Config, ExperimentConfig
+from radartwin.errors import ConfigError, InputError
+from radartwin.io import files
+from radartwin.io.progress import Progress
+from radartwin.runs import study
+from radartwin.store import digest
+from radartwin.store.products import Product, Store, save_json
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SCORE_COLUMNS = (
+    "metric",
+    "paper",
+    "value",
+    "low",
+    "high",
+    "n",
+    "domain",
+    "verdict",
+)  # the last columns of every table, in this order
+VERDICTS = ("holds", "fails", "untestable")
+MODELS = "models"  # folder of a run's product
+
+
+@dataclass
+class Result:
+    """What one experiment found.
+
+    Attributes:
+        table: name of the table it belongs to.
+        rows: one dictionary each; SCORE_COLUMNS and `run_keys`, besides columns that say which case the row is.
+        figures: by name, functions that draw one, or after reading back from the store the files (without suffix).
+        metrics: the scalars to track, about thirty at most; no brackets in their names.
+        keys: the products it was computed from.
+        run_key: set by the runner.
+        models: by name, what was trained and may leave the study, or after reading back its folder.
+    """
+
+    table: str
+    rows: list[dict[str, Any]]
+    figures: Mapping[str, Callable[[], Figure] | Path] = field(default_factory=dict)
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    keys: list[str] = field(default_factory=list)
+    run_key: str = ""
+    models: Mapping[str, Model | Path] = field(default_factory=dict)
+
+
+class Model(Protocol):
+    """What can be kept in a folder of its own, such as radartwin.recognize.model.Recogniser."""
+
+    def save(self, folder: str | Path) -> Path: ...
+
+
+class Experiment(Protocol):
+    """The interface of an experiment module."""
+
+    def run(self, config: Config, store: Store, progress: Progress) -> Result: ...
+
+
+def module_name(experiment: ExperimentConfig) -> str:
+    """Module of the configured experiment. Raises ConfigError where none is named, or by what is no name."""
+    if not experiment.module and not experiment.name:
+        raise ConfigError("no experiment was named; add experiment=NAME (radartwin run --help lists them)")
+    name = experiment.module or f"experiments.{experiment.name}"
+    if not all(part.isidentifier() for part in name.split(".")):
+        key, value = ("module", experiment.module) if experiment.module else ("name", experiment.name)
+        raise ConfigError(f"experiment.{key}={value} is not the name of a module; write letters, digits and underscores")
+    return name
+
+
+def load(experiment: ExperimentConfig) -> Experiment:
+    """The module of the configured experiment, imported.
+
+    Raises:
+        ConfigError: it does not exist here, or has no `run`.
+    """
+    name = module_name(experiment)
+    study.add_to_path()
+    top = name.partition(".")[0]
+    digest.include(top)
+    try:
+        module = importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name not in (name, top):
+            raise
+        hint = "run it from a checkout of the repository" if top == "experiments" else "put its folder on PYTHONPATH"
+        raise ConfigError(f"experiment '{experiment.name or name}': there is no module {name}; {hint}") from None
+    if not callable(getattr(module, "run", None)):
+        raise ConfigError(f"experiment module {name} has no function run(config, store, progress)")
+    return cast(Experiment, module)
+
+
+def check_rows(table: str, rows: list[dict[str, Any]]) -> None:
+    """Every row has the score columns, a known verdict, and an interval that holds its value.
+
+    Raises:
+        InputError: naming table, row and column.
+    """
+    for number, row in enumerate(rows, 1):
+        where = f"table {table}, row {number}"
+        missing = [c for c in (*SCORE_COLUMNS, "run_keys") if c not in row]
+        if missing:
+            raise InputError(f"{where}: column {missing[0]} is missing")
+        if row["verdict"] not in VERDICTS:
+            raise InputError(f"{where}: verdict {row['verdict']!r} is not one of {', '.join(VERDICTS)}")
+        if not isinstance(row["n"], numbers.Integral) or row["n"] < 0:
+            raise InputError(f"{where}: n counts stored runs or recordings and cannot be {row['n']!r}")
+        value, low, high = (row[c] for c in ("value", "low", "high"))
+        if value is None and row["verdict"] != "untestable":
+            raise InputError(f"{where}: a claim that {row['verdict']} needs a value")
+        if None not in (value, low, high) and not low <= value <= high:
+            raise InputError(f"{where}: value {value} lies outside its interval {low} to {high}")
+
+
+def save(result: Result, folder: Path) -> None:
+    """Write a result into a product folder under construction, its figures drawn as PNG and PDF."""
+    check_rows(result.table, result.rows)
+    for name in result.metrics:
+        if any(bracket in name for bracket in "[](){}"):
+            raise InputError(f"metric '{name}' of table {result.table} has brackets in its name; MLflow refuses them")
+    rows = [{column: _plain(value) for column, value in row.items()} for row in result.rows]
+    metrics = {name: float(value) for name, value in result.metrics.items()}
+    content = {
+        "table": result.table,
+        "rows": rows,
+        "metrics": metrics,
+        "keys": result.keys,
+        "figures": sorted(result.figures),
+        "models": sorted(result.models),
+    }
+    save_json(folder, "result", content)
+    for name, model in result.models.items():
+        if not isinstance(model, Path):
+            model.save(folder / MODELS / name)
+    if result.figures:
+        from radartwin.plotting import style
+
+        for name, figure in result.figures.items():
+            style.save(figure, folder / "figures" / name)
+
+
+def read(product: Product) -> Result:
+    """The result a product holds; its figures are paths without suffix (.png, .pdf and .html exist).
+
+    Raises:
+        InputError: a cache from elsewhere whose result is none, or names files outside of its folder.
+    """
+    try:
+        content = product.read_json("result")
+        figures = {name: files.inside(product.path / "figures", name) for name in content["figures"]}
+        models = {name: files.inside(product.path / MODELS, name) for name in content["models"]}
+        check_rows(content["table"], content["rows"])
+        return Result(content["table"], content["rows"], figures, content["metrics"], content["keys"], product.key, models)
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        raise InputError(f"{product.path} is not the result of a run ({error}); delete the folder and run again") from error
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NumPy scalars and no NaN; a value that could not be computed is None."""
+    if isinstance(value, bool) or value is None or isinstance(value, str):
+        return value
+    if isinstance(value, numbers.Integral):
+        return int(value)
+    if isinstance(value, numbers.Real):
+        return float(value) if math.isfinite(float(value)) else None
+    raise TypeError(f"a table cell cannot hold {type(value).__name__}")

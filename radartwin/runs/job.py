@@ -1,0 +1,134 @@
+"""One job of a sweep, as a launcher calls it: run the experiment, leave an outcome, raise nothing.
+
+A job that raised into its launcher would lose the rest of the sweep. So it leaves files in its folder instead, and the
+parent of the sweep reads those, wherever the job ran:
+
+    started        as soon as it begins: a folder with this and no outcome is of a job that was killed
+    log.txt        what it said, and the traceback of a defect
+    outcome.json   how it ended, written whole
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import sys
+import time
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO, cast
+
+from radartwin.config.compose import typed
+from radartwin.errors import UserError
+from radartwin.io import files
+from radartwin.io.progress import Progress
+from radartwin.runs.run import run_experiment, telling
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+OUTCOME, STARTED, LOG = "outcome.json", "started", "log.txt"
+DONE, CACHED, FAILED, REFUSED, UNFINISHED = "done", "cached", "failed", "refused", "not run"
+STATUSES = (DONE, CACHED, FAILED, REFUSED, UNFINISHED)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one job ended: done, cached (found finished), failed (a defect, or killed), refused (the user's input), not run.
+
+    Attributes:
+        line: what was computed, or the reason it failed.
+        seconds: of wall-clock time in the job.
+        log: file with all it said; empty where nothing was said.
+    """
+
+    job: str
+    status: str
+    line: str = ""
+    run_key: str = ""
+    seconds: float = 0.0
+    log: str = ""
+    metrics: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def finished(self) -> bool:
+        return self.status in (DONE, CACHED)
+
+    def write(self, folder: Path) -> None:
+        files.write_atomically(folder / OUTCOME, json.dumps(asdict(self)))
+
+    @classmethod
+    def read(cls, folder: Path) -> Outcome | None:
+        """The outcome in a job's folder; None as long as there is none."""
+        try:
+            return cls(**json.loads((folder / OUTCOME).read_text(encoding="utf-8")))
+        except FileNotFoundError:
+            return None
+
+
+def job_name(overrides: Sequence[str]) -> str:
+    """materials=void,seed=1: what tells a job apart from others of its sweep."""
+    return ",".join(f"{key}={value}" for key, value in telling(overrides).items()) or "defaults"
+
+
+def job(composed: DictConfig) -> None:
+    """The task function that Hydra's launchers call, in whatever process."""
+    from hydra.core.hydra_config import HydraConfig
+    from omegaconf import OmegaConf
+
+    runtime = HydraConfig.get()
+    overrides = list(runtime.overrides.task)
+    unresolved = OmegaConf.to_container(runtime.runtime, resolve=False)  # Hydra wrote a plain path, which may hold ${
+    folder = Path(cast(dict, unresolved)["output_dir"])
+    in_parent = runtime.runtime.choices.get("hydra/launcher") == "basic"
+    (folder / STARTED).touch()
+    started = time.monotonic()
+    with _logged(folder / LOG, echo=in_parent):
+        outcome = _outcome(composed, overrides)
+    log = str(folder / LOG) if (folder / LOG).stat().st_size else ""
+    Outcome(**{**asdict(outcome), "seconds": round(time.monotonic() - started, 3), "log": log}).write(folder)
+
+
+def _outcome(composed: DictConfig, overrides: Sequence[str]) -> Outcome:
+    name = job_name(overrides)
+    try:
+        result, counts = run_experiment(typed(composed), overrides, Progress())
+    except UserError as error:
+        print(error, file=sys.stderr)
+        return Outcome(name, REFUSED, " ".join(str(error).split()))
+    except MemoryError as error:
+        traceback.print_exc()
+        return Outcome(name, FAILED, f"out of memory ({error}); give it more, or run fewer jobs at once" if str(error) else "out of memory")
+    except Exception as error:
+        traceback.print_exc()
+        return Outcome(name, FAILED, f"{type(error).__name__}: {error}".splitlines()[0])
+    line = f"simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}"
+    return Outcome(name, DONE if counts.scored else CACHED, line, result.run_key, metrics=dict(result.metrics))
+
+
+@contextlib.contextmanager
+def _logged(path: Path, echo: bool) -> Iterator[None]:
+    """Standard error of this process goes to the file, and in a job of the parent to the terminal as well."""
+    with contextlib.ExitStack() as stack:
+        log = stack.enter_context(path.open("w", encoding="utf-8", buffering=1))
+        stack.enter_context(contextlib.redirect_stderr(cast(Any, _Both(log, sys.stderr)) if echo else log))
+        yield
+
+
+class _Both(io.TextIOBase):
+    """Writes to two streams; not a terminal, so that progress comes as lines."""
+
+    def __init__(self, first: TextIO, second: TextIO) -> None:
+        self._streams = (first, second)
+
+    def write(self, text: str) -> int:
+        for stream in self._streams:
+            stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        for stream in self._streams:
+            stream.flush()

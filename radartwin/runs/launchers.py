@@ -1,0 +1,132 @@
+"""Hydra's launchers (serial, joblib, SLURM), driven batch by batch so that a sweep outlives the death of a job.
+
+Hydra's own multirun hands all jobs to the launcher at once and loses them all with the first killed worker. Here the
+launcher gets the jobs, each leaves its outcome in a folder (radartwin/runs/job.py), and if the launcher breaks down, those
+that were under way are run again one by one: who dies alone is at fault and fails, all others go on together.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from radartwin.config.compose import CONFIG_NAME, composing, conf_dir, path_override, register, search_override
+from radartwin.config.trusted import check_targets
+from radartwin.io import files
+from radartwin.runs.job import FAILED, LOG, STARTED, Outcome, job, job_name
+
+POLL_S = 0.2
+ALONE_TRIES = 2  # a kill may come from outside; two in a row, running alone, do not
+
+
+class Launcher:
+    """The launcher that hydra/launcher=... names, for one sweep.
+
+    Args:
+        hydra_overrides: those of hydra's own settings (`hydra/launcher=joblib`, `hydra.launcher.n_jobs=2`).
+        folder: of the sweep; job N leaves its files in folder/N.
+        say: receives a line per finished job.
+    Raises:
+        ConfigError: an unknown launcher or setting, or one that would call code outside radartwin and the launchers.
+    """
+
+    def __init__(
+        self, hydra_overrides: Sequence[str], config_dirs: Sequence[Path], folder: Path, say: Callable[[str], None] = print
+    ) -> None:
+        self.folder, self._say = folder, say
+        self._plugin = _plugin([*hydra_overrides, path_override("hydra.sweep.dir", folder)], config_dirs)
+
+    def run(self, jobs: Mapping[int, Sequence[str]], total: int) -> None:
+        """Run the jobs (overrides by number) until each has an outcome. Raises what stopped all of them from starting."""
+        waiting = dict(jobs)
+        with self._watched(list(jobs), total):
+            while waiting:
+                self._launch(waiting)
+                waiting = self._unsettled(waiting)
+                for number in [n for n in waiting if (self._place(n) / STARTED).exists()]:
+                    self._alone(number, waiting.pop(number))
+
+    def _alone(self, number: int, overrides: Sequence[str]) -> None:
+        for _ in range(ALONE_TRIES):
+            self._launch({number: overrides})
+            if Outcome.read(self._place(number)):
+                return
+        reason = f"its process was killed {ALONE_TRIES + 1} times (out of memory, or from outside)"
+        log = self._place(number) / LOG
+        Outcome(job_name(overrides), FAILED, reason, log=str(log) if log.exists() else "").write(self._place(number))
+
+    def _launch(self, jobs: Mapping[int, Sequence[str]]) -> None:
+        """One call of the launcher. A launcher that breaks down after jobs have begun is no error here."""
+        for number in jobs:
+            files.make_folder(self._place(number))
+            (self._place(number) / STARTED).unlink(missing_ok=True)
+        placed = [[*overrides, f"hydra.sweep.subdir='{number}'"] for number, overrides in jobs.items()]
+        try:
+            self._plugin.launch(placed, initial_job_idx=0)
+        except Exception:
+            if not any((self._place(number) / STARTED).exists() for number in jobs):
+                raise
+
+    def _unsettled(self, jobs: Mapping[int, Sequence[str]]) -> dict[int, Sequence[str]]:
+        return {number: overrides for number, overrides in jobs.items() if Outcome.read(self._place(number)) is None}
+
+    def _place(self, number: int) -> Path:
+        return self.folder / str(number)
+
+    @contextlib.contextmanager
+    def _watched(self, numbers: list[int], total: int) -> Iterator[None]:
+        """Say a line for each outcome as it appears; jobs end in other processes, or on other machines."""
+        over, said = threading.Event(), total - len(numbers)
+
+        def look() -> None:
+            nonlocal said
+            for number in list(numbers):
+                if outcome := Outcome.read(self._place(number)):
+                    numbers.remove(number)
+                    said += 1
+                    self._say(f"[{said}/{total}] {status_line(outcome)}")
+
+        def watch() -> None:
+            while not over.wait(POLL_S):
+                look()
+
+        watcher = threading.Thread(target=watch, daemon=True)
+        watcher.start()
+        try:
+            yield
+        finally:
+            over.set()
+            watcher.join()
+            look()
+
+
+def status_line(outcome: Outcome) -> str:
+    run = f"run {outcome.run_key[:8]}, " if outcome.run_key else ""
+    return f"{outcome.status:8s} {outcome.job}: {run}{outcome.line} ({outcome.seconds:.1f} s)"
+
+
+def _plugin(overrides: list[str], config_dirs: Sequence[Path]) -> Any:
+    from hydra._internal.callbacks import Callbacks
+    from hydra._internal.hydra import Hydra
+    from hydra._internal.utils import create_config_search_path
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.core.plugins import Plugins
+    from hydra.types import HydraContext, RunMode
+    from hydra.utils import instantiate
+
+    register()
+    GlobalHydra.instance().clear()
+    with composing(overrides):
+        main = Hydra.create_main_hydra2("radartwin", create_config_search_path(str(conf_dir())))
+        overrides = [*overrides, *search_override(config_dirs)]
+        config = main.compose_config(CONFIG_NAME, overrides, RunMode.MULTIRUN, with_log_configuration=False)
+    check_targets(config)
+    context = HydraContext(config_loader=main.config_loader, callbacks=Callbacks())
+    if str(config.hydra.launcher._target_).startswith("radartwin."):  # Hydra's registry holds only hydra_plugins
+        plugin = instantiate(config.hydra.launcher, _recursive_=False)
+        plugin.setup(hydra_context=context, task_function=job, config=config)
+        return plugin
+    return Plugins.instance().instantiate_launcher(hydra_context=context, task_function=job, config=config)

@@ -1,0 +1,191 @@
+"""`radartwin run --search METRIC`: settings that make a metric largest, or smallest, by Optuna's ask and tell.
+
+Optuna proposes, the launcher of the sweep runs, the outcome is told back. The study lies in output/search/NAME.db, named
+for the space that is searched, so the same command goes on where it stopped; a trial whose run is finished is read from
+the cache like any other job.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from radartwin.config.compose import Composer, composing, quoted
+from radartwin.config.groups import Config
+from radartwin.errors import BackendError, ConfigError, UserError
+from radartwin.io import files
+from radartwin.runs.job import FAILED, Outcome, job_name
+from radartwin.runs.run import extend_path
+from radartwin.runs.sweep import Sweep, split
+from radartwin.store.digest import spec_digest
+
+if TYPE_CHECKING:
+    from optuna import Study
+    from optuna.distributions import BaseDistribution
+    from optuna.trial import Trial
+
+DIRECTIONS = ("maximize", "minimize")
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is searched for: a metric of the experiment, how often to try, and how many trials at once."""
+
+    metric: str
+    trials: int = 20
+    direction: str = "maximize"
+    at_once: int = 1
+
+    def __post_init__(self) -> None:
+        if self.direction not in DIRECTIONS:
+            raise ConfigError(f"--direction {self.direction} is not known; options: {', '.join(DIRECTIONS)}")
+        if self.trials < 1 or self.at_once < 1:
+            raise ConfigError(f"--trials {self.trials} and --at-once {self.at_once} must be 1 or more")
+
+
+def search(overrides: Sequence[str], config_dirs: Sequence[Path], wish: Wish) -> int:
+    """Run trials until the study has as many as wished for; print the best. Returns the exit status.
+
+    Raises:
+        ConfigError: nothing to search over, or an experiment without the metric.
+        BackendError: Optuna is not installed, or its database cannot be used.
+    """
+    extend_path(config_dirs)
+    ours, hydras = split(overrides)
+    fixed, searched = space(ours)
+    if not searched:
+        raise ConfigError("--search needs a setting to search over, such as 'trajectory.height_m=interval(0.5,1.5)'")
+    composer = Composer(config_dirs)
+    first = _compose(composer, [*fixed, *_values(searched, _middle)])
+    study, place = _study(first, fixed, searched, wish)
+    with Sweep(first, hydras, config_dirs, f"search {wish.direction} {wish.metric} over {', '.join(searched)}") as running:
+        while (done := len(_finished(study))) < wish.trials:
+            trials = [study.ask(searched) for _ in range(min(wish.at_once, wish.trials - done))]
+            jobs = {trial.number: _job(composer, fixed, trial) for trial in trials}
+            running.run(jobs, total=wish.trials)
+            for trial in trials:
+                _tell(study, trial, running.outcomes[trial.number], wish.metric)
+    status = running.close()
+    print(f"search: {len(_finished(study))} trials in {place}; {_best(study, wish)}")
+    return status
+
+
+def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistribution]]:
+    """The overrides that stay, and the distribution of each that is searched.
+
+    interval(a,b) is continuous, tag(log,interval(a,b)) on a logarithmic scale, range(a,b,step) steps, a,b,c a choice.
+
+    Raises:
+        ConfigError: an override that cannot be read, or an interval that holds nothing.
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    optuna = _optuna()
+    fixed, searched = [], {}
+    with composing(overrides):
+        parsed = OverridesParser.create().parse_overrides(quoted(overrides))
+    for text, override in zip(overrides, parsed, strict=True):
+        if not override.is_sweep_override():
+            fixed.append(text)
+            continue
+        key, value = override.get_key_element(), cast(Any, override.value())
+        if override.is_interval_sweep():
+            low, high = float(value.start), float(value.end)
+            log = "log" in value.tags
+            if not (math.isfinite(low) and math.isfinite(high) and low < high and (low > 0 or not log)):
+                raise ConfigError(f"{text}: an interval goes from a smaller to a larger finite number, above zero if tagged log")
+            searched[key] = optuna.distributions.FloatDistribution(low, high, log=log)
+        else:
+            searched[key] = optuna.distributions.CategoricalDistribution(list(override.sweep_string_iterator()))
+    return fixed, searched
+
+
+def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribution], wish: Wish) -> tuple[Study, Path]:
+    """The study of this space, opened or made; trials that a killed process left are tried again."""
+    optuna = _optuna()
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    described = {key: repr(distribution) for key, distribution in searched.items()}
+    told = {"space": described, "fixed": sorted(fixed), "metric": wish.metric, "direction": wish.direction}
+    name = f"{first.experiment.name or 'search'}-{spec_digest(told)[:8]}"
+    place = files.make_folder(Path(first.output).absolute() / "search") / f"{name}.db"
+    try:
+        with files.lock(place.with_name(f".{place.name}.lock")):
+            storage = optuna.storages.RDBStorage(f"sqlite:///{place.as_posix()}", engine_kwargs={"connect_args": {"timeout": 60}})
+            study = optuna.create_study(storage=storage, study_name=name, direction=wish.direction, load_if_exists=True)
+    except Exception as error:  # SQLAlchemy's, alembic's and SQLite's own
+        if isinstance(error, UserError):
+            raise
+        reason = " ".join(str(error).split())[:200]
+        raise BackendError(f"{place}: the study cannot be opened ({reason}); move it away to start anew") from error
+    study.sampler = optuna.samplers.TPESampler(seed=first.seed + len(study.trials))
+    for trial in study.get_trials(states=(optuna.trial.TrialState.RUNNING,)):
+        study.enqueue_trial(trial.params)
+        study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
+    return study, place
+
+
+def _job(composer: Composer, fixed: Sequence[str], trial: Trial) -> tuple[list[str], Config]:
+    overrides = [*fixed, *(f"{key}={_text(value)}" for key, value in trial.params.items())]
+    return overrides, _compose(composer, overrides)
+
+
+def _compose(composer: Composer, overrides: list[str]) -> Config:
+    try:
+        return composer.compose(overrides)
+    except UserError as error:
+        raise ConfigError(f"{job_name(overrides)}: {error}") from error
+
+
+def _tell(study: Study, trial: Trial, outcome: Outcome, metric: str) -> None:
+    optuna = _optuna()
+    value = outcome.metrics.get(metric)
+    if outcome.finished and value is None:
+        known = ", ".join(sorted(outcome.metrics)) or "none"
+        raise ConfigError(f"--search {metric}: the experiment has no such metric; it has {known}")
+    if outcome.finished and value is not None and math.isfinite(value):
+        trial.set_user_attr("run_key", outcome.run_key)
+        study.tell(trial, value)
+    else:
+        trial.set_user_attr("reason", outcome.line or FAILED)
+        study.tell(trial, state=optuna.trial.TrialState.FAIL)
+
+
+def _finished(study: Study) -> list[Any]:
+    """Trials that count: scored ones, and failed ones that were run; not those a kill cut short."""
+    optuna = _optuna()
+    complete = study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.FAIL))
+    return [trial for trial in complete if trial.state == optuna.trial.TrialState.COMPLETE or "reason" in trial.user_attrs]
+
+
+def _best(study: Study, wish: Wish) -> str:
+    try:
+        best = study.best_trial
+    except ValueError:
+        return "none succeeded"
+    settings = " ".join(f"{key}={_text(value)}" for key, value in best.params.items())
+    return f"best {wish.metric} = {best.value:.6g} at {settings}, run {best.user_attrs['run_key'][:8]}"
+
+
+def _values(searched: dict[str, BaseDistribution], choose: Any) -> list[str]:
+    return [f"{key}={_text(choose(distribution))}" for key, distribution in searched.items()]
+
+
+def _middle(distribution: Any) -> Any:
+    choices = getattr(distribution, "choices", None)
+    return choices[0] if choices else (distribution.low + distribution.high) / 2
+
+
+def _text(value: Any) -> str:
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _optuna() -> Any:
+    with contextlib.suppress(ModuleNotFoundError):
+        import optuna
+
+        return optuna
+    raise BackendError("--search needs Optuna: pip install 'radartwin[search]'")

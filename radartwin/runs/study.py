@@ -1,0 +1,29 @@
+"""Finding the study: experiments/ and analysis/ are run from a checkout and are not part of the wheel."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from radartwin.errors import MissingError
+
+
+def add_to_path() -> Path | None:
+    """Make experiments/ and analysis/ importable from the checkout that holds them; its root, or None outside a
+    checkout.
+    """
+    for root in (Path(__file__).resolve().parents[2], Path.cwd()):
+        if (root / "experiments" / "__init__.py").is_file() and (root / "analysis" / "__init__.py").is_file():
+            if str(root) not in sys.path:
+                sys.path.insert(0, str(root))
+            return root
+    return None
+
+
+def module(name: str) -> ModuleType:
+    """A module of the study by name. Raises MissingError outside a checkout."""
+    if add_to_path() is None:
+        raise MissingError("tables and the report need experiments/ and analysis/; run this from a checkout of the repository")
+    return importlib.import_module(name)

@@ -1,0 +1,179 @@
+"""`radartwin run -m`: one job per combination of values, what is finished skipped, a table at the end.
+
+All jobs are composed before anything starts, so that a wrong key costs nothing, and each one's run key is looked up: a
+finished run is read, not launched. The rest goes to the launcher that hydra/launcher names. Nothing of a sweep is
+remembered but its runs, so the same command resumes it, after a kill as after a mistake was mended.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+import uuid
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from radartwin.config.compose import Composer, composing, quoted
+from radartwin.config.groups import Config
+from radartwin.errors import ConfigError, UserError
+from radartwin.io import files
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import load, module_name
+from radartwin.runs.job import CACHED, FAILED, REFUSED, STARTED, STATUSES, UNFINISHED, Outcome, job_name
+from radartwin.runs.launchers import Launcher, status_line
+from radartwin.runs.run import extend_path, finished, run_experiment, telling
+from radartwin.runs.tracking import Tracker
+
+TABLE = "jobs.csv"
+
+
+def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
+    """Run every combination. Returns 0 if all are done, 1 if one failed, 2 if one was refused."""
+    extend_path(config_dirs)
+    ours, hydras = split(overrides)
+    jobs = combinations(ours)
+    configs = composed(jobs, config_dirs)
+    told = " ".join(override for override in ours if telling([override]))
+    with Sweep(configs[0], hydras, config_dirs, told) as running:
+        running.run({number: (job, config) for number, (job, config) in enumerate(zip(jobs, configs, strict=True))})
+    return running.close()
+
+
+class Sweep:
+    """A sweep under way: its folder, its parent run in MLflow, its launcher, and the outcomes so far.
+
+    Args:
+        first: configuration of any of its jobs: the table and the output are the same for all.
+        hydra_overrides: the launcher and its settings.
+        told: the overrides that tell it from other sweeps of the table; the name of its parent run.
+    """
+
+    def __init__(self, first: Config, hydra_overrides: Sequence[str], config_dirs: Sequence[Path], told: str) -> None:
+        load(first.experiment)
+        table = first.experiment.name or module_name(first.experiment)
+        stamp = f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{uuid.uuid4().hex[:6]}"
+        self.folder = Path(first.output).absolute() / "sweeps" / stamp
+        self.outcomes: dict[int, Outcome] = {}
+        self._launcher = Launcher(hydra_overrides, config_dirs, self.folder)
+        self._tracker = Tracker(first.tracking, Path(first.output))
+        self._title = (table, told or table)
+        self._parent: str | None = None
+        self._jobs: dict[int, list[str]] = {}
+
+    def __enter__(self) -> Sweep:
+        files.make_folder(self.folder)
+        self._parent = self._tracker.sweep(*self._title)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        self._collect()
+        if kind is None:
+            status = "FINISHED" if all(o.finished for o in self.outcomes.values()) else "FAILED"
+        else:
+            status = "KILLED" if issubclass(kind, KeyboardInterrupt) else "FAILED"
+            print(self._counted())
+        try:
+            self._write()
+        finally:
+            table = self.folder / TABLE
+            self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
+
+    def run(self, jobs: Mapping[int, tuple[list[str], Config]], total: int | None = None) -> None:
+        """Run the jobs (overrides and configuration by number), those that are finished read back."""
+        total = total or len(jobs)
+        self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
+        waiting: dict[int, list[str]] = {}
+        for number, (overrides, config) in jobs.items():
+            if outcome := _cached(config, overrides):
+                self.outcomes[number] = outcome
+                print(f"[{len(self.outcomes)}/{total}] {status_line(outcome)}", flush=True)
+            else:
+                waiting[number] = [*quoted(overrides), *([f"tracking.parent_run_id={self._parent}"] if self._parent else [])]
+        if waiting:
+            self._launcher.run(waiting, total)
+        self._collect()
+
+    def close(self) -> int:
+        """Print the table of jobs; the exit status."""
+        print(table_text(self.outcomes.values()))
+        print(self._counted())
+        statuses = {outcome.status for outcome in self.outcomes.values()}
+        return 1 if statuses & {FAILED, UNFINISHED} else 2 if REFUSED in statuses else 0
+
+    def _collect(self) -> None:
+        for number, overrides in self._jobs.items():
+            if number not in self.outcomes or self.outcomes[number].status == UNFINISHED:
+                folder = self.folder / str(number)
+                stopped = "stopped before its end" if (folder / STARTED).exists() else "not begun"
+                self.outcomes[number] = Outcome.read(folder) or Outcome(job_name(overrides), UNFINISHED, stopped)
+
+    def _counted(self) -> str:
+        count = {status: sum(o.status == status for o in self.outcomes.values()) for status in STATUSES}
+        shown = {status: n for status, n in count.items() if n or status != UNFINISHED}
+        return "sweep: " + ", ".join(f"{n} {status}" for status, n in shown.items()) + f"; {self.folder / TABLE}"
+
+    def _write(self) -> None:
+        files.write_atomically(self.folder / TABLE, table_csv(self.outcomes[number] for number in sorted(self.outcomes)))
+
+
+def split(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The overrides of the study, and those of Hydra's own settings (the launcher)."""
+    hydras = [o for o in overrides if o.lstrip("+~").startswith(("hydra.", "hydra/"))]
+    return [o for o in overrides if o not in hydras], hydras
+
+
+def combinations(overrides: Sequence[str]) -> list[list[str]]:
+    """Overrides of each job: seed=0,1 and materials=vlm,void make four. Raises ConfigError where one cannot be read."""
+    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    with composing(overrides):
+        parsed = OverridesParser.create().parse_overrides(quoted(overrides))
+        batches = BasicSweeper.split_arguments(parsed, max_batch_size=None)
+    return [list(job) for batch in batches for job in batch]
+
+
+def composed(jobs: Sequence[list[str]], config_dirs: Sequence[Path] = ()) -> list[Config]:
+    """Each job's configuration. Raises ConfigError for the first that cannot be composed, named."""
+    configs, composer = [], Composer(config_dirs)
+    for job in jobs:
+        try:
+            configs.append(composer.compose(job))
+        except UserError as error:
+            raise ConfigError(f"{job_name(job)}: {error}" if len(jobs) > 1 else str(error)) from error
+    return configs
+
+
+def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
+    """The outcome of a job whose run is finished already; None if it has to run."""
+    started = time.monotonic()
+    try:
+        if not finished(config):
+            return None
+        result, counts = run_experiment(config, overrides, Progress(quiet=True))
+    except UserError:  # the job itself will say so
+        return None
+    line = f"simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}"
+    return Outcome(job_name(overrides), CACHED, line, result.run_key, round(time.monotonic() - started, 3), metrics=dict(result.metrics))
+
+
+def table_text(outcomes: Iterable[Outcome]) -> str:
+    """The closing table: a line per job, with the reason and the log of those that did not finish."""
+    lines = []
+    for outcome in sorted(outcomes, key=lambda o: STATUSES.index(o.status)):
+        log = f"; log {outcome.log}" if outcome.log and not outcome.finished else ""
+        lines.append(f"{status_line(outcome)}{log}")
+    return "\n".join(lines)
+
+
+def table_csv(outcomes: Iterable[Outcome]) -> str:
+    """The table of jobs in their order: job, status, run_key, line, log, seconds, and a column per metric."""
+    rows = list(outcomes)
+    metrics = sorted({name for row in rows for name in row.metrics})
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["job", "status", "run_key", *metrics, "line", "log", "seconds"])
+    for row in rows:
+        writer.writerow([row.job, row.status, row.run_key, *(row.metrics.get(m, "") for m in metrics), row.line, row.log, row.seconds])
+    return text.getvalue()

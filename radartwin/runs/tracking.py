@@ -1,0 +1,298 @@
+"""Runs in MLflow: SQLite in the output folder by default, or a server. What a run leaves there is in radartwin/runs/artifacts.py.
+
+Several processes that open a fresh SQLite store at once destroy it, and writers that meet give up. So everything that
+touches the database happens under one file lock, starting with its creation; artifacts are plain files and need none. A
+run is written in two short visits: created, and ended with all its metrics, tags and datasets.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import logging
+import os
+import re
+import socket
+import sqlite3
+import time
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from radartwin.config.groups import TrackingConfig
+from radartwin.errors import BackendError, OutputError, UserError
+from radartwin.io import files
+from radartwin.io.secret import hidden
+from radartwin.runs import artifacts
+from radartwin.runs.artifacts import Record
+from radartwin.runs.experiment import MODELS
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+    from mlflow.entities import Metric
+
+DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
+KIND = {"mlflow.experimentKind": "custom_model_development"}  # its page opens on the table of runs, not on traces
+PROCESS = "process"  # tag: host and process that compute a run
+COMPARED = 100  # jobs of a sweep that the link of its parent run compares
+MAX_METRICS = 40  # about thirty scalars a run; curves and tables are artifacts
+
+
+class Tracker:
+    """Tracking of one output folder. `Tracker(config, output)` opens nothing; `prepare` does.
+
+    Args:
+        config: backend off makes every method a no-op.
+        output: root of everything written.
+    Raises:
+        BackendError, OutputError: a SQLite database that cannot be opened or made.
+    """
+
+    def __init__(self, config: TrackingConfig, output: Path) -> None:
+        self.off = config.backend == "off"
+        self.uri = config.uri or f"sqlite:///{(Path(output).absolute() / DATABASE).as_posix()}"
+        self.parent_run_id = config.parent_run_id
+        self._database = Path(self.uri.removeprefix("sqlite:///")) if self.uri.startswith("sqlite:///") else None
+        self._client: MlflowClient | None = None
+        if self._database and not self.off:
+            _check_database(self._database)
+            files.drop_stale(self._lock)
+
+    @property
+    def artifacts(self) -> str | None:
+        """Where artifacts lie beside a SQLite database, as a URI; a server decides for itself."""
+        return (self._database.absolute().parent / ARTIFACTS).as_uri() if self._database else None
+
+    @property
+    def _lock(self) -> Path:
+        assert self._database is not None
+        return self._database.with_name(f".{self._database.name}.lock")
+
+    def prepare(self) -> None:
+        """Create or open the store. The parent of a sweep calls it before its jobs start."""
+        if not self.off:
+            with self._exclusive():
+                self._connect()
+
+    @contextlib.contextmanager
+    def run(self, table: str, key: str, name: str, params: Mapping[str, str]) -> Iterator[Record]:
+        """Track the work inside the `with`: finished with the record's metrics and artifacts, or failed with the error.
+
+        Args:
+            table: the MLflow experiment it belongs to.
+            key: run key, a tag. An unfinished run of the same key is a killed one, and is marked so.
+            name: without the key; it is added.
+        """
+        record = Record()
+        if self.off:
+            yield record
+            return
+        with self._visit() as client:
+            experiment_id = self._experiment(client, table)
+            self._bury(client, experiment_id, key)
+            told = {**artifacts.tags(table, key), PROCESS: f"{socket.gethostname()}:{os.getpid()}"}
+            record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", told, self.parent_run_id)
+        began, clock = int(time.time() * 1000), time.monotonic()
+        status, error = "FINISHED", ""
+        samples: list[Metric] = []
+        try:
+            with artifacts.machine(record.run_id, self.uri) as samples:
+                yield record
+        except BaseException as raised:
+            status, error = "KILLED" if isinstance(raised, KeyboardInterrupt) else "FAILED", hidden(str(raised))[:500]
+            raise
+        finally:
+            ended = began + int((time.monotonic() - clock) * 1000)  # the wall clock may have been set meanwhile
+            try:
+                self._end(record, params, samples, status, error, ended)
+            except (BackendError, OutputError) as lost:
+                warnings.warn(f"run {key[:8]} is not in MLflow as it ended: {lost}; what it computed is kept", stacklevel=1)
+
+    def sweep(self, table: str, name: str) -> str | None:
+        """Open the parent run of a sweep and return its id for the jobs; None when tracking is off.
+
+        The same sweep, started again, goes on under the parent it had.
+        """
+        if self.off:
+            return None
+        sweep_key = hashlib.sha256(f"{table} {name}".encode()).hexdigest()[:32]
+        with self._visit() as client:
+            experiment_id = self._experiment(client, table)
+            before = client.search_runs([experiment_id], filter_string=f"tags.`sweep_key` = '{sweep_key}'", max_results=1)
+            if before:
+                client.update_run(before[0].info.run_id, status="RUNNING")
+                return before[0].info.run_id
+            return self._create(client, experiment_id, name, {**artifacts.tags(table, "sweep"), "sweep_key": sweep_key}, None)
+
+    def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"], table: Path | None = None) -> None:
+        """End the parent run, with the table of its jobs and a link that compares them; what fails costs a warning."""
+        if run_id is None:
+            return
+        try:
+            with self._visit() as client:
+                experiment_id = client.get_run(run_id).info.experiment_id
+                children = client.search_runs([experiment_id], f"tags.`mlflow.parentRunId` = '{run_id}'", max_results=COMPARED)
+                if children:
+                    client.set_tag(run_id, "mlflow.note.content", artifacts.comparison(experiment_id, [c.info.run_id for c in children]))
+                if table:
+                    client.log_artifact(run_id, str(table))
+                client.set_terminated(run_id, status)
+        except (BackendError, OutputError) as lost:
+            warnings.warn(f"the sweep is not in MLflow as it ended: {lost}; its runs are kept", stacklevel=1)
+
+    def known(self, table: str, key: str) -> bool:
+        """Whether a run of this key is recorded as finished, or a living process of this machine is about to record it."""
+        if self.off:
+            return True
+        with self._visit() as client:
+            found = self._of_key(client, self._experiment(client, table), key)
+        return any(run.info.status == "FINISHED" or (run.info.status == "RUNNING" and _alive(run.data.tags)) for run in found)
+
+    @contextlib.contextmanager
+    def _visit(self) -> Iterator[MlflowClient]:
+        """The store, under its lock; what goes wrong with it in the meantime is a BackendError."""
+        with self._exclusive():
+            client = self._connect()
+            with _told(self.uri):
+                yield client
+
+    def _connect(self) -> MlflowClient:
+        if self._client is None:
+            quieten()
+            with _told(self.uri), _impatient():
+                from mlflow import MlflowClient
+
+                client = MlflowClient(tracking_uri=self.uri)
+                client.search_experiments(max_results=1)  # SQLite: creates the tables
+            self._client = client
+        return self._client
+
+    def _experiment(self, client: MlflowClient, table: str) -> str:
+        found = client.get_experiment_by_name(table)
+        if found is not None:
+            return found.experiment_id
+        location = f"{self.artifacts}/{table}" if self._database else None
+        return client.create_experiment(table, artifact_location=location, tags=KIND)
+
+    @staticmethod
+    def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
+        return list(client.search_runs([experiment_id], filter_string=f"tags.`run_key` = '{key}'"))
+
+    def _bury(self, client: MlflowClient, experiment_id: str, key: str) -> None:
+        for run in self._of_key(client, experiment_id, key):
+            if run.info.status == "RUNNING":
+                client.set_terminated(run.info.run_id, "KILLED")
+
+    @staticmethod
+    def _create(client: MlflowClient, experiment_id: str, name: str, run_tags: dict[str, str], parent: str | None) -> str:
+        if parent:
+            run_tags["mlflow.parentRunId"] = parent
+        return client.create_run(experiment_id, run_name=name, tags=run_tags).info.run_id
+
+    def _end(self, record: Record, params: Mapping[str, str], samples: Sequence[Metric], status: str, error: str, ended_ms: int) -> None:
+        from mlflow.entities import Metric, Param, RunTag
+
+        if len(record.metrics) > MAX_METRICS:
+            raise ValueError(f"{len(record.metrics)} metrics in one run; keep {MAX_METRICS} and write the rest as an artifact")
+        with _told(self.uri):
+            client = self._connect()
+            for path in record.artifacts:
+                if path.name == MODELS and path.is_dir():
+                    artifacts.log_models(client, record.run_id, path)
+                elif path.is_dir():
+                    client.log_artifacts(record.run_id, str(path), path.name)
+                else:
+                    client.log_artifact(record.run_id, str(path))
+            if record.rows:
+                artifacts.log_table(client, record.run_id, record.rows)
+        with self._visit() as client:
+            client.log_batch(
+                record.run_id,
+                metrics=[Metric(name, float(value), ended_ms, 0) for name, value in record.metrics.items()],
+                params=[Param(name, value) for name, value in params.items()],
+                tags=[RunTag("error", error)] if error else [],
+            )
+            artifacts.log_metrics(client, record.run_id, samples)
+            if record.inputs:
+                client.log_inputs(record.run_id, artifacts.datasets(record.inputs))
+            client.set_terminated(record.run_id, status, ended_ms)
+
+    @contextlib.contextmanager
+    def _exclusive(self) -> Iterator[None]:
+        if self._database is None:
+            yield
+            return
+        with files.lock(self._lock):
+            yield
+
+
+def quieten() -> None:
+    """No telemetry, no migration log, no complaint about a missing git: before the first import of mlflow."""
+    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+    os.environ.setdefault("DO_NOT_TRACK", "true")
+    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
+    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # what it says is raised as well, and told by `_unusable`
+
+
+def _check_database(path: Path) -> None:
+    """Refuse at once what mlflow would retry for minutes, saying so each time."""
+    if signs := [sign for sign in "?#%" if sign in str(path)]:
+        raise _unusable(path, f"mlflow misreads '{signs[0]}' in the path of a database")
+    if not path.exists():
+        files.check_folder(path.parent)
+        return
+    if not os.access(path, os.R_OK | os.W_OK) or not os.access(path.parent, os.W_OK | os.X_OK):
+        raise _unusable(path, "it or its folder cannot be written")
+    try:
+        with contextlib.closing(sqlite3.connect(path, timeout=30)) as connection:
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
+    except sqlite3.Error as error:
+        raise _unusable(path, "it is not a file" if path.is_dir() else _one_line(error)) from error
+
+
+@contextlib.contextmanager
+def _told(uri: str) -> Iterator[None]:
+    """Errors of the store as one line that names it."""
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        yield
+    except UserError:
+        raise
+    except (MlflowException, SQLAlchemyError, ImportError, OSError) as error:
+        raise _unusable(uri, _one_line(error)) from error
+
+
+@contextlib.contextmanager
+def _impatient() -> Iterator[None]:
+    """Ask a server for its first answer twice, 10 s each, where mlflow would ask for minutes; the user's settings win."""
+    ours = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1", "MLFLOW_HTTP_REQUEST_TIMEOUT": "10"}
+    added = {name: value for name, value in ours.items() if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]
+
+
+def _unusable(store: object, reason: str) -> BackendError:
+    remedy = "free some space" if "full" in reason or "space" in reason else "move the store away, correct tracking.uri"
+    return BackendError(f"tracking store {store}: {reason}; {remedy}, or use tracking=off")
+
+
+def _one_line(error: Exception) -> str:
+    """What SQLite said, out of the layers around it; else the first line."""
+    if found := re.search(r"\(sqlite3\.\w+\) ([^\n\[]+)", str(error)):
+        return found.group(1).strip()
+    return hidden((str(error).splitlines() or [type(error).__name__])[0])[:200]
+
+
+def _alive(found: Mapping[str, str]) -> bool:
+    """Whether the process that a run's tags name runs on this machine."""
+    host, _, process = found.get(PROCESS, "").rpartition(":")
+    return host == socket.gethostname() and process.isdecimal() and files.alive(int(process))

@@ -1,0 +1,1 @@
+"""Layouts: which objects stand where in a room."""

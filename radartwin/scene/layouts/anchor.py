@@ -1,0 +1,180 @@
+"""What an object is placed by: surfaces of a scene found by the words people use for them, their faces and sides."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.errors import LayoutError
+from radartwin.scene.layouts.layout import SENSOR_NAMES
+from radartwin.scene.scene import Scene, Surface
+
+PARTS = {
+    "top",
+    "legs",
+    "leg",
+    "feet",
+    "foot",
+    "soil",
+    "shrub",
+    "frame",
+    "seat",
+    "back",
+    "handle",
+    "body",
+    "contents",
+    "lid",
+    "cap",
+    "board",
+    "boards",
+    "side",
+    "sides",
+}
+STANDS_ON_M2 = 0.002  # smaller level areas carry nothing
+FACING = 0.6  # share of a surface's area that must look one way for it to have a face
+_ARTICLES = {"the", "a", "an", "my", "this", "that"}
+
+
+@dataclass(frozen=True, eq=False)
+class Anchor:
+    """One thing an object can be placed by.
+
+    Attributes:
+        name: what messages call it.
+        surfaces: its parts; none for the sensor.
+        points: (N, 2) where it is, seen from above.
+        front: (2,) unit vector out of its face.
+        left: (2,) to the left of who looks at its face; of the sensor, its own left.
+    """
+
+    name: str
+    surfaces: tuple[Surface, ...]
+    points: np.ndarray
+    front: np.ndarray
+    left: np.ndarray
+
+    @property
+    def is_sensor(self) -> bool:
+        return not self.surfaces
+
+
+def words(text: str) -> list[str]:
+    """Lower-case words and numbers of a name, articles left out.
+
+    >>> words("the Table_left-top 2")
+    ['table', 'left', 'top', '2']
+    """
+    return [w for w in re.findall(r"[a-z]+|\d+", text.lower()) if w not in _ARTICLES]
+
+
+def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor]:
+    """Everything that `text` may mean: the surface of that very name, else those whose names hold all its words; parts of one thing
+    (table_left_top, table_left_legs) are one anchor.
+
+    Raises:
+        LayoutError: nothing, with the names there are; the sensor without a pose.
+    """
+    asked = words(text)
+    if len(asked) == 1 and asked[0] in SENSOR_NAMES:
+        if sensor_pose is None:
+            raise LayoutError(f"'{text}' is used as an anchor, and no sensor pose is given; give one, or another anchor")
+        return [_sensor(np.asarray(sensor_pose, dtype=np.float64).reshape(-1, 4, 4)[0])]
+    same = [s for s in scene if s.name == text.strip()] or [s for s in scene if words(s.name) == asked]
+    matching = same or [s for s in scene if asked and set(asked) <= set(words(s.name))]
+    if not matching:
+        raise LayoutError(
+            f"the scene has nothing called '{text}'; it has {', '.join(sorted(set(filter(None, scene.names)))) or 'no named surfaces'}"
+        )
+    things: dict[str, list[Surface]] = {}
+    for surface in matching:
+        things.setdefault(surface.name if same else _stem(surface.name), []).append(surface)
+    middle = scene.bounds.mean(axis=0)[:2]
+    return [_of(group, middle) for group in things.values()]
+
+
+def supports(anchors: Sequence[Anchor]) -> list[tuple[Anchor, Surface]]:
+    """Of each anchor the part with the largest area to stand on, if it has any."""
+    out = []
+    for anchor in anchors:
+        areas = [level_area(s) for s in anchor.surfaces]
+        if areas and max(areas) > STANDS_ON_M2:
+            out.append((anchor, anchor.surfaces[int(np.argmax(areas))]))
+    return out
+
+
+def level_area(surface: Surface) -> float:
+    """Area within 30 degrees of level, m^2; of closed meshes the upper side alone."""
+    upward = np.asarray(surface.mesh.face_normals[:, 2])
+    areas = np.asarray(surface.mesh.area_faces)
+    up, down = float(areas[upward > 0.866].sum()), float(areas[upward < -0.866].sum())
+    return max(up, down)  # a scan's mesh may wind either way
+
+
+def floor(scene: Scene) -> Surface:
+    """The surface called floor, or the lowest large level one.
+
+    Raises:
+        LayoutError: there is none.
+    """
+    named = [s for s in scene if "floor" in words(s.name)]
+    level = named or [s for s in scene if s.kind == "room" and level_area(s) > 1.0]
+    if not level:
+        raise LayoutError("the scene has no floor; say what the object stands on, or give position_m with held: true")
+    lowest = min(float(s.mesh.bounds[0, 2]) for s in level)
+    return max((s for s in level if s.mesh.bounds[0, 2] < lowest + 0.1), key=level_area)
+
+
+def _stem(name: str) -> str:
+    parts = words(name)
+    while len(parts) > 1 and parts[-1] in PARTS:
+        parts.pop()
+    return " ".join(parts)
+
+
+def _sensor(pose: np.ndarray) -> Anchor:
+    forward = pose[:2, 0]
+    if np.linalg.norm(forward) < 1e-6:
+        raise LayoutError("the sensor looks straight up or down, so nothing is in front of it; use another anchor")
+    forward = forward / np.linalg.norm(forward)
+    return Anchor("the sensor", (), pose[None, :2, 3], forward, np.array([-forward[1], forward[0]]))
+
+
+def _of(surfaces: Sequence[Surface], middle: np.ndarray) -> Anchor:
+    points = np.vstack([np.asarray(s.mesh.vertices)[:, :2] for s in surfaces])
+    front = _face(surfaces, points, middle)
+    name = " and ".join(sorted({s.name for s in surfaces}))
+    return Anchor(name, tuple(surfaces), points, front, np.array([front[1], -front[0]]))
+
+
+def _face(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """The horizontal direction a thing looks: the normal of what is flat and upright, turned into the room; of furniture, that side of
+    its narrowest box that looks most into the room.
+    """
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    areas = np.concatenate([s.mesh.area_faces for s in surfaces])
+    normals = np.vstack([s.mesh.face_normals for s in surfaces])
+    mean = (normals * areas[:, None]).sum(axis=0)[:2] / areas.sum()
+    inward = middle - centre
+    if np.linalg.norm(mean) > FACING:
+        mean = mean / np.linalg.norm(mean)
+        return mean if mean @ inward >= 0 else -mean
+    angle = _box_angle(points)
+    sides = [np.array([np.cos(angle + k * np.pi / 2), np.sin(angle + k * np.pi / 2)]) for k in range(4)]
+    return max(sides, key=lambda side: (round(float(side @ inward), 6), *side.round(6)))
+
+
+def _box_angle(points: np.ndarray) -> float:
+    """Angle of the smallest rectangle around points (N, 2), in [0, pi/2)."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):  # all on a line: a wall seen from above
+        return 0.0
+    edges = np.diff(np.vstack([hull, hull[:1]]), axis=0)
+    angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 9))
+    turned = [hull @ np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angles]
+    return float(angles[int(np.argmin([np.prod(np.ptp(t, axis=0)) for t in turned]))])

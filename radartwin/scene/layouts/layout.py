@@ -1,0 +1,271 @@
+"""What stands where in a room: a layout, and its file.
+
+A layout file is YAML:
+
+    objects:
+      - object: mug                  # a name of the catalogue
+        name: my_mug                 # of its surfaces in the scene; the object's name, numbered if taken, unless given
+        position_m: [3.2, 0.4, 0.74] # of the middle of its base: x, y and height in the world
+        yaw_deg: 30                  # turned to the left about the vertical
+      - object: can_355
+        on: table_left_top           # a surface of the scene, or an object placed before
+        position_m: [4.3, 1.2]       # x and y alone: the height is the surface's
+      - object: mug
+        on: table
+        relations:                   # where on it; anchors are surfaces, objects placed before, or the sensor
+          - {relation: in front of, anchor: door, distance_m: 1.5}
+      - object: corner_reflector
+        position_m: [3.0, 0.0, 1.0]
+        held: true                   # by something that is not modelled: it may float
+      - object: meshes/bottle.obj    # a .glb, .ply or .obj beside the layout file, stood on its lowest point
+        material: hdpe               # of all of it: a name, or {layers: [[hdpe, 0.001]], backing: water}
+        unit: mm                     # of the mesh: m unless given, cm, mm or in
+        up: y                        # its upward axis: z unless given, or y
+        on: table
+
+Relations, all in the plane of the floor. *In front of* a surface is out of its face into the room; of furniture, the side that looks into
+the room; of the sensor, along its boresight. *Behind* is the opposite. *Left* and *right* are those of a person who stands in front
+and looks at it; of the sensor, its own. *Beside* is left or right, whichever is free. *Under* is below its middle. A distance is from
+the anchor's face (of the sensor, from its origin) to the middle of the object, exactly; without one the object is close by. Sideways
+the object stays within the anchor's width. Without `on` it stands on what its anchor stands on if that is an object, else on the floor.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from radartwin.errors import LayoutError, MissingError
+from radartwin.io import untrusted_yaml
+
+if TYPE_CHECKING:
+    import yaml
+
+MESHES = (".glb", ".ply", ".obj")  # an object with one of these suffixes is a file
+RELATIONS = ("in front of", "behind", "left of", "right of", "beside", "under")
+SENSOR_NAMES = ("sensor", "radar")
+
+_NUMBER = {"type": "number", "minimum": -100, "maximum": 100}
+SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["objects"],
+    "properties": {
+        "objects": {
+            "type": "array",
+            "minItems": 1,
+            "items": {
+                "type": "object",
+                "additionalProperties": False,
+                "required": ["object"],
+                "properties": {
+                    "object": {"type": "string", "minLength": 1},
+                    "name": {"type": ["string", "null"]},
+                    "on": {"type": ["string", "null"]},
+                    "position_m": {"type": ["array", "null"], "items": _NUMBER, "minItems": 2, "maxItems": 3},
+                    "relations": {
+                        "type": ["array", "null"],
+                        "items": {
+                            "type": "object",
+                            "additionalProperties": False,
+                            "required": ["relation", "anchor"],
+                            "properties": {
+                                "relation": {"enum": list(RELATIONS)},
+                                "anchor": {"type": "string", "minLength": 1},
+                                "distance_m": {"type": ["number", "null"], "minimum": 0, "maximum": 100},
+                            },
+                        },
+                    },
+                    "yaw_deg": {"type": ["number", "null"]},
+                    "held": {"type": ["boolean", "null"]},
+                },
+            },
+        }
+    },
+}
+
+_MATERIAL = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["layers"],
+    "properties": {
+        "layers": {"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}},
+        "backing": {"type": "string"},
+    },
+}
+
+
+def _file_schema() -> dict[str, Any]:
+    """What a file may hold: all that a language model may answer, and meshes."""
+    schema = copy.deepcopy(SCHEMA)
+    schema["properties"]["objects"]["items"]["properties"] |= {
+        "material": {"anyOf": [{"type": ["string", "null"]}, _MATERIAL]},
+        "unit": {"enum": ["m", "cm", "mm", "in", None]},
+        "up": {"enum": ["z", "y", None]},
+    }
+    return schema
+
+
+@dataclass(frozen=True)
+class Relation:
+    """Where an object is, seen from an anchor; see the module's text."""
+
+    relation: str
+    anchor: str
+    distance_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Item:
+    """One object and where it goes: at a position, or on something, by relations.
+
+    Attributes:
+        object: a name of the catalogue, or the path of a mesh.
+        material, unit, up: of a mesh; the material a name or, as in a manifest, layers and backing.
+    """
+
+    object: str
+    name: str = ""
+    on: str | None = None
+    position_m: tuple[float, ...] | None = None
+    relations: tuple[Relation, ...] = ()
+    yaw_deg: float = 0.0
+    held: bool = False
+    material: str | Mapping[str, Any] | None = None
+    unit: str = "m"
+    up: str = "z"
+
+    @property
+    def is_mesh(self) -> bool:
+        return self.object.lower().endswith(MESHES)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Objects in the order in which they are placed: later ones may stand on, or beside, earlier ones."""
+
+    items: tuple[Item, ...]
+
+    @classmethod
+    def from_dict(cls, value: Any, source: str = "layout") -> Layout:
+        """The layout of a parsed file or answer.
+
+        Raises:
+            LayoutError: in one line, with the place in the document.
+        """
+        check(value, source)
+        items = tuple(_item(entry) for entry in value["objects"])
+        for index, item in enumerate(items):
+            where = f"{source}: objects[{index}] ({item.object})"
+            at = item.position_m
+            if at is None and item.on is None and not item.relations:
+                raise LayoutError(f"{where} is nowhere; give position_m, on, or relations")
+            if at is not None and item.relations:
+                raise LayoutError(f"{where} has both position_m and relations; give one of them")
+            if at is not None and len(at) == 3 and item.on is not None:
+                raise LayoutError(f"{where} has a height in position_m and on={item.on}; leave the height or on out")
+            if item.held and (at is None or len(at) != 3):
+                raise LayoutError(f"{where} is held, so its height must be given: position_m: [x, y, z]")
+            if item.is_mesh and item.material is None:
+                raise LayoutError(f"{where} is a mesh, which does not say what it is made of; give material: NAME")
+            if not item.is_mesh and (item.material, item.unit, item.up) != (None, "m", "z"):
+                raise LayoutError(f"{where} is of the catalogue, which knows its material, unit and up; leave them out")
+        return cls(items)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The inverse of `from_dict`, without what is as usual."""
+        out = []
+        for item in self.items:
+            entry: dict[str, Any] = {"object": item.object}
+            if item.name:
+                entry["name"] = item.name
+            if item.on is not None:
+                entry["on"] = item.on
+            if item.position_m is not None:
+                entry["position_m"] = list(item.position_m)
+            if item.relations:
+                entry["relations"] = [{k: v for k, v in vars(r).items() if v is not None} for r in item.relations]
+            if item.yaw_deg:
+                entry["yaw_deg"] = item.yaw_deg
+            if item.held:
+                entry["held"] = True
+            if item.material is not None:
+                entry["material"] = item.material if isinstance(item.material, str) else dict(item.material)
+            entry |= {key: value for key, value, usual in (("unit", item.unit, "m"), ("up", item.up, "z")) if value != usual}
+            out.append(entry)
+        return {"objects": out}
+
+    @classmethod
+    def load(cls, path: str | Path) -> Layout:
+        """Read a layout file; paths of meshes are those from its folder.
+
+        Raises:
+            MissingError: no such file.
+            LayoutError: not YAML, or not a layout.
+        """
+        import yaml
+
+        path = Path(path)
+        if not path.is_file():
+            raise MissingError(f"layout {path} is not there; give a YAML file with a list of objects")
+        try:
+            value = yaml.load(path.read_text(encoding="utf-8"), _loader())
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise LayoutError(f"{path} is not YAML ({' '.join(str(error).split())[:160]})") from error
+        layout = cls.from_dict(value, str(path))
+        return cls(tuple(replace(item, object=str(path.parent / item.object)) if item.is_mesh else item for item in layout.items))
+
+    def save(self, path: str | Path) -> Path:
+        """Write a layout file, atomically; paths of meshes become those from its folder."""
+        import yaml
+
+        from radartwin.io.files import write_atomically
+
+        folder = Path(path).resolve().parent
+        items = (
+            replace(item, object=os.path.relpath(Path(item.object).resolve(), folder)) if item.is_mesh else item for item in self.items
+        )
+        return write_atomically(Path(path), yaml.safe_dump(Layout(tuple(items)).to_dict(), sort_keys=False, allow_unicode=True))
+
+
+def _loader() -> type[yaml.SafeLoader]:
+    """YAML's safe types, but `on` is a word: only true and false are truth values."""
+    import yaml
+
+    class Loader(untrusted_yaml.loader()):
+        yaml_implicit_resolvers: ClassVar = {
+            first: [(tag, pattern) for tag, pattern in pairs if tag != "tag:yaml.org,2002:bool"]
+            for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
+        }
+
+    Loader.add_implicit_resolver("tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|false|False)$"), list("tTfF"))
+    return Loader
+
+
+def check(value: Any, source: str) -> None:
+    """Refuse what is no layout document.
+
+    Raises:
+        LayoutError: the first thing wrong, with its place.
+    """
+    from jsonschema import Draft202012Validator
+    from jsonschema.exceptions import best_match
+
+    error = best_match(Draft202012Validator(_file_schema()).iter_errors(value))
+    if error is not None:
+        place = error.json_path.removeprefix("$").removeprefix(".") or "the document"
+        raise LayoutError(f"{source}: {place}: {' '.join(error.message.split())[:200]}")
+
+
+def _item(entry: Mapping[str, Any]) -> Item:
+    given = {k: v for k, v in entry.items() if v is not None}
+    if "position_m" in given:
+        given["position_m"] = tuple(float(v) for v in given["position_m"])
+    if "relations" in given:
+        given["relations"] = tuple(Relation(**relation) for relation in given["relations"])
+    return Item(**given)

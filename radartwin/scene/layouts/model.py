@@ -1,0 +1,106 @@
+"""Sentences to layouts by a language model, for what the grammar of `layout_sentence` cannot read.
+
+The model sees the sentence, the names of the catalogue and of the scene's surfaces, and answers in the layout's JSON schema. An answer
+that is no layout, or names what is not there, goes back with the reason; placing is not the model's: `layout_place` does it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+from radartwin.errors import BackendError, LayoutError
+from radartwin.io import untrusted_json
+from radartwin.io.chat import Endpoint
+from radartwin.scene.layouts import grammar
+from radartwin.scene.layouts.anchor import find
+from radartwin.scene.layouts.layout import RELATIONS, SCHEMA, SENSOR_NAMES, Layout
+from radartwin.scene.layouts.stock import names as stock_names
+from radartwin.scene.scene import Scene
+
+ANSWERS = 3  # that are asked for before the sentence is given up
+_MOST_NAMES = 300  # of surfaces in the question; the largest
+
+
+def read_sentence(
+    sentence: str,
+    scene: Scene,
+    sensor_pose: np.ndarray | None = None,
+    endpoint: Endpoint | None = None,
+    objects: Sequence[str] | None = None,
+) -> Layout:
+    """The layout of a sentence: by the grammar if it can read it, else by the model if there is one.
+
+    Args:
+        objects: names that can be placed; the catalogue's unless given.
+    Raises:
+        LayoutError: neither can read it.
+        BackendError: the model's server is not there, or its answers cannot be used.
+    """
+    try:
+        return grammar.parse(sentence)
+    except LayoutError:
+        if endpoint is None:
+            raise
+    return ask(sentence, scene, endpoint, sensor_pose, stock_names() if objects is None else objects)
+
+
+def ask(sentence: str, scene: Scene, endpoint: Endpoint, sensor_pose: np.ndarray | None, objects: Sequence[str]) -> Layout:
+    """The layout that the model reads in a sentence.
+
+    Raises:
+        BackendError: no server, or no usable answer in ANSWERS tries.
+    """
+    messages = [{"role": "system", "content": _task(scene, objects)}, {"role": "user", "content": sentence}]
+    problem = ""
+    for _ in range(ANSWERS):
+        text = endpoint.complete(messages, SCHEMA, "layout")
+        try:
+            layout = Layout.from_dict(_parsed(text), "the answer")
+            _check_names(layout, scene, sensor_pose, objects)
+            return layout
+        except LayoutError as error:
+            problem = str(error)
+        messages += [
+            {"role": "assistant", "content": text[:2000]},
+            {"role": "user", "content": f"That cannot be used: {problem}. Answer again, with the JSON alone."},
+        ]
+    raise BackendError(
+        f"{endpoint.model} at {endpoint.shown} gave no usable layout in {ANSWERS} answers: {problem}; write a layout file instead"
+    )
+
+
+def _task(scene: Scene, objects: Sequence[str]) -> str:
+    largest = sorted((s for s in scene if s.name), key=lambda s: -float(s.mesh.area))[:_MOST_NAMES]
+    return (
+        "Turn the user's sentence into a layout: which objects go where in a room. Answer with JSON alone, in this schema:\n"
+        f"{json.dumps(SCHEMA)}\n"
+        f"object must be one of: {', '.join(objects)}.\n"
+        f"on and anchor must be one of: {', '.join(dict.fromkeys(s.name for s in largest))}, {SENSOR_NAMES[0]}, "
+        "or the name of an object placed earlier in the list.\n"
+        f"relation is one of: {', '.join(RELATIONS)}. Distances are metres. Give positions only where the sentence gives coordinates. "
+        "Leave out what the sentence does not say."
+    )
+
+
+def _parsed(text: str) -> object:
+    """The JSON of an answer, which small models like to wrap in a code block."""
+    start, end = text.find("{"), text.rfind("}")
+    try:
+        return untrusted_json.load(text[start : end + 1])
+    except ValueError as error:
+        raise LayoutError(f"it is not JSON ({error})") from error
+
+
+def _check_names(layout: Layout, scene: Scene, sensor_pose: np.ndarray | None, objects: Sequence[str]) -> None:
+    """Refuse objects that cannot be made and anchors that are not there."""
+    placed: set[str] = set()
+    for item in layout.items:
+        if item.object not in objects:
+            raise LayoutError(f"no object is called '{item.object}'; there are {', '.join(objects)}")
+        for text in [*([item.on] if item.on else []), *(r.anchor for r in item.relations)]:
+            if text not in placed:
+                find(text, scene, sensor_pose)
+        placed.add(item.name or item.object)

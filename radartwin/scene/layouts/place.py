@@ -1,0 +1,291 @@
+"""Objects of a layout put into a scene, or refused with the reason and a number."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import LayoutError
+from radartwin.scene.collision import overlap_m, top_below
+from radartwin.scene.layouts.anchor import Anchor, find, floor, supports, words
+from radartwin.scene.layouts.layout import Item, Layout, Relation
+from radartwin.scene.layouts.spots import spots
+from radartwin.scene.layouts.stock import from_file, stock
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories.trajectory import pose
+
+FLOATING_M = 0.02  # higher above what is below, an object floats
+COVER_M = 0.03  # what lies this flat on a support, such as a rug, is stood on
+GAP_M = 0.005  # an object stands this high: faces in contact shadow each other at the tracer's ray offset, up to 1 mm at 10 m
+BASE_M = 0.005  # of an object's height that counts as its base
+TILT_DEG = (0.5, 15.0)  # below the first a support is level; above the second things slide: wood on wood holds to about 15 degrees
+TILT_RADIUS_M = 0.15  # around an object, over which its support's slope is taken
+STANDS_SHARE = 0.5  # of a base that must be carried
+FINE_FACES = 5000
+_TRIES = 200  # spots that are tried for a free one
+
+Stock = Callable[[str], Sequence[Surface]]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """An object of the catalogue in its own frame: z up, turned by its yaw about the vertical through its origin."""
+
+    surfaces: tuple[Surface, ...]
+    mesh: trimesh.Trimesh
+    base: np.ndarray  # (N, 3), the lowest vertices
+    low: np.ndarray  # (N, 3) all over the lowest COVER_M of its faces
+    radius_m: float  # of the base about the origin
+
+    @classmethod
+    def of(cls, surfaces: Sequence[Surface], yaw_deg: float) -> Body:
+        turn = np.array(trimesh.transformations.rotation_matrix(np.radians(yaw_deg), [0, 0, 1]))
+        turned = tuple(s.moved(turn) for s in surfaces)
+        mesh = trimesh.util.concatenate([trimesh.Trimesh(s.mesh.vertices, s.mesh.faces, process=False) for s in turned])
+        vertices = np.asarray(mesh.vertices)  # type: ignore[union-attr]
+        bottom = vertices[:, 2].min()
+        base = vertices[vertices[:, 2] < bottom + BASE_M]
+        return cls(turned, mesh, base, _low(mesh, bottom + COVER_M), float(np.linalg.norm(base[:, :2], axis=1).max()))  # type: ignore[arg-type]
+
+
+def furnish(scene: Scene, layout: Layout, sensor_pose: np.ndarray | None = None, make: Stock = stock) -> Scene:
+    """The scene with a layout's objects in it.
+
+    Args:
+        sensor_pose: (4, 4), for relations to the sensor.
+        make: surfaces of an object by name, in the object's frame (z up, +x its front); the catalogue's unless given.
+    Returns:
+        A new scene; the objects' surfaces are the last, with provenance["layout"] saying where they stand.
+    Raises:
+        LayoutError: an unknown or ambiguous name, an object that overlaps something, floats, or is outside the room.
+    """
+    for item in layout.items:
+        scene = scene + Scene(_placed(item, scene, sensor_pose, make))
+    return scene
+
+
+def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stock) -> list[Surface]:
+    body = Body.of(from_file(item) if item.is_mesh else make(item.object), item.yaw_deg)
+    name = _free_name(item, scene)
+    if item.position_m is not None and len(item.position_m) == 3:
+        at, below = _at_height(item, body, scene, name)
+        _check(body, at, scene, name)
+    elif item.position_m is not None:
+        anchor = [_support(item.on, scene, sensor_pose)] if item.on is not None else [floor(scene)]
+        at, below = _standing(body, np.array(item.position_m), anchor[0], scene, name), anchor[0].name
+        _check(body, at, scene, name)
+    else:
+        at, below = _related(item, body, scene, sensor_pose, name)
+    what = Path(item.object).name if item.is_mesh else item.object
+    where = f"{what} on {below}" if below else f"{what}, held"
+    return [s.moved(at).replaced(name=name, provenance={**s.provenance, "layout": where}) for s in body.surfaces]
+
+
+def _free_name(item: Item, scene: Scene) -> str:
+    """The item's name, or its object's, numbered where the scene has it."""
+    taken = set(scene.names)
+    if item.name:
+        if item.name in taken:
+            raise LayoutError(f"'{item.name}' is in the scene already; give the {item.object} another name")
+        return item.name
+    stem = "_".join(words(Path(item.object).stem if item.is_mesh else item.object))
+    return next(n for n in itertools.chain([stem], (f"{stem}_{k}" for k in itertools.count(2))) if n not in taken)
+
+
+def _support(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> Surface:
+    """The one support a text means."""
+    found = supports(find(text, scene, sensor_pose))
+    if not found:
+        raise LayoutError(f"nothing can stand on '{text}': it has no level side")
+    if len(found) > 1:
+        raise LayoutError(f"'{text}' may be {' or '.join(s.name for _, s in found)}; name one of them")
+    return found[0][1]
+
+
+def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndarray, str]:
+    """The pose of an object whose height is given, on what is below it."""
+    assert item.position_m is not None
+    x, y, z = item.position_m
+    lift = pose([x, y, z - body.base[:, 2].min()])
+    _check_inside(body.mesh.copy().apply_transform(lift), scene, name)
+    if item.held or not len(scene.only("room")):
+        return lift, ""
+    tops = [float(top_below(s.mesh, body.base[:, :2] + [x, y], z + GAP_M).max()) for s in scene]
+    top, below = max(tops), scene.surfaces[int(np.argmax(tops))]
+    if not np.isfinite(top):
+        raise LayoutError(f"'{name}' at ({x:g}, {y:g}, {z:g}) m has nothing below it; move it over the floor, or say held: true")
+    if z - top > FLOATING_M:
+        remedy = f"put it at z = {top:.3f}, or say held: true if something that is not modelled carries it"
+        raise LayoutError(f"'{name}' floats {z - top:.3f} m above {below.name}; {remedy}")
+    standing = _standing(body, np.array([x, y]), below, scene, name, top + GAP_M)
+    upright = np.allclose(standing[:3, :3], np.eye(3))
+    return lift if upright and standing[2, 3] < lift[2, 3] else standing, below.name
+
+
+def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: str, limit_m: float = np.inf) -> np.ndarray:
+    """The pose of an object standing on a support at (x, y): upright, or along the slope of a tilted support; on a rug that covers it."""
+    heights = top_below(support.mesh, body.base[:, :2] + at, limit_m)
+    carried = heights > heights.max(initial=-np.inf) - FLOATING_M
+    tilt = _tilt(support, at, limit_m)
+    if not np.isfinite(heights).any():
+        raise LayoutError(f"'{name}' at ({at[0]:.3g}, {at[1]:.3g}) m is not over {support.name}, which {_extent(support)}")
+    share = float((carried if tilt is None else np.isfinite(heights)).mean())
+    if share < STANDS_SHARE:
+        raise LayoutError(f"'{name}' has only {share:.0%} of its base on {support.name}, which {_extent(support)}; move it inwards")
+    out = pose([*at, 0.0]) if tilt is None else pose([*at, 0.0], tilt)
+    base = body.base @ out[:3, :3].T + out[:3, 3]
+    under = top_below(support.mesh, base[:, :2], limit_m)
+    if tilt is None:
+        near = [top_below(s.mesh, body.low[:, :2] + at, under.max() + COVER_M) for s in scene if s is not support]
+        cover = np.max([np.full(len(body.low), -np.inf), *near], axis=0)
+        out[2, 3] = float((cover - body.low[:, 2]).max())
+    else:
+        out[2, 3] = -np.inf
+    out[2, 3] = max(out[2, 3], float((under - base[:, 2]).max())) + GAP_M
+    return out
+
+
+def _low(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
+    """Points (N, 3) of a mesh below a height, at most a centimetre apart on faces that have them."""
+    triangles = np.asarray(mesh.triangles)[np.asarray(mesh.triangles)[:, :, 2].min(axis=1) < limit_m]
+    points = [triangles.reshape(-1, 3)]
+    for triangle in triangles[np.ptp(triangles, axis=1).max(axis=1) > 0.01]:
+        count = int(np.ceil(np.ptp(triangle, axis=0).max() / 0.01))
+        i, j = np.triu_indices(count + 1)
+        weights = np.stack([i, j - i, count - j], axis=1) / count
+        points.append(weights @ triangle)
+    points = np.vstack(points)
+    return points[points[:, 2] < limit_m]
+
+
+def _tilt(support: Surface, at: np.ndarray, limit_m: float) -> np.ndarray | None:
+    """The rotation (3, 3) that lays the vertical along a support's normal around a point; None where it is level."""
+    turn = 2 * np.pi * np.arange(24) / 24
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = at + np.vstack([r * ring for r in (0.33 * TILT_RADIUS_M, 0.66 * TILT_RADIUS_M, TILT_RADIUS_M)])
+    z = top_below(support.mesh, points, limit_m + TILT_RADIUS_M)
+    z = np.where(z > np.median(z[np.isfinite(z)]) - TILT_RADIUS_M, z, -np.inf) if np.isfinite(z).any() else z
+    known = np.isfinite(z)
+    if known.sum() < 12:
+        return None
+    columns = np.column_stack([points[known] - at, np.ones(known.sum())])
+    plane = np.linalg.lstsq(columns, z[known], rcond=None)[0]
+    residual = float(np.std(z[known] - columns @ plane))
+    slope_x, slope_y = plane[:2]
+    angle = np.degrees(np.arctan(np.hypot(slope_x, slope_y)))
+    if angle < TILT_DEG[0] or residual > 0.01:  # level, or stepped: the object stands on the highest
+        return None
+    if angle > TILT_DEG[1]:
+        raise LayoutError(f"{support.name} is tilted by {angle:.1f} degrees there; things slide off above {TILT_DEG[1]:g}")
+    up = np.array([-slope_x, -slope_y, 1.0]) / np.sqrt(1 + slope_x**2 + slope_y**2)
+    axis = np.cross([0, 0, 1], up)
+    return np.array(trimesh.transformations.rotation_matrix(np.radians(angle), axis))[:3, :3]
+
+
+def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | None, name: str) -> tuple[np.ndarray, str]:
+    """The pose of an object that is placed by what it is on and by its relations: the best spot that is free."""
+    choices = [[(relation, a) for a in find(relation.anchor, scene, sensor_pose)] for relation in item.relations]
+    on = None if item.on is None else supports(find(item.on, scene, sensor_pose))
+    if on is not None and not on:
+        raise LayoutError(f"nothing can stand on '{item.on}': it has no level side")
+    possible: list[tuple[Surface, tuple[tuple[Relation, Anchor], ...], np.ndarray]] = []
+    for related in itertools.product(*choices):
+        for surface in [s for _, s in on] if on is not None else [_carrier(related, scene)]:
+            found = spots(surface, body.radius_m, related)
+            if len(found):
+                possible.append((surface, related, found))
+    sentence = _sentence(item)
+    if not possible:
+        raise LayoutError(f"there is no place for the {sentence}; {_seen(choices, on)}")
+    if len(possible) > 1:
+        raise LayoutError(f"the {sentence} may be {' or '.join(_choice(s, r) for s, r, _ in possible)}; name one of them")
+    surface, _, found = possible[0]
+    reason: LayoutError | None = None
+    for spot in _fine_last(found[_spread(len(found))], body, scene):
+        try:
+            at = _standing(body, spot, surface, scene, name)
+            _check(body, at, scene, name)
+            return at, surface.name
+        except LayoutError as error:
+            reason = reason or error
+    raise LayoutError(f"there is no free place for the {sentence}: at the best one, {reason}")
+
+
+def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surface:
+    """What carries an object without `on`: what carries its first anchor, if that is an object on something; else the floor."""
+    ground = floor(scene)
+    if not related or related[0][1].is_sensor or related[0][0].relation == "under":
+        return ground
+    anchor = related[0][1]
+    if any(s.kind != "object" for s in anchor.surfaces):
+        return ground
+    low = min(float(s.mesh.bounds[0, 2]) for s in anchor.surfaces)
+    middle = anchor.points.mean(axis=0)[None]
+    others = [s for s in scene if all(s is not part for part in anchor.surfaces)]
+    tops = [float(top_below(s.mesh, middle, low + GAP_M)[0]) for s in others]
+    best = int(np.argmax(tops))
+    return others[best] if low - tops[best] < FLOATING_M else ground
+
+
+def _check(body: Body, at: np.ndarray, scene: Scene, name: str) -> None:
+    """Refuse an object outside the room, or where something is already."""
+    mesh = body.mesh.copy().apply_transform(at)
+    _check_inside(mesh, scene, name)
+    depths = [(overlap_m(mesh, s.mesh), s.name) for s in scene]
+    depth, other = max(depths, default=(0.0, ""))
+    if depth > 0:
+        raise LayoutError(f"'{name}' overlaps {other} by {depth:.3f} m; move one of them by at least as much")
+
+
+def _check_inside(mesh: trimesh.Trimesh, scene: Scene, name: str) -> None:
+    room = scene.only("room")
+    if len(room):
+        low, high = room.bounds
+        beyond = np.concatenate([low - mesh.bounds[0], mesh.bounds[1] - high])
+        if beyond.max() > 0.002:
+            side = ("-x", "-y", "-z", "+x", "+y", "+z")[int(np.argmax(beyond))]
+            raise LayoutError(f"'{name}' is outside the room: it reaches {beyond.max():.3f} m beyond its {side} end; move it inwards")
+
+
+def _spread(count: int) -> np.ndarray:
+    """Which of many spots to try: the best first, then further and further apart."""
+    return np.unique(np.round(np.geomspace(1, count, min(count, _TRIES))).astype(int)) - 1
+
+
+def _fine_last(places: np.ndarray, body: Body, scene: Scene) -> np.ndarray:
+    """Spots (N, 2) in their order, those last where the object may be in a finely meshed one, which takes a second each to find out."""
+    low, high = body.mesh.bounds[:, :2]
+    near = np.zeros(len(places), dtype=bool)
+    for s in scene:
+        if s.kind == "object" and len(s.mesh.faces) > FINE_FACES:
+            near |= ((places + high > s.mesh.bounds[0, :2]) & (places + low < s.mesh.bounds[1, :2])).all(axis=1)
+    return np.concatenate([places[~near], places[near]])
+
+
+def _sentence(item: Item) -> str:
+    parts = [item.object, *([f"on {item.on}"] if item.on else [])]
+    parts += [f"{r.relation} {r.anchor}" if r.distance_m is None else f"{r.distance_m:g} m {r.relation} {r.anchor}" for r in item.relations]
+    return " ".join(parts)
+
+
+def _choice(surface: Surface, related: Sequence[tuple[Relation, Anchor]]) -> str:
+    return " ".join([f"on {surface.name}", *(f"{r.relation} {a.name}" for r, a in related)])
+
+
+def _extent(support: Surface) -> str:
+    (x0, y0), (x1, y1) = support.mesh.bounds[:, :2]
+    return f"lies at x {x0:.2f} to {x1:.2f}, y {y0:.2f} to {y1:.2f} m"
+
+
+def _seen(choices: Sequence[Sequence[tuple[Relation, Anchor]]], on: Sequence[tuple[Anchor, Surface]] | None) -> str:
+    """Where the things named in a sentence are, for a message."""
+    things = [f"{s.name} {_extent(s)}" for _, s in on or ()]
+    for _, anchor in itertools.chain(*choices):
+        x, y = (anchor.points.min(axis=0) + anchor.points.max(axis=0)) / 2
+        things.append(f"{anchor.name} is at ({x:.2f}, {y:.2f}) and faces ({anchor.front[0]:.2f}, {anchor.front[1]:.2f})")
+    return "; ".join(things)

@@ -1,0 +1,209 @@
+"""A scene as one HTML page: turn it, see what each surface is made of. Needs no server and no network.
+
+The page draws with WebGL 2 and carries its own script (radartwin/scene/viewer/assets); what is shown is computed here.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import PoseError, SceneError
+from radartwin.io.files import write_atomically
+from radartwin.materials import Layered
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.viewer import colouring as colours
+from radartwin.scene.viewer import overlay
+from radartwin.scene.viewer.colouring import material_label
+from radartwin.scene.viewer.display_mesh import MAX_FACES, PALE, pictures, shells, thinned, vertex_colours
+
+__all__ = ["COLOURINGS", "material_label", "view"]
+
+COLOURINGS = ("material", "segment", "reflectivity", "colour")
+MAX_SURFACES = 65_000  # the page numbers them in 16 bits
+CRISP_FACES = 2000  # surfaces of fewer faces show their creases; a scan's noise would be all creases
+_SCRIPTS = ("camera.js", "renderer.js", "panel.js", "main.js")
+
+
+def view(
+    scene: Scene,
+    path: str | Path,
+    poses: np.ndarray | None = None,
+    title: str | None = None,
+    by: str = "material",
+    max_faces: int = MAX_FACES,
+) -> Path:
+    """Write the page.
+
+    Args:
+        path: the .html to write.
+        poses: (F, 4, 4) or (4, 4) sensor-to-world, drawn as a track with boresights; none by default.
+        title: above the picture; what the scene's provenance says unless given.
+        by: the colouring it opens in: material, segment, reflectivity or colour (of the scan); all are in the page.
+        max_faces: beyond it the picture is thinned, and says so; the scene is left as it is.
+    Returns:
+        The path.
+    Raises:
+        SceneError: nothing to show, an unknown colouring, or no scan colours to colour by.
+        PoseError: poses that are not (F, 4, 4).
+        OutputError: the page cannot be written.
+    """
+    return write_atomically(Path(path), _page(*describe(scene, poses, title, by, max_faces)))
+
+
+def describe(
+    scene: Scene, poses: np.ndarray | None, title: str | None, by: str, max_faces: int
+) -> tuple[dict[str, Any], Sequence[np.ndarray]]:
+    """What the page shows, as JSON, and its arrays: positions (V, 3), surface (V,), colours (V, 4), places in
+    pictures (V, 3), faces (T, 3).
+    """
+    if not len(scene):
+        raise SceneError("the scene has no surfaces, so there is nothing to view")
+    if by not in COLOURINGS:
+        raise SceneError(f"view: by is {by!r}; choose {', '.join(COLOURINGS)}")
+    if len(scene) > MAX_SURFACES:
+        raise SceneError(f"the scene has {len(scene)} surfaces, and a page shows at most {MAX_SURFACES}; join some of them")
+    surfaces = scene.surfaces
+    meshes, cell = thinned([s.mesh for s in surfaces], max_faces)
+    painted = [vertex_colours(m) for m in meshes]
+    if by == "colour" and all(p is None for p in painted):
+        raise SceneError("the scene carries no colours of a scan; view it by material, segment or reflectivity")
+    labels = colours.material_colours([s.material for s in surfaces])
+    levels = [colours.reflection_db(s.material, s.roughness_m) for s in surfaces]
+    stops = colours.ramp()
+    shots, places = pictures(meshes)
+    lines, marks, radar = overlay.lines(scene, _poses(poses))
+    low, high = scene.bounds
+    content = {
+        "title": title or _title(scene),
+        "note": _note(scene, meshes, cell),
+        "mode": by,
+        "bounds": [low.tolist(), high.tolist()],
+        "frame": overlay.frame(low, high),
+        "materials": [{"label": label, "colour": colour} for label, colour in labels.items()],
+        "surfaces": [
+            _surface(s, index, shell, level, paint is not None)
+            for index, (s, shell, level, paint) in enumerate(zip(surfaces, shells(surfaces), levels, painted, strict=True))
+        ],
+        "colours": {
+            "material": [labels[material_label(s.material)] for s in surfaces],
+            "segment": colours.segment_colours([float(s.mesh.area) for s in surfaces]),
+            "reflectivity": [colours.reflectivity_colour(level, stops) for level in levels],
+        },
+        "has_colour": any(p is not None for p in painted),
+        "has_filled": any(_filled_m2(s) > 0 for s in surfaces),
+        "ramp": {
+            "stops": stops,
+            "low_db": colours.LOW_DB,
+            "ticks_db": np.linspace(colours.LOW_DB, 0, 5).astype(int).tolist(),
+            "band": f"{colours.BAND_HZ[0] / 1e9:g} to {colours.BAND_HZ[1] / 1e9:g} GHz",
+            "unknown": colours.UNKNOWN,
+        },
+        "lines": lines,
+        "marks": marks,
+        "radar": radar,
+        "pictures": [f"data:image/jpeg;base64,{base64.b64encode(shot).decode()}" for shot in shots],
+    }
+    return content, _arrays(meshes, painted, places)
+
+
+def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None, level: float | None, painted: bool) -> dict[str, Any]:
+    mesh, provenance = surface.mesh, surface.provenance
+    name = surface.name or f"surface {index}"
+    facts = [["material", material_label(surface.material)], ["kind", surface.kind], ["area", f"{mesh.area:.3g} m²"]]
+    if isinstance(surface.material, Layered) and surface.material.layers:
+        total = sum(thickness for _, thickness in surface.material.layers)
+        facts.append(["layers", f"{len(surface.material.layers)}, {1000 * total:.4g} mm together"])
+    if (filled := _filled_m2(surface)) > 0:
+        share = "all of it, a pane that nobody saw" if provenance.get("completed") else f"{filled:.3g} m² of it, filled in"
+        facts.append(["never scanned", share])
+    facts.append(["roughness", f"{1000 * surface.roughness_m:.3g} mm" if surface.roughness_m else "smooth"])
+    facts.append(["reflects", "no values at this frequency" if level is None else _decibels(level)])
+    facts.append(["source", str(provenance.get("source", "not recorded"))])
+    if (confidence := provenance.get("confidence")) is not None:
+        facts.append(["confidence", f"{confidence:.0%}" if isinstance(confidence, int | float) else str(confidence)])
+    if (category := provenance.get("minc")) is not None:
+        facts.append(["category", str(category)])
+    if (stand_in := provenance.get("stand_in")) is not None:
+        facts.append(["stand-in", ("yes: the table has no row of its own" if stand_in is True else str(stand_in)) if stand_in else "no"])
+    return {
+        "name": name,
+        "material": material_label(surface.material),
+        "area_m2": float(mesh.area),
+        "reflection_db": level,
+        "shell": shell,
+        "crisp": len(mesh.faces) < CRISP_FACES,
+        "centre": mesh.bounds.mean(axis=0).tolist(),
+        "has_colour": painted,
+        "facts": facts,
+    }
+
+
+def _filled_m2(surface: Surface) -> float:
+    """Area of a surface that its scan has not seen; 0 where nobody says or it is less than a square decimetre."""
+    filled = surface.provenance.get("filled_m2")
+    return float(filled) if isinstance(filled, int | float) and filled >= 0.01 else 0.0
+
+
+def _decibels(level: float) -> str:
+    text = f"{level:.1f}".replace("-", "−")
+    return f"{'0.0' if text == '−0.0' else text} dB"
+
+
+def _arrays(meshes: Sequence[trimesh.Trimesh], painted: Sequence[np.ndarray | None], places: np.ndarray) -> Sequence[np.ndarray]:
+    offsets = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    return (
+        np.vstack([m.vertices for m in meshes]).astype("<f4"),
+        np.repeat(np.arange(len(meshes)), np.diff(offsets)).astype("<u2"),
+        np.vstack([np.tile(PALE, (len(m.vertices), 1)) if p is None else p for m, p in zip(meshes, painted, strict=True)]).astype("u1"),
+        places.astype("<f4"),
+        np.vstack([np.asarray(m.faces) + k for m, k in zip(meshes, offsets, strict=False)]).astype("<u4"),
+    )
+
+
+def _page(content: dict[str, Any], arrays: Sequence[np.ndarray]) -> str:
+    folder = resources.files("radartwin.scene.viewer") / "assets"
+    part = {name: (folder / name).read_text(encoding="utf-8") for name in ("page.html", "style.css", *_SCRIPTS)}
+    parts = {
+        "__TITLE__": html.escape(content["title"]),
+        "__STYLE__": part["style.css"],
+        "__SCRIPT__": "\n".join(part[name] for name in _SCRIPTS),
+        "__ARRAYS__": "\n".join(base64.b64encode(a.tobytes()).decode() for a in arrays),
+        # A surface's name is the user's: "</script>" in it must not end the element.
+        "__SCENE__": json.dumps(content, allow_nan=False).replace("<", "\\u003c"),
+    }
+    page = part["page.html"]
+    for key, text in parts.items():  # the scene last: nothing of the user's is searched for keys
+        page = page.replace(key, text)
+    return page
+
+
+def _poses(poses: np.ndarray | None) -> np.ndarray | None:
+    if poses is None:
+        return None
+    poses = np.asarray(poses, dtype=np.float64)
+    if poses.shape[-2:] != (4, 4) or poses.ndim not in (2, 3) or not poses.size or not np.isfinite(poses).all():
+        raise PoseError(f"view: poses of shape {poses.shape}; give finite (F, 4, 4) sensor-to-world poses")
+    return poses.reshape(-1, 4, 4)
+
+
+def _title(scene: Scene) -> str:
+    return str(scene.provenance.get("room") or scene.provenance.get("source") or "scene")
+
+
+def _note(scene: Scene, meshes: Sequence[trimesh.Trimesh], cell: float) -> str:
+    faces, size = sum(len(s.mesh.faces) for s in scene), np.ptp(scene.bounds, axis=0)
+    dimensions = " × ".join(f"{x:.2f}" for x in size)
+    note = f"{len(scene)} surfaces, {faces:,} triangles, {dimensions} m"
+    if cell:
+        shown = sum(len(m.faces) for m in meshes)
+        note += f" · thinned for this picture to {shown:,} triangles on a {1000 * cell:.0f} mm grid; the scene keeps all"
+    return note

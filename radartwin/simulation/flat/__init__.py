@@ -1,0 +1,1 @@
+"""Panel images: specular paths over flat surfaces."""

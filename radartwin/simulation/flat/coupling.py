@@ -1,0 +1,254 @@
+"""An object in a room of panels: traced from the sensor and from its images, received at the sensor and at its images.
+
+A leg is a way between sensor and object: direct, or over a sequence of panels. For every pair of legs that could matter the object is
+traced from the first one's image and received at the second one's, all pairs and poses in one launch; of two different legs one way
+round, for the other is the same paths backwards. Each hit is then weighted by what its two legs carry there, the panels' Fresnel factors,
+reflections and obstacles included. Paths object - panel - object are left out: they need a hollow object or a third mirror.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.radar.antenna import element_gain
+from radartwin.radar.chirp import Radar
+from radartwin.simulation import poses as poses_module
+from radartwin.simulation.curved import tube_grid as launch_module
+from radartwin.simulation.curved import tubes
+from radartwin.simulation.flat import legs as legs_module
+from radartwin.simulation.flat.legs import DIRECT, SHARE, Legs
+from radartwin.simulation.flat.panel_room import PanelRoom
+from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.pruning import outstanding
+from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
+
+SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
+FEW_TUBES = 300  # up to so many on an object, those across its edges are divided: the smaller it is, the more of it they are
+EARLY = 0.3  # of the last prune: a hit that could not matter if its legs carried all they do anywhere is dropped before they are looked at
+COUPLED = 3_000_000  # paths between a small static thing and the room, over all frames: the furniture of a scan would fill the memory
+BISTATIC = 4.0  # by which what goes to another image may be stronger than the echo straight back
+SHORT_M = 1e-4  # by which a test of the direct way stops before the object
+
+
+def group_paths(
+    room: PanelRoom | None,
+    built: Geometry,
+    table: ReflectionTable,
+    sensor_poses: np.ndarray,
+    object_poses: np.ndarray,
+    radar: Radar,
+    *,
+    max_bounces: int,
+    cell_m: float,
+    occluder: Geometry | None,
+    prune: float,
+    coupled_cell_m: float | None = None,
+    least: float = 0.0,
+    ball: tuple[np.ndarray, float] | None = None,
+) -> list[Paths] | None:
+    """Paths by way of an object: direct ones, and those over the room's panels; None where no planar grid of tubes holds the object.
+
+    Args:
+        room: panels; None for free space. built, table: the object in its own frame.
+        sensor_poses, object_poses: (F, 4, 4) to the world.
+        cell_m: width of a tube on the object; coupled_cell_m: on ways over the room, if it is another.
+        occluder: static geometry that hides the object on direct legs.
+        least: amplitude that does not matter; pairs of legs that stay below it are left out.
+        ball: centre (3,) and radius, metres, that hold the object in every frame: legs are found for it, and kept for what comes after.
+    """
+    share, most = SHARE, np.inf
+    if room is not None and least > 0:
+        alone = group_paths(  # in plain view: what hides it from the sensor may not hide it from an image
+            None, built, table, sensor_poses, object_poses, radar, max_bounces=1, cell_m=cell_m, occluder=None, prune=prune
+        )
+        if alone is None:
+            return None
+        loudest = BISTATIC * max((_loudest(part, radar) for part in alone), default=0.0)
+        share = max(SHARE, least / loudest) if loudest > 0 else np.inf
+        room = room if share < 1 else None
+        most = COUPLED / max(1, sum(len(part) for part in alone))
+    frames = len(sensor_poses)
+    centre = object_poses[:, :3, :3] @ built.centre + object_poses[:, :3, 3]
+    radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
+    if ball is not None:
+        centre, radius = np.repeat(ball[0][None], frames, axis=0), ball[1]
+    elif np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # what turns or slides a little before a sensor at rest is in one place
+        step = radius / 2
+        centre, radius = np.round(centre / max(step, 1e-9)) * step, radius + np.sqrt(3) / 2 * step
+    seen = np.concatenate([sensor_poses[:, :3, 3], centre, sensor_poses[:, :3, 2]], axis=1)
+    places, place_of = np.unique(np.round(seen, 9), axis=0, return_inverse=True)
+    place_of = place_of.ravel()
+    legs = None
+    if room is not None:
+        find = legs_module.find if ball is None else legs_module.found_once
+        legs = find(room, places[:, :6], places[:, 6:], radius, table.frequencies_hz, max_bounces - 1, share)
+    pose, out_leg, back_leg = _pairs(legs, place_of, frames, max_bounces, share, most)
+    ends = [_End.of(legs, leg, pose, sensor_poses, object_poses, radar) for leg in (out_leg, back_leg)]
+    out, back = ends
+    straight = (out_leg == DIRECT) & (back_leg == DIRECT)
+    found = []
+    for rows, cell in ((straight, cell_m), (~straight, coupled_cell_m)) if coupled_cell_m else ((np.ones(len(pose), bool), cell_m),):
+        if rows.any():
+            part = _traced(built, table, ends, np.flatnonzero(rows), cell, max_bounces)
+            if part is None:
+                return None
+            found.append(part)
+    hits = tubes.Hits.concatenate(found)
+    keep = np.ones(len(hits.pose), bool)
+    if legs is not None:
+        keep &= hits.bounce + legs.panels_met(out_leg[hits.pose]) + legs.panels_met(back_leg[hits.pose]) <= max_bounces
+        strength = legs.strength(place_of[pose], out_leg) * legs.strength(place_of[pose], back_leg)
+        keep &= _matters(np.abs(hits.amplitude).max(axis=1, initial=0) * strength[hits.pose], pose[hits.pose], frames, EARLY * prune)
+    hits = hits.where(keep)
+    row, frame = hits.pose, pose[hits.pose]
+    points = [
+        _to_world(object_poses[frame], end.place[row] + direction * length[:, None])
+        for end, direction, length in ((out, hits.departure, hits.first_m), (back, hits.arrival, hits.length_out_m))
+    ]
+    free = np.ones(len(row), bool)
+    if occluder is not None:
+        for leg, point in zip((out_leg, back_leg), points, strict=True):
+            direct = np.flatnonzero(leg[row] == DIRECT)
+            free[direct] &= _free(occluder, sensor_poses[frame[direct], :3, 3], point[direct])
+    order = hits.bounce + (0 if legs is None else legs.panels_met(out_leg[row]) + legs.panels_met(back_leg[row]))
+    departure, arrival = (np.einsum("nij,nj->ni", end.turn[row], d) for end, d in ((out, hits.departure), (back, hits.arrival)))
+    rate = -np.einsum("ni,ni->n", hits.departure, out.velocity[row]) - np.einsum("ni,ni->n", hits.arrival, back.velocity[row])
+    parts, firsts, crosses = [], [], []
+    for chosen, over in ((free & straight[row], None), (free & ~straight[row], legs)):
+        chosen = np.flatnonzero(chosen)
+        amplitude, nodes = hits.amplitude[chosen], table.frequencies_hz
+        if over is not None:
+            nodes = over.frequencies_hz
+            amplitude = amplitude @ lagrange_basis(table.frequencies_hz, nodes)
+            for leg, point in zip((out_leg, back_leg), points, strict=True):
+                over.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen])
+        parts.append(Paths(
+            frames, frame[chosen], order[chosen], amplitude, nodes, hits.length_in_m[chosen], hits.length_out_m[chosen],
+            departure[chosen], arrival[chosen], rate[chosen],
+        ))  # fmt: skip
+        firsts.append(hits.first_m[chosen])
+        crosses.append((out_leg != back_leg)[row[chosen]])
+    kept = []
+    for part, first, cross, mask in zip(parts, firsts, crosses, outstanding(parts, radar, prune), strict=True):
+        keep = np.flatnonzero(mask)
+        keep = keep[np.argsort(part.pose[keep], kind="stable")]
+        kept.append(_both_ways(part.where(keep), first[keep], cross[keep]))
+    return kept
+
+
+def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
+    """With the same ways backwards, of those over two different legs."""
+    if not cross.any():
+        return part
+    there, first = part.where(cross), first_m[cross]
+    lengths = {"length_in_m": there.length_m - first, "length_out_m": first}
+    return Paths.concatenate([part, replace(there, departure=there.arrival, arrival=there.departure, **lengths)])
+
+
+def _traced(
+    built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int
+) -> tubes.Hits | None:
+    """Hits of the chosen rows of legs out and back, by row; None where no planar grid holds the object."""
+    grid = launch_module.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
+    if grid is None:
+        return None
+    antennas = [tubes.Antennas(end.place[rows], end.axis[rows]) for end in ends]
+    pieces = 3 if grid.per_pose <= FEW_TUBES else 1
+    hits = tubes.trace(built, table, grid, *antennas, max_bounces=max_bounces, prune=SCOUT_PRUNE, pieces=pieces)
+    return replace(hits, pose=rows[hits.pose])
+
+
+@dataclass(frozen=True)
+class _End:
+    """Where N legs start or arrive, as the object sees it.
+
+    Attributes:
+        place: (N, 3) image of the sensor in the object's frame; velocity: (N, 3) m/s there; axis: (N, 3) of its antenna.
+        turn: (N, 3, 3) of directions in the object's frame, at the image, to the sensor's own frame.
+    """
+
+    place: np.ndarray
+    velocity: np.ndarray
+    axis: np.ndarray
+    turn: np.ndarray
+
+    @staticmethod
+    def of(legs: Legs | None, leg: np.ndarray, pose: np.ndarray, sensor: np.ndarray, objects: np.ndarray, radar: Radar) -> "_End":
+        """Ends of legs (N,) at frames `pose` (N,), with poses (F, 4, 4)."""
+        mirror, shift = (np.tile(np.eye(3), (len(pose), 1, 1)), np.zeros((len(pose), 3))) if legs is None else legs.maps(leg)
+        at = []
+        for sensor_then, objects_then in poses_module.moments(sensor, objects):
+            image = np.einsum("nij,nj->ni", mirror, sensor_then[pose, :3, 3]) + shift
+            at.append(np.einsum("nji,nj->ni", objects_then[pose, :3, :3], image - objects_then[pose, :3, 3]))
+        velocity = (at[1] - at[0]) / poses_module.MOMENT * radar.frame_rate_hz
+        to_object = np.swapaxes(objects[pose, :3, :3], 1, 2) @ mirror  # of what the sensor has in the world; its inverse is its transpose
+        axis = np.einsum("nij,nj->ni", to_object, sensor[pose, :3, 2])
+        return _End(at[0], velocity, axis, np.swapaxes(to_object @ sensor[pose, :3, :3], 1, 2))
+
+
+def _to_world(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (N, 3) of the objects' frames in the world."""
+    return np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]
+
+
+def _matters(level: np.ndarray, frame: np.ndarray, frames: int, share: float) -> np.ndarray:
+    """(N,) mask of levels of at least `share` of their frame's largest."""
+    largest = np.zeros(frames)
+    np.maximum.at(largest, frame, level)
+    return (level >= share * largest[frame]) & (level > 0)
+
+
+def _free(geometry: Geometry, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """(N,) whether nothing of a geometry stands between points (N, 3) of the world."""
+    import mitsuba as mi
+
+    if not len(start):
+        return np.zeros(0, bool)
+    way = stop - start
+    distance = np.linalg.norm(way, axis=1)
+    ray: Any = mi.Ray3f(mi.Point3f(*start.astype(np.float32).T), mi.Vector3f(*(way / distance[:, None]).astype(np.float32).T))
+    ray.maxt = mi.Float((distance - SHORT_M).astype(np.float32))
+    return ~geometry.scene().ray_test(ray).numpy()
+
+
+def _loudest(part: Paths, radar: Radar) -> float:
+    """The largest sum of paths over poses and frequency nodes, element pattern included."""
+    gain = element_gain(radar.element, part.departure) * element_gain(radar.element, part.arrival)
+    turned = part.amplitude * np.exp(2j * np.pi / SPEED_OF_LIGHT * part.length_m[:, None] * part.frequencies_hz) * gain[:, None]
+    total = np.zeros((part.poses, turned.shape[1]), complex)
+    np.add.at(total, part.pose, turned)
+    return float(np.abs(total).max(initial=0.0))
+
+
+def _least_of_strongest(values: np.ndarray, most: float) -> float:
+    """The least of the `most` largest; infinite where there are none."""
+    chosen = int(min(most, len(values)))
+    return float(np.partition(values, -chosen)[-chosen]) if chosen else np.inf
+
+
+def _pairs(
+    legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int, least: float, most: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(frame, leg out, leg back) of everything to be traced, one of each pair and its reverse; the direct pair of every frame always is.
+
+    Of pairs that carry at least `least` of the direct one the strongest are taken, so that every frame has `most` or a few more.
+    """
+    rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
+    if legs is not None and max_bounces > 1:
+        order = np.append(legs.order, 0)
+        of_place = []
+        for share in legs.share:
+            strength = np.concatenate([share, [1.0]])
+            worth = np.flatnonzero(strength * strength.max() >= least)
+            product = strength[worth][:, None] * strength[worth][None]
+            allowed = (product >= least) & (order[worth][:, None] + order[worth][None] < max_bounces)
+            i, j = np.nonzero(allowed & (product >= _least_of_strongest(product[allowed], most)))
+            names = np.where(worth == len(share), DIRECT, worth)
+            of_place.append([(a, b) for a, b in zip(names[i].tolist(), names[j].tolist(), strict=True) if a <= b and b != DIRECT])
+        rows += [(frame, a, b) for frame in range(frames) for a, b in of_place[place_of[frame]]]
+    out = np.array(rows, int).reshape(-1, 3)
+    out = out[np.argsort(out[:, 0], kind="stable")]
+    return out[:, 0], out[:, 1], out[:, 2]

@@ -1,0 +1,199 @@
+"""Ways between the sensor and an object over the panels of a room, and what each carries to every place around the object.
+
+Sequences with one image (the orders of two walls that meet, the pieces of one wall) are one leg: their sum is smooth where each alone is
+not. A leg is evaluated at the corners of a cube around the object, and on a finer grid where it is not linear between them.
+"""
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.compiled import compiled
+from radartwin.simulation.flat import images
+from radartwin.simulation.flat.panel_room import PanelRoom, key_places
+from radartwin.simulation.reflection_table import lagrange_basis
+
+DIRECT = -1
+SHARE = 0.02  # of the direct leg: what pairs of legs, and so single ones, may carry and be left out
+LONGEST = 2  # panels
+PRUNE = 5e-3  # of the strongest way to the object, while legs are looked for
+MARGIN = 0.3  # of SHARE, at the object's centre: an edge of a leg's shadow may cross the object
+REACH = 8.0  # Fresnel coordinate beyond which obstacles are not looked at: 0.03 of a leg at most
+LINEAR = 0.03  # by which a leg may differ at the object's centre from linear between the corners of its cube, of itself
+COARSE = 0.02  # ... or of the direct leg, whichever is more
+GRID_M = 0.05  # between the places around the object where a leg is evaluated that differs by more
+ABOVE_M = 1e-4  # a panel, where legs over it end
+POINTS_AT_ONCE = 100_000
+KEPT = 64  # of a few places each
+_kept: "OrderedDict[tuple, tuple[PanelRoom, Legs]]" = OrderedDict()  # with the room, so that its id stays its own
+
+
+@dataclass(frozen=True)
+class Legs:
+    """What G legs carry at U distinct places of sensor and object.
+
+    Attributes:
+        order: (G,) panels met. mirror: (G, 3, 3), shift: (G, 3): the image of a point x is mirror x + shift.
+        low: (U, 3), size: metres: the cube around the object at each place.
+        frequencies_hz: (Q,). carried: {(place, leg): (n, n, n, Q) complex} on a grid over the cube, the field along the projected axis of
+            the image with the Fresnel factor, for exp(+j k L).
+        share: (U, G) of a leg's largest field over length to the direct one's.
+    """
+
+    order: np.ndarray
+    mirror: np.ndarray
+    shift: np.ndarray
+    low: np.ndarray
+    size: float
+    frequencies_hz: np.ndarray
+    carried: Mapping[tuple[int, int], np.ndarray]
+    share: np.ndarray
+
+    def maps(self, leg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Image map of legs (N,), the direct one included: (N, 3, 3) and (N, 3)."""
+        mirror, shift = np.concatenate([self.mirror, np.eye(3)[None]]), np.concatenate([self.shift, np.zeros((1, 3))])
+        return mirror[leg], shift[leg]
+
+    def panels_met(self, leg: np.ndarray) -> np.ndarray:
+        """(N,) panels on legs (N,); none on the direct one."""
+        return np.append(self.order, 0)[leg]
+
+    def strength(self, place: np.ndarray, leg: np.ndarray) -> np.ndarray:
+        """(N,) share of legs (N,) at places (N,); 1 for the direct one."""
+        return np.concatenate([self.share, np.ones((len(self.share), 1))], axis=1)[place, leg]
+
+    def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
+        """Multiply amplitudes (N, Q), in place, by what legs (N,) carry to points (N, 3) of the world; the direct leg carries 1."""
+        over = np.flatnonzero(leg != DIRECT)
+        code = place[over] * len(self.order) + leg[over]
+        order = np.argsort(code, kind="stable")
+        for mine in np.split(over[order], np.flatnonzero(np.diff(code[order])) + 1) if len(over) else ():
+            u = int(place[mine[0]])
+            _weigh(self.carried[u, int(leg[mine[0]])], (point[mine] - self.low[u]) / self.size, mine, amplitude)
+
+
+@compiled
+def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.ndarray) -> None:
+    """Multiply rows of amplitude (N, Q) by values (n, n, n, Q) on a grid over the unit cube, linear at points x (rows, 3)."""
+    side = values.shape[0]
+    low, share = np.zeros(3, np.int64), np.zeros(3)
+    for i in range(len(rows)):
+        for k in range(3):
+            place = min(max(x[i, k], 0.0), 1.0) * (side - 1)
+            low[k] = min(int(place), side - 2)
+            share[k] = place - low[k]
+        for q in range(values.shape[3]):
+            total = 0j
+            for corner in range(8):
+                a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
+                weight = (share[0] if a else 1 - share[0]) * (share[1] if b else 1 - share[1]) * (share[2] if c else 1 - share[2])
+                total += weight * values[low[0] + a, low[1] + b, low[2] + c, q]
+            amplitude[rows[i], q] *= total
+
+
+def find(
+    room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int, least: float = SHARE
+) -> Legs:
+    """Legs that matter, evaluated.
+
+    Args:
+        places: (U, 6) sensor and object centre, metres. axes: (U, 3) the sensor's antenna axis.
+        radius: of the ball about the centre that holds the object. frequencies_hz: nodes of the object's own reflection.
+        longest: panels on a leg at most. least: of the direct leg, what legs may carry and be left out.
+    """
+    sensor, centre = places[:, :3], places[:, 3:]
+    keys, near = key_places(places)
+    chains = room.chains(sensor[keys], centre[keys], axes[keys], min(LONGEST, longest), PRUNE * least / SHARE)
+    known = sorted(set().union(*chains))
+    prepared = images.prepare(room.panels, room.things, known, sensor, np.concatenate([centre - radius, centre + radius]))
+    of_key = np.array([np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains])
+    place, which = np.nonzero(np.array([of_key[nearest].any(axis=0) for nearest in near]))
+    direct = np.linalg.norm(centre - sensor, axis=1)
+    nodes = max(room.table.frequencies_hz, frequencies_hz, key=len)
+
+    maps = np.concatenate([prepared.order[:, None], prepared.mirror.reshape(-1, 9), prepared.shift], axis=1)
+    first, group = np.unique(np.round(maps, 6), axis=0, return_index=True, return_inverse=True)[1:]
+    group = group.ravel()
+    order, mirror, shift = prepared.order[first], prepared.mirror[first], prepared.shift[first]
+    view = _View(room, prepared, sensor, axes)
+    middle = view.carried(place, which, centre[place])
+    # what sequences carry, summed per place and leg
+    codes, code = np.unique(place * max(len(first), 1) + group[which], return_inverse=True)
+    at_centre = _summed(middle, code, len(codes))
+    u, g = codes // max(len(first), 1), codes % max(len(first), 1)
+    length = np.linalg.norm(np.einsum("nij,nj->ni", mirror[g], sensor[u]) + shift[g] - centre[u], axis=1)
+    loudest = np.zeros(len(codes))
+    np.maximum.at(loudest, code, np.abs(middle).max(axis=1, initial=0))
+    wanted = loudest * direct[u] / np.maximum(length, 1e-9) >= MARGIN * least
+    carried: dict[tuple[int, int], np.ndarray] = {}
+    fine = int(np.clip(np.ceil(2 * radius / GRID_M), 2, 4)) + 1
+    basis = lagrange_basis(room.table.frequencies_hz, nodes)
+    for side in (2, fine):
+        rows = np.flatnonzero(wanted[code])
+        steps = np.stack(np.meshgrid(*[np.linspace(-radius, radius, side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        kept, index = np.unique(code[rows], return_inverse=True)
+        total = np.zeros((len(kept), len(steps), len(room.table.frequencies_hz)), complex)
+        chunk = max(1, POINTS_AT_ONCE // len(steps))
+        for start in range(0, len(rows), chunk):
+            some = rows[start : start + chunk]
+            points = (centre[place[some]][:, None] + steps).reshape(-1, 3)
+            value = view.carried(np.repeat(place[some], len(steps)), np.repeat(which[some], len(steps)), points)
+            np.add.at(total, index[start : start + chunk], value.reshape(len(some), len(steps), -1))
+        for row, k in enumerate(kept):
+            carried[int(u[k]), int(g[k])] = (total[row] @ basis).reshape(side, side, side, -1)
+        size = np.abs(at_centre[kept]).max(axis=1)
+        bound = np.maximum(LINEAR * size, COARSE * length[kept] / direct[u[kept]])
+        bent = np.abs(total.mean(axis=1) - at_centre[kept]).max(axis=1, initial=0) > bound
+        bent |= np.abs(total - at_centre[kept][:, None]).max(axis=(1, 2), initial=0) > np.maximum(size, bound)
+        wanted[:] = False
+        wanted[kept[bent]] = True
+    share = np.zeros((len(places), len(first)))
+    for (i, leg), values in carried.items():
+        image = mirror[leg] @ sensor[i] + shift[leg]
+        share[i, leg] = np.abs(values).max() * direct[i] / max(float(np.linalg.norm(centre[i] - image)) - radius, radius)
+    return Legs(order, mirror, shift, centre - radius, 2 * radius, nodes, carried, share)
+
+
+def found_once(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, *how: float) -> Legs:
+    """`find`, kept for the last few rooms, places and sizes."""
+    key = (id(room), places.tobytes(), axes.tobytes(), radius, frequencies_hz.tobytes(), *how)
+    if key not in _kept:
+        _kept[key] = (room, find(room, places, axes, radius, frequencies_hz, *how))  # pyright: ignore[reportArgumentType]
+        while len(_kept) > KEPT:
+            _kept.popitem(last=False)
+    _kept.move_to_end(key)
+    return _kept[key][1]
+
+
+def _summed(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
+    """(count, Q) sums of values (N, Q) by index (N,)."""
+    total = np.zeros((count, values.shape[1]), complex)
+    np.add.at(total, index.ravel(), values)
+    return total
+
+
+@dataclass(frozen=True)
+class _View:
+    """Sequences of a room from places (U, 3) of the sensor with antenna axes (U, 3)."""
+
+    room: PanelRoom
+    prepared: images.Sequences
+    sensor: np.ndarray
+    axes: np.ndarray
+
+    def carried(self, place: np.ndarray, which: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """(N, Q) carried over sequences (N,) from places (N,) to points (N, 3), along what the image's own antenna would send there."""
+        room, prepared, source, axis = self.room, self.prepared, self.sensor[place], self.axes[place]
+        # What stands on a panel ends at its plane, and so does what the panel sends: between a place above it and one below nothing
+        # can be interpolated. Behind the plane the value upon it is meant: beyond the panel's edges that is next to nothing.
+        last = prepared.panel[which, prepared.order[which] - 1]
+        side = prepared.side[which, prepared.order[which] - 1]
+        height = side * (np.einsum("ni,ni->n", points, room.panels.normal[last]) - room.panels.offset[last])
+        points = points + (np.maximum(ABOVE_M - height, 0) * side)[:, None] * room.panels.normal[last]
+        at = images.evaluate(room.panels, room.things, prepared, room.table, which, source, axis, points, reach=REACH)
+        way = points - np.einsum("nij,nj->ni", prepared.mirror[which], source) - prepared.shift[which]
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        unit = images.across(np.einsum("nij,nj->ni", prepared.mirror[which], axis), way)
+        return np.einsum("nk,nqk->nq", unit, at.field).conj() * at.factor[:, None]

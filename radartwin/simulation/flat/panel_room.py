@@ -1,0 +1,248 @@
+"""A room of flat panels: which panel sequences matter, and the paths over them for all poses at once.
+
+Sequences are found by coarse tubes at a few key places along the motion, order one in full, and evaluated for every pose near those places
+by `images.evaluate`, which knows their exact paths. What is curved, and what is small and compact, is left to tubes and
+stands here only in the way.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.radar.chirp import Radar
+from radartwin.scene.scene import OBJECT_EXTENT_M, Surface
+from radartwin.simulation import geometry as geometry_module
+from radartwin.simulation.curved import face_labels, tube_grid, tubes
+from radartwin.simulation.flat import images, panels
+from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.pruning import Pruner
+from radartwin.simulation.reflection_table import ReflectionTable
+
+DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
+SINGLE_RAYS = 1_200_000  # ... from a sensor that stays where it is
+DISCOVERY_PRUNE = 1e-3  # of the strongest path; from one of several places, which find for one another
+SINGLE_PRUNE = 1e-4
+KEY_SPACING_M = 0.3  # between places where sequences are looked for
+NEIGHBOURS = 4  # places of a track that lend a pose their sequences
+NEAR = 2.0  # key places within so many spacings lend a pose their sequences: what one missed another has found
+EARLY = 0.3  # of the last prune: what is less before anything stands in its way is not looked at further
+MAX_PANELS = 1500  # beyond them a room is tubes' work; sequences hold 4094 labels
+FLAT_SHARE = 0.98  # of a room's area that must be panels
+PATHS_AT_ONCE = 200_000  # bounds the fields of one evaluation to a few hundred megabytes
+
+
+@dataclass(frozen=True)
+class Scouted:
+    """Panel sequences that matter along a track: places (P, 3) of the sensor, and of each its sequences."""
+
+    places: np.ndarray
+    chains: list[set[tuple[int, ...]]]
+
+    def near(self, points: np.ndarray) -> list[np.ndarray]:
+        """Of points (F, 3) the places that lend them their sequences."""
+        away = np.linalg.norm(points[:, None] - self.places[None], axis=2)
+        return [np.argsort(row, kind="stable")[:NEIGHBOURS] for row in away]
+
+
+@dataclass(frozen=True)
+class PanelRoom:
+    """Static surfaces with their panels.
+
+    Attributes:
+        geometry: all static faces; table: their reflection.
+        panels: of its faces. small: (F,) faces of compact things, flat ones too, which tubes trace.
+        usable: (P,) panels that paths may lead over.
+        own: surfaces, by index, that are traced by themselves and stand in nobody's way here.
+    """
+
+    geometry: Geometry
+    table: ReflectionTable
+    panels: panels.Panels
+    small: np.ndarray
+    usable: np.ndarray
+    own: tuple[int, ...] = ()
+
+    def beside(self, own: Sequence[int] = (), done: Sequence[int] = ()) -> "PanelRoom":
+        """The room as a thing in it sees it: over the panels of small things too, but not over those of its own surfaces, by index, that
+        are small, nor of small ones that are `done`, whose paths by way of this thing's panels are in."""
+        small = np.unique(self.geometry.surface[self.small])
+        return replace(self, usable=~np.isin(self.panels.surface, np.intersect1d([*own, *done], small)), own=tuple(own))
+
+    @property
+    def rest(self) -> np.ndarray:
+        """(F,) mask of the faces that are no panels."""
+        return self.panels.of_face < 0
+
+    @property
+    def compact(self) -> np.ndarray:
+        """(F,) mask of the faces that are tubes' work: those of small things, and all that is no panel."""
+        return self.small | self.rest
+
+    @cached_property
+    def things(self) -> images.Obstacles:
+        """Everything that can stand in the way: panels, and the rest surface by surface."""
+        rest = self.rest & ~np.isin(self.geometry.surface, self.own)
+        clouds = [self.geometry.corners[rest & (self.geometry.surface == s)].reshape(-1, 3) for s in np.unique(self.geometry.surface[rest])]
+        return images.obstacles(self.panels, clouds, ~np.isin(self.panels.surface, self.own))
+
+    def is_flat(self, surfaces: Sequence[Surface]) -> bool:
+        """Whether panels stand for the room: nearly all of the area that is no compact object, and not too many."""
+        edge = self.geometry.corners[:, 1:] - self.geometry.corners[:, :1]
+        area = np.linalg.norm(np.cross(edge[:, 0], edge[:, 1]), axis=1)
+        room = ~self.small
+        return 0 < self.usable.sum() <= MAX_PANELS and area[room & ~self.rest].sum() >= FLAT_SHARE * area[room].sum()
+
+    def chains(
+        self, sources: np.ndarray, receivers: np.ndarray, axes: np.ndarray, longest: int, share: float, rays: int = DISCOVERY_RAYS
+    ) -> list[set[tuple[int, ...]]]:
+        """Panel sequences that carry at least `share` of the strongest from source to receiver, for each of K places (K, 3)."""
+        found: list[set[tuple[int, ...]]] = [{(int(p),) for p in np.flatnonzero(self.usable)} for _ in sources]
+        if longest < 2 or not self.usable.any():
+            return found
+        there = ~np.isin(self.geometry.surface, self.own)  # a thing does not hide its own middle
+        geometry = self.geometry if there.all() else geometry_module.subset(self.geometry, there)
+        labels = np.where(self.rest | ~self.usable[self.panels.of_face], face_labels.OTHER, self.panels.of_face)[there]
+        transmit, receive = tubes.Antennas(sources, axes), tubes.Antennas(receivers, axes)
+        rotation = np.broadcast_to(np.eye(3), (len(sources), 3, 3))
+        envelope = self.table.envelope()
+        for grid in tube_grid.all_around(sources, rotation, rays):
+            hits = tubes.trace(geometry, envelope, grid, transmit, receive, max_bounces=longest, labels=labels, prune=share, hats=True)
+            order = np.lexsort((hits.sequence, hits.bounce, hits.pose))
+            rows = [values[order] for values in (hits.pose, hits.bounce, hits.sequence)]
+            first = np.logical_or.reduce([np.diff(values, prepend=~values[:1]) != 0 for values in rows])  # much faster than rows by unique
+            for place, bounces, sequence in zip(*(values[first].tolist() for values in rows), strict=True):
+                chain = face_labels.unpack(sequence, bounces)
+                if face_labels.OTHER not in chain:
+                    found[place].add(chain)
+        return found
+
+    def paths(
+        self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float, scouted: Scouted | None = None
+    ) -> Paths:
+        """Paths sensor - panels - sensor.
+
+        Args:
+            poses: (F, 4, 4) sensor to world; velocity: (F, 3) of the sensor, m/s.
+            prune: leave out what is below this share of a pose's strongest path, element pattern included.
+            scouted: what matters around here; looked for unless given.
+        """
+        return self._found(poses, velocity, radar, max_bounces, prune, scouted)[0]
+
+    def scouted(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Scouted:
+        """The sequences that matter along a track of places (P, 4, 4) a few centimetres apart; `prune` well below that of the paths."""
+        paths, which, known = self._found(poses, np.zeros((len(poses), 3)), radar, max_bounces, prune, None, thorough=True)
+        chains: list[set[tuple[int, ...]]] = [set() for _ in poses]
+        for pose, index in zip(paths.pose.tolist(), which.tolist(), strict=True):
+            chains[pose].add(known[index])
+        return Scouted(poses[:, :3, 3], chains)
+
+    def _found(
+        self,
+        poses: np.ndarray,
+        velocity: np.ndarray,
+        radar: Radar,
+        max_bounces: int,
+        prune: float,
+        scouted: Scouted | None,
+        thorough: bool = False,
+    ) -> tuple[Paths, np.ndarray, list[tuple[int, ...]]]:
+        """Paths (N), which sequence each is over (N,), and the sequences."""
+        place, axis = poses[:, :3, 3], poses[:, :3, 2]
+        if scouted is None:
+            keys, near = key_places(place)
+            how = (SINGLE_PRUNE, SINGLE_RAYS) if thorough or len(keys) == 1 else (DISCOVERY_PRUNE, DISCOVERY_RAYS)
+            chains = self.chains(place[keys], place[keys], axis[keys], max_bounces, *how)
+        else:
+            chains, near = scouted.chains, scouted.near(place)
+        known = sorted(set().union(*chains, *({chain[::-1] for chain in found} for found in chains)))
+        number = {chain: i for i, chain in enumerate(known)}
+        prepared = images.prepare(self.panels, self.things, known, place, place)
+        of_key = [np.isin(prepared.chain, [number[chain] for chain in found]) for found in chains]
+        active = np.array([np.logical_or.reduce([of_key[k] for k in keys_]) for keys_ in near])
+        single = active & (prepared.order == 1)
+        pruner = Pruner(radar, prune, len(poses))
+        pose, which = np.nonzero(single)
+        one, over = self._evaluated(pose, which, prepared, poses, velocity, radar, 0.0)
+        keep = pruner.worth(one)
+        parts, overs = [one.where(keep)], [over[keep]]
+        active &= prepared.order > 1
+        active |= active[:, prepared.reverse] & (prepared.order > 1)
+        together = max(1, PATHS_AT_ONCE // max(1, active.sum(axis=1).max(initial=0)))
+        for low in range(0, len(poses), together):
+            pose, which = np.nonzero(active[low : low + together])
+            pose += low
+            one, over = self._evaluated(pose, which, prepared, poses, velocity, radar, EARLY * prune * pruner.strongest[pose])
+            parts.append(one)
+            overs.append(over)
+        every, over = Paths.concatenate(parts), np.concatenate(overs)
+        over = over[np.argsort(np.concatenate([part.pose for part in parts]), kind="stable")]
+        keep = pruner.worth(every)
+        return every.where(keep), prepared.chain[over[keep]], known
+
+    def _evaluated(
+        self,
+        pose: np.ndarray,
+        which: np.ndarray,
+        prepared: images.Sequences,
+        poses: np.ndarray,
+        velocity: np.ndarray,
+        radar: Radar,
+        least: np.ndarray | float,
+    ) -> tuple[Paths, np.ndarray]:
+        """Paths over prepared sequences `which` (N,) at poses (N,), and the sequence of each that there is."""
+        rotation = poses[pose, :3, :3]
+        place, axis = poses[pose, :3, 3], poses[pose, :3, 2]
+        wavelength = SPEED_OF_LIGHT / self.table.frequencies_hz
+        scale = 4 * np.pi / wavelength.max() if len(wavelength) else 1.0
+        one = images.evaluate(self.panels, self.things, prepared, self.table, which, place, axis, place, np.asarray(least) * scale)
+        # A chain of mirrors that ends on its last panel's aperture is not the same backwards; the mean of both is, and closer.
+        code = pose * len(prepared) + which  # ascending
+        partner = np.minimum(np.searchsorted(code, pose * len(prepared) + prepared.reverse[which]), max(len(code) - 1, 0))
+        there, back = one.length_m > 0, one.length_m[partner] > 0
+        factor = np.where(back, (one.factor + one.factor[partner]) / 2, one.factor)
+        lit = there & (factor != 0)
+        receive = images.across(axis[lit], one.arrival[lit])
+        level = np.einsum("nk,nqk->nq", receive, one.field[lit]).conj() * factor[lit, None]
+        amplitude = level * wavelength / (4 * np.pi * one.length_m[lit, None])
+        departure, arrival = (np.einsum("nij,ni->nj", rotation[lit], d[lit]) for d in (one.departure, one.arrival))
+        rate = -np.einsum("ni,ni->n", one.departure[lit] + one.arrival[lit], velocity[pose[lit]])
+        mirror = np.swapaxes(rotation[lit], 1, 2) @ prepared.mirror[which[lit]] @ rotation[lit]
+        half = one.length_m[lit] / 2
+        found = Paths(
+            len(poses), pose[lit], prepared.order[which[lit]], amplitude, self.table.frequencies_hz, half, half, departure, arrival, rate,
+            mirror,
+        )  # fmt: skip
+        return found, which[lit]
+
+
+def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:
+    """(F,) faces of surfaces that tubes see best: objects no longer than OBJECT_EXTENT_M, and curved ones of any size."""
+    small = np.array([s.kind == "object" and (float(s.mesh.extents.max()) <= OBJECT_EXTENT_M or s.is_curved()) for s in surfaces], bool)
+    return small[geometry.surface] if len(surfaces) else np.zeros(0, bool)
+
+
+def build(surfaces: Sequence[Surface], geometry: Geometry, table: ReflectionTable) -> PanelRoom:
+    """Panels of static surfaces."""
+    compact = small_faces(surfaces, geometry)
+    found = panels.find(geometry)
+    small = np.zeros(len(found), bool)
+    small[found.of_face[compact & (found.of_face >= 0)]] = True
+    return PanelRoom(geometry, table, found, compact, ~small)
+
+
+def key_places(points: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Places along a motion that are KEY_SPACING_M apart: (K,) indices, and of every point those near it.
+
+    Args:
+        points: (F, D) coordinates; with D = 6 of two things that move.
+    """
+    keys = [0]
+    for i, point in enumerate(points):
+        if np.abs(points[keys] - point).max(axis=1).min() > KEY_SPACING_M:
+            keys.append(i)
+    away = np.abs(points[:, None] - points[keys][None]).max(axis=2)
+    return np.array(keys), [np.flatnonzero(row <= max(NEAR * KEY_SPACING_M, row.min())) for row in away]

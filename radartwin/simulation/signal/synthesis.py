@@ -1,0 +1,288 @@
+"""Paths to IQ: gridding in delay and one FFT instead of a sum over paths, chirps and samples.
+
+For transmitter t, receiver r, loop c and sample n the signal is
+
+    s[c, t, r, n] = sum_p a_p(f_n) exp(+j 2 pi f_n (L_p,t,r + v_p tau)/c),   f_n = f0 + S n/fs,   tau = t_c,t + n/fs - t_mid
+
+with L_p,t,r the distance over the elements, by way of the hits or from the transmitter's image (radartwin.simulation.paths), and v_p the
+rate of the path. Motion is separated by the Jacobi-Anger expansion exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), w = 2 pi v X/c,
+x = f_n tau/X: a frame needs as many transforms as |w| is radians large, plus a few, however many chirps it has. The sum over delays is a
+type-1 non-uniform FFT with the exponential-of-semicircle kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41
+(2019) C479, on a grid of twice the samples or more.
+Equal inputs give equal bytes, on any number of cores. The loops are in radartwin.simulation.signal.gridding.
+"""
+
+import functools
+import itertools
+import weakref
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.special import jv
+
+from radartwin.compiled import shared_out
+from radartwin.constants import BOLTZMANN, SPEED_OF_LIGHT
+from radartwin.errors import InputError
+from radartwin.radar.antenna import element_gain
+from radartwin.radar.chirp import Radar
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.signal import gridding
+
+ELEMENTS = ("exact", "planar", "auto")
+PLANAR_PHASE = 0.01  # radians, largest error of the planar array that "auto" takes; 0.57 degrees, the iwr1843's beyond 1.93 m
+_SHAPE = 2.30 * gridding.TAPS
+_DEGREE = gridding.TAPS + 1  # of the polynomials that stand for the kernel: 1e-6 of its peak, a further degree changes nothing
+_BESSEL_TAIL = 1e-5
+FRAMES_PER_BLOCK = 256  # bounds the noise processes
+DELAY_BAND = 0.1  # relative; phase noise grows with delay, so it is off by a twentieth at most
+_LEAST = 3e-6  # of the amplitudes' root mean square: terms of a path below it add less than the kernel's error
+_PATHS_PER_TASK = 8192
+_TASKS_PER_FRAME = 16
+_PATHS_AT_ONCE = 500_000  # of parts that are put together: a frame's transforms cost as much as a thousand paths
+_GRID_BYTES = 64_000_000  # of the frames in work
+_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str], list[tuple[np.ndarray, float]]]] = weakref.WeakKeyDictionary()
+
+_whole_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str], np.ndarray]] = weakref.WeakKeyDictionary()
+
+
+def _kernel(x: np.ndarray) -> np.ndarray:
+    """exp(beta (sqrt(1 - z^2) - 1)) for taps at distance x from the point, in grid cells."""
+    z2 = np.clip((2 * x / gridding.TAPS) ** 2, 0, 1)
+    return np.exp(_SHAPE * (np.sqrt(1 - z2) - 1))
+
+
+@functools.cache
+def _kernel_transform(samples: int, grid: int) -> np.ndarray:
+    """(samples,) Fourier transform of the kernel at the centred sample indices."""
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    x = nodes * gridding.TAPS / 2
+    index = np.arange(samples) - samples // 2
+    return (gridding.TAPS / 2) * (weights * _kernel(x)) @ np.cos(2 * np.pi * np.outer(x, index) / grid)
+
+
+@functools.cache
+def _kernel_polynomials() -> np.ndarray:
+    """(degree + 1, TAPS) of each tap in the place of the point between two cells, highest power first."""
+    place = (1 + np.polynomial.chebyshev.chebpts1(4 * _DEGREE)) / 2
+    taps = _kernel(place[:, None] - np.arange(gridding.TAPS) + gridding.TAPS // 2 - 1)
+    return np.ascontiguousarray(np.polyfit(place, taps, _DEGREE))
+
+
+def _terms(largest: float) -> int:
+    """Chebyshev terms of exp(j w x) for |w| up to `largest`."""
+    if largest < _BESSEL_TAIL:
+        return 1
+    count = int(largest) + 1
+    while abs(jv(count, largest)) > _BESSEL_TAIL:
+        count += 1
+    return count
+
+
+def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
+    """(T, C, terms, N) T_k(x) of x (C, T, N), single precision."""
+    out = np.ones((x.shape[1], x.shape[0], terms, x.shape[2]), np.float32)
+    x = x.swapaxes(0, 1)
+    before, here = np.ones_like(x), x
+    for k in range(1, terms):
+        out[:, :, k] = here
+        before, here = here, 2 * x * here - before
+    return out
+
+
+def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """The amplitudes' polynomial over the band in Chebyshev polynomials, which most need few of: (N, Q') coefficients, of at least `least`
+    for some path, and (Q', samples) polynomials."""
+    middle = (nodes_hz.min() + nodes_hz.max()) / 2
+    half = (nodes_hz.max() - nodes_hz.min()) / 2 or 1.0
+    at_nodes, over_band = (np.polynomial.chebyshev.chebvander((f - middle) / half, len(nodes_hz) - 1) for f in (nodes_hz, frequency_hz))
+    coefficients = amplitude @ np.linalg.inv(at_nodes).T
+    used = np.flatnonzero(np.abs(coefficients).max(axis=0, initial=0.0) >= least)
+    count = int(used[-1]) + 1 if used.size else 1
+    return np.ascontiguousarray(coefficients[:, :count]), over_band.T[:count]
+
+
+def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.ndarray | None = None) -> np.ndarray:
+    """IQ of all poses, one frame each.
+
+    Args:
+        paths: of F poses, ascending in pose.
+        radar: T transmitters, R receivers, C loops, N samples.
+        elements: "exact" distances to every antenna element; "planar": each path leaves and arrives along one direction, for
+            comparison (it is at most a seventh cheaper: places on the grid and phases are each element's own in both); "auto": planar
+            where no path's phase is off by more than PLANAR_PHASE.
+        out: (F, C, T, R, N) complex to add to, in place of zeros.
+    Returns:
+        complex64 (or `out`) (F, C, T, R, N), amplitude units: |.|^2 is received over transmitted power.
+    Raises:
+        InputError: an unknown choice of elements, an `out` of another shape, or paths that are not finite.
+    """
+    if elements not in ELEMENTS:
+        raise InputError(f"elements must be one of {', '.join(ELEMENTS)}, not {elements!r}")
+    shape = (paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
+    iq = np.zeros(shape, np.complex64) if out is None else out
+    if iq.shape != shape:
+        raise InputError(f"out must have shape {shape}, not {iq.shape}")
+    if not (np.isfinite(paths.amplitude).all() and np.isfinite(paths.length_m).all() and np.isfinite(paths.rate_mps).all()):
+        raise InputError("paths hold amplitudes, lengths or rates that are not finite")
+    gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
+    if radar.if_filter is not None:
+        gain = gain * radar.if_filter.gain(radar.slope_hz_per_s / SPEED_OF_LIGHT * paths.length_m, radar.band_hz)
+    amplitude = paths.amplitude * gain[:, None]
+    least = _LEAST * float(np.sqrt((np.abs(amplitude) ** 2).mean())) if len(paths) else 0.0
+    planar = elements == "planar" or (elements == "auto" and planar_phase(paths, radar) <= PLANAR_PHASE)
+    samples = radar.num_samples
+    cells = max(16, 1 << (2 * samples - 1).bit_length())
+    fast_time = np.arange(samples) / radar.sample_rate_hz
+    frequency = radar.start_frequency_hz + radar.slope_hz_per_s * fast_time
+    chirp_start = radar.chirp_times()
+    middle = (chirp_start.max() + fast_time[-1]) / 2
+    # frequency times time from the middle of the frame, (C, T, N) cycles per (m/s) of path rate and light second
+    moving = frequency * (chirp_start[:, :, None] + fast_time - middle)
+    reach = float(np.abs(moving).max()) or 1.0
+    motion = 2 * np.pi * reach / SPEED_OF_LIGHT * paths.rate_mps
+    terms = _terms(float(np.abs(motion).max(initial=0.0)))
+    slow = _chebyshev(moving / reach, terms)
+    amplitude, polynomials = _band(amplitude.astype(complex), paths.frequencies_hz, frequency, least)
+    band = (polynomials / _kernel_transform(samples, cells)).astype(np.float32)
+    turn = 2 * np.pi * np.arange(cells) / cells
+    cosine, sine = np.cos(turn).astype(np.float32), np.sin(turn).astype(np.float32)
+    tables = (
+        np.ascontiguousarray(paths.length_in_m, float), np.ascontiguousarray(paths.length_out_m, float),
+        np.ascontiguousarray(paths.departure, float), np.ascontiguousarray(paths.arrival, float),
+        np.zeros((0, 3, 3)) if paths.mirror is None else np.ascontiguousarray(paths.mirror, float),
+        paths.rate_mps * middle, motion, amplitude, radar.tx_positions, radar.rx_positions, planar,
+        (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT,
+        radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells, terms, _kernel_polynomials(), least,
+    )  # fmt: skip
+    rows = radar.num_tx * radar.num_rx * terms * len(band)
+    starts, tasks = _tasks(np.searchsorted(paths.pose, np.arange(paths.poses + 1)))
+    at_once = max(_TASKS_PER_FRAME, _GRID_BYTES // (16 * rows * (cells + gridding.PAD)))
+    first = 0
+    while first < paths.poses:
+        last = int(np.searchsorted(tasks, tasks[first] + at_once, side="right")) - 1
+        low, high = tasks[first], tasks[last]
+        grid = np.zeros((2, high - low, rows, cells + gridding.PAD))
+        shared_out(gridding.spread, int(high - low), starts[low : high + 1], *tables, *grid)
+        shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, *grid, cosine, sine, band, slow, iq[first:last])
+        first = last
+    return iq
+
+
+def planar_phase(paths: Paths, radar: Radar) -> float:
+    """Bound on the phase error of planar elements over all paths, radians: k p^2/(2 L) of the outermost element at either end, or of
+    both for images."""
+    if not len(paths):
+        return 0.0
+    wavenumber = 2 * np.pi * (radar.start_frequency_hz + radar.sampled_bandwidth_hz) / SPEED_OF_LIGHT
+    outermost = [(positions**2).sum(axis=1).max() for positions in (radar.tx_positions, radar.rx_positions)]
+    with np.errstate(divide="ignore"):
+        if paths.mirror is not None:
+            return float((wavenumber / 2 * (np.sqrt(outermost[0]) + np.sqrt(outermost[1])) ** 2 / paths.length_m).max())
+        return float((wavenumber / 2 * (outermost[0] / paths.length_in_m + outermost[1] / paths.length_out_m)).max())
+
+
+def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ranges of paths that are spread together: (tasks + 1,) first paths, and (F + 1,) first tasks of the frames with paths edges[f] to
+    edges[f + 1]. They depend on the paths alone."""
+    counts = np.diff(edges)
+    pieces = np.clip(-(-counts // _PATHS_PER_TASK), np.minimum(counts, 1), _TASKS_PER_FRAME)
+    tasks = np.concatenate([[0], np.cumsum(pieces)])
+    starts = np.empty(tasks[-1] + 1, np.int64)
+    starts[-1] = edges[-1]
+    for frame in np.flatnonzero(pieces):
+        share = edges[frame] + counts[frame] * np.arange(pieces[frame]) // pieces[frame]
+        starts[tasks[frame] : tasks[frame + 1]] = share
+    return starts, tasks
+
+
+def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator) -> np.ndarray:
+    """Complex receiver noise in amplitude units, complex64: k T0 fs F over the transmitted power, T0 = 290 K.
+
+    >>> bool(thermal_noise((4, 2), Radar.iwr1843(), np.random.default_rng(0)).std() > 0)
+    True
+    """
+    received = BOLTZMANN * 290.0 * radar.sample_rate_hz * 10 ** (radar.noise_figure_db / 10)
+    transmitted = 1e-3 * 10 ** (radar.transmit_power_dbm / 10)
+    parts = rng.standard_normal((*shape[:-1], 2 * shape[-1]), dtype=np.float32)
+    parts *= np.float32(np.sqrt(received / transmitted / 2))
+    return parts.view(np.complex64)
+
+
+def received(
+    parts: Sequence[Paths], radar: Radar, frames: int, *, elements: str = "exact", oscillator: np.random.Generator | None = None
+) -> np.ndarray:
+    """IQ of all parts together, with the oscillator's phase noise where there is a generator for it and radar.phase_noise.
+
+    An echo of delay tau is turned by 1 + j phi(t; tau), to first order in the phase (a few milliradians). Echoes whose delays are within
+    DELAY_BAND of one another share the phase at their middle, so that every path is synthesised once.
+
+    Args:
+        parts: each of F poses, or of one pose that holds for all frames.
+        elements: as in `synthesize`.
+    Returns:
+        complex64 (F, C, T, R, N), without thermal noise.
+    """
+    out = np.zeros((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
+    parts = [part for part in parts if len(part)]
+    if oscillator is None or radar.phase_noise is None or not parts:
+        for part in parts:
+            if part.poses != frames:
+                out += _resting(part, radar, elements)
+        for alike in _alike([part for part in parts if part.poses == frames]):
+            size = max(1, frames * _PATHS_AT_ONCE // sum(len(part) for part in alike))
+            for start in range(0, frames, size):
+                some = [part.frames(start, min(start + size, frames)) for part in alike]
+                synthesize(some[0] if len(some) == 1 else Paths.concatenate(some), radar, elements=elements, out=out[start : start + size])
+        return out
+    longest = max(float(part.length_m.max()) for part in parts)
+    still = [
+        (signal, 2 * length / longest - 1) for part in parts if part.poses != frames for signal, length in _still(part, radar, elements)
+    ]
+    for start in range(0, frames, FRAMES_PER_BLOCK):
+        block = out[start : start + FRAMES_PER_BLOCK]
+        shape = (len(block), radar.num_chirps, radar.num_tx, 1, radar.num_samples)
+        processes = radar.phase_noise.processes(
+            shape[0] * shape[1] * shape[2], radar.num_samples, radar.sample_rate_hz, longest / SPEED_OF_LIGHT, oscillator
+        ).astype(np.float32)
+        moving = (
+            (synthesize(one, radar, elements=elements), 2 * length / longest - 1)
+            for part in parts
+            if part.poses == frames
+            for one, length in _bands(part.frames(start, start + len(block)))
+        )
+        for signal, u in itertools.chain(still, moving):
+            phase = np.polynomial.chebyshev.chebvander(u, len(processes) - 1).astype(np.float32) @ processes.reshape(len(processes), -1)
+            block += signal * (1 + np.complex64(1j) * phase.reshape(shape))
+    return out
+
+
+def _alike(parts: Sequence[Paths]) -> list[list[Paths]]:
+    """Parts that can be synthesised as one."""
+    groups: dict[tuple[bytes, bool], list[Paths]] = {}
+    for part in parts:
+        groups.setdefault((part.frequencies_hz.tobytes(), part.mirror is None), []).append(part)
+    return list(groups.values())
+
+
+def _resting(part: Paths, radar: Radar, elements: str) -> np.ndarray:
+    """The signal of what rests as a whole, remembered as `_still` does."""
+    known = _whole_of_part.setdefault(part, {})
+    if (radar, elements) not in known:
+        known[radar, elements] = synthesize(part, radar, elements=elements)
+    return known[radar, elements]
+
+
+def _still(part: Paths, radar: Radar, elements: str) -> list[tuple[np.ndarray, float]]:
+    """Signals of what rests, by bands of delay, with their lengths; remembered as long as the part is, for the recordings that share it."""
+    known = _of_part.setdefault(part, {})
+    if (radar, elements) not in known:
+        known[radar, elements] = [(synthesize(one, radar, elements=elements), length) for one, length in _bands(part)]
+    return known[radar, elements]
+
+
+def _bands(part: Paths) -> Iterator[tuple[Paths, float]]:
+    """The part by bands of delay, each with the length in its middle, metres."""
+    band = np.floor(np.log(np.maximum(part.length_m, 1e-6)) / DELAY_BAND).astype(np.int64)
+    for one in np.unique(band).tolist():
+        chosen = part.where(band == one)
+        yield chosen, float(chosen.length_m.min() + chosen.length_m.max()) / 2

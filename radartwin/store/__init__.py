@@ -1,0 +1,1 @@
+"""The store of computed products and the digests that form its keys."""

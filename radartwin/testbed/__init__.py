@@ -1,0 +1,1 @@
+"""The virtual measurement campaign, which deliberately differs from the twin."""

@@ -1,0 +1,141 @@
+"""What a measurement brings into the room and a scan, made before or with it put away, does not hold.
+
+Each function gives surfaces placed about the sensor or the target, marked by `provenance["fixture"]`, so that the testbed's clutter gap
+leaves them out. Everything keeps 1 cm from everything else (faces in contact shadow each other). Sizes are those of ordinary parts: a
+photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a geared motor in a box; no such rig's drawing is published.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import SceneError
+from radartwin.scene import objects
+from radartwin.scene.rooms import GAP, surface
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories.trajectory import pose
+
+ROVER = "rover"  # the name that all parts of a rover move by
+_BELOW = 0.05  # from a radar's origin down to what it is mounted on: half a board and a bracket
+_SIDES = 24  # of round things
+
+
+def tripod(sensor_pose: np.ndarray, spread_m: float = 0.35) -> Scene:
+    """A tripod under a radar at rest: head and three legs to the floor at z = 0, the odd one behind the radar.
+
+    Args:
+        sensor_pose: (4, 4), level.
+        spread_m: of the feet about the vertical under the radar.
+    Raises:
+        SceneError: the radar is lower than 0.3 m.
+    """
+    height = float(sensor_pose[2, 3])
+    if height < 0.3:
+        raise SceneError(f"tripod: the radar is {height:g} m above the floor; give at least 0.3 m")
+    top = height - _BELOW
+    parts = [_fixture("tripod_head", objects.cylinder(0.04, 0.04, _SIDES).apply_transform(pose([0, 0, top - 0.02])), "dark metal")]
+    for number, degrees in enumerate((60, 180, 300)):
+        out = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
+        hip, foot = 0.05 * out + [0, 0, top - 0.04 - 2 * GAP], spread_m * out + [0, 0, 2 * GAP]
+        parts.append(_fixture(f"tripod_leg_{number}", _rod(hip, foot, 0.011), "dark metal"))
+    upright = pose([*sensor_pose[:2, 3], 0.0])
+    upright[:2, :2] = sensor_pose[:2, :2]
+    return Scene(part.moved(upright) for part in parts)
+
+
+def rover(height_m: float = 0.4) -> Scene:
+    """A rover under and behind its radar, in the radar's own frame: it moves with `{ROVER: sensor_poses}`.
+
+    Chassis with its wheels as one metal block 3 cm above the floor, computer and battery behind on top of it, and a mast behind the radar.
+
+    Args:
+        height_m: of the radar above the floor.
+    Raises:
+        SceneError: lower than 0.3 m.
+    """
+    if height_m < 0.3:
+        raise SceneError(f"rover: its radar is {height_m:g} m above the floor; give at least 0.3 m")
+    floor = -height_m
+    top = floor + 0.15
+    chassis = objects.box([-0.30, -0.175, floor + 0.03], [0.10, 0.175, top])
+    computer = objects.box([-0.26, -0.08, top + GAP], [-0.12, 0.08, top + 0.08])
+    mast = objects.cylinder(0.012, 0.02 - top - GAP, _SIDES).apply_transform(pose([-0.05, 0.0, (top + GAP + 0.02) / 2]))
+    names = ("painted metal", "plastic", "metal")
+    return Scene(_fixture(ROVER, mesh, finish) for mesh, finish in zip((chassis, computer, mast), names, strict=True))
+
+
+def turntable_drive(position: np.ndarray, thickness_m: float = 0.03) -> Scene:
+    """Motor and gear under a turntable's disc, beside its post, as `rooms.support(position)` has them; neither squares up to a radar on x.
+
+    Args:
+        position: (3,), the top of the disc.
+        thickness_m: of the disc.
+    """
+    x, y, top = (float(v) for v in position)
+    under = top - thickness_m - 2 * GAP
+    if under < 0.15:
+        raise SceneError(f"turntable_drive: the disc is at z = {top:g} m, too low for a motor under it; give at least 0.2 m")
+    motor = _turned_box([x + 0.11, y, under - 0.04], [0.08, 0.10, 0.08], 20)
+    gear = _turned_box([x, y + 0.10, under - 0.025], [0.09, 0.06, 0.05], -15)
+    return Scene([_fixture("turntable_motor", motor, "painted metal"), _fixture("turntable_gear", gear, "plastic")])
+
+
+def cables(sensor_pose: np.ndarray, target: np.ndarray, length_m: float = 0.8) -> Scene:
+    """A cable from behind a radar at rest to the floor, and one along the floor from under the target to its left.
+
+    Args:
+        sensor_pose: (4, 4), level; target: (3,), where it stands.
+        length_m: of the cable on the floor.
+    """
+    return _hanging_cable(sensor_pose) + _lying_cable(sensor_pose, target, length_m)
+
+
+def radar_rig(sensor_pose: np.ndarray) -> Scene:
+    """What a turntable campaign brings for its radar: tripod and cable."""
+    return tripod(sensor_pose) + _hanging_cable(sensor_pose)
+
+
+def target_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
+    """What it brings for its target, whose disc has its top at `target` (3,): drive and cable."""
+    return turntable_drive(target) + _lying_cable(sensor_pose, target, 0.8)
+
+
+def turntable_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
+    """All that a turntable campaign brings."""
+    return radar_rig(sensor_pose) + target_rig(sensor_pose, target)
+
+
+def _hanging_cable(sensor_pose: np.ndarray) -> Scene:
+    height = float(sensor_pose[2, 3])
+    hanging = _rod(np.array([-0.10, 0.06, height - 0.02]), np.array([-0.16, 0.06, 3 * GAP]), 0.004)
+    upright = pose([*sensor_pose[:2, 3], 0.0])
+    upright[:2, :2] = sensor_pose[:2, :2]
+    return Scene([_fixture("cable_radar", hanging, "plastic").moved(upright)])
+
+
+def _lying_cable(sensor_pose: np.ndarray, target: np.ndarray, length_m: float) -> Scene:
+    across = sensor_pose[:3, 1]
+    foot = np.array([target[0], target[1], 0.0])
+    lying = _rod(foot + 0.15 * across + [0, 0, 0.014], foot + (0.15 + length_m) * across + [0, 0, 0.014], 0.004)
+    return Scene([_fixture("cable_turntable", lying, "plastic")])
+
+
+def _fixture(name: str, mesh: trimesh.Trimesh, finish: str) -> Surface:
+    made = surface(name, mesh, finish, role="object")
+    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    return made.replaced(mesh=plain, provenance={**made.provenance, "fixture": True})
+
+
+def _turned_box(centre: list[float], size: list[float], yaw_deg: float) -> trimesh.Trimesh:
+    half, angle = np.array(size) / 2, np.radians(yaw_deg)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    return objects.box((-half).tolist(), half.tolist()).apply_transform(pose(centre, turn))
+
+
+def _rod(one: np.ndarray, other: np.ndarray, radius_m: float) -> trimesh.Trimesh:
+    """A closed cylinder between two points."""
+    along = np.asarray(other, float) - one
+    length = float(np.linalg.norm(along))
+    turn = np.asarray(trimesh.geometry.align_vectors([0, 0, 1], along / length))[:3, :3]
+    return objects.cylinder(radius_m, length, _SIDES).apply_transform(pose((np.asarray(one) + other) / 2, turn))

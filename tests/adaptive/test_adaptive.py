@@ -1,0 +1,237 @@
+"""simulator=auto: what is left out, what stays, and how far features may move."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from experiments.generators import repeatability
+from radartwin.adaptive.choice import Choice, choose
+from radartwin.adaptive.limits import PROFILE, SHIPPED, Limits, distances, measured
+from radartwin.adaptive.model import DEFAULT, LADDER, Model, cheaper, reduced
+from radartwin.adaptive.probe import ASPECTS, PLACES, thinned
+from radartwin.build.auto import ALL
+from radartwin.build.recording import probe_of, staged
+from radartwin.config.compose import compose
+from radartwin.errors import ConfigError, InputError
+from radartwin.features.envelope import frames_per_revolution
+from radartwin.features.log import Nominal
+from radartwin.radar.chirp import Radar
+from radartwin.scene import objects, rooms
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories import trajectory
+
+LIMITS = Limits({"level_db": 1.0}, "this test")
+
+
+@dataclass
+class Told:
+    """A probe whose one feature moves by what each model is said to move it."""
+
+    moves: dict[str, dict[object, float]]
+
+    def features(self, model: Model) -> tuple[list[str], np.ndarray]:
+        return ["level_db"], np.array([sum(of.get(getattr(model, name), 0.0) for name, of in self.moves.items())])
+
+
+def test_everything_goes_that_moves_nothing() -> None:
+    found = choose([(Told({}), LIMITS)])
+    assert found.model == Model("none", 1, True, False, 0.25, "planar")  # without a room there is nothing to uncouple from
+    assert found.error == 0
+    assert all(step.taken for step in found.steps)
+
+
+def test_what_moves_a_feature_stays_and_is_told() -> None:
+    needs_room = Told({"parts": {"none": 3.0}, "max_bounces": {1: 2.0, 2: -1.5}})
+    found = choose([(needs_room, LIMITS)])
+    assert (found.model.parts, found.model.max_bounces) == ("large", 3)
+    refused = [step for step in found.steps if not step.taken]
+    told = [(step.dimension, step.value, step.error) for step in refused]
+    assert told == 2 * [("parts", "none", 3.0), ("max_bounces", 1, 2.0), ("max_bounces", 2, 1.5)]  # asked again at the end
+    assert "parts of the room none: level_db moves 3 of its limit, too little" in "\n".join(found.lines())
+    assert Choice.from_dict(found.to_dict()) == found
+
+
+def test_small_errors_add_up_and_are_stopped_in_time() -> None:
+    each = Told({name: dict.fromkeys(values[:-1], 0.4) for name, values in LADDER.items()})
+    found = choose([(each, LIMITS)])
+    assert found.error == pytest.approx(0.8)  # two of them, a third is over
+    assert sum(step.taken for step in found.steps) == 2
+
+
+def test_one_thing_does_not_use_up_what_others_need() -> None:
+    """A room that takes nearly all is left in for three small things, and goes where it is the only one to take anything."""
+    small = {"rays_per_wavelength2": {0.25: 0.2}, "elements": {"planar": 0.1}, "coupling": {False: 0.1}}
+    assert choose([(Told({"parts": {"none": 0.9}, **small}), LIMITS)]).model == Model("large", 1, False, False, 0.25, "planar")
+    assert choose([(Told({"parts": {"none": 0.9}}), LIMITS)]).model.parts == "none"
+
+
+def test_one_setting_for_all_keeps_what_any_needs() -> None:
+    room, rays = Told({"parts": {"none": 9.0}}), Told({"rays_per_wavelength2": {0.25: 9.0}})
+    found = choose([(room, LIMITS), (rays, LIMITS)])
+    assert (found.model.parts, found.model.rays_per_wavelength2) == ("large", 1.0)
+
+
+def test_a_pinned_dimension_is_not_touched_and_tolerance_scales() -> None:
+    told = Told({"parts": {"none": 3.0}, "max_bounces": {1: 50.0}})
+    assert choose([(told, LIMITS)], pinned={"max_bounces": 1}).model.parts == "large"  # measured from one bounce
+    assert choose([(told, LIMITS)], tolerance=3.5).model.parts == "none"
+    with pytest.raises(InputError, match="tolerance must be above zero"):
+        choose([(told, LIMITS)], tolerance=0)
+    with pytest.raises(InputError, match="rays is no dimension of a model; choose rays_per_wavelength2"):
+        choose([(told, LIMITS)], pinned={"rays": 3})
+
+
+def test_greedy_never_exceeds_its_tolerance() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        told = Told({name: {value: rng.uniform(-1, 1) for value in values[:-1]} for name, values in LADDER.items()})
+        found = choose([(told, LIMITS)])
+        assert abs(told.features(found.model)[1][0]) <= 1.0
+
+
+def test_limits_are_what_two_recordings_keep() -> None:
+    """Of normal draws in groups of five, 95 % of pairs differ by less, in the mean over many such measurements."""
+    rng = np.random.default_rng(1)
+    kept = []
+    for _ in range(400):
+        limit = measured([(["level_db"], rng.normal(3.0, 2.0, (5, 1)))])["level_db"]
+        kept.append(np.abs(rng.normal(0, 2.0, 200) - rng.normal(0, 2.0, 200)) < limit)
+    assert np.mean(kept) == pytest.approx(0.95, abs=0.01)
+
+
+def test_limits_are_pooled_by_degrees_of_freedom() -> None:
+    two, three = np.array([[1.0], [3.0]]), np.array([[10.0], [10.0], [10.0]])
+    limit = measured([(["level_db"], two), (["level_db"], three)])["level_db"]
+    assert limit == pytest.approx(np.sqrt(2) * 3.182 * np.sqrt(2 / 3), rel=1e-3)  # t of three degrees of freedom
+
+
+def test_the_limit_of_a_profile_is_of_pairs() -> None:
+    names = ["profile_0.30m_db", "profile_0.35m_db"]
+    assert measured([(names, np.array([[0.0, 0.0], [3.0, 4.0]]))]) == {PROFILE: pytest.approx(np.sqrt(12.5))}
+
+
+def test_a_feature_that_saturates_is_no_better_known_than_a_tenth_of_all() -> None:
+    stored = json.loads(SHIPPED.read_text())["motions"]["depth"]
+    own, pooled = stored["objects"]["corner_reflector"]["multipath_share"], stored["pooled"]["multipath_share"]
+    assert own < 0.1 * pooled
+    assert Limits.shipped("depth", "corner_reflector").of["multipath_share"] == pytest.approx(0.1 * pooled)
+
+
+def test_bins_of_a_profile_count_together_and_only_where_heard() -> None:
+    names = ["profile_0.30m_db", "profile_0.35m_db", "profile_0.40m_db", "level_db"]
+    reference = np.array([0.0, -10.0, -60.0, 5.0])
+    found = distances(names, reference + np.array([3.0, 4.0, 10.0, 0.5]), reference)
+    assert found == {"level_db": pytest.approx(0.5), PROFILE: pytest.approx(np.sqrt(12.5))}
+    loud = distances(names, reference + np.array([3.0, 4.0, 40.0, 0.5]), reference)  # an echo that the reference does not have
+    assert loud[PROFILE] == pytest.approx(np.sqrt((9 + 16 + 1600) / 3))
+
+
+def test_shipped_figures_are_of_each_object_and_pooled() -> None:
+    config = compose(["experiment=campaign"])
+    for motion in repeatability.FAMILIES:
+        cases = repeatability.repeated(config, motion)
+        assert {len(some) for some in cases} == {repeatability.REPEATS}
+        assert {some[0].object for some in cases} == set(json.loads(SHIPPED.read_text())["motions"][motion]["objects"])
+    told = {"depth": {"mug": (["level_db"], np.array([[1.0], [3.0]])), "mustard": (["level_db"], np.array([[5.0], [5.0]]))}}
+    found = repeatability.summary(told)["motions"]["depth"]
+    assert found["objects"] == {"mug": {"level_db": 25.4}, "mustard": {"level_db": 0.0}}  # t of one degree of freedom is 12.7
+    assert found["pooled"] == {"level_db": 6.08}
+
+
+def test_a_feature_without_a_limit_is_refused() -> None:
+    with pytest.raises(InputError, match="there is no repeatability of other"):
+        LIMITS.moved(["other"], np.zeros(1), np.zeros(1))
+
+
+def _recording(motion: str, frames: int, between: bool = False):
+    radar = Radar.iwr1843()
+    bench = rooms.lab_bench()
+    target = Surface(objects.trihedral(0.1), "metal", "target", role="object")
+    at = bench.target_position(2.0)
+    angle, away = None, np.full(frames, 2.0)
+    poses, sensor = trajectory.pose(at)[None], bench.sensor_pose[None]
+    if motion == "turntable":
+        poses, angle = trajectory.turntable(at, frames, radar.frame_rate_hz, 25.0, np.pi), 2 * np.pi * np.arange(frames) / 250
+    elif motion in ("depth", "lateral"):
+        sweep = {"depth": trajectory.depth_sweep, "lateral": trajectory.lateral_sweep}[motion]
+        sensor = sweep(bench.sensor_pose)[:frames]
+        away = np.linalg.norm(at[:2] - sensor[:, :2, 3], axis=1)
+    else:
+        poses = trajectory.rail(poses[0], bench.sensor_pose[:3, 0], 0.3, frames)
+        away = np.linalg.norm(poses[:, :2, 3] - sensor[:, :2, 3], axis=1)
+    log = Nominal(radar.frame_rate_hz, away, angle)
+    return thinned(rooms.empty(), Scene([target]), radar, sensor, {"target": poses}, log, ALL[motion], between=between)
+
+
+@pytest.mark.parametrize("between", [False, True])
+@pytest.mark.parametrize("frames", [250, 500])
+def test_a_turn_is_thinned_to_even_aspects(frames: int, between: bool) -> None:
+    probe = _recording("turntable", frames, between)
+    assert probe.log.angle_rad is not None
+    assert len(probe.log.distance_m) == ASPECTS == len(probe.motion["target"])
+    assert np.allclose(np.diff(probe.log.angle_rad), 2 * np.pi / ASPECTS)
+    turned = np.unwrap(Rotation.from_matrix(probe.motion["target"][:, :3, :3]).as_euler("zyx")[:, 0])
+    assert np.allclose(np.abs(turned - turned[0]), 2 * np.pi / ASPECTS * np.arange(ASPECTS), atol=1e-9)
+    assert probe.radar.frame_rate_hz == pytest.approx(10 * ASPECTS / 250)
+    usual = _recording("turntable", frames).motion["target"]
+    step = np.arccos((np.trace(usual[0, :3, :3].T @ probe.motion["target"][0, :3, :3]) - 1) / 2)
+    assert step == pytest.approx(np.pi / ASPECTS if between else 0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("frames", [36, 17, 24, 40, 232, 248])
+def test_a_turn_of_any_length_is_a_revolution(frames: int) -> None:
+    log = Nominal(frames / 25.0, np.ones(frames), 2 * np.pi * np.arange(frames) / frames)
+    poses = trajectory.turntable([2.0, 0, 0], frames, frames / 25.0, 25.0)
+    probe = thinned(rooms.empty(), Scene([]), Radar.iwr1843(), np.eye(4)[None], {"target": poses}, log, ())
+    assert frames_per_revolution(np.asarray(probe.log.angle_rad)) == ASPECTS == len(probe.motion["target"])
+
+
+def test_a_drive_is_thinned_to_places_from_end_to_end() -> None:
+    probe = _recording("depth", 36)
+    assert len(probe.sensor_poses) == PLACES == len(probe.motion["target"])
+    assert np.allclose(probe.sensor_poses[-1], trajectory.depth_sweep(rooms.lab_bench().sensor_pose)[35])
+    assert probe.radar.frame_rate_hz == pytest.approx(10 * (PLACES - 1) / 35)
+    assert np.allclose(probe.log.distance_m, np.linalg.norm(probe.motion["target"][:, :2, 3] - probe.sensor_poses[:, :2, 3], axis=1))
+
+
+@pytest.mark.parametrize(("motion", "frames"), [("turntable", 250), ("depth", 36), ("lateral", 36), ("radial", 30), ("diagonal", 30)])
+def test_shipped_limits_are_of_every_feature_that_is_asked(motion: str, frames: int) -> None:
+    names, values = _recording(motion, frames).features(Model(parts="none"))
+    for thing in ("corner_reflector", "mug", "something else"):
+        assert Limits.shipped(motion, thing).moved(names, values, values)[0] == 0.0
+
+
+def test_what_was_never_repeated_has_no_limits() -> None:
+    with pytest.raises(InputError, match="there is no repeatability of static recordings; there is of turntable, radial"):
+        Limits.shipped("static")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["scene.target=none", "trajectory=static"], "simulator=auto needs a thing under test and a motion of known repeatability"),
+        (["trajectory=static"], "simulator=auto needs a thing under test and a motion of known repeatability"),
+        (["trajectory.frames=20"], "simulator=auto needs a thing under test and a motion of known repeatability"),
+        (["trajectory=depth", "trajectory.distance_m=2", "features=rotation"], "features=rotation are not read from a depth recording"),
+        (["features=depth"], "a turntable recording; choose rotation or raw"),
+    ],
+)  # fmt: skip
+def test_what_auto_cannot_judge_is_refused(overrides: list[str], message: str) -> None:
+    config = compose(["scene=lab", "simulator=auto", *overrides])
+    with pytest.raises(ConfigError, match=message):
+        probe_of(config, staged(config))
+
+
+def test_models_leave_out_what_they_say() -> None:
+    room = rooms.room("lab", detail="cluttered")
+    assert len(reduced(room, "none")) == 0
+    assert 0 < len(reduced(room, "large")) < len(reduced(room, "whole")) == len(room)
+    assert cheaper(replace(DEFAULT, parts="none"), "coupling") == []
+    assert [m.max_bounces for m in cheaper(DEFAULT, "max_bounces")] == [1, 2, 3]
+    with pytest.raises(InputError, match="parts must be none, large or whole, not 'half'"):
+        Model(parts="half")

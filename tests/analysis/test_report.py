@@ -1,0 +1,286 @@
+"""The report's folder: what it says of each table, what it escapes, and that it is whole, by itself and the same twice."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import pytest
+import reported
+
+from analysis import main, registry
+from analysis.report import folder, gallery, origin
+from analysis.report.content import Section
+from radartwin.config.compose import compose
+from radartwin.errors import InputError, MissingError
+from radartwin.runs.experiment import Result
+
+VOID = {"meta", "link", "img", "input", "br"}
+
+
+class Read(HTMLParser):
+    """A page's elements: balance, ids, links, and the text of each section."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.tags: Counter[str] = Counter()
+        self.headings: list[int] = []
+        self.within: list[str] = []
+        self.said: dict[str, str] = {}
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.tags[tag] += 1
+        self.ids += [given["id"] or ""] if "id" in given else []
+        self.links += [value for key in ("href", "src") if (value := given.get(key))]
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        assert not any(key.startswith("on") for key in given), f"{tag} has a handler: {given}"
+        if tag not in VOID:
+            self.open.append(tag)
+            self.within += [given.get("id") or ""] if tag == "section" else []
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+        if tag == "section":
+            self.within.pop()
+
+    def handle_data(self, data: str) -> None:
+        for name in self.within:
+            self.said[name] = self.said.get(name, "") + data
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("out")
+    reported.write(output)
+    return output
+
+
+@pytest.fixture(scope="module")
+def read(written: Path) -> Read:
+    return Read((written / "report" / "index.html").read_text(encoding="utf-8"))
+
+
+def test_the_page_is_well_formed_and_every_link_leads_somewhere_when_the_folder_is_moved(written: Path, read: Read, tmp_path: Path) -> None:
+    moved = Path(shutil.copytree(written / "report", tmp_path / "elsewhere"))
+    assert read.open == []
+    assert len(read.ids) == len(set(read.ids))
+    for link in read.links:
+        if link.startswith("#"):
+            assert link[1:] in read.ids
+        elif not link.startswith("data:"):
+            assert (moved / unquote(link)).is_file(), link
+    linked = {unquote(link) for link in read.links}
+    held = {path.relative_to(moved).as_posix() for path in moved.rglob("*") if path.is_file()} - {"index.html"}
+    assert held <= linked, "a file that nothing links to"
+    assert all(step <= 1 for step in (b - a for a, b in zip(read.headings, read.headings[1:], strict=False))), (
+        "a level of heading is skipped"
+    )
+
+
+def test_every_table_is_there_or_said_to_be_missing_stale_or_failed(read: Read) -> None:
+    for table in registry.TABLES:
+        assert table.title in read.said[table.name]
+    assert "stale" in read.said["stability"]
+    assert "radartwin tables --profile paper --only stability" in read.said["stability"]
+    assert "an old figure" not in "".join(read.said.values())
+    assert "failed" in read.said["positioning"]
+    assert "RuntimeError: a cell" in read.said["positioning"]
+    assert "not run" in read.said["validation"]
+    summary = read.said["summary"]
+    assert "failed: Among other systems (RuntimeError" in summary
+    assert "stale: Where methods fail" in summary
+    assert "not run: What the tracer is checked against" in summary
+
+
+def test_the_summary_counts_the_claims_and_links_each_to_its_row(read: Read) -> None:
+    rows = reported.rows()
+    claimed, total = [(n, row) for n, row in enumerate(rows, 1) if row["claim"]], len(rows) + len(reported.methods()) + 1
+    assert f"3 of {len(registry.TABLES)} tables are here. Of their {total} rows {len(claimed)} state a claim." in read.said["summary"]
+    count = Counter(row["verdict"] for _, row in claimed)
+    assert f"{count['holds']} hold{count['fails']} fail{count['untestable']} cannot be tested here" in read.said["summary"]
+    assert {link for link in read.links if re.fullmatch(r"#environment-\d+", link)} == {f"#environment-{n}" for n, _ in claimed}
+
+
+def test_a_claims_case_is_what_tells_it_from_others(written: Path) -> None:
+    claims = Section(reported.TABLES["environment"], written, "quick", reported.KEY).claims
+    assert [claim.case for claim in claims[:2]] == ["lab, strength 0.5", "lab, strength 2"]
+
+
+def test_text_of_strangers_is_text(written: Path, read: Read) -> None:
+    text = (written / "report" / "index.html").read_text(encoding="utf-8")
+    assert read.tags["script"] == 1
+    assert "<img src=x" not in text
+    assert text.count("{{") == text.count("{{script}}"), "a part of the template was left unfilled"
+    assert read.said["environment"].count(reported.HOSTILE) == 4  # room, claim, metric, paper
+    assert reported.HOSTILE in read.said["positioning"]
+
+
+def test_the_pages_own_script_is_the_only_one_that_may_run(written: Path) -> None:
+    import base64
+    import hashlib
+
+    text = (written / "report" / "index.html").read_text(encoding="utf-8")
+    script = re.search(r"<script>(.*?)</script>", text, re.DOTALL)
+    allowed = re.search(r"script-src 'sha256-([^']+)'", text)
+    assert script
+    assert allowed
+    assert base64.b64encode(hashlib.sha256(script[1].encode()).digest()).decode() == allowed[1]
+
+
+def test_a_second_report_is_the_same_and_leaves_nothing_of_an_earlier_one(written: Path, tmp_path: Path) -> None:
+    output = Path(shutil.copytree(written, tmp_path / "out"))
+
+    def files() -> dict[str, bytes]:
+        return {path.relative_to(output).as_posix(): path.read_bytes() for path in (output / "report").rglob("*") if path.is_file()}
+
+    first, parts = files(), _parts(output)
+    (output / "report" / "parts-0123456789ab" / "figures").mkdir(parents=True)  # of a process that was killed at its end
+    (output / "report" / folder._STAGE / "figures").mkdir(parents=True)  # and of one killed before
+    (output / "report" / "notes.txt").write_text("the user's own")
+    (parts / "figures" / "environment_curve.png").write_bytes(b"touched")
+    reported.report(output)
+    assert files() == {**first, "report/notes.txt": b"the user's own"}
+    assert sorted(path.name for path in (output / "report").iterdir()) == sorted(["index.html", "notes.txt", parts.name])
+    main.write(reported.TABLES["environment"], Result("environment", reported.rows(), {}, run_key=reported.KEY), "quick", output)
+    reported.report(output)
+    assert _parts(output) != parts
+    assert not any("environment_" in name for name in files() if "/figures/" in name)
+
+
+def _parts(output: Path) -> Path:
+    (found,) = (output / "report").glob("parts-*")
+    return found
+
+
+def test_a_missing_figure_is_named_and_the_old_report_stays(written: Path, tmp_path: Path) -> None:
+    output = Path(shutil.copytree(written, tmp_path / "out"))
+    before = (output / "report" / "index.html").read_bytes()
+    (output / "figures" / "environment_curve.pdf").unlink()
+    with pytest.raises(MissingError, match=r"environment_curve\.pdf is missing.*--only environment"):
+        reported.report(output)
+    assert (output / "report" / "index.html").read_bytes() == before
+    assert [path.name for path in (output / "report").iterdir() if path.name.startswith(".")] == []
+
+
+@pytest.mark.parametrize("text", ["room,claim\nlab,x\n", None, b"\xff\xfe\x00"])
+def test_a_damaged_csv_is_named(written: Path, tmp_path: Path, text: str | bytes | None) -> None:
+    output = Path(shutil.copytree(written, tmp_path / "out"))
+    path = output / "tables" / "environment.csv"
+    broken = path.read_text().replace("holds", "perhaps") if text is None else text
+    path.write_bytes(broken if isinstance(broken, bytes) else broken.encode())
+    with pytest.raises(MissingError, match=r"environment\.csv is missing or damaged"):
+        reported.report(output)
+
+
+def test_a_figure_that_leads_out_of_its_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "tables").mkdir()
+    for name in ("../secret", "/etc/passwd", ".hidden", "a\\b", ""):
+        index = {"environment": {"run_key": "0", "profile": "quick", "figures": [name]}}
+        (tmp_path / "tables" / "index.json").write_text(json.dumps(index))
+        with pytest.raises(InputError, match="not that of a file"):
+            main.write_report(tmp_path)
+
+
+def test_the_pair_of_a_gallery_carries_the_values_that_were_drawn(written: Path) -> None:
+    panels = gallery.pairs(gallery.drawn(written / "figures" / f"{reported.PAIR}.html", ""))
+    assert [panel["title"] for panel in panels] == ["range over time", "range over Doppler", "range over azimuth"]
+    for panel in panels:
+        for values, at_m in zip(panel["values"], (reported.MEASURED_M, reported.SIMULATED_M), strict=True):
+            column = [row[0] for row in values]
+            assert max(column) == pytest.approx(reported.ECHO_DB, abs=0.01)
+            assert reported.RANGE_M[column.index(max(column))] == pytest.approx(at_m, abs=0.1)
+
+
+def test_a_figure_without_a_pair_has_no_sliders(tmp_path: Path) -> None:
+    data = {"size": [500, 300], "axes": [{"box": [0, 0, 1, 1], "pictures": []}]}
+    assert gallery.pairs(data) == []
+    (tmp_path / "page.html").write_text("<script>const data = {broken;\n</script>")
+    with pytest.raises(MissingError, match=r"page\.html is damaged"):
+        gallery.drawn(tmp_path / "page.html", "radartwin tables")
+
+
+def test_cost_and_seed_are_those_of_the_cache_and_each_product_counts_once(tmp_path: Path) -> None:
+    def product(kind: str, key: str, **meta: Any) -> None:
+        path = tmp_path / "cache" / kind / key
+        path.mkdir(parents=True)
+        (path / "meta.json").write_text(json.dumps(meta))
+
+    shared, own = "c" * 32, "d" * 32
+    product("recording", shared, core_seconds=100.0)
+    product("scan", own, core_seconds=11.0)
+    for name, key, keys in (("environment", reported.KEY, [shared]), ("scan", reported.OLD_KEY, [shared, own, "../../x", 5])):
+        product("run", key, core_seconds=2.0, spec={"config": {"seed": 7}}, finished=f"of {name}", radartwin="0.1.0")
+        (tmp_path / "cache" / "run" / key / "result.json").write_text(json.dumps({"keys": keys}))
+    sections = [
+        Section(reported.TABLES[name], tmp_path, "quick", key) for name, key in (("environment", reported.KEY), ("scan", reported.OLD_KEY))
+    ]
+    found = origin.of(sections, tmp_path)
+    assert [run.seed for run in found.runs] == [7, 7]
+    assert found.runs[1].made == {shared: 100.0, own: 11.0}
+    assert found.core_seconds == 2 + 2
+    assert found.made == {shared: 100.0, own: 11.0}
+    assert "no mlflow.db" in found.tracking
+    (tmp_path / "mlflow.db").write_bytes(b"not a database, but long enough to be read as one" * 100)
+    assert "cannot be read" in origin.of(sections, tmp_path).tracking
+
+
+def test_a_cleared_cache_leaves_the_cost_unknown(tmp_path: Path) -> None:
+    (run,) = origin.of([Section(reported.TABLES["environment"], tmp_path, "quick", "../../etc")], tmp_path).runs
+    assert (run.seed, run.core_seconds, run.made, run.mlflow) == (None, None, {}, "")
+
+
+def test_a_run_that_ends_with_an_error_costs_its_own_table_alone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from experiments.positioning import positioning
+    from experiments.turntable import linear_rail
+
+    def broken(*_: Any) -> Result:
+        raise ArithmeticError("the solver broke\nfor good")
+
+    def found(*_: Any) -> Result:
+        return Result("positioning", [reported.row()], {})
+
+    monkeypatch.setattr(main, "compose", lambda overrides: compose([*overrides, "tracking=off"]))
+    monkeypatch.setattr(positioning, "run", found)
+    with monkeypatch.context() as planted:
+        planted.setattr(linear_rail, "run", broken)
+        assert main.tables("quick", ["linear_rail", "positioning"], tmp_path) == 1
+    said = capsys.readouterr()
+    assert said.out.splitlines()[-1].startswith("tables: 1 written, simulated 0, reused 0, scored 1; report: ")
+    assert "failed: linear_rail" in said.out.splitlines()
+    assert "Traceback" in said.err
+    read = Read((tmp_path / "report" / "index.html").read_text(encoding="utf-8"))
+    assert "failed: The run ended with an error: ArithmeticError: the solver broke for good" in read.said["linear_rail"]
+    assert "closer than 3 dB" in read.said["positioning"]
+    with monkeypatch.context() as mended:
+        mended.setattr(linear_rail, "run", lambda *_: Result("linear_rail", [reported.row()], {}))
+        assert main.tables("quick", ["linear_rail"], tmp_path) == 0
+    read = Read((tmp_path / "report" / "index.html").read_text(encoding="utf-8"))
+    assert "failed" not in read.said["linear_rail"]
+    assert json.loads((tmp_path / "tables" / "failures.json").read_text()) == {}
+
+
+def test_what_the_user_can_mend_stops_the_tables(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from experiments.turntable import linear_rail
+
+    def refused(*_: Any) -> Result:
+        raise InputError("nothing to measure")
+
+    monkeypatch.setattr(main, "compose", lambda overrides: compose([*overrides, "tracking=off"]))
+    monkeypatch.setattr(linear_rail, "run", refused)
+    with pytest.raises(InputError, match="nothing to measure"):
+        main.tables("quick", ["linear_rail", "positioning"], tmp_path)
+    assert not (tmp_path / "tables" / "failures.json").exists()

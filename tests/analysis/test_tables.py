@@ -1,0 +1,152 @@
+"""A table is the same rows in four formats, checked before any of them is written."""
+
+from __future__ import annotations
+
+import csv
+import io
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis import main, registry, tables
+from radartwin.config.compose import compose
+from radartwin.errors import ConfigError, InputError, MissingError
+from radartwin.runs.experiment import check_rows, module_name
+
+SCORE = ["metric", "paper", "value", "low", "high", "n", "domain", "verdict"]
+TABLE = registry.Table("environment", "The room & the signal", "Correlation at 50 % of_all.")
+
+
+def row(**changes: Any) -> dict[str, Any]:
+    given = {
+        "metric": "r | z", "paper": "-0.24 to +0.42", "value": 1 / 3, "low": 0.25, "high": 0.5, "n": 3,
+        "domain": "testbed", "verdict": "holds", "distance_m": 2.0, "run_keys": "abc def",
+    }  # fmt: skip
+    return {**given, **changes}
+
+
+def test_csv_has_the_case_first_then_the_keys_then_the_score_in_full_precision() -> None:
+    read = list(csv.DictReader(io.StringIO(tables.to_csv([row()]))))
+    assert list(read[0]) == ["distance_m", "run_keys", *SCORE]
+    assert float(read[0]["value"]) == 1 / 3
+    assert read[0]["run_keys"] == "abc def"
+
+
+def test_a_value_nobody_could_compute_is_empty_in_csv_and_a_dash_for_readers() -> None:
+    untestable = [row(value=None, low=None, high=None, n=0, verdict="untestable")]
+    assert next(csv.DictReader(io.StringIO(tables.to_csv(untestable))))["value"] == ""
+    assert "| – |" in tables.to_markdown(TABLE, untestable)
+
+
+def test_markdown_has_as_many_cells_in_each_line_as_columns() -> None:
+    lines = [line for line in tables.to_markdown(TABLE, [row(), row()]).splitlines() if line.startswith("|")]
+    assert len(lines) == 4
+    assert {line.replace("\\|", "").count("|") for line in lines} == {len(SCORE) + 2}
+
+
+def test_html_is_well_formed_and_escapes_what_it_shows() -> None:
+    class Balanced(HTMLParser):
+        def __init__(self) -> None:
+            super().__init__()
+            self.open: list[str] = []
+
+        def handle_starttag(self, tag: str, attrs: object) -> None:
+            self.open.append(tag)
+
+        def handle_endtag(self, tag: str) -> None:
+            assert self.open.pop() == tag
+
+    text = tables.to_html(TABLE, [row(metric="<r>")])
+    parser = Balanced()
+    parser.feed(text)
+    assert parser.open == []
+    assert "&lt;r&gt;" in text
+    assert "room &amp; the" in text
+
+
+def test_latex_escapes_its_special_characters() -> None:
+    text = tables.to_latex(TABLE, [row()])
+    assert r"The room \& the signal" in text
+    assert r"50 \% of\_all" in text
+    assert text.count(r"\toprule") == text.count(r"\bottomrule") == 1
+    assert text.count("{") == text.count("}")
+    columns = text.split(r"\begin{tabular}{")[1].split("}")[0]
+    lines = [line for line in text.splitlines() if line.endswith(r"\\")]
+    assert {line.replace(r"\&", "").count("&") + 1 for line in lines} == {len(columns)}
+
+
+def test_latex_needs_nothing_that_pdflatex_has_not() -> None:
+    text = tables.to_latex(TABLE, [row(metric="ρ ≥ 0.5 ± 3 µm² at λ/2, 45° → −1–2 × ε")])
+    assert text.isascii()
+    assert r"$\rho$ $\geq$ 0.5 $\pm$ 3 $\mu$m$^2$" in text
+    assert r"\begin{table*}" in text  # nine columns
+    assert r"\resizebox{\textwidth}{!}{%" in text
+    for table in registry.TABLES:
+        assert tables.to_latex(table, [row()]).isascii()
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"verdict": "maybe"}, "maybe"),
+        ({"low": 0.4}, "outside its interval"),
+        ({"high": 0.3}, "outside its interval"),
+        ({"n": 2.5}, "2.5"),
+        ({"value": None}, "needs a value"),
+    ],
+)
+def test_a_row_that_cannot_be_is_refused_before_anything_is_written(changes: dict[str, Any], word: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=word):
+        tables.write(TABLE, [row(), row(**changes)], tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_row_without_a_score_column_is_refused() -> None:
+    with pytest.raises(InputError, match="verdict"):
+        check_rows("t", [{k: v for k, v in row().items() if k != "verdict"}])
+
+
+def test_the_caption_owns_up_to_a_virtual_measurement() -> None:
+    assert "not a measurement of reality" in tables.caption(TABLE, [row()])
+    assert tables.caption(TABLE, [row(domain="recordings")]) == TABLE.caption
+
+
+def test_a_table_written_by_this_source_is_not_stale_and_one_of_another_configuration_is(tmp_path: Path) -> None:
+    now = main._current("validation", "quick", tmp_path)
+    assert len(now) == 32
+    assert main._current("validation", "paper", tmp_path) not in ("", now)
+    assert main._current("validation", "no_such_profile", tmp_path) == ""
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[]", "5", '{"environment": 5}', '{"environment": {}}', '{"environment": {"run_key": 1, "profile": "x", "figures": []}}']
+)
+def test_a_damaged_index_is_named_before_any_work(text: str, tmp_path: Path) -> None:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "index.json").write_text(text)
+    for verb in (lambda: main.report_verb(tmp_path), lambda: main.tables("quick", None, tmp_path)):
+        with pytest.raises(InputError, match=r"index\.json is damaged"):
+            verb()
+
+
+def test_a_table_that_went_missing_is_named(tmp_path: Path) -> None:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "index.json").write_text('{"environment": {"run_key": "0", "profile": "quick", "figures": []}}')
+    with pytest.raises(MissingError, match=r"environment\.csv is missing .*--only environment"):
+        main.write_report(tmp_path, current=lambda name, profile, output: "0")
+
+
+def test_every_table_has_its_experiment_and_its_configuration() -> None:
+    root = Path(__file__).resolve().parents[2]
+    for table in registry.TABLES:
+        composed = compose([f"experiment={table.name}"])
+        assert (root / f"{module_name(composed.experiment).replace('.', '/')}.py").is_file()
+
+
+def test_an_unknown_table_and_an_empty_report_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="nonsense"):
+        registry.select(["nonsense"])
+    with pytest.raises(MissingError, match="radartwin tables"):
+        main.write_report(tmp_path)

@@ -1,0 +1,137 @@
+"""Trajectories and layouts of a configuration: where things are, and what is refused before anything is traced."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from radartwin.build.course import check_course, furnished
+from radartwin.build.radar import build_radar
+from radartwin.build.recording import build_course, build_room, build_start
+from radartwin.config.compose import compose
+from radartwin.errors import ConfigError, LayoutError, MissingError, PoseError
+from radartwin.scene.scene import Scene
+from radartwin.scene.trajectories import trajectory
+
+
+def course(*overrides):
+    config = compose(["scene=lab", *overrides])
+    room = build_room(config.scene, config.materials)
+    return config, room, build_course(config.trajectory, build_radar(config.radar), build_start(config.trajectory, room))
+
+
+def written(tmp_path, shift=(0.0, 0.0, 0.0), frames=21):
+    """A TUM file of a second's drive along +x from (1, 0, 0.4), at 0.4 m/s, and its name as an override."""
+    path = tmp_path / "drive.txt"
+    times = np.linspace(0, 1, frames)
+    path.write_text("\n".join(f"{100 + t:.6f} {1 + 0.4 * t + shift[0]} {shift[1]} {0.4 + shift[2]} 0 0 0 1" for t in times))
+    return f"trajectory.path={path}"
+
+
+@pytest.mark.parametrize(("option", "degrees"), [("rail", 0.0), ("diagonal", 45.0)])
+def test_a_rail_carries_the_target_60_cm_at_its_angle(option, degrees):
+    _, _, found = course(f"trajectory={option}")
+    path = found.target_poses[:, :3, 3]
+    assert len(found.sensor_poses) == 1
+    assert np.linalg.norm(path[0] - found.sensor_poses[0, :3, 3]) == pytest.approx(1.0)
+    step = path[-1] - path[0]
+    assert np.linalg.norm(step) == pytest.approx(0.6, abs=0.011)  # the last frame is within a step of the end
+    assert np.degrees(np.arctan2(step[1], step[0])) == pytest.approx(degrees)
+    speed = np.linalg.norm(np.diff(path, axis=0), axis=1) * 10
+    assert np.allclose(speed, 0.1)
+
+
+def test_sweeps_run_as_the_paper_drives():
+    for option, length, speed, axis in (("depth", 1.0, 0.2, 0), ("lateral", 1.2, 0.24, 1)):
+        _, _, found = course(f"trajectory={option}")
+        path = found.sensor_poses[:, :3, 3]
+        assert len(path) == 50
+        assert np.allclose(path[:, 2], 0.4)
+        assert np.ptp(path[:, axis]) == pytest.approx(length - speed / 10)
+
+
+def test_a_file_moves_the_sensor_at_the_radars_frames(tmp_path):
+    _, _, found = course("trajectory=file", written(tmp_path))
+    assert found.sensor_poses.shape == (11, 4, 4)
+    assert np.allclose(found.sensor_poses[:, 0, 3], 1 + 0.04 * np.arange(11))
+    assert np.allclose(found.target_poses[0, :3, 3], [2, 0, 0.4])
+    _, _, later = course("trajectory=file", written(tmp_path), "trajectory.start_s=0.5", "trajectory.frames=3")
+    assert np.allclose(later.sensor_poses[:, 0, 3], [1.2, 1.24, 1.28])
+    mounted = course("trajectory=file", written(tmp_path), "trajectory.mount_m=[0.1,0,0.2]", "trajectory.mount_deg=[0,0,90]")[2]
+    assert np.allclose(mounted.sensor_poses[0, :3, 3], [1.1, 0, 0.6])
+    assert np.allclose(mounted.sensor_poses[0, :3, 0], [0, 1, 0])
+
+
+def checked(*overrides):
+    config, room, found = course(*overrides)
+    check_course(room, build_radar(config.radar), found.sensor_poses, found.target_poses)
+
+
+def test_a_drive_through_a_wall_or_under_the_floor_is_refused(tmp_path):
+    checked("trajectory=file", written(tmp_path))
+    with pytest.raises(PoseError, match="passes through surface 'wall_front' between frames"):
+        checked("trajectory=file", written(tmp_path, (4.8, 1.0, 0)))
+    with pytest.raises(PoseError, match=r"frame 0 is under the floor: z = -0\.1 m"):
+        checked("trajectory=file", written(tmp_path, (0, 0, -0.5)))
+    with pytest.raises(PoseError, match="above the ceiling"):
+        checked("trajectory=file", written(tmp_path, (0, 0, 5)))
+
+
+def test_a_scan_without_a_ceiling_ends_nowhere_above(tmp_path):
+    config, room, found = course("trajectory=file", written(tmp_path, (0, 0, 5)))
+    open_above = Scene([s for s in room if "ceiling" not in s.name and s.mesh.bounds[1, 2] < 2.0])
+    check_course(open_above, build_radar(config.radar), found.sensor_poses, found.target_poses)
+    _, _, below = course("trajectory=file", written(tmp_path, (0, 0, -0.5)))
+    with pytest.raises(PoseError, match="has no ceiling"):
+        check_course(open_above, build_radar(config.radar), below.sensor_poses, below.target_poses)
+
+
+def test_too_fast_for_the_radar_is_warned_of_once():
+    fast = trajectory.depth_sweep(np.eye(4), 30.0, 10.0)
+    with pytest.warns(UserWarning, match="folds at 7.5") as caught:
+        trajectory.check_speed(fast, 10.0, 7.5)
+    assert len(caught) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        trajectory.check_speed(fast, 10.0, 10.5)
+        trajectory.check_speed(np.eye(4)[None], 10.0, 0.1)
+
+
+def furnish(*overrides):
+    chosen = [] if any(o.startswith("trajectory=") for o in overrides) else ["trajectory=static"]
+    config, room, found = course(*chosen, *overrides)
+    return room, furnished(config.scene, room, found.sensor_poses[0])
+
+
+def test_a_sentence_or_a_file_puts_objects_into_the_room(tmp_path):
+    room, scene = furnish("scene.sentence='a mug on the table 1.5 m in front of the door'")
+    mug = [s for s in scene.surfaces[len(room) :] if s.name == "mug"]
+    assert mug
+    middle = np.mean([s.mesh.bounds.mean(axis=0) for s in mug[:1]], axis=0)
+    assert middle[0] == pytest.approx(4.5, abs=0.03)
+    (tmp_path / "layout.yaml").write_text("objects:\n  - {object: corner_reflector, position_m: [3.0, 0.0]}\n")
+    room, scene = furnish(f"scene.layout={tmp_path / 'layout.yaml'}")
+    assert [s.name for s in scene.surfaces[len(room) :]] == ["corner_reflector"]
+    assert furnish()[1] is not None
+
+
+WRONG = {
+    "a sentence nobody understands": (["scene.sentence='be a good twin'"], LayoutError, "it can read"),
+    "an object that is not there": (["scene.sentence='a teapot on the floor'"], LayoutError, "teapot"),
+    "a layout that is not there": (["scene.layout=none.yaml"], MissingError, "none.yaml"),
+    "both": (["scene.layout=a.yaml", "scene.sentence='a mug on the floor'"], ConfigError, "one of them"),
+    "a model without a sentence": (["scene.llm_url=http://127.0.0.1:1/v1", "scene.llm_model=m"], ConfigError, "all three"),
+    "no trajectory file": (["trajectory=file"], ConfigError, "trajectory.path"),
+    "a file for a sweep": (["trajectory=depth", "trajectory.path=a.txt"], ConfigError, "trajectory=file"),
+    "a start and a file": (["trajectory=file", "trajectory.path=a.txt", "trajectory.position_m=[0,0,1]"], ConfigError, "position_m"),
+    "axes nobody has": (["trajectory.axes=camera"], ConfigError, "optical"),
+    "half a mount": (["trajectory=file", "trajectory.path=a.txt", "trajectory.mount_m=[1]"], ConfigError, "three numbers"),
+    "before the file begins": (["trajectory=file", "trajectory.path=a.txt", "trajectory.start_s=-1"], ConfigError, "start_s"),
+}
+
+
+@pytest.mark.parametrize(("overrides", "error", "word"), WRONG.values(), ids=WRONG)
+def test_wrong_settings_are_one_line(overrides, error, word):
+    with pytest.raises(error, match=word) as caught:
+        furnish(*overrides)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,109 @@
+"""The table of how much model a scene needs, from what was found; no tracing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.complexity import complexity, figure
+from experiments.complexity.complexity import AUTO, FIXED, REFLECTOR, SHIPPED, Found
+from experiments.speed import campaign_methods, speed_accuracy
+from radartwin.adaptive.choice import Choice, Step
+from radartwin.adaptive.model import DEFAULT, FINEST, Model
+from radartwin.config.compose import compose
+from radartwin.recognize.samples import MEASURED, SIMULATED, Samples
+from radartwin.runs.experiment import check_rows
+
+CONFIG = compose(["experiment=complexity"])
+
+
+def found(asked: str, parts: str, seconds: tuple[float, float, float], shipped_error: float = 0.2, auto_error: float = 0.6) -> Found:
+    model = Model(parts, 3, True, False, 0.25, "planar")
+    steps = (Step("parts", "none", 3.0, "multipath_share", False), Step("max_bounces", 3, 0.5, "entropy", True))
+    errors = {AUTO: (0.5, "entropy"), FIXED: (0.1, "entropy"), SHIPPED: (shipped_error, "entropy")}
+    between = {**errors, AUTO: (auto_error, "entropy")}
+    models = {AUTO: model, FIXED: DEFAULT, SHIPPED: DEFAULT}
+    name, took = REFLECTOR.name.removesuffix("-0"), {who: [each] for who, each in zip(models, seconds, strict=True)}
+    return Found(name, asked, Choice(model, 0.5, "entropy", steps), models, errors, between, (2.0, "brightness_db"), took, 9.0)
+
+
+def rows(*some: Found) -> list[dict]:
+    return complexity.table(CONFIG, some, Choice(DEFAULT, 0.2, "entropy", ()))
+
+
+def test_rows_are_whole_and_draw() -> None:
+    table = rows(found("rotation", "none", (0.1, 0.5, 0.5)), found("multipath share", "large", (0.2, 0.5, 0.5)))
+    check_rows("complexity", table)
+    figure.chart(table)
+
+
+@pytest.mark.parametrize(("shape", "multipath", "verdicts"), [("none", "large", ["holds", "holds"]), ("large", "none", ["fails", "fails"])])
+def test_what_a_reflector_needs_is_claimed(shape: str, multipath: str, verdicts: list[str]) -> None:
+    cost = (0.2, 0.5, 0.5)
+    table = rows(found("rotation", shape, cost), found("shape", shape, cost), found("multipath share", multipath, cost))
+    assert [row["verdict"] for row in table if row["metric"].startswith("parts of the room")] == verdicts
+
+
+def test_the_median_saving_and_the_shipped_default_are_judged() -> None:
+    table = rows(*(found("rotation", "none", (1.0, ratio, ratio)) for ratio in (4.0, 5.0, 6.0)))
+    verdict = {row["metric"]: (row["value"], row["verdict"]) for row in table}
+    assert verdict["cost of the fixed default over auto's, median"] == (5.0, "holds")
+    assert verdict["error of the shipped default between the frames of the choice, worst of all (limits)"] == (0.2, "holds")
+    assert verdict["cost of the shipped default over the fixed one's, median"] == (1.0, "holds")
+    worse = rows(*2 * [found("rotation", "none", (1.0, 2.0, 6.0), shipped_error=1.2, auto_error=1.1)])
+    failed = {row["metric"]: row["verdict"] for row in worse}
+    assert failed.pop("error of the fixed default between the frames of the choice, worst of all (limits)") == "holds"
+    assert failed.pop(complexity.SAVED) == "untestable"
+    assert set(failed.values()) == {"fails"}
+
+
+def test_every_model_that_a_choice_looked_at_is_counted() -> None:
+    choice = found("shape", "none", (1.0, 1.0, 1.0)).choice
+    assert list(complexity._tried(choice)) == [replace(FINEST, parts="none"), replace(FINEST, max_bounces=3)]
+
+
+def samples(domain: str, values: list[list[float]], labels: list[str]) -> Samples:
+    names = np.array([f"{label} {domain} {number}" for number, label in enumerate(labels)])
+    where = np.full(len(labels), "1 m")
+    return Samples(("a", "b"), np.array(values), names, where, np.full(len(labels), domain), names, np.array(labels))
+
+
+def test_feature_error_is_in_spreads_of_the_measured() -> None:
+    measured = samples(MEASURED, [[0.0, 5.0], [2.0, 5.0]], ["mug", "mustard"])  # a spreads by one, b tells nothing
+    simulated = samples(SIMULATED, [[3.0, 9.0], [2.0, 9.0]], ["mug", "mustard"])
+    assert campaign_methods.feature_error(simulated, measured)[0] == pytest.approx(np.sqrt(9 / 2))
+
+
+def test_one_gain_is_no_feature_error() -> None:
+    names = ("a", "brightness_db")
+    measured, simulated = (
+        replace(samples(domain, [[0.0, -70.0 + gain], [2.0, -60.0 + gain]], ["mug", "mustard"]), names=names)
+        for domain, gain in ((MEASURED, 0.0), (SIMULATED, 55.0))
+    )
+    assert campaign_methods.feature_error(simulated, measured)[0] == pytest.approx(0.0)
+
+
+def test_a_default_that_another_beats_fails_its_claim() -> None:
+    """As good and ten times faster: the campaign's claims fail; worse by more than a standard error, they hold."""
+
+    def one(setting: str, second: float, error: float) -> dict:
+        return {
+            "problem": "campaign", "family": "this tracer", "setting": setting, "seconds_frame": second, "seconds": [second],
+            "feature_error": error, "spread of feature_error": 0.1, "recognition_error": error,
+            "answers": 100, "exact": False, "keys": ["k"],
+        }  # fmt: skip
+
+    for error, verdict in ((0.3, "fails"), (0.5, "holds")):
+        table = speed_accuracy.campaign_rows([one("default", 1.0, 0.3), one("other", 0.1, error)], {"m": "m"}, "testbed")
+        check_rows("speed_accuracy", table)
+        assert [row["verdict"] for row in table if row["claim"]] == [verdict, verdict]
+
+
+def test_recognition_error_is_the_share_of_turns_missed() -> None:
+    labels = ["mug", "drink_can_355", "mustard", "olive_oil"]
+    told = [[0.0, 1.0], [0.1, 1.1], [5.0, 7.0], [5.1, 7.1]]
+    simulated, measured = samples(SIMULATED, told, labels), samples(MEASURED, told, labels)
+    assert campaign_methods.recognition_error(simulated, measured) == 0.0
+    assert campaign_methods.recognition_error(simulated, samples(MEASURED, told[::-1], labels)) == 1.0

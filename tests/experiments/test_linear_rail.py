@@ -1,0 +1,95 @@
+"""The rail's table on echoes whose motion is known: what is read off, and what a bright echo of the room does to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from echoes import RADAR, echoes
+from fake_campaign import FakeLog
+
+from experiments.campaign.cases import Case, Motion
+from experiments.turntable import linear_rail
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config
+from radartwin.errors import ConfigError
+from radartwin.features.processed import Processed, process
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import Result, save
+
+FRAMES = 31
+SPEED_MPS = 0.2
+
+
+def away(motion: str, time: np.ndarray) -> np.ndarray:
+    gone = SPEED_MPS * time
+    return 1 + gone if motion == "radial" else np.hypot(1 + gone / np.sqrt(2), gone / np.sqrt(2))
+
+
+class Rail:
+    """The measured reflector is 2 cm off and stands beside a steady echo of this amplitude at 1.45 m."""
+
+    def __init__(self, clutter: float, motions: Sequence[Motion] = ("radial", "diagonal")) -> None:
+        self.clutter, self.motions = clutter, motions
+
+    def cases(self, domain: str, motion: Motion, **chosen: Any) -> list[Case]:
+        repetitions = range(3 if domain == "measured" else 1)
+        return [Case("corner_reflector", "lab", motion, 1.0, r) for r in repetitions] if motion in self.motions else []
+
+    def log(self, case: Case, domain: str = "measured") -> FakeLog:
+        return FakeLog(RADAR.frame_rate_hz, away(case.motion, np.arange(FRAMES) / RADAR.frame_rate_hz))
+
+    def prepare(self, wanted, materials=None) -> None: ...
+
+    def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]:
+        clutter = [(self.clutter, 1.45)] if domain == "measured" else []
+        offset = 0.02 if domain == "measured" else 0.0
+        moving = echoes(
+            FRAMES, [(lambda t: 1e-3 / away(case.motion, t) ** 2, lambda t: away(case.motion, t) + offset), *clutter], 1e-5, case.repetition
+        )
+        return f"{domain}{case.motion}{case.repetition}", process(moving, doppler=False)
+
+
+def table(clutter: float) -> Result:
+    config: Config = compose(["experiment=linear_rail", "output=/tmp/nowhere"])
+    return linear_rail.score(replace(config, profile=replace(config.profile, resamples=100)), Rail(clutter), Progress())
+
+
+def find(result: Result, metric: str, motion: str, of: str, tracker: str = "continuous") -> dict:
+    rows = [r for r in result.rows if (r["metric"], r["motion"], r["of"], r["tracker"]) == (metric, motion, of, tracker)]
+    assert len(rows) == 1
+    return rows[0]
+
+
+def test_both_trackers_read_the_rails_excursions_where_nothing_disturbs(tmp_path: Path) -> None:
+    result = table(clutter=0.0)
+    for tracker in linear_rail.TRACKERS:
+        for of in ("measured", "simulated"):
+            assert find(result, "excursion (m)", "radial", of, tracker)["value"] == pytest.approx(0.6, abs=2e-3)
+            assert find(result, "excursion (m)", "diagonal", of, tracker)["value"] == pytest.approx(0.4861, abs=2e-3)
+            assert find(result, "excursion less the rail's (m)", "radial", of, tracker)["verdict"] == "holds"
+        assert find(result, "shape correlation", "radial", "both", tracker)["value"] > 0.999
+        assert find(result, "shape correlation", "radial", "both", tracker)["verdict"] == "holds"
+    assert find(result, "excursion (m)", "radial", "measured")["n"] == 3
+    assert result.metrics["excursion_radial_measured"] == pytest.approx(0.6, abs=2e-3)
+    save(result, tmp_path)
+    assert (tmp_path / "figures" / "linear_rail.png").stat().st_size > 10_000
+
+
+def test_a_steady_echo_of_the_room_captures_the_brightest_bin_and_shortens_what_it_reads() -> None:
+    result = table(clutter=8e-4)
+    short = find(result, "measured less simulated excursion (m)", "diagonal", "both", "brightest")
+    assert short["value"] < -0.02
+    assert short["verdict"] == "holds"
+    twin = find(result, "excursion less the rail's (m)", "radial", "simulated", "brightest")
+    assert twin["verdict"] == "holds"
+
+
+def test_a_campaign_without_a_rail_is_refused() -> None:
+    config = compose(["experiment=linear_rail", "output=/tmp/nowhere"])
+    with pytest.raises(ConfigError, match="no motion along the rail"):
+        linear_rail.score(config, Rail(0.0, motions=()), Progress())

@@ -1,0 +1,79 @@
+"""The paper's table is transcribed as it stands, its quotations are there, and our row says what was found, not what was typed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from experiments.positioning import capabilities, positioning
+from experiments.positioning.cells import AXES, CELLS, OURS, SAID, source
+from radartwin.runs.experiment import check_rows
+
+PAPER = Path(__file__).resolve().parents[3] / "shared" / "paper" / "000_31ddca36523a097c.txt"
+needs_paper = pytest.mark.skipif(not PAPER.is_file(), reason=f"{PAPER} is not here: the paper's text is not part of the repository")
+
+
+def plain(cell: str) -> str:
+    """A cell of the LaTeX table in the words of ours."""
+    cell = re.sub(r"~\\cite\{[^}]*\}|\\textbf|\{|\}", "", cell)
+    for mark, word in (
+        (r"\cmark", "yes"), (r"\xmark", "no"), (r"\pmark", "partly"), (r"\projectname", OURS), (r"$\rightarrow$", " -> "), (r"\,", " "),
+        (r"\&", "&"), ("~", " "), (r"\ ", " "),
+    ):  # fmt: skip
+        cell = cell.replace(mark, word)
+    return re.sub(r"\s+", " ", cell).strip()
+
+
+@needs_paper
+def test_every_cell_is_the_papers() -> None:
+    table = PAPER.read_text().split(r"\label{tab:positioning}")[1].split(r"\end{tabular}")[0]
+    lines = [line for line in table.splitlines() if line.count("&") - line.count(r"\&") == len(AXES) and "Mechanism" not in line]
+    read = {}
+    for line in lines:
+        name, *cells = (plain(cell) for cell in re.split(r"(?<!\\)&", line.replace(r"\\", "")))
+        read[name.replace(" (Ours)", "")] = tuple(cells)
+    assert read == {name: tuple(cells) for name, cells in CELLS.items()}
+
+
+@needs_paper
+def test_every_quotation_is_in_the_papers_text() -> None:
+    text = re.sub(r"\s+", " ", re.sub(r"~\\cite\{[^}]*\}", "", PAPER.read_text()).replace("Mitsuba~3", "Mitsuba~3"))
+    for where, said in SAID.items():
+        assert said in text, where
+        assert where[0] in CELLS
+        assert where[1] in AXES
+        assert said in source(*where)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_we_can_do_what_the_table_says_of_us(axis: str) -> None:
+    found, right = capabilities.CHECKS[OURS][axis]()
+    assert right, found
+    assert found.startswith(CELLS[OURS][AXES.index(axis)])
+
+
+def test_the_naive_tracer_has_no_second_bounce_and_one_material() -> None:
+    """The paper gives it multipath; the program has none."""
+    line = positioning.row("RF-Genesis")
+    assert (line["verdict"], line["value"], line["n"]) == ("fails", 0.5, 2)
+    assert "multipath: no (1-bounce), not yes" in line["checked here"]
+
+
+def test_what_a_check_does_not_find_stands_empty(monkeypatch: pytest.MonkeyPatch) -> None:
+    for axis in AXES:
+        monkeypatch.setitem(capabilities.CHECKS[OURS], axis, lambda: ("as ever", True))
+    monkeypatch.setitem(capabilities.CHECKS[OURS], "multipath", lambda: ("no (1-bounce)", False))
+    line = positioning.row(OURS)
+    assert (line["multipath"], line["real scene"], line["verdict"]) == ("", "as ever", "fails")
+    assert line["value"] == pytest.approx(6 / 7)
+
+
+def test_the_table_is_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(capabilities, "CHECKS", {})
+    rows = [positioning.row(system) for system in CELLS] + [positioning._alone()]
+    check_rows("positioning", rows)
+    assert len({tuple(row) for row in rows}) == 1
+    assert {row["verdict"] for row in rows} == {"untestable"}
+    assert "Shenron/C-Shenron" in rows[-1]["checked here"]

@@ -1,0 +1,300 @@
+"""The recognition tables on a made-up campaign whose answers are known beforehand: what transfers and what stays at chance."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fake_campaign import FakeCampaign
+
+from experiments.recognition import (
+    contrastive,
+    corner_reflector_calibration,
+    labelled_probe,
+    material_errors,
+    reconstruction_ablation,
+    rover_recognition,
+    turntable_label_free,
+)
+from experiments.recognition.protocol import Rows
+from experiments.recognition.readings import shared_cases
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.io.progress import Progress
+from radartwin.recognize.samples import MEASURED, Part, gather
+from radartwin.runs.experiment import Result, check_rows, save
+from radartwin.store.products import Store
+
+SMALL = ["supervision.copies=3", "supervision.seeds=2", "supervision.trees=20", "supervision.encoder.epochs=10", "profile.resamples=200"]
+OBJECTS = ("can_211_300", "can_211_400", "corner_reflector", "mug", "mustard", "olive_oil")
+
+
+def config(name: str, *overrides: str) -> Config:
+    return compose([f"experiment={name}", *SMALL, *overrides])
+
+
+def turntable(**changed) -> FakeCampaign:
+    return FakeCampaign(**({"objects": OBJECTS, "frames": 24, "repetitions": 2, "turns": 2} | changed))
+
+
+def drives(**changed) -> FakeCampaign:
+    given = {"objects": OBJECTS, "frames": 16, "repetitions": 2, "motions": ("lateral", "depth"), "rooms": ("squash_court",)}
+    return FakeCampaign(**(given | changed))
+
+
+class Study:
+    """Drives and turntable of one campaign."""
+
+    def __init__(self, *parts: FakeCampaign) -> None:
+        self.parts = parts
+
+    def of(self, case) -> FakeCampaign:
+        return next(part for part in self.parts if case.motion in part.motions)
+
+    def cases(self, domain, **chosen):
+        return [case for part in self.parts for case in part.cases(domain, **chosen)]
+
+    def prepare(self, wanted, materials=None) -> None: ...
+
+    def processed(self, domain, case, materials=None):
+        return self.of(case).processed(domain, case, materials)
+
+    def log(self, case, domain="measured"):
+        return self.of(case).log(case, domain)
+
+
+def row(result: Result, **wanted) -> dict:
+    found = [one for one in result.rows if all(one.get(name) == value for name, value in wanted.items())]
+    assert len(found) == 1, (wanted, found)
+    return found[0]
+
+
+def checked(result: Result, folder: Path | None = None) -> Result:
+    """Rows of the agreed form; with a folder, everything kept in it and its figures drawn."""
+    check_rows(result.table, result.rows)
+    if folder is None:
+        assert all(one["run_keys"] for one in result.rows)
+        return result
+    folder.mkdir()
+    save(result, folder)
+    assert {path.stem for path in (folder / "figures").glob("*.png")} == set(result.figures)
+    assert all(one["run_keys"] for one in result.rows)
+    return result
+
+
+def probe(tmp_path: Path, campaign: FakeCampaign, name: str = "one") -> Result:
+    chosen = config("labelled_probe")
+    return labelled_probe.score(chosen, campaign, Store(tmp_path / name / "cache"), Progress(), {labelled_probe.RIVAL: turntable(gap=0.5)})
+
+
+def test_labelled_probe_recognises_what_differs(tmp_path: Path):
+    result = checked(probe(tmp_path, turntable()))
+    for kind in labelled_probe.PROBES:
+        found = row(result, probe=kind, method=labelled_probe.PRETRAINED)
+        assert (found["verdict"], found["n"], found["answers"]) == ("holds", 24, 48)
+        assert found["chance"] == pytest.approx(1 / 6)
+    assert row(result, probe="control", method="simulated labels shuffled, nearest text")["verdict"] == "holds"
+    assert row(result, probe="4 labels per class", method=labelled_probe.RAW)["n"] < 24
+    assert not [one for one in result.rows if one["probe"] == "8 labels per class"]
+
+
+def test_labelled_probe_of_one_recording_each_asks_no_others(tmp_path: Path):
+    """One distance, one recording: revolutions know each other, and neither labels nor another recording are there."""
+
+    class Once(FakeCampaign):
+        def cases(self, domain, **chosen):
+            return [case for case in super().cases(domain, **chosen) if case.distance_m == 1.0]
+
+    result = checked(probe(tmp_path, Once(objects=OBJECTS, frames=24, repetitions=1, turns=2)))
+    found = row(result, probe=labelled_probe.REVOLUTIONS, method=labelled_probe.PRETRAINED)
+    assert (found["n"], found["answers"]) == (6, 12)
+    asked = {one["probe"] for one in result.rows}
+    assert labelled_probe.RECORDINGS not in asked
+    assert not any("labels per class" in one for one in asked)
+    assert "label_efficiency" not in result.figures
+
+
+@pytest.mark.slow
+def test_labelled_probe_finds_nothing_where_nothing_differs(tmp_path: Path):
+    """Objects that are all alike, asked without their own recording: at chance, and no claim of recognition holds."""
+    result = probe(tmp_path, turntable(signature=0.0))
+    found = row(result, probe=labelled_probe.RECORDINGS, method=labelled_probe.PRETRAINED)
+    assert found["verdict"] == "fails"
+    assert found["low"] <= found["chance"] + 0.1
+
+
+@pytest.mark.slow
+def test_the_same_table_whatever_the_order_of_the_files(tmp_path: Path):
+    class Reversed(FakeCampaign):
+        def cases(self, domain, **chosen):
+            return super().cases(domain, **chosen)[::-1]
+
+    given = {"objects": OBJECTS, "frames": 24, "repetitions": 2, "turns": 2}
+    first, second = (probe(tmp_path, made, name) for name, made in (("a", FakeCampaign(**given)), ("b", Reversed(**given))))
+    assert first.rows == second.rows
+
+
+def test_an_object_recorded_more_often_counts_no_more():
+    """As the reflector, which stands on the turntable three times at each distance."""
+
+    class Often(FakeCampaign):
+        def cases(self, domain, **chosen):
+            found = super().cases(domain, **chosen)
+            return [case for case in found if case.repetition < (3 if case.object == "corner_reflector" else 2)]
+
+    measured, _ = shared_cases(Often(objects=OBJECTS), "turntable")
+    number = Counter((case.object, case.distance_m) for case in measured)
+    assert set(number.values()) == {2}
+    assert {case.repetition for case in measured} == {0, 1}
+    assert len(number) == 2 * len(OBJECTS)
+
+
+def test_distances_of_one_object_alone_compare_nothing():
+    """A reflector that stands at more distances than the others, and a measured object without its twin, are left out."""
+
+    class Uneven(FakeCampaign):
+        def cases(self, domain, **chosen):
+            found = super().cases(domain, **chosen)
+            found = [case for case in found if case.distance_m == 1.0 or case.object == "corner_reflector"]
+            return [case for case in found if domain == "measured" or case.object != "mug"]
+
+    measured, simulated = shared_cases(Uneven(objects=OBJECTS), "turntable")
+    assert {case.distance_m for case in (*measured, *simulated)} == {1.0}
+    assert {case.object for case in measured} == {case.object for case in simulated} == set(OBJECTS) - {"mug"}
+    with pytest.raises(ValueError, match="no lateral recordings in atrium of two objects"):
+        shared_cases(Uneven(objects=OBJECTS), "lateral", "atrium")
+
+
+def test_label_free_attributes_and_identity(tmp_path: Path):
+    chosen = config("turntable_label_free")
+    result = checked(turntable_label_free.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()))
+    geometry = row(result, attribute="geometry", method=turntable_label_free.ENCODER)
+    assert geometry["chance"] == 0.5
+    assert geometry["value"] > 0.8
+    assert row(result, attribute="material", method=turntable_label_free.ENCODER)["chance"] == 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "overrides", [(), ("supervision=few_shot", "supervision.encoder.paired=0.5", "supervision.encoder.symmetric=true")]
+)
+def test_contrastive_leaves_a_model(tmp_path: Path, overrides: tuple[str, ...]):
+    chosen = config("contrastive", *overrides)
+    result = checked(contrastive.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()), tmp_path / "result")
+    assert row(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "recording"})["value"] > 0.8
+    assert row(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "object"})["chance"] == 0.5
+    described = json.loads((tmp_path / "result" / "models" / "recogniser" / "model.json").read_text())
+    assert described["classes"] == sorted(OBJECTS)
+    assert not [name for name in described["names"] if "brightness" in name]
+
+
+def test_rover_rows_by_level_of_supervision(tmp_path: Path):
+    study = Study(drives(), turntable())
+    store = Store(tmp_path / "cache")
+    chosen = config("rover_recognition", "supervision=label_free", "supervision.seeds=1", "supervision.trees=2")
+    assert {one["level"] for one in rover_recognition.score(chosen, study, store, Progress()).rows} == {"label_free"}
+    result = checked(rover_recognition.score(config("rover_recognition"), study, store, Progress()))
+    assert {one["level"] for one in result.rows} == {"label_free", "calibrated", "few_shot"}
+    objects = row(result, level="label_free", motion="lateral", classes="object", method=rover_recognition.TRAINED)
+    assert (objects["verdict"], objects["n"], objects["chance"]) == ("holds", 24, pytest.approx(1 / 6))
+    assert objects["p"] < 1e-4
+    material = row(result, level="calibrated", motion="lateral", method=rover_recognition.TRAINED, metric="balanced accuracy")
+    assert material["n"] == 20  # the reflector's four recordings are not scored
+    for motion in ("lateral", "depth"):
+        assert row(result, motion=motion, method="simulated labels shuffled")["verdict"] == "holds"
+
+
+def test_the_ablation_sees_what_the_room_is_worth(tmp_path: Path):
+    """In the made-up rooms a wrong material mirrors the room's echoes, so the labelled twin must win."""
+    result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), drives(), Store(tmp_path / "cache"), Progress()))
+    better = row(
+        result,
+        classes="object",
+        method=f"{reconstruction_ablation.LABELLED} - {reconstruction_ablation.UNIFORM}",
+        metric="gain in accuracy",
+    )
+    assert better["value"] > 0
+    uneven = [one for one in result.rows if one["metric"] == "share of the unequal answers"]
+    assert len(uneven) == 2
+    assert all(0 <= one["p"] <= 1 for one in uneven)
+    with pytest.raises(ValueError, match="choose another source than uniform"):
+        reconstruction_ablation.score(config("reconstruction_ablation", "materials=uniform"), drives(), Store(tmp_path / "c"), Progress())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("profile", "shares"), [("quick", 1), ("paper", 3)])
+def test_material_errors_start_at_the_truth(tmp_path: Path, profile: str, shares: int):
+    class Labelled(FakeCampaign):
+        source = ""
+
+        def processed(self, domain, case, materials=None):
+            return super().processed(domain, case, materials or self.source)
+
+    def campaign_of(materials: MaterialsConfig) -> FakeCampaign:
+        made = Labelled(objects=OBJECTS, frames=16, repetitions=2, motions=("lateral",), rooms=("squash_court",))
+        made.source = materials.source
+        return made
+
+    chosen = config("material_errors", f"profile.name={profile}")
+    campaigns = {name: campaign_of(materials) for name, (_, materials) in material_errors.sources(chosen).items()}
+    result = checked(material_errors.score(chosen, campaigns, Progress()), tmp_path / "result")
+    errors = [one["value"] for one in result.rows if one["metric"].startswith("level error")]
+    assert errors[0] == 0
+    assert len(errors) == shares + 2  # and as configured
+    assert min(errors[1 : shares + 1]) > 0.1
+
+
+def test_calibration_takes_out_a_gain_and_does_not_score_the_reflector(tmp_path: Path):
+    chosen = config("corner_reflector_calibration")
+    result = checked(corner_reflector_calibration.score(chosen, turntable(repetitions=3), Progress()))
+    before, after = (
+        row(result, materials="metal", method=when) for when in (corner_reflector_calibration.BEFORE, corner_reflector_calibration.AFTER)
+    )
+    assert before["value"] == pytest.approx(3.0, abs=0.5)  # the made-up radar is twice as sensitive
+    assert abs(after["value"]) < 0.7
+    assert after["n"] == 12  # two cans, two distances, three recordings
+
+
+@pytest.mark.slow
+def test_every_figure_is_drawn(tmp_path: Path):
+    store, study = Store(tmp_path / "cache"), Study(drives(), turntable())
+    made = [
+        probe(tmp_path, turntable()),
+        turntable_label_free.score(config("turntable_label_free"), turntable(), store, Progress()),
+        rover_recognition.score(config("rover_recognition"), study, store, Progress()),
+        reconstruction_ablation.score(config("reconstruction_ablation"), drives(), store, Progress()),
+        corner_reflector_calibration.score(config("corner_reflector_calibration"), turntable(), Progress()),
+    ]
+    assert [len(checked(result, tmp_path / result.table).figures) for result in made] == [3, 2, 2, 2, 1]
+
+
+def test_all_right_is_no_certainty_and_one_place_no_interval(tmp_path: Path):
+    """Four cells that are all right: the exact interval of four, 0.40 to 1; and a single place judges nothing."""
+    rng = np.random.default_rng(0)
+    recordings = gather(("a",), [Part(f"r{n}", f"k{n % 2}", MEASURED, rng.normal(size=1), f"{n // 2} m") for n in range(4)])
+    given = Rows(config("contrastive"), []).share({}, np.ones((2, 4), bool), recordings, ["0" * 32], 0.5, claim="above chance")
+    assert (given["low"], given["high"], given["verdict"]) == (pytest.approx(0.3976, abs=1e-4), 1.0, "fails")
+    one_place = turntable(distances=(1.0,), repetitions=1, objects=("can_211_300", "corner_reflector", "mug"))
+    rows = corner_reflector_calibration.score(config("corner_reflector_calibration"), one_place, Progress()).rows
+    assert {row["verdict"] for row in rows} == {"untestable"}
+
+
+def test_nothing_was_chosen_on_what_is_scored():
+    """The record of choices names what each was made on; measured recordings are not among it, and every setting is in it as it is."""
+    content = json.loads((Path(labelled_probe.__file__).parent / "recognition_choices.json").read_text())
+    given = compose(["experiment=labelled_probe"])
+    for choice in content["choices"]:
+        assert choice["chosen_on"] in ("none", "synthetic", "simulated")
+        found = given
+        for part in choice["setting"].split("."):
+            found = getattr(found, part)
+        assert found == choice["value"], choice["setting"]
+    recorded = {choice["setting"] for choice in content["choices"]}
+    numbers = {f"supervision.encoder.{field.name}" for field in fields(given.supervision.encoder)} - {
+        "supervision.encoder.symmetric", "supervision.encoder.paired", "supervision.encoder.weight_decay",
+    }  # fmt: skip
+    assert numbers <= recorded

@@ -1,0 +1,138 @@
+"""Scores of scans that are right and wrong in known ways: what is absent, merged, cut, walled up or was never seen."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from experiments.scans.accuracy import sighted
+from experiments.scans.segment_score import score_scene, score_segments
+from radartwin.errors import SceneError
+from radartwin.reconstruct.segmentation.segment import Segment
+from radartwin.scene import objects
+from radartwin.scene.rooms import rectangle
+from radartwin.scene.scene import Scene, Surface
+from radartwin.testbed.scanner import scan
+
+X, Y, Z = np.eye(3)
+L, W, H = 5.0, 4.0, 2.4
+WINDOW = (1.0, 0.9, 2.2, 1.9)  # in the wall y = W, along it and up
+
+
+def named(name, mesh, minc="painted"):
+    return Surface(mesh, "plasterboard", name, role="room", provenance={"source": "true", "minc": minc})
+
+
+def room(window=False):
+    surfaces = [
+        named("floor", rectangle([0, 0, 0], X, Y, (L, W))),
+        named("ceiling", rectangle([0, W, H], X, -Y, (L, W))),
+        named("back", rectangle([0, 0, 0], Y, Z, (W, H))),
+        named("front", rectangle([L, W, 0], -Y, Z, (W, H))),
+        named("right", rectangle([L, 0, 0], -X, Z, (L, H))),
+        named("left", rectangle([0, W, 0], X, Z, (L, H), [WINDOW] if window else [])),
+    ]
+    if window:
+        surfaces.append(named("window", rectangle([0, W, 0], X, Z, (L, H), inset=WINDOW), "glass"))
+    return Scene(surfaces)
+
+
+def fine(mesh):
+    made = mesh.subdivide_to_size(0.1)
+    assert isinstance(made, trimesh.Trimesh)
+    return made
+
+
+def by_name(score):
+    return {s.name: s for s in [*score.surfaces, *score.clear]}
+
+
+def test_the_truth_itself_scores_one():
+    score = score_scene(room(window=True), room(window=True))
+    assert min(score.precision, score.recall, score.area_recall, score.mean_iou, score.clear_recall) > 0.98
+    assert (score.found, score.right) == (1.0, 1.0)
+    assert score.boundary_p95_m < 1e-6
+    assert score.lines()[1].split()[0] in ("ceiling", "floor"), "largest first"
+
+
+def test_what_the_scan_lacks_counts_with_recall_zero():
+    """A reconstruction of the floor alone: one surface of six."""
+    score = score_scene(Scene([room().surfaces[0]]), room())
+    found = by_name(score)
+    assert found["floor"].recall > 0.98
+    assert {name for name, s in found.items() if s.segment == "-"} == {"ceiling", "back", "front", "right", "left"}
+    assert score.recall == pytest.approx(1 / 6, abs=0.01)
+    assert score.area_recall == pytest.approx(L * W / (2 * (L * W + L * H + W * H)), abs=0.01)
+    assert score.precision > 0.98, "of what is there"
+    assert score_scene(Scene([]), room()).recall == 0.0
+
+
+def test_a_poster_that_went_into_its_wall_is_missed_and_known_to_be_flush():
+    poster = named("poster", rectangle([0.005, 1.0, 1.0], Y, Z, (0.8, 1.0)), "paper")
+    shelf = named("shelf", rectangle([0.4, 3.0, 1.0], X, Y, (0.8, 0.6)), "wood")
+    score = score_scene(room(), Scene([*room(), poster, shelf]))
+    found = by_name(score)
+    assert (found["poster"].segment, found["poster"].recall) == ("-", 0.0)
+    assert found["poster"].flush > 0.98
+    assert (found["shelf"].recall, found["shelf"].flush) == (0.0, 0.0)
+    assert score.recall == pytest.approx(6 / 8, abs=0.02)
+    assert score.missed_flush == pytest.approx(0.8 / (0.8 + 0.48), abs=0.05)
+
+
+def test_what_is_cut_in_two_is_half_found_and_what_is_merged_has_one_owner():
+    sides = [fine(s.mesh) for s in room()]
+    mesh = trimesh.util.concatenate(sides)
+    assert isinstance(mesh, trimesh.Trimesh)
+    side = np.repeat(np.arange(6), [len(s.faces) for s in sides])
+
+    def segments(label):
+        return [Segment(np.flatnonzero(label == k), float(mesh.area_faces[label == k].sum()), Z) for k in np.unique(label)]
+
+    assert min(score_segments(mesh, segments(side), room()).recall, score_segments(mesh, segments(side), room()).precision) > 0.98
+    cut = by_name(score_segments(mesh, segments(np.where((side == 0) & (mesh.triangles_center[:, 0] > 2 / 3 * L), 6, side)), room()))
+    assert cut["floor"].recall == pytest.approx(2 / 3, abs=0.03)
+    assert cut["floor"].precision > 0.97
+    merged = by_name(score_segments(mesh, segments(np.where(side == 3, 1, side)), room()))  # the front wall into the ceiling
+    assert merged["ceiling"].recall > 0.97
+    assert merged["ceiling"].precision == pytest.approx(L * W / (L * W + W * H), abs=0.03)
+    assert (merged["front"].segment, merged["front"].recall) == ("-", 0.0)
+
+
+def test_what_was_not_seen_is_not_asked_for_but_glass_is():
+    whole = room(window=True)
+    ceiling = whole.names.index("ceiling")
+    built = Scene(s for s in whole if s.name not in ("ceiling", "window"))
+    score = score_scene(built, whole, lambda points, normals, surface: surface != ceiling)
+    assert "ceiling" not in by_name(score)
+    assert score.recall > 0.98
+    assert [(s.name, s.recall) for s in score.clear] == [("window", 0.0)]
+    assert score.clear_recall == 0.0
+    half = score_scene(whole, whole, lambda points, normals, surface: (surface != 0) | (points[:, 0] < L / 2))
+    assert by_name(half)["floor"].area_m2 == pytest.approx(L * W / 2, rel=0.03)
+    assert by_name(half)["floor"].iou > 0.98, "what is completed on the surface is not held against it"
+
+
+def test_a_window_that_was_walled_up_is_not_found():
+    score = score_scene(room(window=False), room(window=True))
+    assert score.clear_recall == 0
+    assert score.clear[0].segment == "-"
+
+
+def test_pixels_see_what_faces_them_and_not_the_far_side_of_a_thin_plate():
+    """A plate of 20 mm, which a tolerance of the depth's noise would see through, and one behind it."""
+    plate = objects.box([2.2, 1.8, 0.9], [2.8, 2.2, 0.92])
+    hidden = rectangle([2.3, 1.9, 0.895], X, Y, (0.4, 0.2))
+    scene = Scene([*room(), named("plate", plate), named("hidden", hidden)])
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([X, -Y, -Z], axis=1)  # looking down
+    pose[:3, 3] = 2.5, 2.0, 2.2
+    frames, truth = scan(scene, strength=0.0, path=pose[None], colour_every=0)
+    see = sighted(truth, frames)
+    at = np.array([[2.5, 2.0, 0.92], [2.5, 2.0, 0.9], [2.5, 2.0, 0.895], [3.3, 2.0, 0.0], [2.5, 2.0, 0.0]])
+    facing = np.array([Z, -Z, Z, Z, Z])
+    assert see(at, facing, np.array([6, 6, 7, 0, 0])).tolist() == [True, False, False, True, False]
+    assert not see(at[:1], facing[:1], np.array([0])).any(), "another surface's point"
+
+
+def test_no_truth_is_refused():
+    with pytest.raises(SceneError, match="no truth to score against"):
+        score_scene(room(), Scene([]))

@@ -1,0 +1,76 @@
+"""The sensitivity table from made-up twins: errors in spreads, costs apart from set-ups, figures with their own recordings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from experiments.complexity import sensitivity
+from experiments.complexity.sensitivity import COST, DEFAULT, ERROR, FIDELITY, FINEST, SETTINGS, SETUP, Twin, feature_error, table
+from radartwin.config.compose import compose
+from radartwin.errors import ConfigError
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import check_rows
+from radartwin.store.digest import import_closure
+from radartwin.store.products import Store
+
+CONFIG = compose(["experiment=sensitivity", "profile.resamples=50"])
+RNG = np.random.default_rng(0)
+VALUES = RNG.standard_normal((6, 4)) * [1.0, 10.0, 0.1, 0.0]  # the last feature tells nothing
+
+
+def twin(shift: float, frame_s: float, figure: float | None) -> Twin:
+    setups = np.array([1, 0, 0, 0, 0, 0])
+    seconds = np.full(6, frame_s) + setups * 30.0 / 36
+    moved = VALUES + shift * VALUES.std(axis=0)
+    figures = {} if figure is None else {("linear_rail", "error_m"): (figure, ["rail0", "rail1"])}
+    return Twin(
+        {"turntable": moved},
+        {"turntable": [f"k{n}" for n in range(6)]},
+        {"turntable": seconds},
+        {"turntable": setups},
+        {"turntable": 36},
+        figures,
+    )
+
+
+def cell(rows: list[dict], setting: str, metric: str) -> dict:
+    (found,) = [row for row in rows if (row["setting"], row["metric"]) == (setting, metric)]
+    return found
+
+
+def test_the_error_is_in_spreads_and_the_cost_apart_from_set_ups() -> None:
+    rows = table(CONFIG, {FINEST: twin(0.0, 0.8, 0.01), DEFAULT: twin(0.5, 0.2, 0.02), "no room": twin(1.0, 0.1, 0.05)})
+    check_rows("sensitivity", rows)
+    assert cell(rows, FINEST, ERROR)["value"] == 0.0
+    assert cell(rows, DEFAULT, ERROR)["value"] == pytest.approx(0.5)
+    assert cell(rows, "no room", ERROR)["value"] == pytest.approx(1.0)
+    assert cell(rows, DEFAULT, COST)["value"] == pytest.approx(200.0)
+    assert cell(rows, DEFAULT, SETUP)["value"] == pytest.approx(30.0)
+    assert cell(rows, DEFAULT, SETUP)["n"] == 1
+    rail = cell(rows, "no room", "error_m")
+    assert (rail["value"], rail["change"], rail["n"], rail["run_keys"]) == (0.05, pytest.approx(0.03), 2, "rail0 rail1")
+
+
+def test_a_figure_that_the_default_lacks_has_no_change() -> None:
+    rows = table(CONFIG, {FINEST: twin(0.0, 0.8, 0.01), DEFAULT: twin(0.5, 0.2, None)})
+    assert cell(rows, FINEST, "error_m")["change"] is None
+
+
+def test_two_random_recordings_differ_by_the_root_of_two() -> None:
+    some = RNG.standard_normal((2000, 5))
+    assert np.sqrt((feature_error(some[RNG.permutation(2000)], some) ** 2).mean()) == pytest.approx(np.sqrt(2), abs=0.06)
+
+
+def test_a_run_knows_the_tables_it_scores(tmp_path) -> None:
+    closure = set(import_closure(("experiments.complexity.sensitivity",)))
+    assert {module.__name__ for module in FIDELITY} <= closure
+    assert set(sensitivity.identity()["tables"]) == {module.__name__.split(".")[-1] for module in FIDELITY}
+    with pytest.raises(ConfigError, match="materials=void is one of the settings"):
+        sensitivity.run(compose(["experiment=sensitivity", "materials=void"]), Store(tmp_path), Progress(quiet=True))
+
+
+def test_every_setting_is_a_configuration_and_all_differ() -> None:
+    made = [sensitivity._changed(CONFIG, setting) for setting in SETTINGS]
+    assert len({str((one.simulator, one.materials)) for one in made}) == len(SETTINGS)
+    assert made[1] == CONFIG

@@ -1,0 +1,162 @@
+"""The turntable tables on a made-up campaign whose answers are known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fake_campaign import FakeCampaign
+
+from experiments import claims
+from experiments.claims import Claim
+from experiments.statistics import Estimate
+from experiments.turntable import facet_ripple, turntable_material, turntable_shape, turntable_size
+from radartwin.config.compose import compose
+from radartwin.config.groups import Config
+from radartwin.errors import ConfigError
+from radartwin.features.envelope import harmonic_ratio
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import Result, check_rows, save
+
+
+def config(name: str) -> Config:
+    made = compose([f"experiment={name}", "output=/tmp/nowhere"])
+    return replace(made, profile=replace(made.profile, resamples=200))
+
+
+def find(result: Result, metric: str, case: str, of: str = "both") -> dict:
+    found = [row for row in result.rows if row["metric"] == metric and row["case"] == case and row["of"] == of]
+    assert len(found) == 1
+    return found[0]
+
+
+@pytest.fixture(scope="module")
+def shape() -> Result:
+    campaign = FakeCampaign(distances=(0.5, 1.0), repetitions=2, gap=0.05)
+    return turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
+
+
+def test_a_twin_that_is_nearly_the_object_keeps_order_structure_and_signatures(shape: Result) -> None:
+    for metric, least in (("order of objects", 0.8), ("distances between objects", 0.8)):
+        row = find(shape, metric, "all objects")
+        assert row["value"] > least
+        assert row["verdict"] == "holds"
+        assert row["p"] < 0.01
+        assert row["items"] == 12
+        assert row["n"] == 12 * 2 * (2 + 1)  # objects, distances, repetitions of both domains
+    assert find(shape, "own signature less others'", "all objects")["verdict"] == "holds"
+    assert find(shape, "signatures", "all objects")["verdict"] == "untestable"  # the paper's 0.76 is a figure, not a bound
+
+
+def test_objects_that_are_all_alike_have_no_order_to_keep() -> None:
+    campaign = FakeCampaign(distances=(1.0,), repetitions=2, signature=0.0)
+    result = turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
+    assert find(result, "order of objects", "all objects")["verdict"] == "fails"
+    assert find(result, "distances between objects", "all objects")["verdict"] == "fails"
+    assert find(result, "own signature less others'", "all objects")["verdict"] == "fails"
+    assert not [row for row in result.rows if row["metric"] == "variation over distance"]  # one distance
+
+
+def test_rows_carry_interval_n_seed_and_keys_and_can_be_stored(shape: Result, tmp_path: Path) -> None:
+    for row in shape.rows:
+        assert row["low"] <= row["value"] <= row["high"]
+        assert row["seed"] == 0
+        assert row["run_keys"]
+    cans = [row for row in shape.rows if row["case"] == "drink can" and row["metric"] == "angular harmonic ratio"]
+    assert {row["n"] for row in cans} == {4, 2}  # two distances, with and without repetitions
+    save(shape, tmp_path)
+    assert (tmp_path / "figures" / "turntable_ranking.png").stat().st_size > 10_000
+    assert (tmp_path / "figures" / "turntable_ssim.pdf").is_file()
+
+
+def test_the_figures_of_a_made_up_campaign_are_those_of_its_recipe(shape: Result) -> None:
+    """The recipe modulates cans by 0.05 of six lines that differ from object to object, the reflector by 0.9 of its own."""
+    ratio = {row["case"]: row["value"] for row in shape.rows if row["metric"] == "angular harmonic ratio" and row["of"] == "simulated"}
+    assert ratio["trihedral corner reflector"] > 10 * max(value for case, value in ratio.items() if "can" in case)
+    assert find(shape, "ratio of harmonic ratios", "least peaked over least flat", "measured")["verdict"] == "holds"
+
+
+def test_a_campaign_without_turns_is_refused() -> None:
+    with pytest.raises(ConfigError, match="no object and distance"):
+        turntable_shape.score(config("turntable_shape"), FakeCampaign(motions=("depth",)), Progress())
+
+
+def test_verdicts_follow_the_whole_interval() -> None:
+    above = Claim("c", above=0.0)
+    assert above.verdict(0.1, 0.3, 5) == "holds"
+    assert above.verdict(-0.1, 0.3, 5) == "fails"
+    assert above.verdict(0.1, 0.3, 1) == "untestable"
+    assert Claim(paper="3").verdict(1, 2, 9) == "untestable"
+    assert Claim("none", contains=0.0).verdict(-1, 1, 5) == "holds"
+    assert Claim("none", contains=0.0).verdict(0.1, 1, 5) == "fails"
+    tested = Claim("c", above=0.0, p_below=0.05)
+    assert tested.verdict(0.1, 0.3, 5, 0.01) == "holds"
+    assert tested.verdict(0.1, 0.3, 5, 0.2) == "fails"
+    assert tested.verdict(float("nan"), 0.3, 5, 0.01) == "untestable"
+    nowhere = claims.row(config("turntable_shape"), {}, "m", Estimate(np.nan, 0.2, np.inf, 5), ["a", "b"], above)
+    assert (nowhere["value"], nowhere["high"], nowhere["verdict"], nowhere["n"], nowhere["p"]) == (None, None, "untestable", 2, None)
+    unbounded = claims.row(config("turntable_shape"), {}, "m", Estimate(3.0, 0.2, np.inf, 5), (), above)
+    assert (unbounded["high"], unbounded["verdict"], unbounded["n"]) == (None, "holds", 5)
+    check_rows("t", [nowhere, unbounded])
+
+
+def test_flat_facets_ripple_at_their_number_and_curved_ones_do_not() -> None:
+    flat, curved = (facet_ripple.envelope(facet_ripple.can(flat), None, 1) for flat in (True, False))
+    assert len(flat) == 2048
+    spectrum = np.abs(np.fft.rfft(flat))[1:200]
+    assert int(spectrum.argmax()) + 1 == facet_ripple.FACETS
+    assert harmonic_ratio(flat, 120, 136) > 100 * harmonic_ratio(curved, 120, 136)
+
+
+def test_brightness_follows_the_recipe_of_each_class() -> None:
+    """The recipe: plastic 0.12 of metal, 9.2 dB, in both domains; objects differ by up to 1.5 dB."""
+    campaign = FakeCampaign(distances=(0.5, 1.0), repetitions=2, gap=0.02)
+    result = turntable_material.score(config("turntable_material"), campaign, Progress())
+    for distance in (0.5, 1.0):
+        here = {
+            (row["metric"], row["of"]): row for row in result.rows if row["distance_m"] == distance and row["case"] == "all of similar size"
+        }
+        for of in ("measured", "simulated"):
+            assert here["metal less plastic (dB)", of]["value"] == pytest.approx(9.2, abs=2.5)
+            assert here["metal less plastic (dB)", of]["verdict"] == "holds"
+        # The gain between the domains, 3 dB, is no contrast.
+        assert here["excess of contrast (dB)", "simulated less measured"]["value"] == pytest.approx(0, abs=1.0)
+        assert here["excess of contrast (dB)", "simulated less measured"]["verdict"] == "fails"
+    reflector = [row for row in result.rows if "reflector" in row["case"]]
+    assert not reflector
+    assert result.metrics["metal_less_plastic_measured_1m_db"] > 0
+
+
+def test_a_trend_with_height_is_told_from_none() -> None:
+    heights, none = np.array([76.0, 83, 102, 122, 124, 157]), np.array([0.0, 1, -1, 0.5, -0.5, 0.2])
+    flat, rising = (turntable_size.slope_db(heights, level, 500, 0) for level in (none, 6 * np.log2(heights) + 0.2 * none))
+    assert flat.low < 0 < flat.high
+    assert rising.value == pytest.approx(6, abs=1)
+    assert rising.low > 3
+    result = turntable_size.score(config("turntable_size"), FakeCampaign(distances=(0.5, 1.0), repetitions=2), Progress())
+    claimed = [row for row in result.rows if row["claim"]]
+    assert [(row["of"], row["distance_m"], row["metric"]) for row in claimed] == [("measured", None, "order by height")]
+    assert claimed[0]["items"] == 6
+    assert {row["distance_m"] for row in result.rows} == {0.5, 1.0, None}
+    with pytest.raises(ConfigError, match="three cans"):
+        turntable_size.score(config("turntable_size"), FakeCampaign(objects=("mug", "mustard")), Progress())
+
+
+def test_a_reflector_alone_at_a_distance_makes_no_panel_and_no_row() -> None:
+    class Campaign(FakeCampaign):
+        def cases(self, domain: str, **chosen):
+            return [case for case in super().cases(domain, **chosen) if case.distance_m == 1.0 or case.object == "corner_reflector"]
+
+    campaign = Campaign(distances=(0.5, 1.0, 2.0), repetitions=1)
+    for module, name in ((turntable_material, "turntable_material"), (turntable_size, "turntable_size")):
+        result = module.score(config(name), campaign, Progress())
+        assert {row["distance_m"] for row in result.rows} <= {1.0, None}
+        assert [len(draw().axes) for draw in result.figures.values()] == [1]
+    shape = turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
+    assert {row["case"] for row in shape.rows if row["metric"] == "variation over distance"} == {
+        "reflector, 0.6-2.1 m", "reflector, all distances", "mean of objects",
+    }  # fmt: skip
+    with pytest.raises(ConfigError, match="two classes"):
+        turntable_material.score(config("turntable_material"), FakeCampaign(objects=("mug",), distances=(1.0,)), Progress())

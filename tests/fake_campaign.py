@@ -1,0 +1,107 @@
+"""A small campaign without a simulator: point echoes whose modulation, level and neighbours depend on the object, in both domains.
+
+The measured domain differs by gain, noise, clutter and a little of each object's own signature, so that what transfers and what does not is
+known beforehand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.campaign.cases import Case, Motion
+from radartwin.features.processed import MAX_RANGE_M, Processed
+from radartwin.radar.chirp import Radar
+from radartwin.radar.processing import range_axis, velocity_axis
+from radartwin.scene.objects.catalogue import catalogue
+from radartwin.store.digest import spec_digest
+
+LEVEL = {"metal": 1.0, "ceramic": 0.3, "plastic": 0.12}
+MODULATION = {"symmetric": 0.05, "faceted": 0.9, "asymmetric": 0.5}
+OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # of the room's echoes from the target, in a window that moves with it
+
+
+@dataclass(frozen=True)
+class FakeLog:
+    frame_rate_hz: float
+    distance_m: np.ndarray
+    angle_rad: np.ndarray | None = None
+
+
+class FakeCampaign:
+    """`signature` 0 makes all objects alike, so that nothing can be told; `gap` is how far the measured objects are from their twins; a
+    measured turntable turns `turns` times.
+    """
+
+    def __init__(
+        self, motions: Sequence[Motion] = ("turntable",), rooms: Sequence[str] = ("lab",), distances: Sequence[float] = (0.5, 1.0),
+        repetitions: int = 3, frames: int = 40, signature: float = 1.0, gap: float = 0.1, objects: Sequence[str] = (),
+        turns: int = 1,
+    ) -> None:  # fmt: skip
+        self.motions, self.rooms, self.distances, self.repetitions = motions, rooms, distances, repetitions
+        self.frames, self.signature, self.gap, self.turns = frames, signature, gap, turns
+        self.objects = tuple(objects) or tuple(catalogue())
+        self.radar = Radar.iwr1843()
+        self.range_m = range_axis(self.radar, self.radar.num_samples)
+        self.range_m = self.range_m[self.range_m <= MAX_RANGE_M]
+
+    def cases(self, domain: str, **chosen) -> list[Case]:
+        found = [
+            Case(name, room, motion, distance, repetition)
+            for room in self.rooms for motion in self.motions for name in self.objects for distance in self.distances
+            for repetition in range(self.repetitions if domain == "measured" else 1)
+            if motion == "turntable" or catalogue()[name].rover
+        ]  # fmt: skip
+        return [case for case in found if all(getattr(case, name) == value for name, value in chosen.items() if value is not None)]
+
+    def log(self, case: Case, domain: str = "measured") -> FakeLog:
+        frames = self.frames * (self.turns if domain == "measured" and case.motion == "turntable" else 1)
+        angle = 2 * np.pi * np.arange(frames) / self.frames
+        distance = np.full(frames, case.distance_m + 0.3)
+        if case.motion != "turntable":
+            return FakeLog(10.0, distance + 0.05 * np.linspace(-1, 1, self.frames) ** 2, None)
+        return FakeLog(self.frames / 25.0, distance, angle)
+
+    def prepare(self, wanted, materials=None) -> None: ...
+
+    def processed(self, domain: str, case: Case, materials=None) -> tuple[str, Processed]:
+        kind = catalogue()[case.object]
+        own = np.random.default_rng([catalogue_number(case.object), 1])
+        log = self.log(case, domain)
+        frames = len(log.distance_m)
+        phase = 2 * np.pi * np.arange(frames) / self.frames
+        strength = MODULATION[kind.shape] * self.signature
+        lines = own.normal(size=6) * self.signature
+        room = own.uniform(0.2, 1.0, len(OFFSETS_M)) ** self.signature
+        level = (LEVEL[kind.material_class] * own.uniform(0.7, 1.4)) ** self.signature
+        width = 0.03 + 0.1 * self.signature * own.uniform()
+        rng = np.random.default_rng([catalogue_number(case.object), int(1000 * case.distance_m), case.repetition, len(domain)])
+        if domain == "measured":
+            truth = np.random.default_rng([catalogue_number(case.object), 2])
+            lines = lines + self.gap * truth.normal(size=6)
+            room = room * np.exp(self.gap * truth.normal(size=len(room)))
+            level = 2.0 * level * np.exp(0.1 * rng.normal())
+        source = getattr(materials, "source", materials) or "vlm"
+        room = room * (0.0 if domain == "void" or source == "void" else 1.0)
+        if source in ("uniform", "random"):
+            room = room[::-1]
+        envelope = 1 + strength * sum(lines[m] * np.cos((m + 1) * phase) for m in range(6)) / np.abs(lines).sum().clip(1)
+        amplitude = 1e-4 * np.sqrt(level) * envelope / log.distance_m**2
+        channels = np.zeros((frames, 8, len(self.range_m)), complex)
+        antenna = np.arange(8)
+        for offset, gain, angle in [(0.0, 1.0, 0.0), (0.0, 0.4, width), *((o, 0.3 * g, 0.2) for o, g in zip(OFFSETS_M, room, strict=True))]:
+            spread = np.exp(-0.5 * ((self.range_m - log.distance_m[:, None] - offset) / 0.05) ** 2)
+            channels += gain * amplitude[:, None, None] * spread[:, None, :] * np.exp(1j * np.pi * np.sin(angle) * antenna)[:, None]
+        noise = 4e-14 if domain == "measured" else 1e-14
+        draw = rng.normal(size=channels.shape) + 1j * rng.normal(size=channels.shape)
+        channels = (channels + np.sqrt(noise / 2) * draw).astype(np.complex64)
+        power = (np.abs(channels) ** 2).mean(axis=1).astype(np.float32)
+        floor = np.full(len(self.range_m), noise, np.float32)
+        made = Processed(self.radar, self.range_m, power, channels, None, velocity_axis(self.radar, self.radar.num_chirps), floor)
+        return spec_digest([domain, case, str(source), self.signature, self.gap, frames])[:32], made
+
+
+def catalogue_number(name: str) -> int:
+    return list(catalogue()).index(name)

@@ -1,0 +1,395 @@
+"""Answers: what is valid, what they make of a surface, how they are kept, found again, exported, imported and scored."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radartwin.errors import LabelError, MissingError, SceneError
+from radartwin.label.answers import Answer, interior, material_of, read_answer, schema
+from radartwin.label.batch import export, read_answers
+from radartwin.label.journal import Journal, Record
+from radartwin.label.labelling import apply, load, prepare
+from radartwin.label.labels import answer_label
+from radartwin.label.place import Place, matches, place_of
+from radartwin.label.questions import Question, questions
+from radartwin.label.recorded import (
+    CHAIR,
+    JOURNAL,
+    SHIPPED,
+    Recorded,
+    load_records,
+    records_for,
+    room_of,
+    save_records,
+    ship,
+    shipped,
+    shipped_rooms,
+)  # fmt: skip
+from radartwin.label.score import accuracy_table, confusion_table, distance_table, judge, wilson
+from radartwin.label.sources import material_source
+from radartwin.materials import Layered, reflection
+from radartwin.materials.minc import CATEGORIES, MINC
+from radartwin.reconstruct.frames.frames import Frames, scan_digest
+from radartwin.scene import objects, rooms
+from radartwin.scene.scan import as_scanned
+from radartwin.scene.scene import Scene, Surface
+from radartwin.testbed.scanner import scan
+
+pytestmark = pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandInWarning")
+GOOD = {"material": "wood", "confidence": 0.8, "reason": "grain"}
+
+
+@pytest.fixture(scope="module")
+def asked() -> list[Question]:
+    surfaces = [Surface(objects.plate(2, 1 + k), "concrete", f"plate{k}", role="room") for k in range(2)]
+    scene = Scene([*surfaces, Surface(objects.cylinder(0.05, 0.1), "metal", "can")])
+    return [questions(scene, views=1, only=[k])[0] for k in range(3)]
+
+
+def record(question: Question, material: str = "wood", model: str = "tiny") -> Record:
+    return Record.of(question, Answer(material, 0.8, "grain"), model, "server")
+
+
+# --- answers
+
+
+def test_answers_are_found_in_words_and_fences() -> None:
+    for text in (json.dumps(GOOD), f"Here:\n```json\n{json.dumps(GOOD)}\n```", f"{json.dumps(GOOD)} I am sure."):
+        assert read_answer(text, "surface") == Answer("wood", 0.8, "grain")
+
+
+def test_schema_holds_the_23_categories_and_asks_objects_for_more() -> None:
+    assert schema("surface")["properties"]["material"]["enum"] == list(CATEGORIES)
+    with pytest.raises(LabelError, match="'wall_thickness_mm' is a required property"):
+        read_answer(GOOD, "object")
+    thing = {**GOOD, "wall_thickness_mm": -1, "contents": "gold"}
+    with pytest.raises(LabelError, match=r"contents: 'gold' is not one of .*; wall_thickness_mm: -1 is less than or equal"):
+        read_answer(thing, "object")
+
+
+def test_a_name_outside_minc_is_refused_or_taken_as_its_closest_row() -> None:
+    porcelain = {**GOOD, "material": "porcelain"}
+    with pytest.raises(LabelError, match="'porcelain' is not one of"):
+        read_answer(porcelain, "surface")
+    answer = read_answer(porcelain, "surface", names=True)
+    assert answer.named == "porcelain"
+    assert material_of(answer)[0] == "glass"
+    assert material_of(answer)[2], "a stand-in"
+    steel = read_answer({**GOOD, "material": "steel"}, "surface", names=True)
+    assert (steel.material, material_of(steel)[0]) == ("metal", "metal")
+    with pytest.raises(LabelError, match="unobtainium"):
+        read_answer({**GOOD, "material": "unobtainium"}, "surface", names=True)
+
+
+@pytest.mark.parametrize(
+    ("material", "name", "becomes", "stand_in"),
+    [
+        ("painted", None, MINC["painted"].material, True),  # what is under the paint is a guess
+        ("painted", "drywall", MINC["painted"].material, False),
+        ("painted", "concrete", "concrete", False),
+        ("wallpaper", "plaster on brick", "brick", True),  # its fit ends at 40 GHz
+        ("painted", "sheet steel", "metal", False),
+        ("other", "mineral fibre ceiling tiles", Layered([("ceiling_board", 0.015)]), False),
+        ("other", "felt of unknown make", MINC["fabric"].material, True),
+        ("other", None, MINC["other"].material, True),
+        ("wood", "varnished pine", MINC["wood"].material, False),
+        ("wood", "plywood", Layered([("plywood", 0.02)]), True),  # its fit ends at 40 GHz
+        ("plastic", "steel", MINC["plastic"].material, True),  # a contradiction: the category stands
+        ("tile", "ceramic tile on concrete", MINC["tile"].material, True),
+        ("stone", "something nobody can name", MINC["stone"].material, True),
+    ],
+)
+def test_an_answers_own_words_say_what_its_category_does_not(material: str, name: str | None, becomes: object, stand_in: bool) -> None:
+    answer = read_answer({**GOOD, "material": material, "name": name}, "surface")
+    assert answer.named == name
+    assert Answer.from_dict(json.loads(json.dumps(answer.to_dict()))) == answer
+    found = material_of(answer)
+    assert (found[0], found[2]) == (becomes, stand_in)
+
+
+def test_interior_builds_the_shell_that_the_radar_meets() -> None:
+    bottle = Answer("plastic", 0.9, "bottle", wall_thickness_mm=1.0, contents="water-like liquid")
+    material, _, _ = material_of(bottle)
+    assert material == Layered([("hdpe", 0.001)], backing="water")
+    empty = interior(MINC["plastic"].material, 1.0, "empty")
+    assert empty == Layered([("hdpe", 0.001)])
+    full, void = (abs(reflection(m, np.array(1.0), np.array(77e9))[0]) for m in (material, empty))
+    assert full > 1.5 * void, "the water behind the wall is what reflects"
+    for contents, wall in (("solid", 1.0), ("unknown", 1.0), ("water-like liquid", None), (None, None)):
+        assert interior("glass", wall, contents) == "glass"
+    assert interior("metal", 0.2, "oil-like liquid") == "metal", "nothing passes metal"
+
+
+def test_an_invalid_answer_stays_marked_on_the_surface() -> None:
+    surface = Surface(objects.plate(1, 1), "wood", "plate")
+    label = answer_label(Answer.none("rubbish", 3), surface)
+    assert label.provenance["minc"] == "other"
+    assert label.provenance["invalid"] is True
+    assert label.provenance["confidence"] == 0.0
+    assert "3 attempts: rubbish" in label.provenance["reason"]
+
+
+# --- kept
+
+
+def test_journal_keeps_answers_through_a_kill_in_the_middle_of_a_line(tmp_path: Path, asked: list[Question]) -> None:
+    path = tmp_path / "labels" / "answers.jsonl"
+    journal = Journal(path)
+    journal.append(record(asked[0]))
+    journal.append(record(asked[1], "metal"))
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-40])
+    again = Journal(path)
+    assert [r.key for r in again.records] == [asked[0].key]
+    again.append(record(asked[1], "metal"))
+    assert path.read_bytes() == whole
+    found = Journal(path).get("tiny", asked[1].key)
+    assert found is not None
+    assert found.answer == Answer("metal", 0.8, "grain")
+    assert found.images == asked[1].images
+    assert Journal(path).get("another", asked[1].key) is None
+
+
+def test_a_damaged_line_is_named(tmp_path: Path, asked: list[Question]) -> None:
+    path = tmp_path / "answers.jsonl"
+    Journal(path).append(record(asked[0]))
+    path.write_text(path.read_text() + '{"format": 1}\n')
+    with pytest.raises(LabelError, match=r"answers\.jsonl, line 2: a recorded answer lacks 'place'"):
+        Journal(path)
+
+
+def test_a_place_survives_the_disk_to_the_centimetre() -> None:
+    place = place_of(rooms.rectangle([1, 2, 0], np.eye(3)[0], np.eye(3)[2], (3, 2)))
+    again = Place.from_dict(json.loads(json.dumps(place.to_dict())))
+    assert np.abs(again.points - place.points).max() <= 0.0051
+    assert np.allclose(again.centroid, [2.5, 2, 1])
+    assert again.normal is not None
+    assert np.allclose(again.normal, [0, -1, 0])
+    assert again.area_m2 == pytest.approx(6)
+    assert (place.points[:, 1] == 2).all()
+    assert np.abs(place.points.mean(axis=0) - [2.5, 2, 1]).max() < 0.05, "spread evenly"
+
+
+def test_surfaces_of_a_rescan_find_their_place() -> None:
+    lab = rooms.lab(detail="cluttered")
+    scanned = as_scanned(lab, np.random.default_rng(3), offset_m=0.02, tilt_deg=0.3)
+    found = matches([place_of(s.mesh) for s in scanned], [place_of(s.mesh) for s in lab])
+    assert all(match is not None for match in found)
+    assert [lab.surfaces[match[0]].name for match in found if match] == list(scanned.names)
+    assert min(match[1] for match in found if match) > 0.6
+    elsewhere = place_of(objects.plate(1, 1).apply_translation([50, 0, 0]))
+    assert matches([elsewhere], [place_of(s.mesh) for s in lab]) == [None]
+
+
+def test_recorded_answers_go_by_question_first_and_by_place_then(tmp_path: Path) -> None:
+    lab = rooms.lab(detail="furnished")
+    known = questions(lab, views=1, only=[0, 2, 8])
+    materials = ["wood", "painted", "glass"]
+    path = save_records(tmp_path / "answers.json", "lab", [record(q, m) for q, m in zip(known, materials, strict=True)])
+    records = load_records(path)
+    assert [r.answer.material for r in Recorded(records).by_place([q.place for q in known])] == materials  # type: ignore[union-attr]
+    same = list(Recorded(records).answers(known))
+    assert all(found.key == question.key for question, found in same)
+    rescan = questions(as_scanned(lab, np.random.default_rng(1), unscanned=()), views=1, only=[0, 2, 8])
+    moved = dict(Recorded(records).answers(rescan))
+    assert [found.answer.material for found in moved.values()] == materials
+    assert all(found.key != question.key for question, found in moved.items())
+    assert list(Recorded(records, model="another").answers(known)) == []
+    assert save_records(tmp_path / "again.json", "lab", list(reversed(records))).read_bytes() == path.read_bytes()
+    (tmp_path / "answers.json").write_text('{"format": "radartwin-answers", "version": 2}')
+    with pytest.raises(LabelError, match=r"answers\.json is not a radartwin-answers version 1"):
+        load_records(path)
+
+
+def test_an_answer_found_by_place_is_as_sure_as_the_share_it_covers() -> None:
+    x, y, _ = np.eye(3)
+
+    def floor(width_m: float) -> Surface:
+        return Surface(rooms.rectangle([0, 0, 0], x, y, (width_m, 4.0)), "plasterboard", "floor", role="room", provenance={"planar": True})
+
+    question = questions(Scene([floor(4.0)]), views=1)[0]
+    given = record(question)
+    for width, share in ((4.0, 1.0), (8.0, 0.5)):
+        told = answer_label(given, floor(width), transferred=True).provenance
+        assert told["transferred"] is True
+        assert told["covered"] == pytest.approx(share, abs=0.05)
+        assert told["confidence"] == pytest.approx(0.8 * told["covered"], abs=0.001)
+    own = answer_label(given, floor(8.0)).provenance
+    assert own["confidence"] == 0.8
+    assert "covered" not in own
+
+
+def test_a_room_without_recorded_answers_is_named(tmp_path: Path) -> None:
+    with pytest.raises(MissingError, match="no recorded answers for nowhere; they ship for"):
+        shipped("nowhere")
+    with pytest.raises(MissingError, match="no recorded answers for nowhere; use materials=uniform"):
+        records_for(Scene([], {"room": "nowhere"}), None)
+    with pytest.raises(MissingError, match=r"no recorded answers for nowhere; ask a model: radartwin label .* --provider server"):
+        records_for(Scene([], {"room": "nowhere"}), tmp_path)
+
+
+def test_shipped_answers_go_by_what_was_scanned_and_not_by_the_name_of_a_folder(tmp_path: Path) -> None:
+    assert room_of(Scene([], {"source": "lab"})) is None
+    assert room_of(Scene([], {"source": "lab", "scan_of": "sha256:0123456789abcdef"})) is None
+    assert room_of(Scene([], {"source": "lab_frames", "scan_of": "lab"})) == "lab"
+    assert room_of(Scene([], {"room": "lab"})) == "lab"
+    frames = scan(rooms.lab(detail="shell"), seed=0, frames=3, colour_every=0)[0]
+    kept = Frames.load(frames.save(tmp_path / "lab_frames"))
+    assert [f.scan_of for f in (kept, kept[1:], kept.with_poses(kept.poses))] == ["lab"] * 3
+    stranger = Frames.load(Frames.of(list(frames)).save(tmp_path / "lab"))
+    assert stranger.scan_of.startswith("sha256:")
+    assert Frames.load(tmp_path / "lab").save(tmp_path / "elsewhere").name == "elsewhere"
+    assert Frames.load(tmp_path / "elsewhere").scan_of == stranger.scan_of
+
+
+def test_a_real_scan_is_known_by_its_files(shared_data: Path, tmp_path: Path) -> None:
+    chair = shared_data / "scans" / CHAIR
+    assert room_of(Scene([], {"scan_of": Frames.load(chair).scan_of})) == CHAIR
+    assert room_of(Scene([], {"scan_of": scan_digest([chair / "export.obj"])})) == CHAIR
+
+
+def test_shipped_answers_are_those_of_the_manifest_and_their_digest_is_source(tmp_path: Path) -> None:
+    surface = Surface(rooms.rectangle([0, 0, 0], np.eye(3)[0], np.eye(3)[1], (2, 2)), "wood", "floor", role="room")
+    folder = Scene([surface]).save(tmp_path / "scene")
+    with pytest.raises(MissingError, match="is not labelled by answers of its own"):
+        ship(folder, "den", tmp_path)
+    asked = prepare(folder, load(folder), views=1)
+    stale = dataclasses.replace(record(asked.questions[0]), key="0" * 64)
+    journal = Journal(folder / JOURNAL)
+    journal.append(stale)
+    journal.append(record(asked.questions[0]))
+    apply(asked, {0: record(asked.questions[0])})
+    path = ship(folder, "den", tmp_path / "to")
+    assert [r.key for r in load_records(path)] == [asked.questions[0].key], "of the two kept, the one that labels the scene"
+    found: dict = {}
+    exec((tmp_path / "to" / "digests.py").read_text(), found)
+    assert found["DIGESTS"] == {"den": hashlib.sha256(path.read_bytes()).hexdigest()}
+
+
+def test_every_room_that_ships_is_whole_and_known_by_its_digest() -> None:
+    folders = {path.parent.name for path in SHIPPED.glob("*/answers.json")}
+    assert folders == set(shipped_rooms())
+    for room in shipped_rooms():
+        assert all(r.prompt and r.images and r.model for r in shipped(room))
+
+
+# --- batch
+
+
+def test_export_is_complete_and_betrays_nothing(tmp_path: Path) -> None:
+    lab = rooms.lab(detail="furnished")
+    asked = questions(lab, views=2, only=[0, 1, 7, 12])
+    folder = export(asked, tmp_path / "out")
+    lines = [json.loads(line) for line in (folder / "questions.jsonl").read_text().splitlines()]
+    assert [line["id"] for line in lines] == sorted(q.id for q in asked), "in the order of digests, not of surfaces"
+    for line in lines:
+        assert set(line) == {"id", "kind", "images", "sha256", "question"}
+        assert all((folder / name).read_bytes()[:2] == b"\xff\xd8" for name in line["images"])
+    everything = "\n".join(p.read_text() for p in folder.iterdir() if p.is_file()) + "\n".join(p.name for p in folder.rglob("*"))
+    for name in lab.names:
+        if "_" in name:
+            assert name not in everything
+    for surface in lab:
+        assert json.dumps(surface.provenance.get("look", "no look")) not in everything
+    assert "Exif" not in "".join(p.read_bytes()[:200].decode("latin1") for p in (folder / "crops").iterdir())
+    assert len(list((folder / "crops").iterdir())) == sum(len(line["images"]) for line in lines)
+
+
+def test_import_takes_all_lines_or_names_every_bad_one(tmp_path: Path, asked: list[Question]) -> None:
+    thing = {**GOOD, "material": "metal", "wall_thickness_mm": 0.2, "contents": "water-like liquid"}
+    good = [{"id": asked[0].id, **GOOD}, {"id": asked[1].id, **GOOD, "material": "drywall"}, {"id": asked[2].id, **thing}]
+    path = tmp_path / "answers.jsonl"
+    path.write_text("\n".join(json.dumps(line) for line in good) + "\n\n")
+    records = read_answers(path, asked, "someone")
+    assert [r.answer.material for r in records] == ["wood", "painted", "metal"]
+    assert {r.model for r in records} == {"someone"}
+    assert {r.provider for r in records} == {"import"}
+    assert records[2].answer.wall_thickness_mm == 0.2
+    bad = [
+        json.dumps(good[0]), "nonsense", json.dumps({"id": "abc", **GOOD}), json.dumps({**good[1], "material": "cheese"}),
+        json.dumps(good[0]), json.dumps({"id": asked[2].id, **GOOD}),
+    ]  # fmt: skip
+    path.write_text("\n".join(bad))
+    with pytest.raises(LabelError) as caught:
+        read_answers(path, asked, "someone")
+    said = str(caught.value)
+    assert "nothing is taken, mend 5 lines" in said
+    for words in ("line 2: not valid JSON", "line 3: answers no question", "line 4: material: 'cheese'", "line 5: ", "line 6: 'wall_thick"):
+        assert words in said, words
+    with pytest.raises(MissingError, match="give the file of answers"):
+        read_answers(tmp_path / "none.jsonl", asked, "someone")
+
+
+# --- score
+
+
+def room(labels: list[str], truth: list[str], areas: list[float]) -> tuple[Scene, Scene]:
+    def build(names: list[str], source: str) -> Scene:
+        surfaces = []
+        for k, (name, area) in enumerate(zip(names, areas, strict=True)):
+            mesh = objects.plate(area, 1.0).apply_translation([3.0 * k, 0, 0])
+            told = {"source": source, "minc": name, "confidence": 0.5}
+            surfaces.append(Surface(mesh, MINC[name].material, f"s{k}", role="room", provenance=told))
+        return Scene(surfaces)
+
+    return build(labels, "vlm"), build(truth, "true")
+
+
+def test_score_counts_area_by_truth_and_by_decibel() -> None:
+    judged = judge(*room(["painted", "wallpaper", "wood", "metal"], ["painted", "painted", "metal", "metal"], [6, 2, 1, 3]))
+    frame = accuracy_table(judged)
+    assert list(frame["minc"]) == ["metal", "painted", "all"]
+    table = {row["minc"]: row for row in frame.to_dict("records")}
+    assert table["painted"]["accuracy"] == pytest.approx(6 / 8)
+    assert table["painted"]["close"] == 1.0, "wallpaper for paint costs nothing"
+    assert table["metal"]["accuracy"] == pytest.approx(3 / 4)
+    assert table["metal"]["worst_db"] > 10, "wood for metal costs everything"
+    assert table["all"]["accuracy"] == pytest.approx(9 / 12)
+    assert table["all"]["n"] == 4
+    assert table["all"]["mean_db"] == pytest.approx(table["metal"]["worst_db"] / 12)
+    assert all(row["low"] <= row["accuracy"] <= row["high"] for row in table.values())
+    confusion = confusion_table(judged)
+    assert confusion.loc["painted", "wallpaper"] == pytest.approx(2)
+    assert confusion.loc["metal", "wood"] == pytest.approx(1)
+    assert float(confusion.to_numpy().sum()) == pytest.approx(12)
+    distances = distance_table(judged)
+    assert float(np.sum(distances["share"])) == pytest.approx(1)
+    assert distances.iloc[0]["area_m2"] == pytest.approx(11)
+    assert distances.iloc[0]["right"] == pytest.approx(9 / 11)
+
+
+def test_wilson_interval_is_the_published_one() -> None:
+    # R. Newcombe, Statistics in Medicine 17 (1998) 857, table I, method 3: 81 of 263 and 15 of 148.
+    for hits, n, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)):
+        share, least, most = wilson(np.ones(n), np.arange(n) < hits)
+        assert (share, round(least, 4), round(most, 4)) == (pytest.approx(hits / n), low, high)
+    _, one, _ = wilson(np.array([100.0, 1e-6]), np.array([True, False]))
+    assert one == pytest.approx(wilson(np.ones(1), np.ones(1, bool))[1], abs=1e-4), "one large wall is one decision"
+    assert np.isnan(wilson(np.zeros(0), np.zeros(0, bool))[0])
+
+
+def test_surfaces_that_lie_on_nothing_true_do_not_count_and_a_truth_without_category_is_refused() -> None:
+    labelled, truth = room(["wood", "metal"], ["wood", "metal"], [1, 1])
+    far = labelled.surfaces[0].replaced(mesh=labelled.surfaces[0].mesh.copy().apply_translation([0, 30, 0]))
+    assert len(judge(Scene([*labelled.surfaces, far]), truth)) == 2
+    blank = Scene([dataclasses.replace(s, provenance={"source": "true"}) for s in truth])
+    with pytest.raises(SceneError, match="true surface 's0' has no MINC category"):
+        judge(labelled, blank)
+    assert list(accuracy_table([]).columns)[:3] == ["minc", "n", "area_m2"]
+
+
+def test_random_labels_are_scored_at_their_rate() -> None:
+    lab = rooms.lab(detail="cluttered")
+    judged = judge(material_source("random", p=0.5, seed=4)(lab), lab)
+    assert len(judged) == len(lab)
+    table = accuracy_table(judged)
+    assert 0.1 < table.iloc[-1]["accuracy"] < 0.95
+    right = judge(material_source("true")(lab), lab)
+    assert accuracy_table(right).iloc[-1]["accuracy"] == 1.0
+    assert accuracy_table(right).iloc[-1]["worst_db"] == 0.0

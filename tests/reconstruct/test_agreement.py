@@ -1,0 +1,147 @@
+"""Frames whose depth unit or poses are read wrongly: the views disagree, and the message names the reading by which they agree."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from radartwin.errors import ScanError
+from radartwin.reconstruct.axes import READINGS
+from radartwin.reconstruct.frames.agreement import check_agreement
+from radartwin.reconstruct.frames.frames import Frame, Frames
+from radartwin.reconstruct.frames.layouts import layout_of
+from radartwin.reconstruct.frames.plausible import ScanWarning
+from radartwin.scene import rooms
+from radartwin.testbed.scanner import scan
+
+OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # of the camera: y up, z back
+WRITTEN = {
+    "opencv": lambda pose: pose,
+    "opengl": lambda pose: pose @ OPENGL,
+    "opencv-inverse": np.linalg.inv,
+    "opengl-inverse": lambda pose: np.linalg.inv(pose @ OPENGL),
+}
+SLAM_LENS = (518.0, 519.0, 325.5, 253.5)
+
+
+@pytest.fixture(scope="module")
+def walk() -> Frames:
+    """A dozen noisy views of a laboratory."""
+    return scan(rooms.lab(detail="shell"), seed=0, frames=12, colour_every=0)[0]
+
+
+def written(frames: Frames, folder: Path, reading: str = "opencv", unit_m: float = 0.001) -> tuple[Path, tuple[float, ...]]:
+    """The frames in the pose.txt layout, their poses as some other program has them, and the intrinsics."""
+    (folder / "depth").mkdir(parents=True)
+    rows = []
+    for i, frame in enumerate(frames):
+        Image.fromarray(np.rint(frame.depth_m / unit_m).astype(np.uint16)).save(folder / "depth" / f"{i}.png")
+        pose = WRITTEN[reading](frame.pose)
+        rows.append([*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()])
+    np.savetxt(folder / "pose.txt", np.array(rows), fmt="%.9f")
+    lens = frames[0].intrinsics
+    return folder, (lens[0, 0], lens[1, 1], lens[0, 2], lens[1, 2])
+
+
+def checked(folder: Path, lens, reading: str = "opencv", unit_m: float | None = None) -> None:
+    frames = Frames.load(folder, lens, unit_m, up="z", poses=reading)
+    check_agreement(frames, unit_m or layout_of(folder).unit_m, reading)
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_poses_are_taken_as_what_they_are_and_refused_as_anything_else(walk, tmp_path, reading):
+    folder, lens = written(walk, tmp_path / "frames", reading)
+    checked(folder, lens, reading)
+    back = Frames.load(folder, lens, up="z", poses=reading)
+    assert np.allclose(back.poses, walk.poses, atol=1e-6)
+    for other in set(READINGS) - {reading}:
+        with pytest.raises(ScanError, match=rf"lie \d+ mm apart; the poses look like .*: give --poses {reading}$"):
+            checked(folder, lens, other)
+
+
+def test_a_depth_unit_five_times_too_small_is_refused_with_the_right_one_and_both_rooms(walk, tmp_path):
+    folder, lens = written(walk, tmp_path / "frames")
+    checked(folder, lens)
+    with pytest.raises(
+        ScanError, match=r"read with 0\.0002 m per count \(a room of .*better with 0\.001 m per count \(a room of 6 x 5"
+    ) as said:
+        checked(folder, lens, unit_m=0.0002)
+    assert str(said.value).endswith("give that as --depth-unit")
+
+
+def test_a_camera_that_only_turns_does_not_tell_the_unit_and_both_are_listed(tmp_path):
+    start = np.array([[0, 0, 1.0, 2.0], [-1, 0, 0, 2.5], [0, -1, 0, 1.4], [0, 0, 0, 1]])
+    turns = [
+        np.block([[Rotation.from_euler("z", a, degrees=True).as_matrix(), np.zeros((3, 1))], [np.zeros((1, 3)), 1]]) for a in (0, 12, 24)
+    ]
+    path = np.array([start @ np.eye(4)] * 3)
+    path[:, :3, :3] = [t[:3, :3] @ start[:3, :3] for t in turns]
+    still = scan(rooms.lab(detail="shell"), path=path, strength=0.0, colour_every=0)[0]
+    folder, lens = written(still, tmp_path / "frames")
+    with pytest.warns(
+        ScanWarning, match=r"do not tell the unit of depth: it may be 0\.001 .*, as it was read, or 0\.0002 .*check --depth-unit"
+    ):
+        checked(folder, lens)
+
+
+def test_poses_that_put_no_two_views_together_are_told(walk):
+    apart = [frame for frame in walk][:2]
+    far = [
+        Frame(f.name, f.pose + np.pad([[0.0], [0.0], [50.0 * i]], ((0, 1), (3, 0))), f.intrinsics, f.depth_m) for i, f in enumerate(apart)
+    ]
+    with pytest.warns(ScanWarning, match="no two views overlap as the poses put them"):
+        check_agreement(Frames.of(far), None, None)
+
+
+def test_blank_pictures_between_good_ones_do_not_make_a_folder_empty(walk, tmp_path):
+    shown = (1, 3)
+    blank = [Frame(f.name, f.pose, f.intrinsics, f.depth_m * (i in shown)) for i, f in enumerate(walk[:5])]
+    folder, lens = written(Frames.of(blank), tmp_path / "frames")
+    frames = Frames.load(folder, lens, up="z")
+    assert [bool(f.depth_m.any()) for f in frames] == [i in shown for i in range(5)]
+    none, lens = written(Frames.of([Frame(f.name, f.pose, f.intrinsics, 0 * f.depth_m) for f in walk[:5]]), tmp_path / "none")
+    with pytest.raises(ScanError, match=r"the depth pictures are empty \(0\.png and all others\)"):
+        Frames.load(none, lens, up="z")
+
+
+def test_what_a_layout_says_itself_is_not_taken_as_an_option(walk, tmp_path):
+    own = walk[:2].save(tmp_path / "own")
+    options: list[dict[str, Any]] = [{"intrinsics": (1, 1, 1, 1)}, {"depth_unit_m": 0.001}, {"up": "y"}, {"poses": "opengl"}]
+    for option in options:
+        with pytest.raises(ScanError, match=r"own: --[a-z-]+ is not read, frames\.json says it; leave --"):
+            Frames.load(own, **option)
+    with pytest.raises(ScanError, match="--poses sideways: choose opencv, opengl"):
+        Frames.load(own, poses="sideways")
+    with pytest.raises(ScanError, match="--depth-unit 0: give metres per count above zero"):
+        Frames.load(written(walk[:2], tmp_path / "frames")[0], (1, 1, 1, 1), depth_unit_m=0.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--unit", "mm"], "--unit is not read for frames"),
+        (["--object"], "--object is not read for frames"),
+        (["--intrinsics", *map(str, SLAM_LENS), "--depth-unit", "0.0002"], "fits the poses better with 0.001 m per count"),
+        (["--intrinsics", *map(str, SLAM_LENS), "--poses", "opengl"], "give --poses opencv"),
+        ([], "give --intrinsics FX FY CX CY"),
+        (["--intrinsics", *map(str, SLAM_LENS), "--depth-unit", "1"], "give --depth-unit 0.001 (millimetres; 2.8 m) or 0.0002"),
+    ],
+)
+def test_real_frames_read_wrongly_are_one_line_and_write_nothing(shared_data, inside, tmp_path, options, words):
+    done = inside("reconstruct", shared_data / "scans" / "slambook2_rgbd", "--out", "out", *options)
+    assert done.returncode == 2
+    assert words in done.stderr.splitlines()[-1]
+    assert not (tmp_path / "out").exists()
+
+
+def test_real_frames_agree_as_they_are(shared_data):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        checked(shared_data / "scans" / "slambook2_rgbd", SLAM_LENS)
+        check_agreement(Frames.load(shared_data / "scans" / "arkit_lidar_chair_scan", up="z"), 0.001, None)

@@ -1,0 +1,211 @@
+"""Folders of frames: what is read, what is refused, and with which words."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from radartwin.errors import MissingError, PoseError, ScanError
+from radartwin.reconstruct.axes import TO_Z_UP as UP
+from radartwin.reconstruct.frames.frames import Frame, Frames, points, rescaled
+
+LENS = np.array([[40.0, 0, 15.5], [0, 40, 11.5], [0, 0, 1]])
+COLOUR_LENS = rescaled(LENS, (32, 24), (64, 48))
+
+
+def wall(name: str = "0", x: float = 0.0, distance: float = 2.0) -> Frame:
+    """A camera at x that looks along +y, level, at a wall."""
+    pose = np.array([[1.0, 0, 0, x], [0, 0, 1, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]])
+    depth = np.full((24, 32), distance, np.float32)
+    depth[0, 0] = 0
+    colour = np.full((48, 64, 3), (200, 100, 50), np.uint8)
+    return Frame(name, pose, LENS, depth, colour, COLOUR_LENS, np.full((24, 32), 2, np.uint8))
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    return Frames.of([wall("a"), wall("b", 0.1)]).save(tmp_path / "own")
+
+
+def arkit(folder: Path, count: int = 3, flip: float = 1.0, unit: float = 1000.0) -> Path:
+    """A level camera of ARKit's at the origin 1.5 m up, looking along -z of its y-up world."""
+    folder.mkdir()
+    for i in range(count):
+        pose = np.eye(4)
+        pose[0, 0] = flip
+        pose[:3, 3] = (0.1 * i, 1.5, 0)
+        camera = {"cameraPoseARFrame": pose.ravel().tolist(), "intrinsics": [1447.0, 0, 960, 0, 1447, 720, 0, 0, 1]}
+        (folder / f"frame_{i:05d}.json").write_text(json.dumps(camera))
+        Image.fromarray(np.full((192, 256), 2 * unit, np.uint16)).save(folder / f"depth_{i:05d}.png")
+        Image.fromarray(np.full((192, 256), 2, np.uint8)).save(folder / f"conf_{i:05d}.png")
+    return folder
+
+
+def pose_file(folder: Path, lines: list[str], count: int | None = None) -> Path:
+    for name in ("color", "depth"):
+        (folder / name).mkdir(parents=True)
+    for i in range(len(lines) if count is None else count):
+        Image.fromarray(np.full((24, 32), 2000, np.uint16)).save(folder / "depth" / f"{i + 1}.pgm")
+        Image.fromarray(np.full((24, 32, 3), 90, np.uint8)).save(folder / "color" / f"{i + 1}.png")
+    (folder / "pose.txt").write_text("\n".join(lines))
+    return folder
+
+
+def test_our_own_layout_returns_what_was_saved(own):
+    back = Frames.load(own)
+    assert back.names == ("a", "b")
+    for old, new in zip((wall("a"), wall("b", 0.1)), back, strict=True):
+        assert np.allclose(new.pose, old.pose, atol=1e-12)
+        assert np.allclose(new.depth_m, old.depth_m, atol=0.0005)  # millimetres on the disk
+        assert new.colour is not None
+        assert old.colour is not None
+        assert np.abs(new.colour.astype(int) - old.colour).max() <= 3  # JPEG of quality 95
+        assert np.array_equal(np.asarray(new.confidence), np.asarray(old.confidence))
+        assert np.allclose(new.intrinsics, LENS)
+
+
+def test_a_folder_whose_saving_was_interrupted_is_not_taken_for_frames(own):
+    (own / "frames.json").unlink()
+    with pytest.raises(ScanError, match="no poses"):
+        Frames.load(own)
+
+
+def test_arkit_axes_become_ours(tmp_path):
+    frames = Frames.load(arkit(tmp_path / "arkit"))
+    assert np.allclose(frames[0].pose[:3, 3], (0, 0, 1.5))
+    assert np.allclose(frames[0].pose[:3, 2], (0, 1, 0))  # ARKit looks along -z, which the turn from y up to z up makes +y
+    assert np.allclose(frames[0].pose[:3, 1], (0, 0, -1))  # rows of the picture go down
+    middle = points(frames[0])[95:97, 127:129].reshape(-1, 3).mean(axis=0)
+    assert np.allclose(middle, (0, 2, 1.5), atol=0.01)
+
+
+def test_depth_lens_is_the_colour_lens_of_the_same_view():
+    lens = np.array([[1447.0, 0, 959.5], [0, 1447, 719.5], [0, 0, 1]])
+    small = rescaled(lens, (1920, 1440), (256, 192))
+    assert small[0, 2] == pytest.approx(127.5)  # the middle stays the middle: pixel centres are whole numbers
+    # The same ray leaves through the corner of either picture.
+    assert (-0.5 - small[0, 2]) / small[0, 0] == pytest.approx((-0.5 - lens[0, 2]) / lens[0, 0])
+
+
+def test_pose_file_with_its_up_axis_found(tmp_path):
+    lines = ["0 0 0 0 0 0 1", "0.1 0 0.5 0 0 0 1"]  # cameras whose axes are the world's: y down
+    frames = Frames.load(pose_file(tmp_path / "p", lines), intrinsics=(40, 40, 15.5, 11.5))
+    assert np.allclose(frames[0].pose[:3, 1], (0, 0, -1))
+    assert np.allclose(frames[1].pose[:3, 3] - frames[0].pose[:3, 3], (0.1, 0.5, 0))
+    assert frames[0].colour is not None
+    (tmp_path / "p" / "intrinsics.json").write_text('{"fx": 40, "fy": 40, "cx": 15.5, "cy": 11.5}')
+    assert np.allclose(Frames.load(tmp_path / "p")[0].intrinsics, LENS)
+
+
+def test_tum_pictures_take_the_pose_nearest_in_time(tmp_path):
+    folder = tmp_path / "tum"
+    (folder / "depth").mkdir(parents=True)
+    (folder / "rgb").mkdir()
+    for time in ("1.00", "2.00", "9.00"):
+        Image.fromarray(np.full((24, 32), 10_000, np.uint16)).save(folder / "depth" / f"{time}.png")
+        Image.fromarray(np.full((24, 32, 3), 90, np.uint8)).save(folder / "rgb" / f"{time}.png")
+    (folder / "depth.txt").write_text("# depth\n" + "".join(f"{t} depth/{t}.png\n" for t in ("1.00", "2.00", "9.00")))
+    (folder / "rgb.txt").write_text("# rgb\n" + "".join(f"{t}1 rgb/{t}.png\n" for t in ("1.00", "2.00")))
+    quarter = "-0.7071068 0 0 0.7071068"  # level in a z-up world
+    (folder / "groundtruth.txt").write_text(f"# time\n0.99 1 0 0 {quarter}\n1.05 5 0 0 {quarter}\n2.01 2 0 0 {quarter}\n")
+    frames = Frames.load(folder, intrinsics=(40, 40, 15.5, 11.5))
+    assert frames.poses[:, 0, 3].tolist() == [1, 2]  # the third has no pose within 20 ms
+    assert frames[0].depth_m[5, 5] == pytest.approx(2.0)  # 1/5000 m
+    assert frames[0].colour is not None
+
+
+@pytest.mark.parametrize("axis", UP)
+def test_every_up_axis_is_a_turn_that_ends_up(axis):
+    up = np.zeros(3)
+    up["xyz".index(axis[-1])] = -1 if axis[0] == "-" else 1
+    assert np.allclose(UP[axis] @ up, (0, 0, 1))
+    assert np.linalg.det(UP[axis]) == pytest.approx(1)
+
+
+def test_colour_alone_is_enough_when_depth_is_to_be_estimated(own):
+    for path in (own / "depth").iterdir():
+        path.unlink()
+    frame = Frames.load(own, colour_only=True)[0]
+    assert frame.colour is not None
+    assert frame.depth_m.shape == frame.colour.shape[:2]
+    assert not frame.depth_m.any()
+    with pytest.raises(MissingError, match="depth"):
+        Frames.load(own)
+
+
+def test_a_slice_is_frames_again(own):
+    part = Frames.load(own)[1:]
+    assert part.names == ("b",)
+    assert part[0].pose[0, 3] == pytest.approx(0.1)
+    moved = part.with_poses(np.eye(4)[None])
+    assert np.array_equal(moved[0].pose, np.eye(4))
+
+
+def test_mistakes_are_named(tmp_path, own):
+    with pytest.raises(MissingError, match="not a folder"):
+        Frames.load(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ScanError, match="no frames found"):
+        Frames.load(tmp_path / "empty")
+    with pytest.raises(ScanError, match="no frames"):
+        Frames.of([])
+    with pytest.raises(ScanError, match="one name"):
+        Frames.of([wall("a"), wall("a")])
+    with pytest.raises(ScanError, match="2 frames and 1 poses"):
+        Frames.load(own).with_poses(np.eye(4)[None])
+    with pytest.raises(ScanError, match="--up up: choose x, y, z"):
+        Frames.load(own, up="up")
+
+
+def test_mirrored_and_bent_poses_are_named(tmp_path):
+    with pytest.raises(PoseError, match="00000 mirrors"):
+        Frames.load(arkit(tmp_path / "a", flip=-1.0))
+    with pytest.raises(PoseError, match="not a rotation"):
+        Frames.load(arkit(tmp_path / "b", flip=1.1))
+    frame = wall()
+    with pytest.raises(PoseError, match="not finite"):
+        Frames([frame.name], frame.pose[None] * np.nan, lambda i: frame)
+
+
+@pytest.mark.parametrize(("unit", "remedy"), [(1.0, "--depth-unit 1 "), (10_000.0, "--depth-unit 0.0002 .* or 0.0001 ")])
+def test_depth_in_the_wrong_unit_is_named_with_the_right_one(tmp_path, unit, remedy):
+    with pytest.raises(ScanError, match=remedy):
+        Frames.load(arkit(tmp_path / "arkit", unit=unit))
+
+
+def test_empty_depth_and_missing_or_damaged_pictures_are_named(tmp_path):
+    folder = arkit(tmp_path / "arkit")
+    (folder / "depth_00001.png").write_bytes(b"\x89PNG\r\n\x1a\n no more")
+    with pytest.raises(ScanError, match=r"depth_00001\.png: damaged"):
+        Frames.load(folder)
+    (folder / "depth_00001.png").unlink()
+    with pytest.raises(ScanError, match=r"3 frame_N\.json and 2 depth_N\.png; number 00001"):
+        Frames.load(folder)
+    empty = arkit(tmp_path / "zero", unit=0.0)
+    with pytest.raises(ScanError, match="empty"):
+        Frames.load(empty)
+    (folder / "frame_00001.json").write_text("{}")
+    with pytest.raises(ScanError, match=r"frame_00001\.json: no camera|lacks"):
+        Frames.load(folder)
+
+
+def test_pose_files_that_do_not_fit_are_named(tmp_path):
+    lens = (40, 40, 15.5, 11.5)
+    with pytest.raises(ScanError, match="1 poses, 2 depth and 2 colour"):
+        Frames.load(pose_file(tmp_path / "a", ["0 0 0 0 0 0 1"], count=2), lens)
+    with pytest.raises(ScanError, match="line 1: 6 words"):
+        Frames.load(pose_file(tmp_path / "b", ["0 0 0 0 0 1"]), lens)
+    with pytest.raises(PoseError, match="length 2"):
+        Frames.load(pose_file(tmp_path / "c", ["0 0 0 0 0 0 2"]), lens)
+    with pytest.raises(ScanError, match="give --intrinsics FX FY CX CY"):
+        Frames.load(pose_file(tmp_path / "d", ["0 0 0 0 0 0 1"]))
+    with pytest.raises(ScanError, match="no poses"):
+        Frames.load(pose_file(tmp_path / "e", [], count=1), lens)
+
+
+def test_a_damaged_index_is_named(own):
+    (own / "frames.json").write_text("{}")
+    with pytest.raises(ScanError, match=r"frames\.json: damaged"):
+        Frames.load(own)

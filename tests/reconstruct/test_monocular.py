@@ -1,0 +1,105 @@
+"""Depth from single pictures: the loading code with tiny networks of random weights, the road after it with known depth."""
+
+import json
+
+import numpy as np
+import pytest
+
+from radartwin.errors import MissingError, ScanError
+from radartwin.reconstruct.fusion.fusion import fuse
+from radartwin.reconstruct.fusion.monocular import DepthModel, with_depth
+from radartwin.scene import rooms
+from radartwin.testbed.scanner import Sensor, scan
+
+
+def tiny(folder, kind: str):
+    """Depth Anything, two layers of 32 channels, saved with its weights."""
+    torch = pytest.importorskip("torch", reason="torch is not installed; pip install 'radartwin[mono]'")
+    transformers = pytest.importorskip("transformers", reason="transformers is not installed; pip install 'radartwin[mono]'")
+    backbone = transformers.Dinov2Config(
+        hidden_size=32, num_hidden_layers=4, num_attention_heads=2, mlp_ratio=2, image_size=56, patch_size=14,
+        out_indices=[1, 2, 3, 4], reshape_hidden_states=False, apply_layernorm=True,
+    )  # fmt: skip
+    config = transformers.DepthAnythingConfig(
+        backbone_config=backbone, patch_size=14, reassemble_hidden_size=32, neck_hidden_sizes=[8, 8, 8, 8], fusion_hidden_size=8,
+        head_hidden_size=8, depth_estimation_type=kind, max_depth=20 if kind == "metric" else None,
+    )  # fmt: skip
+    torch.manual_seed(0)
+    transformers.DepthAnythingForDepthEstimation(config).save_pretrained(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def model_folder(tmp_path_factory):
+    return tiny(tmp_path_factory.mktemp("model"), "metric")
+
+
+@pytest.fixture(scope="module")
+def lab():
+    return scan(rooms.lab(), seed=1, frames=24, strength=0.0, sensor=Sensor(colour_size=(320, 240)))
+
+
+def test_a_saved_network_gives_metres_for_pictures_of_any_size(model_folder):
+    model = DepthModel.load(model_folder)
+    depth = model(np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8))
+    assert depth.ndim == 2
+    assert depth.shape[1] / depth.shape[0] == pytest.approx(4 / 3, abs=0.15)
+    assert np.isfinite(depth).all()
+    assert (depth >= 0).all()
+    assert (depth <= 20).all()  # its max_depth
+    assert "not measured" in model.scale
+    assert np.array_equal(depth, DepthModel.load(model_folder)(np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)))
+
+
+def test_the_files_beside_the_weights_say_how_pictures_are_prepared(model_folder):
+    file = model_folder / "preprocessor_config.json"
+    file.write_text(json.dumps({"image_mean": [0.1, 0.2, 0.3], "image_std": [1, 1, 1], "size": {"height": 70, "width": 70}}))
+    model = DepthModel.load(model_folder)
+    assert (model.mean, model.std, model.height, model.multiple) == ((0.1, 0.2, 0.3), (1, 1, 1), 70, 14)
+    assert model(np.zeros((200, 200, 3), np.uint8)).shape == (70, 70)
+    file.write_text("[")
+    with pytest.raises(ScanError, match=r"preprocessor_config\.json: damaged"):
+        DepthModel.load(model_folder)
+    file.unlink()
+
+
+def test_frames_take_the_networks_depth_at_their_own_view(model_folder, lab):
+    frames, _ = lab
+    filled = with_depth(frames[:2], DepthModel.load(model_folder))
+    frame = filled[0]
+    assert frame.depth_m.shape[1] <= 320
+    assert frame.depth_m.any()
+    assert frame.colour_intrinsics is not None
+    # The same ray through the corner of either picture.
+    depth_corner = (-0.5 - frame.intrinsics[:2, 2]) / np.diag(frame.intrinsics)[:2]
+    colour_corner = (-0.5 - frame.colour_intrinsics[:2, 2]) / np.diag(frame.colour_intrinsics)[:2]
+    assert np.allclose(depth_corner, colour_corner)
+
+
+def test_estimated_depth_takes_the_same_road_to_a_mesh(lab):
+    """An estimator that knows the depth, 5 % too long: the mesh has the room's shape, and its report says where the scale is from."""
+    frames, truth = lab
+    known = {f.colour.tobytes(): np.where(d > 0, 1.05 * d, 9).astype(np.float32) for f, d in zip(frames, truth.depth_m, strict=True)}
+    mesh, report = fuse(
+        with_depth(frames, lambda colour: known[colour.tobytes()]), voxel_m=0.05, refine=False, scale="estimated, not measured"
+    )
+    assert report.scale == "estimated, not measured"
+    assert "estimated" in report.lines()[0]
+    assert mesh.extents[2] == pytest.approx(1.05 * 2.8, abs=0.1)
+
+
+def test_models_without_scale_and_missing_ones_are_named(tmp_path, model_folder):
+    with pytest.raises(ScanError, match="relative depth has no scale"):
+        DepthModel.load(tiny(tmp_path / "relative", "relative"))
+    with pytest.raises(MissingError, match="no such folder of weights"):
+        DepthModel.load(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises((MissingError, ScanError), match="empty: no"):
+        DepthModel.load(tmp_path / "empty")
+
+
+def test_frames_without_colour_are_named(lab):
+    scene = rooms.lab(detail="shell")
+    bare, _ = scan(scene, frames=2, colour_every=0)
+    with pytest.raises(ScanError, match="no frame has colour"):
+        with_depth(bare, lambda colour: colour[..., 0])

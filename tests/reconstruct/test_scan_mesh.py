@@ -1,0 +1,185 @@
+"""Reading a scan: units and axes are right or refused, defects are counted, against meshes whose defects are known."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from radartwin.errors import MeshError, MissingError, ScanError
+from radartwin.reconstruct.frames.plausible import ScanWarning
+from radartwin.reconstruct.mesh_file import load_scan
+
+
+def room(length=6.0, width=5.0, height=2.8):
+    mesh = trimesh.creation.box((length, width, height))
+    mesh.invert()
+    return mesh
+
+
+def write_obj(path, vertices, faces):
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in vertices] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def in_frame(vertices, up):
+    """World coordinates (z up) as a file with another up axis would hold them, handedness kept."""
+    x, y, z = vertices.T
+    return {"z": np.stack([x, y, z], 1), "y": np.stack([x, z, -y], 1), "x": np.stack([z, x, y], 1)}[up]
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z"])
+@pytest.mark.parametrize("given", [True, False])
+def test_up_axis_is_found_or_taken_and_handedness_kept(tmp_path, up, given):
+    mesh = room()
+    path = write_obj(tmp_path / "room.obj", in_frame(mesh.vertices, up), mesh.faces)
+    loaded, report = load_scan(path, up=up if given else "auto")
+    assert (report.up, report.up_found) == (up, not given)
+    assert np.allclose(loaded.vertices, mesh.vertices)
+    assert loaded.volume == pytest.approx(-6.0 * 5.0 * 2.8)
+
+
+def test_a_cube_has_no_clear_up_axis(tmp_path):
+    mesh = room(3, 3, 3)
+    path = write_obj(tmp_path / "cube.obj", mesh.vertices, mesh.faces)
+    with pytest.raises(ScanError, match=r"cube\.obj: no clear up axis.*--up z"):
+        load_scan(path)
+    assert load_scan(path, up="z")[1].up == "z"
+
+
+@pytest.mark.parametrize("up", ["-x", "-y", "-z"])
+def test_a_scan_that_stands_on_its_head_is_turned_by_the_axis_given(tmp_path, up):
+    mesh = room()
+    head = np.diag([1, -1, -1]) @ mesh.vertices.T  # z down
+    path = write_obj(tmp_path / "room.obj", in_frame(head.T, up[1]), mesh.faces)
+    loaded, _ = load_scan(path, up=up)
+    assert loaded.extents == pytest.approx(mesh.extents)
+    assert loaded.volume == pytest.approx(mesh.volume)  # handedness
+    floor = loaded.triangles_center[:, 2] < loaded.bounds[0, 2] + 0.01
+    assert (loaded.face_normals[floor, 2] > 0.99).all()
+
+
+def test_an_object_shows_its_outside_and_a_room_its_inside_however_each_was_exported(tmp_path):
+    can, shell = trimesh.creation.cylinder(0.04, 0.12), trimesh.creation.box((6.0, 5.0, 2.8))
+    for name, mesh, sign in (("can", can, 1), ("shell", shell, -1)):
+        for turned in (False, True):
+            if turned:
+                mesh.invert()
+            path = write_obj(tmp_path / f"{name}{turned}.obj", mesh.vertices, mesh.faces)
+            loaded, report = load_scan(path, up="z")
+            assert np.sign(loaded.volume) == sign
+            assert report.turned == (np.sign(mesh.volume) != sign)
+            assert report.is_object == (name == "can")
+    cabinet = write_obj(tmp_path / "cabinet.obj", *(lambda m: (m.vertices, m.faces))(trimesh.creation.box((2, 1, 0.6))))
+    assert load_scan(cabinet, up="z", is_object=True)[0].volume > 0
+    assert load_scan(cabinet, up="z")[0].volume < 0
+
+
+def test_a_room_in_feet_read_as_metres_is_told_with_its_size(tmp_path):
+    mesh = room()
+    path = write_obj(tmp_path / "room.obj", mesh.vertices / 0.3048, mesh.faces)
+    with pytest.warns(
+        ScanWarning, match=r"is 19\.7 x 16\.4 x 9\.2 m, large for a room; check --unit; --unit ft would make it 6\.0 x 5\.0 x 2\.8 m"
+    ):
+        load_scan(path)
+    load_scan(path, unit="ft")
+    load_scan(path, unit="m")  # who says so is believed
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("ft", 0.3048), ("in", 0.0254), ("m", 1.0)])
+def test_units_are_converted_when_given(tmp_path, unit, metres):
+    mesh = room()
+    path = write_obj(tmp_path / "room.obj", mesh.vertices / metres, mesh.faces)
+    loaded, report = load_scan(path, unit=unit)
+    assert report.unit == unit
+    assert np.allclose(report.extents_m, (6.0, 5.0, 2.8))
+    assert np.allclose(loaded.extents, (6.0, 5.0, 2.8))
+
+
+def test_millimetres_taken_for_metres_are_refused_with_the_remedy(tmp_path):
+    mesh = room()
+    path = write_obj(tmp_path / "room.obj", mesh.vertices * 1000, mesh.faces)
+    with pytest.raises(ScanError, match=r"room\.obj spans 6000 m.*millimetres.*--unit mm"):
+        load_scan(path)
+    with pytest.raises(ScanError, match=r"spans only 0\.006 m"):
+        load_scan(write_obj(tmp_path / "tiny.obj", mesh.vertices, mesh.faces), unit="mm")
+
+
+def test_defects_are_counted_and_what_cannot_reflect_is_removed(tmp_path):
+    mesh = room()
+    vertices = np.vstack([mesh.vertices, [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 1.0]], mesh.vertices[:1]])
+    twin = 12  # the last vertex repeats the first: a seam
+    fin = [0, 1, 11] if mesh.edges_sorted.tolist().count([0, 1]) == 2 else [0, 2, 11]
+    faces = np.vstack(
+        [
+            mesh.faces,
+            mesh.faces[3][[1, 2, 0]],  # the same face, started elsewhere
+            mesh.faces[5][::-1],  # the same face, turned over
+            [[8, 9, 10]],  # collinear
+            [[8, 8, 9]],  # two corners alike
+            [fin],  # a third face on an edge
+        ]
+    )
+    faces[0] = np.where(faces[0] == 0, twin, faces[0])
+    loaded, report = load_scan(write_obj(tmp_path / "bad.obj", vertices, faces), up="z")
+    assert report.vertices == 13
+    assert report.faces == 17
+    assert report.duplicate_faces == 2
+    assert report.degenerate_faces == 2
+    assert report.non_manifold_edges == 1
+    assert report.boundary_edges == 2  # the fin's free edges
+    assert not report.watertight
+    assert len(loaded.faces) == 13
+    assert any("2 degenerate and 2 duplicate" in line for line in report.lines())
+
+
+def test_clean_room_reports_nothing(tmp_path):
+    mesh = room()
+    report = load_scan(write_obj(tmp_path / "room.obj", mesh.vertices, mesh.faces))[1]
+    assert report.watertight
+    assert report.components == 1
+    assert (report.degenerate_faces, report.duplicate_faces, report.non_manifold_edges, report.boundary_edges) == (0,) * 4
+    assert report.area_m2 == pytest.approx(2 * (30 + 16.8 + 14))
+
+
+def test_holes_show_as_boundary_edges(tmp_path):
+    mesh = room()
+    report = load_scan(write_obj(tmp_path / "open.obj", mesh.vertices, mesh.faces[1:]), up="z")[1]
+    assert report.boundary_edges == 3
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj"])
+def test_all_three_formats_read_alike(tmp_path, suffix):
+    mesh = room()
+    path = tmp_path / f"room{suffix}"
+    mesh.export(path)
+    loaded, report = load_scan(path)
+    assert np.allclose(loaded.bounds, mesh.bounds, atol=1e-6)
+    assert report.watertight
+
+
+def test_node_transforms_of_a_glb_are_applied(tmp_path):
+    scene = trimesh.Scene()
+    scene.add_geometry(room(), transform=trimesh.transformations.translation_matrix([1, 2, 3]))
+    scene.export(tmp_path / "moved.glb")
+    loaded, _ = load_scan(tmp_path / "moved.glb")
+    assert np.allclose(loaded.bounds.mean(axis=0), [1, 2, 3])
+
+
+def test_nan_empty_missing_and_unknown_options_are_refused(tmp_path):
+    mesh = room()
+    path = tmp_path / "nan.obj"
+    write_obj(path, mesh.vertices, mesh.faces)
+    path.write_text(path.read_text().replace("v 3 ", "v nan ", 1))
+    with pytest.raises(ScanError, match=r"nan\.obj: 1 of 8 vertices are NaN"):
+        load_scan(path)
+    empty = tmp_path / "empty.obj"
+    empty.write_text("v 0 0 0\nv 1 1 1\n")
+    with pytest.raises((ScanError, MeshError), match=r"empty\.obj"):
+        load_scan(empty)
+    with pytest.raises(MissingError, match=r"gone\.ply"):
+        load_scan(tmp_path / "gone.ply")
+    with pytest.raises(ScanError, match="--unit yard"):
+        load_scan(path, unit="yard")  # type: ignore[arg-type]
+    flat = write_obj(tmp_path / "flat.obj", np.array([[0, 0, 0], [1, 0, 0], [2.0, 0, 0]]), [[0, 1, 2]])
+    with pytest.raises(ScanError, match="all 1 faces are degenerate"):
+        load_scan(flat)

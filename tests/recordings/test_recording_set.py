@@ -1,0 +1,283 @@
+"""Recording sets: what is written is read again, whoever kills the writer and whenever."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radartwin.errors import InputError, MissingError, OutputError, RecordingError
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
+from radartwin.recordings.card import Card
+from radartwin.recordings.index import Row, index_text, read_index
+from radartwin.recordings.recording_set import RecordingSet
+
+RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=64, num_chirps=8)
+CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", "2026-03-01")
+
+
+def noise(seed: int = 0, frames: int = 3, radar: Radar = RADAR) -> Recording:
+    rng = np.random.default_rng(seed)
+    shape = (frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
+    iq = 1e-5 * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
+    return Recording(iq.astype(np.complex64), radar, scale=2e-9)
+
+
+def row(name: str, object: str = "mug", distance_m: float | None = 1.0, repetition: int = 0, **more) -> Row:
+    return Row(name, object, distance_m, **{"room": "lab", "motion": "turntable", **more}, repetition=repetition)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> RecordingSet:
+    """Two objects at two distances, twice each."""
+    bench = RecordingSet.create(tmp_path / "bench", CARD)
+    for i, (name, distance, repetition) in enumerate((o, d, n) for o in ("mug", "can") for d in (1.0, 2.0) for n in (0, 1)):
+        given = row(f"{name}_{distance:g}m_{repetition}", name, distance, repetition, extra={"operator": "ann" if i % 2 else "bob"})
+        bench.add(noise(i), given)
+    return bench
+
+
+def test_what_was_added_is_read_again(bench: RecordingSet) -> None:
+    again = RecordingSet.load(bench.folder)
+    assert again.card == CARD
+    assert again.rows == bench.rows
+    assert len(again) == 8
+    assert "mug_1m_0" in again
+    assert again.radar == RADAR
+    for i, (given, recording) in enumerate(again.recordings()):
+        assert given.recording == bench.rows[i].recording
+        np.testing.assert_allclose(recording.iq, noise(i).iq, atol=2e-9)
+    assert bench.problems() == []
+
+
+def test_rows_are_selected_by_any_column_and_by_alternatives(bench: RecordingSet) -> None:
+    assert [r.recording for r in bench.select(object="can", distance_m=2)] == ["can_2m_0", "can_2m_1"]
+    assert len(bench.select(distance_m=[1.0, 2.0], repetition=1)) == 4
+    assert len(bench.select(operator="ann", object=("mug", "can"))) == 4
+    assert bench.select(object="bottle") == []
+    assert len(bench.select(distance_m=1.00001)) == 4  # text rounds
+    with pytest.raises(InputError, match=r"'colour'.*object.*operator"):
+        bench.select(colour="red")
+
+
+def test_a_recording_is_read_when_its_turn_comes(bench: RecordingSet) -> None:
+    stream = bench.recordings()
+    next(stream)
+    (bench.folder / "recordings" / "mug_1m_1.bin").unlink()
+    with pytest.raises(MissingError, match="mug_1m_1"):
+        next(stream)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (row("mug_1m_0"), ("mug_1m_0 already",)),
+        (row("MUG_1m_0", repetition=7), ("mug_1m_0 already",)),
+        (row("again"), ("again repeats mug_1m_0", "mug, 1 m, lab")),
+        (row("a b", repetition=7), ("'a b'", "letters")),
+        (row("a.bin", repetition=7), ("'a.bin'", "suffix")),
+        (row("../a", repetition=7), ("'../a'",)),
+        (row("a", "olive oil"), ("olive oil", "word")),
+        (row("a", distance_m=float("nan")), ("distance_m nan",)),
+        (row("a", distance_m=-1.0), ("distance_m -1",)),
+        (row("a", distance_m=None), ("distance_m is empty", "turntable")),
+        (row("a", motion="walking"), ("'walking'", "turntable, radial")),
+        (row("a", repetition=-1), ("repetition -1",)),
+        (row("a", repetition=7, split="eval"), ("'eval'", "train, validation, test")),
+        (row("a", repetition=7, trajectory="../x.csv"), ("../x.csv", "trajectories/")),
+        (row("a", repetition=7, extra={"start_s": "noon"}), ("start_s 'noon'",)),
+        (row("a", repetition=7, extra={"object": "x"}), ("column object",)),
+    ],
+)
+def test_what_no_experiment_could_use_is_refused_and_leaves_no_file(bench: RecordingSet, given: Row, words: tuple[str, ...]) -> None:
+    before = files(bench.folder)
+    with pytest.raises(InputError) as caught:
+        bench.add(noise(), given)
+    assert "\n" not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+    assert files(bench.folder) == before
+
+
+def test_the_radar_may_go_by_the_name_of_another_file(bench: RecordingSet) -> None:
+    """mmWave Studio leaves a description beside each capture, by the capture's name."""
+    bench.add(noise(radar=dataclasses.replace(RADAR, name="run_7")), row("a", repetition=7))
+    assert not [problem for problem in bench.problems() if "radar" in str(problem)]
+
+
+def test_another_radar_is_refused_by_the_fields_in_which_it_differs(bench: RecordingSet) -> None:
+    with pytest.raises(RecordingError, match=r"radar of a .*num_chirps 4 instead of 8"):
+        bench.add(noise(radar=dataclasses.replace(RADAR, num_chirps=4)), row("a", repetition=7))
+
+
+def test_making_a_set_again_opens_it_and_another_card_is_refused(bench: RecordingSet, tmp_path: Path) -> None:
+    assert len(RecordingSet.create(bench.folder, CARD)) == 8
+    noted = dataclasses.replace(CARD, name="007", when="2026-03-01 ", notes="two\nlines: # \n", extra={"room_height_m": 2.7})
+    for _ in range(2):
+        assert RecordingSet.create(tmp_path / "noted", noted).card.notes == "two\nlines: #"
+    with pytest.raises(RecordingError, match="differs in licence"):
+        RecordingSet.create(bench.folder, dataclasses.replace(CARD, licence="private"))
+    with pytest.raises(OutputError, match="not empty"):
+        RecordingSet.create(tmp_path, CARD)
+    with pytest.raises(RecordingError, match="licence is missing"):
+        RecordingSet.create(tmp_path / "new", dataclasses.replace(CARD, licence=""))
+    assert not (tmp_path / "new" / "card.yaml").exists()
+
+
+def test_a_folder_that_is_no_set_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(MissingError, match="no such folder"):
+        RecordingSet.load(tmp_path / "nowhere")
+    with pytest.raises(MissingError, match=r"no recording set, it has no card\.yaml"):
+        RecordingSet.load(tmp_path)
+    (tmp_path / "card.yaml").write_text("- 1\n")
+    with pytest.raises(RecordingError, match="mapping"):
+        RecordingSet.load(tmp_path)
+    (tmp_path / "card.yaml").write_text("name: [\n")
+    with pytest.raises(RecordingError, match="line 2"):
+        RecordingSet.load(tmp_path)
+    CARD.save(tmp_path)
+    with pytest.raises(MissingError, match="no recordings yet"):
+        _ = RecordingSet.load(tmp_path).radar
+
+
+def test_the_index_keeps_its_rows_its_order_and_further_columns(tmp_path: Path) -> None:
+    rows = [
+        row("b", extra={"note": 'a "quoted", word'}),
+        row("a", "none", None, motion="static", split="test"),
+        row("c", distance_m=0.1 + 0.2, extra={"start_s": "-0.25"}),
+    ]
+    path = tmp_path / "index.csv"
+    path.write_text(index_text(rows))
+    assert read_index(path) == (rows, [])
+    path.write_bytes(b"\xef\xbb\xbf" + index_text(rows).replace("\n", "\r\n").encode())  # as a spreadsheet saves it
+    assert read_index(path) == (rows, [])
+
+
+def test_poses_come_from_the_trajectory_where_the_recording_has_none(tmp_path: Path) -> None:
+    path = tmp_path / "drive.txt"
+    path.write_text("# time x y z qx qy qz qw\n9.9 0 0 0.4 0 0 0 1\n10.5 0.6 0 0.4 0 0 0.7071068 0.7071068\n")
+    drive = RecordingSet.create(tmp_path / "set", CARD)
+    stored = drive.add(noise(), row("a", motion="depth", extra={"start_s": "10.0"}), path)
+    assert stored.trajectory == "a.txt"
+    poses = drive.read(stored).sensor_poses
+    assert poses is not None
+    np.testing.assert_allclose(poses[:, 0, 3], [0.1, 0.2, 0.3], atol=1e-9)  # 1 m/s at 10 Hz from 0.1 s after the file's start
+    np.testing.assert_allclose(np.degrees(np.arctan2(poses[:, 1, 0], poses[:, 0, 0])), [15, 30, 45], atol=1e-4)
+    assert drive.problems() == []
+
+
+def test_two_writers_share_a_set(tmp_path: Path) -> None:
+    RecordingSet.create(tmp_path / "set", CARD)
+    script = (
+        "import sys; sys.path.insert(0, 'tests/unit')\n"
+        "from test_recording_set import *\n"
+        f"bench = RecordingSet.load({str(tmp_path / 'set')!r})\n"
+        "for n in range(8):\n    bench.add(noise(n), row(f'{sys.argv[1]}{n}', sys.argv[1], repetition=n))\n"
+    )
+    root = Path(__file__).resolve().parents[2]
+    writers = [subprocess.Popen([sys.executable, "-c", script, name], cwd=root) for name in ("can", "mug")]
+    assert [writer.wait(60) for writer in writers] == [0, 0]
+    both = RecordingSet.load(tmp_path / "set")
+    assert len(both) == 16
+    assert both.problems() == []
+
+
+# Forks a child for every moment: one that kills itself at its n-th call to open, rename, remove or mkdir below the set, then one that
+# finishes the work. Prints, per moment, whether the set was whole in between and what it held at the end.
+_EVERY_MOMENT = """
+import os, signal, sys, json
+sys.path.insert(0, "tests/unit")
+from test_recording_set import *
+from radartwin.recordings.checks import examine
+
+os.fsync = lambda descriptor: None  # slow, and of no matter to a kill
+root = Path(sys.argv[1])
+(root / "drive.csv").write_text("t,x,y,z,qx,qy,qz,qw\\n0,0,0,0,0,0,0,1\\n1,1,0,0,0,0,0,1\\n")
+
+def work(folder):
+    made = RecordingSet.create(folder, CARD)
+    for n in range(2):
+        if f"a{n}" not in made:
+            made.add(noise(n), row(f"a{n}", motion="depth", repetition=n), root / "drive.csv")
+
+def forked(body):
+    child = os.fork()
+    if not child:
+        body()
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+def killed(folder, moment):
+    left = moment
+    def hook(event, arguments):
+        nonlocal left
+        if event in ("open", "os.rename", "os.remove", "os.mkdir") and str(folder) in str(arguments[0]):
+            left -= 1
+            if left < 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+    sys.addaudithook(hook)
+    work(folder)
+
+work(root / "undisturbed")
+out = []
+for moment in range(1000):
+    folder = root / f"set{moment}"
+    status = forked(lambda: killed(folder, moment))
+    report = examine(folder) if (folder / "card.yaml").exists() else None
+    held = len(RecordingSet.load(folder)) if report else 0
+    forked(lambda: work(folder))
+    same = files(folder) == files(root / "undisturbed")
+    out.append([status, [str(p) for p in report.problems] if report else [], held, same])
+    if status == 0:
+        break
+print(json.dumps(out))
+"""
+
+
+def test_a_writer_killed_at_any_moment_leaves_a_set_that_the_next_one_completes_to_the_same_bytes(tmp_path: Path) -> None:
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", _EVERY_MOMENT, str(tmp_path)], cwd=root, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    moments = json.loads(done.stdout)
+    assert len(moments) > 30
+    assert [status for status, *_ in moments] == [-signal.SIGKILL] * (len(moments) - 1) + [0]
+    assert all(problems == [] for _, problems, *_ in moments)
+    assert {held for _, _, held, _ in moments} == {0, 1, 2}
+    assert all(same for *_, same in moments)
+
+
+def test_a_writer_killed_from_outside_leaves_whole_recordings_only(tmp_path: Path) -> None:
+    script = (
+        "import sys; sys.path.insert(0, 'tests/unit')\n"
+        "from test_recording_set import *\n"
+        f"bench = RecordingSet.create({str(tmp_path / 'set')!r}, CARD)\n"
+        "for n in range(1000):\n    if f'a{n}' not in bench:\n        bench.add(noise(n, frames=40), row(f'a{n}', repetition=n))\n"
+    )
+    root = Path(__file__).resolve().parents[2]
+    held = [0]
+    for wait in (0.02, 0.11, 0.23):
+        writer = subprocess.Popen([sys.executable, "-c", script], cwd=root)
+        deadline = time.monotonic() + 30
+        while len(read_index(tmp_path / "set" / "index.csv")[0]) <= held[-1] and time.monotonic() < deadline:
+            time.sleep(0.002)
+        time.sleep(wait)
+        writer.send_signal(signal.SIGKILL)
+        writer.wait()
+        survived = RecordingSet.load(tmp_path / "set")
+        assert survived.problems() == []
+        held.append(len(survived))
+    assert held == sorted(set(held))  # every start went on where the one before it was killed
+    RecordingSet.create(tmp_path / "set", CARD)
+    assert not list((tmp_path / "set").rglob(".*.tmp"))

@@ -1,0 +1,88 @@
+"""Overlaps are found and measured, contact is not one, and a path through a surface names frame and surface."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from radartwin.errors import PoseError, SceneError
+from radartwin.scene import objects
+from radartwin.scene.checks import winding_number
+from radartwin.scene.collision import check_path, first_crossing, overlap_m, top_below
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories import trajectory
+
+UNIT = objects.box([0, 0, 0], [1, 1, 1])
+CAN = objects.cylinder(0.04, 0.1)
+
+
+def wall(x=1.0):
+    corners = np.array([[x, 0, 0], [x, 3, 0], [x, 3, 2.5], [x, 0, 2.5]])
+    return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
+
+
+OVERLAPS = {
+    "a corner": (UNIT, objects.box([0.97, 0.2, 0.2], [2, 0.8, 0.8]), 0.03),
+    "one inside the other": (UNIT, objects.box([0.4, 0.4, 0.4], [0.5, 0.5, 0.5]), 0.1),
+    "through a board, no vertex inside": (CAN.copy().apply_translation([0.5, 0.5, 1]), objects.box([0, 0, 0.9875], [1, 1, 1.0125]), 0.025),
+    "through a wall without thickness": (CAN.copy().apply_translation([1.01, 1, 1]), wall(), 0.03),
+    "two spheres": (objects.sphere(0.1, 3), objects.sphere(0.1, 3).apply_translation([0.15, 0, 0]), 0.05),
+    "a reflector in a box": (objects.trihedral(0.1).apply_translation([0.97, 0.5, 0.5]), UNIT, 0.03),
+    "a reflector's tips in a rug": (objects.trihedral(0.1), objects.box([-1, -1, -0.05], [1, 1, -0.035]), 0.0058),
+    "face to face": (UNIT, objects.box([1, 0, 0], [2, 1, 1]), 0.0),
+    "a millimetre of contact": (UNIT, objects.box([0.999, 0.2, 0.2], [2, 0.8, 0.8]), 0.0),
+    "boxes meet, meshes do not": (objects.sphere(0.1, 3), objects.sphere(0.1, 3).apply_translation([0.15, 0.15, 0.0]), 0.0),
+}
+
+
+@pytest.mark.parametrize(("a", "b", "depth"), OVERLAPS.values(), ids=OVERLAPS)
+def test_overlap_is_the_narrowest_side_of_what_both_occupy(a, b, depth):
+    tolerance = 0.04 * depth + 1e-6  # the facets of a can, a sphere
+    assert overlap_m(a, b) == pytest.approx(depth, abs=tolerance)
+    assert overlap_m(b, a) == pytest.approx(depth, abs=tolerance)
+
+
+def test_overlap_does_not_depend_on_where_and_how_things_lie():
+    turn = np.array(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 0, 1], [0.3, 2, 1]))
+    turn[:3, 3] += [10, -5, 3]
+    a, b = UNIT.copy().apply_transform(turn), objects.box([0.97, 0.2, 0.2], [2, 0.8, 0.8]).apply_transform(turn)
+    assert overlap_m(a, b) == pytest.approx(0.03)
+
+
+def test_winding_number_is_one_inside_and_zero_outside():
+    ball = objects.sphere(1.0, 3)
+    points = np.random.default_rng(0).normal(size=(200, 3))
+    radius = np.linalg.norm(points, axis=1)
+    clear = np.abs(radius - 1) > 0.02
+    assert np.allclose(winding_number(ball.triangles, points)[clear], (radius < 1)[clear], atol=1e-9)
+
+
+def test_first_crossing_is_the_first_segment_through():
+    x = np.linspace(0, 2, 21) + 0.05
+    path = np.stack([x, np.full(21, 1.0), np.full(21, 0.4)], axis=1)
+    assert first_crossing(path[:-1], path[1:], wall(1.0)) == 9
+    assert first_crossing(path[:-1], path[1:], wall(3.0)) is None
+    path[:, 1] += 5
+    assert first_crossing(path[:-1], path[1:], wall(1.0)) is None
+
+
+def test_a_sensor_through_a_wall_is_refused_with_frame_and_surface():
+    scene = Scene([Surface(wall(5.0), "concrete", "back"), Surface(wall(1.43), "concrete", "front")])
+    start = trajectory.look_at([0.5, 1, 0.4], [9, 1, 0.4])
+    check_path(scene, trajectory.depth_sweep(start, 0.9))
+    with pytest.raises(PoseError, match=r"'front' between frames 46 and 47, near \(1\.42, 1\.00, 0\.40\) m"):
+        check_path(scene, trajectory.depth_sweep(start, 1.2))
+
+
+def test_a_sensor_inside_an_object_is_refused():
+    scene = Scene([Surface(objects.box([1, 0.5, 0], [1.5, 1.5, 1]), "wood", "crate")])
+    with pytest.raises(SceneError, match="frame 26, is inside surface 'crate'"):
+        check_path(scene, trajectory.depth_sweep(trajectory.look_at([0.5, 1, 0.4], [9, 1, 0.4])))
+
+
+def test_top_below_is_the_highest_point_under_the_limit():
+    boards = objects.joined([objects.box([0, 0, z], [1, 1, z + 0.02]) for z in (0.0, 0.5, 1.0)])
+    points = np.array([[0.5, 0.5], [0.01, 0.99], [1.5, 0.5]])
+    assert np.allclose(top_below(boards, points)[:2], 1.02)
+    assert np.isneginf(top_below(boards, points)[2])
+    assert np.allclose(top_below(boards, points, 0.9)[:2], 0.52)
+    assert np.allclose(top_below(boards, points, np.array([0.9, 0.1, 3]))[:2], [0.52, 0.02])

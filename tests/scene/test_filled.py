@@ -1,0 +1,73 @@
+"""What no scan has seen and reconstruction filled in: told on the page's card, hatched grey in the scan's colours."""
+
+import base64
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from radartwin.label.raster import _image
+from radartwin.reconstruct.build import reconstruct
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.viewer.display_mesh import HATCH, MAX_FACES, texture
+from radartwin.scene.viewer.page import describe
+
+RED = (200, 30, 30, 255)
+HOLE_M2 = np.pi * 0.4**2
+
+
+@pytest.fixture(scope="module")
+def floor(tmp_path_factory) -> Surface:
+    """The floor of a red room, saved and loaded, of which a round patch of 0.8 m was never scanned."""
+    room: Any = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]])
+    for _ in range(6):
+        room = room.subdivide()
+    room.invert()
+    x, y, z = room.triangles_center.T
+    room.update_faces(~((z < 0.01) & (np.hypot(x - 2, y - 1.5) < 0.4)))
+    room.visual.vertex_colors = np.tile(np.array(RED, np.uint8), (len(room.vertices), 1))
+    folder = tmp_path_factory.mktemp("scan")
+    room.export(folder / "room.ply")
+    reconstruct(folder / "room.ply", folder / "scene", up="z")
+    return next(s for s in Scene.load(folder / "scene") if s.name == "floor")
+
+
+def test_the_filled_patch_has_no_alpha_and_keeps_its_guessed_colour(floor):
+    image = texture(floor.mesh)
+    assert image is not None
+    assert image.mode == "RGBA"
+    pixels = np.asarray(image)
+    u, v = np.ptp(floor.mesh.visual.uv, axis=0) * np.array(image.size)  # pixels that the floor spans
+    unseen = (pixels[..., 3] == 0) & (np.cumsum(pixels[..., 3] > 0, axis=1) > 0) & (np.cumsum(pixels[:, ::-1, 3] > 0, axis=1)[:, ::-1] > 0)
+    assert unseen.sum() * floor.mesh.area / (u * v) == pytest.approx(HOLE_M2, rel=0.2)
+    assert np.abs(pixels[..., :3].astype(int) - RED[:3]).max() < 3, "what a language model is shown is as before"
+    shown = _image(floor.mesh.visual)
+    assert shown is not None
+    assert shown.shape[2] == 3
+
+
+def test_the_page_hatches_it_and_the_card_says_how_much(floor):
+    content, _ = describe(Scene([floor]), None, None, "colour", MAX_FACES)
+    card = dict(content["surfaces"][0]["facts"])
+    filled = floor.provenance["filled_m2"]
+    assert filled == pytest.approx(HOLE_M2, rel=0.2)
+    assert card["never scanned"] == f"{filled:.3g} m² of it, filled in"
+    assert content["has_filled"]
+    picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(content["pictures"][0].partition(",")[2]))).convert("RGB")).astype(int)
+    middle = picture[picture.shape[0] // 2 - 8 : picture.shape[0] // 2 + 8, picture.shape[1] // 2 - 8 : picture.shape[1] // 2 + 8]
+    assert (np.ptp(middle, axis=2) < 25).mean() > 0.9, "grey"
+    assert middle.mean() == pytest.approx(np.mean(np.array(HATCH)), abs=20)
+    assert np.ptp(middle.mean(axis=2)) > 25, "hatched"
+
+
+def test_a_surface_that_was_seen_whole_says_nothing_of_it(floor):
+    whole = floor.replaced(provenance={**floor.provenance, "filled_m2": 0.0})
+    content, _ = describe(Scene([whole]), None, None, "material", MAX_FACES)
+    assert "never scanned" not in dict(content["surfaces"][0]["facts"])
+    assert not content["has_filled"]
+    pane = floor.replaced(provenance={"completed": True, "filled_m2": 2.0})
+    content, _ = describe(Scene([pane]), None, None, "material", MAX_FACES)
+    assert dict(content["surfaces"][0]["facts"])["never scanned"] == "all of it, a pane that nobody saw"

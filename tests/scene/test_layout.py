@@ -1,0 +1,265 @@
+"""Layouts: files, anchors by people's words, relations as geometry, and refusals with a reason and a number."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from radartwin.errors import LayoutError, MissingError
+from radartwin.scene import objects
+from radartwin.scene.layouts.anchor import find
+from radartwin.scene.layouts.layout import Item, Layout, Relation
+from radartwin.scene.layouts.place import GAP_M, furnish
+from radartwin.scene.layouts.stock import stock
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories.trajectory import look_at
+
+SENSOR = look_at([0.5, 0, 0.4], [3, 0, 0.4])
+THINGS = {
+    "mug": objects.cylinder(0.04, 0.1),
+    "can": objects.cylinder(0.033, 0.12),
+    "crate": objects.box([-0.15, -0.15, -0.15], [0.15, 0.15, 0.15]),
+    "ball": objects.sphere(0.1, 3),
+}
+
+
+def make(name):
+    return [Surface(THINGS[name], "metal", name, role="object")]
+
+
+def sheet(corners):
+    return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
+
+
+def room(*more):
+    """4 x 4 x 2.5 m, x in 0..4, y in -2..2: the door in the +x wall, two tables, a cabinet at the -y wall."""
+    low, high = np.array([0, -2, 0.0]), np.array([4, 2, 2.5])
+    x0, y0, z0, x1, y1, z1 = *low, *high
+    parts = {
+        "floor": sheet([[x0, y0, z0], [x1, y0, z0], [x1, y1, z0], [x0, y1, z0]]),
+        "ceiling": sheet([[x0, y0, z1], [x0, y1, z1], [x1, y1, z1], [x1, y0, z1]]),
+        "wall_front": sheet([[x1, y0, z0], [x1, y0, z1], [x1, y1, z1], [x1, y1, z0]]),
+        "wall_right": sheet([[x0, y0, z0], [x0, y0, z1], [x1, y0, z1], [x1, y0, z0]]),
+        "door": sheet([[x1, -0.5, 0], [x1, -0.5, 2], [x1, 0.4, 2], [x1, 0.4, 0]]),
+        "table_left_top": objects.box([2, 0.2, 0.7], [3, 1.2, 0.73]),
+        "table_left_legs": objects.joined(
+            [objects.box([x, y, 0.01], [x + 0.04, y + 0.04, 0.69]) for x in (2.05, 2.9) for y in (0.25, 1.1)]
+        ),
+        "table_right_top": objects.box([1, -1.6, 0.7], [2, -0.9, 0.73]),
+        "cabinet": objects.box([3, -1.99, 0.01], [3.8, -1.5, 1.8]),
+    }
+    return Scene([*(Surface(mesh, "wood", name, role="room") for name, mesh in parts.items()), *more])
+
+
+def placed(scene=None, **item):
+    """Bounds of one placed object (2, 3), and what it stands on."""
+    layout = Layout.from_dict({"objects": [{"object": "mug"} | item]})
+    surface = furnish(room() if scene is None else scene, layout, SENSOR, make).surfaces[-1]
+    return surface.mesh.bounds, str(surface.provenance["layout"]).rpartition(" on ")[2]
+
+
+def related(relation, anchor, distance_m=None, **item):
+    return placed(relations=[{"relation": relation, "anchor": anchor, "distance_m": distance_m}], **item)
+
+
+def middle(bounds):
+    return bounds.mean(axis=0)[:2]
+
+
+def test_a_layout_survives_its_file(tmp_path):
+    layout = Layout(
+        (
+            Item("mug", "my mug", position_m=(1.0, 0.5, 0.7), yaw_deg=30.0),
+            Item("can", on="table_left_top", relations=(Relation("in front of", "door", 1.5), Relation("beside", "my mug"))),
+            Item("ball", position_m=(1.0, 1.0, 1.0), held=True),
+        )
+    )
+    assert Layout.load(layout.save(tmp_path / "layout.yaml")) == layout
+
+
+WRONG = {
+    "not yaml": ("objects: [", "not YAML"),
+    "nothing": ("", "None is not of type 'object'"),
+    "an empty list": ("objects: []", "objects: "),
+    "an unknown key": ("objects: [{object: mug, colour: red}]", r"objects\[0\].*colour"),
+    "an unknown relation": ("objects: [{object: mug, relations: [{relation: above, anchor: door}]}]", "above"),
+    "a negative distance": ("objects: [{object: mug, relations: [{relation: behind, anchor: door, distance_m: -1}]}]", "minimum"),
+    "one coordinate": ("objects: [{object: mug, position_m: [1]}]", "position_m"),
+    "a position in millimetres": ("objects: [{object: mug, position_m: [1200, 300, 740]}]", "maximum of 100"),
+    "nowhere": ("objects: [{object: mug}]", "nowhere"),
+    "position and relation": ("objects: [{object: mug, position_m: [1, 1], relations: [{relation: behind, anchor: door}]}]", "one of them"),
+    "height and support": ("objects: [{object: mug, on: table, position_m: [1, 1, 1]}]", "leave the height or on out"),
+    "held at no height": ("objects: [{object: mug, on: table, held: true}]", "held"),
+}
+
+
+@pytest.mark.parametrize(("text", "word"), WRONG.values(), ids=WRONG)
+def test_a_wrong_file_is_refused_with_its_place(text, word, tmp_path):
+    path = tmp_path / "layout.yaml"
+    path.write_text(text)
+    with pytest.raises(LayoutError, match=word) as caught:
+        Layout.load(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_said(tmp_path):
+    with pytest.raises(MissingError, match="YAML"):
+        Layout.load(tmp_path / "none.yaml")
+
+
+def test_anchors_are_found_by_their_words_and_parts_belong_together():
+    names = [a.name for a in find("the Left Table", room(), None)]
+    assert names == ["table_left_legs and table_left_top"]
+    assert [a.name for a in find("table_left_top", room(), None)] == ["table_left_top"]
+    assert len(find("table", room(), None)) == 2
+    with pytest.raises(LayoutError, match="nothing called 'sofa'; it has cabinet, ceiling"):
+        find("sofa", room(), None)
+    with pytest.raises(LayoutError, match="no sensor pose"):
+        find("the radar", room(), None)
+
+
+def test_things_face_the_room():
+    for text, front in (("door", [-1, 0]), ("wall right", [0, 1]), ("cabinet", [0, 1])):
+        (anchor,) = find(text, room(), None)
+        assert np.allclose(anchor.front, front), text
+    assert np.allclose(find("door", room(), None)[0].left, [0, 1])  # left of who looks at it, towards +x
+    (radar,) = find("radar", room(), SENSOR)
+    assert np.allclose(radar.front, [1, 0])
+    assert np.allclose(radar.left, [0, 1])
+
+
+def test_the_sentence_of_the_manual_is_geometry():
+    bounds, on = related("in front of", "door", 1.5, on="table")
+    assert on == "table_left_top"  # the other table is not before the door
+    assert middle(bounds)[0] == pytest.approx(2.5)
+    assert -0.5 <= middle(bounds)[1] <= 0.4
+    assert bounds[0, 2] == pytest.approx(0.73 + GAP_M)
+
+
+def test_distances_hold_from_face_to_middle():
+    assert np.allclose(middle(related("in front of", "radar", 1.0)[0]), [1.5, 0])
+    bounds, _ = related("left of", "radar", 0.7)
+    assert middle(bounds)[1] == pytest.approx(0.7)
+    assert middle(related("right of", "door", 0.3)[0])[1] == pytest.approx(-0.8)
+    assert middle(related("in front of", "cabinet", 0.5)[0])[1] == pytest.approx(-1.0)
+    both = [
+        {"relation": "in front of", "anchor": "door", "distance_m": 2.0},
+        {"relation": "in front of", "anchor": "cabinet", "distance_m": 1.5},
+    ]
+    with pytest.raises(LayoutError, match="no place"):  # not within the width of both
+        placed(relations=both)
+
+
+def test_beside_is_close_and_under_is_below():
+    bounds, on = related("beside", "cabinet")
+    assert on == "floor"
+    assert 0.04 < max(3 - bounds[1, 0], bounds[0, 0] - 3.8) < 0.15
+    bounds, on = related("under", "left table")
+    assert on == "floor"
+    assert np.allclose(middle(bounds), [2.5, 0.7], atol=0.03)
+
+
+def test_things_stand_on_and_beside_things_placed_before():
+    layout = [
+        {"object": "crate", "on": "table left"},
+        {"object": "can", "on": "crate"},
+        {"object": "mug", "relations": [{"relation": "beside", "anchor": "crate"}]},
+        {"object": "mug", "on": "table left"},
+    ]
+    crate, can, mug, second = furnish(room(), Layout.from_dict({"objects": layout}), SENSOR, make).surfaces[-4:]
+    assert can.mesh.bounds[0, 2] == pytest.approx(crate.mesh.bounds[1, 2] + GAP_M)
+    assert mug.mesh.bounds[0, 2] == pytest.approx(0.73 + GAP_M)
+    assert [s.name for s in (crate, can, mug, second)] == ["crate", "can", "mug", "mug_2"]
+    assert "table_left_top" in str(second.provenance["layout"])  # where it is free
+
+
+def test_a_position_is_taken_as_given_and_lifted_off_its_support():
+    bounds, on = placed(position_m=[2.5, 0.7, 0.73], yaw_deg=45)
+    assert on == "table_left_top"
+    assert np.allclose(bounds[0], [2.46, 0.66, 0.73 + GAP_M], atol=1e-6)
+    assert placed(position_m=[2.5, 0.7, 0.742])[0][0, 2] == pytest.approx(0.742)
+    assert placed(position_m=[1.0, 1.0])[1] == "floor"
+    assert placed(position_m=[1.5, -1.2], on="table right")[1] == "table_right_top"
+
+
+REFUSED = {
+    "two tables": ({"on": "table"}, "table_left_top or on table_right_top"),
+    "two tables at a position": ({"on": "table", "position_m": [2.5, 0.7]}, "'table' may be table_left_top or table_right_top"),
+    "floating": ({"position_m": [1, 1, 0.3]}, r"floats 0\.300 m above floor; put it at z = 0\.000"),
+    "over the edge": ({"position_m": [3.01, 0.7, 0.73]}, "only 4[0-9]% of its base on table_left_top"),
+    "far beside its support": ({"position_m": [1, 1], "on": "left table"}, r"not over table_left_top, which lies at x 2\.00 to 3\.00"),
+    "outside": ({"position_m": [4.5, 0, 0]}, r"0\.540 m beyond its \+x end"),
+    "in a wall": ({"position_m": [3.98, 1, 0]}, r"0\.020 m beyond its \+x end"),
+    "in the cabinet": ({"position_m": [3.0, -1.75, 0.0]}, "overlaps cabinet by 0.0[34]"),
+    "on a wall": ({"on": "wall_front"}, "no level side"),
+    "behind the door": ({"relations": [{"relation": "behind", "anchor": "door"}]}, "no place for the mug behind door"),
+    "a name twice": ({"position_m": [1, 1], "name": "door"}, "'door' is in the scene already"),
+}
+
+
+@pytest.mark.parametrize(("item", "word"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_is_refused_with_a_reason(item, word):
+    with pytest.raises(LayoutError, match=word) as caught:
+        placed(**item)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_wall_inside_the_room_is_in_the_way():
+    screen = Surface(sheet([[1.5, 0.5, 0], [1.5, 1.5, 0], [1.5, 1.5, 1.8], [1.5, 0.5, 1.8]]), "wood", "screen", role="room")
+    with pytest.raises(LayoutError, match=r"overlaps screen by 0\.030 m"):
+        placed(room(screen), position_m=[1.51, 1, 0])
+
+
+def test_a_rug_is_stood_on_and_not_in():
+    rug = Surface(objects.box([1.2, 0.5, 0.01], [1.9, 1.5, 0.022]), "wood", "rug", role="room")
+    bounds, on = placed(room(rug), position_m=[1.5, 1.0])
+    assert on == "floor"
+    assert bounds[0, 2] == pytest.approx(0.022 + GAP_M)
+    thin = Surface(objects.box([1.45, 0.5, 0.005], [1.46, 1.5, 0.012]), "wood", "cable", role="room")  # between a reflector's tips
+    layout = Layout.from_dict({"objects": [{"object": "corner_reflector", "position_m": [1.5, 1.0], "yaw_deg": 90}]})
+    reflector = furnish(room(thin), layout).surfaces[-1]
+    assert reflector.mesh.bounds[0, 2] > GAP_M
+
+
+def test_what_is_held_may_float_and_free_space_carries_nothing():
+    assert placed(position_m=[1, 1, 0.9], held=True)[0][0, 2] == pytest.approx(0.9)
+    assert placed(Scene(), position_m=[1, 1, 0.9])[0][0, 2] == pytest.approx(0.9)
+    with pytest.raises(LayoutError, match="no floor"):
+        placed(Scene(), position_m=[1, 1])
+
+
+def ramp(degrees):
+    turn = trimesh.transformations.rotation_matrix(np.radians(degrees), [0, 1, 0], [1, 1, 0.5])
+    return Surface(
+        sheet([[0.6, 0.6, 0.5], [1.4, 0.6, 0.5], [1.4, 1.4, 0.5], [0.6, 1.4, 0.5]]).apply_transform(turn), "wood", "ramp", role="room"
+    )
+
+
+def test_a_tilted_support_tilts_what_stands_on_it_until_it_slides():
+    layout = Layout.from_dict({"objects": [{"object": "can", "on": "ramp"}]})
+    can = furnish(room(ramp(10)), layout, SENSOR, make).surfaces[-1]
+    axis = np.linalg.svd(can.mesh.vertices - can.mesh.vertices.mean(axis=0))[2][0]  # a can's longest
+    assert np.degrees(np.arccos(abs(axis[2]))) == pytest.approx(10, abs=0.2)
+    with pytest.raises(LayoutError, match=r"tilted by 20\.0 degrees"):
+        furnish(room(ramp(20)), layout, SENSOR, make)
+
+
+def test_objects_of_the_catalogue_stand_in_the_scene_whole():
+    layout = Layout.from_dict(
+        {"objects": [{"object": "mug", "on": "left table"}, {"object": "corner reflector", "position_m": [1.0, 1.0]}]}
+    )
+    scene = furnish(room(), layout)
+    added = scene.surfaces[len(room()) :]
+    for name, base in (("mug", 0.73), ("corner_reflector", 0.0)):
+        parts = [s for s in added if s.name == name]
+        assert len(parts) == len(stock(name))
+        assert min(s.mesh.bounds[0, 2] for s in parts) == pytest.approx(base + GAP_M, abs=1e-6)
+        assert all(s.provenance["layout"] and s.provenance["object"] == name for s in parts)
+
+
+def test_unknown_objects_are_refused_with_what_there_is():
+    assert stock("the Corner reflector")[0].name == "corner_reflector"
+    with pytest.raises(LayoutError, match=r"no object is called 'teapot'.*corner_reflector"):
+        stock("teapot")
+    with pytest.raises(LayoutError, match=r"'can' may be can_211"):
+        stock("can")

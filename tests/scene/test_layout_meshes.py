@@ -1,0 +1,104 @@
+"""Meshes from files stand in a layout beside the catalogue's objects: found from the layout's folder, in the unit given."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from radartwin.errors import LayoutError, MaterialError, MeshError, MissingError
+from radartwin.materials import Layered
+from radartwin.scene import objects, rooms
+from radartwin.scene.layouts.layout import Layout
+from radartwin.scene.layouts.place import GAP_M, furnish
+from radartwin.scene.scene import Scene
+
+TABLE = "table_left_top"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A tin of 68 x 102 mm in millimetres, y up, off its origin, in a folder below the layout's."""
+    (tmp_path / "meshes").mkdir()
+    lying = trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0])
+    objects.cylinder(34, 102).apply_transform(lying).apply_translation([50, 60, 70]).export(tmp_path / "meshes" / "Tin.obj")
+    return tmp_path
+
+
+def furnished(folder: Path, entry: str) -> Scene:
+    (folder / "layout.yaml").write_text(f"objects:\n  - {{{entry}}}\n  - {{object: mug, on: {TABLE}, position_m: [4.3, 1.9]}}\n")
+    return furnish(rooms.lab(detail="furnished"), Layout.load(folder / "layout.yaml"))
+
+
+def test_a_mesh_stands_on_a_table_beside_a_mug(folder, monkeypatch):
+    monkeypatch.chdir("/")  # the path is from the layout's folder
+    entry = f"object: meshes/Tin.obj, material: metal, unit: mm, up: y, on: {TABLE}, position_m: [4.3, 1.2]"
+    scene = furnished(folder, entry)
+    tin = next(s for s in scene if s.name == "tin")
+    top = next(s for s in scene if s.name == TABLE).mesh.bounds[1, 2]
+    assert np.allclose(tin.mesh.bounds, [[4.266, 1.166, top + GAP_M], [4.334, 1.234, top + GAP_M + 0.102]], atol=1e-5)
+    assert (tin.material, tin.kind, tin.provenance["layout"], tin.provenance["file"]) == (
+        "metal",
+        "object",
+        f"Tin.obj on {TABLE}",
+        "Tin.obj",
+    )
+    assert "mug" in scene.names
+
+
+def test_a_mesh_may_be_a_shell_with_contents(folder):
+    stack = "material: {layers: [[hdpe, 0.001]], backing: water}"
+    scene = furnished(folder, f"object: meshes/Tin.obj, {stack}, unit: mm, up: y, on: {TABLE}, name: jug")
+    assert next(s for s in scene if s.name == "jug").material == Layered([("hdpe", 0.001)], backing="water")
+
+
+@pytest.mark.parametrize(
+    ("entry", "error", "words"),
+    [
+        ("object: meshes/Tin.obj, unit: mm", LayoutError, r"objects\[0\] \(meshes/Tin.obj\) is a mesh, .* give material: NAME"),
+        ("object: meshes/Tin.obj, material: metal", MeshError, r"102 m long in unit=m; .*unit=mm"),
+        ("object: meshes/Tin.obj, material: metal, unit: furlong", LayoutError, r"objects\[0\]\.unit: 'furlong'"),
+        ("object: meshes/Tin.obj, material: cheese, unit: mm", MaterialError, "unknown material 'cheese'"),
+        ("object: meshes/gone.obj, material: metal", MissingError, r"meshes/gone\.obj is not there"),
+        ("object: mug, material: metal", LayoutError, r"objects\[0\] \(mug\) is of the catalogue, which knows its material"),
+        ("object: meshes/Tin.obj, material: {layers: 3}", LayoutError, r"objects\[0\]\.material"),
+    ],
+)
+def test_a_mesh_that_cannot_be_placed_is_named(folder, entry, error, words):
+    with pytest.raises(error, match=words):
+        furnished(folder, f"{entry}, on: {TABLE}")
+
+
+def test_a_layout_with_a_mesh_survives_its_file_in_another_folder(folder):
+    first = f"objects:\n  - {{object: meshes/Tin.obj, material: metal, unit: mm, up: y, on: {TABLE}}}\n"
+    (folder / "layout.yaml").write_text(first)
+    layout = Layout.load(folder / "layout.yaml")
+    (folder / "else").mkdir()
+    again = layout.save(folder / "else" / "moved.yaml")
+    assert "object: ../meshes/Tin.obj" in again.read_text()
+    assert "tin" in furnish(rooms.lab(), Layout.load(again)).names
+
+
+@pytest.mark.parametrize(("name", "height_m"), [("ycb/MustardBottle.obj", 0.19), ("ycb/TomatoSoupCan.obj", 0.1), ("fuze/fuze.obj", 0.22)])
+@pytest.mark.filterwarnings("ignore::radartwin.scene.mesh_file.TextureWarning")
+def test_real_meshes_stand_in_a_room(shared_data, tmp_path, name, height_m):
+    mesh = shared_data / "objects" / name
+    scene = furnished(tmp_path, f"object: {mesh}, material: hdpe, on: {TABLE}, name: thing")
+    thing = next(s for s in scene if s.name == "thing")
+    assert thing.mesh.extents[2] == pytest.approx(height_m, rel=0.1)
+    assert thing.kind == "object"
+
+
+def test_a_place_beside_a_fine_mesh_is_found_at_once(tmp_path):
+    """One try inside a mesh of 20,000 faces takes a second; the spots beside it come first."""
+    objects.sphere(0.05, 5).apply_translation([0, 0, 0.05]).export(tmp_path / "ball.ply")
+    entries = f"[{{object: ball.ply, material: metal, on: {TABLE}}}, {{object: mug, on: {TABLE}}}]"
+    (tmp_path / "layout.yaml").write_text(f"objects: {entries}\n")
+    start = time.process_time()
+    scene = furnish(rooms.lab(), Layout.load(tmp_path / "layout.yaml"))
+    ball = next(s for s in scene if s.name == "ball").mesh.bounds
+    mug = np.array([s.mesh.bounds for s in scene if s.name == "mug"])
+    apart = np.maximum(ball[0] - mug[:, 1].max(axis=0), mug[:, 0].min(axis=0) - ball[1])[:2].max()
+    assert 0 <= apart < 0.3
+    assert time.process_time() - start < 20

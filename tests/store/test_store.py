@@ -1,0 +1,253 @@
+"""A product is whole or absent, computed once, and retried after a failure or a kill; whatever else is running."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radartwin.errors import OutputError
+from radartwin.io import files
+from radartwin.store.products import Store, save_arrays, save_json
+
+ROOTS = ["radartwin.constants"]
+
+
+def one(folder: Path) -> None:
+    save_arrays(folder, {"x": np.arange(4.0)})
+    save_json(folder, "note", {"a": 1})
+
+
+def test_a_product_is_built_once_and_read_back(tmp_path: Path) -> None:
+    first = Store(tmp_path).fetch("recording", {"seed": 1}, ROOTS, one)
+    store = Store(tmp_path)
+    again = store.fetch("recording", {"seed": 1}, ROOTS, lambda folder: pytest.fail("built twice"))
+    assert (first.reused, again.reused) == (False, True)
+    assert again.arrays()["x"].tolist() == [0, 1, 2, 3]
+    assert again.read_json("note") == {"a": 1}
+    assert again.read_json("meta")["spec"] == {"seed": 1}
+    assert (store.counts.simulated, store.counts.reused, store.counts.scored) == (0, 1, 0)
+
+
+def test_another_specification_or_input_or_kind_is_another_product(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    keys = {
+        store.key("recording", {"seed": 1}, ROOTS),
+        store.key("recording", {"seed": 2}, ROOTS),
+        store.key("recording", {"seed": 1}, ROOTS, {"scan": "00"}),
+        store.key("features", {"seed": 1}, ROOTS),
+        store.key("recording", {"seed": 1}, ["radartwin.errors"]),
+    }
+    assert len(keys) == 5
+
+
+def test_a_failed_build_leaves_nothing_and_is_tried_again(tmp_path: Path) -> None:
+    def fails(folder: Path) -> None:
+        (folder / "half").write_text("...")
+        raise RuntimeError("solver")
+
+    store = Store(tmp_path)
+    with pytest.raises(RuntimeError, match="solver"):
+        store.fetch("recording", {}, ROOTS, fails)
+    assert list((tmp_path / "recording").iterdir()) == []
+    assert not store.fetch("recording", {}, ROOTS, one).reused
+
+
+KILLED = """
+import sys, time
+from pathlib import Path
+from radartwin.store.products import Store
+
+def build(folder):
+    (folder / "half").write_text("...")
+    print("building", flush=True)
+    time.sleep(60)
+
+Store(Path(sys.argv[1])).fetch("recording", {}, ["radartwin.constants"], build)
+"""
+
+
+def test_what_a_killed_process_left_is_swept_and_built_again(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "building\n"
+        unfinished = list(tmp_path.rglob("*.tmp"))
+        assert len(unfinished) == 1
+        Store(tmp_path)
+        assert unfinished[0].exists(), "a living process's work was swept"
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    store = Store(tmp_path)
+    assert list(tmp_path.rglob("*.tmp")) == []
+    product = store.fetch("recording", {}, ROOTS, one)
+    assert sorted(p.name for p in product.path.iterdir()) == ["arrays.npz", "meta.json", "note.json"]
+    assert [p.name for p in (tmp_path / "recording").iterdir()] == [product.key]
+
+
+def build_slowly(root: Path, log: Path) -> None:
+    def build(folder: Path) -> None:
+        with log.open("a") as stream:
+            stream.write("built\n")
+        time.sleep(0.5)
+        one(folder)
+
+    Store(root).fetch("recording", {}, ROOTS, build)
+
+
+def test_processes_that_need_the_same_product_build_it_once(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    context = multiprocessing.get_context("spawn")
+    processes = [context.Process(target=build_slowly, args=(tmp_path / "cache", log)) for _ in range(3)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join(60)
+    assert [process.exitcode for process in processes] == [0, 0, 0]
+    assert log.read_text() == "built\n"
+    assert len(list((tmp_path / "cache" / "recording").iterdir())) == 1
+
+
+def test_an_output_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="file is not a folder"):
+        Store(tmp_path / "file" / "cache")
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = files.write_atomically(tmp_path / "deep" / "table.csv", "a,b\n")
+    assert path.read_text() == "a,b\n"
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OutputError, match="folder"):
+        files.write_atomically(tmp_path / "folder", "text")
+    assert [p.name for p in tmp_path.rglob("*.tmp")] == []
+
+
+def test_the_sweep_takes_only_what_is_ours_and_abandoned(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    ours = f".table.csv.radartwin-{os.getpid()}.tmp"
+    others = ["thesis.tmp", f".table.csv.{dead.pid}.tmp", ".a.radartwin-99999999999999999999.tmp", "data.tmp/x", "run/empty.tmp/x"]
+    kept = [tmp_path / name for name in (ours, *others)]
+    gone = tmp_path / f".table.csv.radartwin-{dead.pid}.tmp"
+    for path in [*kept, gone]:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("")
+    kept[-1].unlink()
+    kept[-1] = kept[-1].parent
+    files.sweep(tmp_path)
+    Store(tmp_path)
+    assert all(path.exists() for path in kept)
+    assert not gone.exists()
+
+
+def test_a_sweep_keeps_out_whoever_wants_the_folder_until_it_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    work = tmp_path / ("a" * 32 + ".tmp")
+    (work / "product").mkdir(parents=True)
+    (work / files.LOCK).touch()
+    emptied, found = threading.Event(), []
+
+    def wait_for_it() -> None:
+        with files.lock(work / files.LOCK):
+            assert emptied.is_set(), "the lock was given away in the middle of the sweep"
+            (work / "product").mkdir()
+            found.append(sorted(path.name for path in work.iterdir()))
+
+    remove, second = shutil.rmtree, threading.Thread(target=wait_for_it)
+
+    def slow(path: Path) -> None:
+        second.start()
+        time.sleep(0.2)
+        remove(path)
+        emptied.set()
+
+    monkeypatch.setattr(shutil, "rmtree", slow)
+    files.drop_abandoned(work)
+    second.join(10)
+    assert found == [[files.LOCK, "product"]]
+
+
+def test_a_damaged_product_is_built_again_and_said(tmp_path: Path) -> None:
+    product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
+    for damage in (lambda: os.truncate(product.path / "arrays.npz", 10), (product.path / "note.json").unlink):
+        damage()
+        said: list[str] = []
+        store = Store(tmp_path, said.append)
+        assert not store.fetch("recording", {}, ROOTS, one).reused
+        assert [line.partition(" (")[0] for line in said] == [f"recording {product.key[:8]} in the cache is damaged"]
+        assert store.fetch("recording", {}, ROOTS, one).arrays()["x"].tolist() == [0, 1, 2, 3]
+
+
+def test_a_lock_file_is_gone_after_use_and_a_stale_one_is_dropped(tmp_path: Path) -> None:
+    lock = tmp_path / "lock"
+    with files.lock(lock):
+        files.drop_stale(lock)
+        assert lock.exists()
+    assert not lock.exists()
+    lock.write_text("")
+    files.drop_stale(lock)
+    assert not lock.exists()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "",
+        "{",
+        "[" * 200_000,
+        "[]",
+        "null",
+        '{"bytes": 5}',
+        '{"bytes": {"../../x": 1}}',
+        '{"bytes": {}, "sha256": {"gone.npz": "0"}}',
+        "\x00",
+    ],
+    ids=lambda text: text[:12] or "empty",
+)
+def test_a_product_whose_description_is_damaged_is_built_again(damage: str, tmp_path: Path) -> None:
+    product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
+    (product.path / "meta.json").write_text(damage)
+    said: list[str] = []
+    assert not Store(tmp_path, said.append).fetch("recording", {}, ROOTS, one).reused
+    assert "damaged" in said[0]
+    assert Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
+
+
+def test_what_lies_in_the_place_of_a_product_is_replaced(tmp_path: Path) -> None:
+    path, elsewhere = Store(tmp_path).fetch("recording", {}, ROOTS, one).path, tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "of the user").touch()
+    for put in (path.touch, path.mkdir, lambda: path.symlink_to(elsewhere), lambda: path.symlink_to(tmp_path / "nowhere")):
+        shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+        put()
+        assert not Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
+        assert Store(tmp_path).fetch("recording", {}, ROOTS, one).arrays()["x"].tolist() == [0, 1, 2, 3]
+    assert (elsewhere / "of the user").exists()
+
+
+@pytest.mark.parametrize("year", [1971, 2099])
+def test_dates_of_files_decide_nothing(year: int, tmp_path: Path) -> None:
+    """As after a clock that was wrong, or a copy that did not keep them."""
+    Store(tmp_path).fetch("recording", {}, ROOTS, one)
+    abandoned = tmp_path / "recording" / ("a" * 32 + ".tmp")
+    (abandoned / "product").mkdir(parents=True)
+    (abandoned / files.LOCK).touch()
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    left = tmp_path / f".table.csv.radartwin-{dead.pid}.tmp"
+    left.touch()
+    then = (year - 1970) * 365.25 * 86400
+    for path in tmp_path.rglob("*"):
+        os.utime(path, (then, then))
+    files.sweep(tmp_path)
+    assert Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
+    assert not abandoned.exists()
+    assert not left.exists()

@@ -1,0 +1,180 @@
+"""Errors of motion: their statistics as described, and none at strength 0."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from radartwin.scene.trajectories import trajectory
+from radartwin.testbed.motion_errors import (
+    PlacementErrors,
+    RailErrors,
+    RoverErrors,
+    TurntableErrors,
+    at_times,
+    placed,
+    rail,
+    rover,
+    turns,
+    turntable,
+    turntable_angles,
+)
+
+SWEEP = trajectory.depth_sweep(trajectory.pose([1.0, 0.5, 0.4]))
+TURN = trajectory.turntable(np.array([2.0, 0.0, 1.0]), 250, 10.0)
+
+
+def rng(seed):
+    return np.random.default_rng(seed)
+
+
+def rigid(poses):
+    return np.allclose(poses[:, :3, :3] @ poses[:, :3, :3].swapaxes(1, 2), np.eye(3), atol=1e-12) and np.allclose(poses[:, 3], [0, 0, 0, 1])
+
+
+@pytest.mark.parametrize("size", [0.0])
+def test_strength_zero_is_the_identity_to_the_bit(size):
+    assert np.array_equal(rover(SWEEP, RoverErrors().scaled(size), rng(0)), SWEEP)
+    assert np.array_equal(turntable(TURN, TurntableErrors().scaled(size), rng(0)), TURN)
+    assert np.array_equal(placed({"a": TURN}, PlacementErrors().scaled(size), rng(0))["a"], TURN)
+    assert np.array_equal(at_times(SWEEP, 10.0, np.arange(len(SWEEP)) / 10.0), SWEEP)
+
+
+def test_strength_scales_errors_and_leaves_lengths():
+    twice = RoverErrors().scaled(2)
+    assert (twice.slip, twice.start_m) == (2 * RoverErrors().slip, 2 * RoverErrors().start_m)
+    assert (twice.wheel_m, twice.slip_length_m) == (RoverErrors().wheel_m, RoverErrors().slip_length_m)
+    assert TurntableErrors().scaled(2).ripple_cycles == TurntableErrors().ripple_cycles
+    small, large = (rover(SWEEP, RoverErrors().scaled(s), rng(4)) - SWEEP for s in (0.01, 0.02))
+    assert np.linalg.norm(large - 2 * small) < 0.01 * np.linalg.norm(large)
+
+
+def test_same_seed_same_course_and_poses_stay_rigid():
+    motions: list[tuple[Callable[..., np.ndarray], np.ndarray, RoverErrors | TurntableErrors]]
+    motions = [(rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors())]
+    for make, poses, errors in motions:
+        assert np.array_equal(make(poses, errors, rng(3)), make(poses, errors, rng(3)))
+        assert not np.array_equal(make(poses, errors, rng(3)), make(poses, errors, rng(4)))
+        assert rigid(make(poses, errors.scaled(5), rng(3)))
+
+
+@pytest.fixture(scope="module")
+def courses():
+    return np.stack([rover(SWEEP, RoverErrors(), rng(s)) for s in range(800)])
+
+
+def test_a_rover_starts_and_arrives_off_by_what_is_described(courses):
+    """Start 10 mm an axis; 1 m of way off by its constant half of slip (1.06 %) and the average of the changing half (0.3 m of memory:
+    sqrt(2 l/L - 2 (l/L)^2 (1 - exp(-L/l))) of it), so 1.30 % in all; ripple adds 0.5 mm at most."""
+    start = courses[:, 0, :2, 3] - SWEEP[0, :2, 3]
+    assert start.std() == pytest.approx(0.01, rel=0.1)
+    assert np.abs(start.mean(axis=0)).max() < 1.5e-3
+    way = np.linalg.norm(np.diff(SWEEP[:, :3, 3], axis=0), axis=1).sum()
+    along = np.linalg.norm(courses[:, -1, :3, 3] - courses[:, 0, :3, 3], axis=1) / way - 1
+    share = 0.3 / way
+    changing = np.sqrt(2 * share - 2 * share**2 * (1 - np.exp(-1 / share)))
+    assert along.std() == pytest.approx(0.015 * np.sqrt((1 + changing**2) / 2), rel=0.1)
+
+
+def test_a_rover_turns_and_bobs_as_described(courses):
+    heading = np.degrees(np.arctan2(courses[:, :, 1, 0], courses[:, :, 0, 0]))
+    way = np.linalg.norm(SWEEP[-1, :3, 3] - SWEEP[0, :3, 3])
+    assert heading[:, 0].std() == pytest.approx(0.5, rel=0.1)
+    assert heading[:, -1].std() == pytest.approx(np.hypot(0.5, 0.9 * way), rel=0.1)
+    height = courses[:, :, 2, 3] - SWEEP[:, 2, 3]
+    assert height.std() == pytest.approx(0.5e-3, rel=0.1)
+    near, far = (np.mean(height[:, 0] * height[:, k]) / height.var() for k in (1, 40))
+    assert near == pytest.approx(np.exp(-0.02 / 0.1), abs=0.1)
+    assert abs(far) < 0.15
+
+
+def test_ripple_has_the_period_of_a_wheel():
+    """0.5 mm, once per 251 mm of way: the strongest line of the way's error."""
+    errors = RoverErrors(slip=0, start_m=0, heading_deg=0, drift_deg_per_m=0, bob_m=0)
+    long = trajectory.rail(trajectory.pose([0, 0, 0.4]), [1, 0, 0], 10 * np.pi * 0.08, 1001)
+    error = (rover(long, errors, rng(1)) - long)[:-1, 0, 3]
+    lines = np.abs(np.fft.rfft(error - error.mean())) / 500
+    assert np.argmax(lines) == 10
+    assert lines[10] == pytest.approx(0.5e-3, rel=0.01)
+
+
+def test_a_rover_at_rest_stays():
+    rest = trajectory.static(trajectory.pose([0, 0, 0.4]), 20)
+    moved = rover(rest, RoverErrors(), rng(0))
+    assert np.array_equal(moved, moved[:1].repeat(20, 0))
+
+
+def test_a_turntable_starts_and_ends_off_by_what_is_described():
+    """5 degrees at the start; 2.9 degrees more after a turn at a speed off by 1 %, half of it forgotten in a fifth of a turn; the ripple is
+    back where it was."""
+    nominal = np.linspace(0, 2 * np.pi, 251)
+    off = np.degrees([turntable_angles(nominal, TurntableErrors(), rng(s)) for s in range(800)])
+    assert off[:, 0].std() == pytest.approx(5.0, rel=0.1)
+    forgotten = 2 * 0.2 * (1 - 0.2 * (1 - np.exp(-5)))  # variance of the mean of what is forgotten in 0.2 of a turn, over a whole one
+    assert (off[:, -1] - off[:, 0]).std() == pytest.approx(3.6 * np.sqrt((1 + forgotten) / 2), rel=0.1)
+    steady = np.degrees([turntable_angles(nominal, TurntableErrors(rate=0.0), rng(s)) for s in range(800)])
+    smooth = steady - steady[:, :1]
+    lines = np.abs(np.fft.rfft(smooth[:, :-1], axis=1)) / 125
+    assert (np.argmax(lines[:, 1:], axis=1) == 11).all()
+    assert lines[:, 12].mean() == pytest.approx(0.5, rel=0.01)
+
+
+def test_wobble_tilts_the_axis_and_moves_what_stands_on_it():
+    errors = TurntableErrors(start_deg=0, rate=0, ripple_deg=0)
+    tilts = []
+    for seed in range(400):
+        moved = turntable(TURN, errors, rng(seed))
+        tilts.append(np.degrees(np.arccos(np.clip(moved[:, 2, 2], -1, 1))))
+        np.testing.assert_allclose(np.linalg.norm(moved[:, :3, 3] - [2.0, 0.0, 0.9], axis=1), 0.1, atol=1e-9)  # about its bearing
+    # two tilts of 0.2 degrees about two axes each: mean square 4 * 0.2^2
+    assert np.mean(np.square(tilts)) == pytest.approx(4 * 0.2**2, rel=0.1)
+
+
+def test_what_stands_together_is_misplaced_together_and_what_turns_turns_off_its_axis():
+    motion = {"object": TURN, "stand": np.eye(4)[None]}
+    moved = [placed(motion, PlacementErrors(), rng(s)) for s in range(800)]
+    stand = np.array([m["stand"][0, :2, 3] for m in moved])
+    assert stand.std() == pytest.approx(5e-3, rel=0.1)
+    centre = np.array([m["object"][:, :2, 3].mean(axis=0) - [2.0, 0.0] for m in moved])
+    np.testing.assert_allclose(centre, stand, atol=1e-9)
+    off_axis = np.array([m["object"][0, :2, 3] - [2.0, 0.0] for m in moved]) - stand
+    assert off_axis.std() == pytest.approx(2e-3, rel=0.1)
+    yaw = np.degrees([np.arctan2(m["object"][0, 1, 0], m["object"][0, 0, 0]) for m in moved])
+    assert yaw.std() == pytest.approx(2.0, rel=0.1)
+
+
+def test_frames_at_other_times_are_on_the_same_course():
+    times = np.arange(len(SWEEP)) / 10 + 0.03
+    moved = at_times(SWEEP, 10.0, times)
+    np.testing.assert_allclose(moved[:, 0, 3], 1.0 + 0.2 * times, atol=1e-12)
+    turned = at_times(TURN, 10.0, np.array([0.05]))
+    assert np.degrees(np.arctan2(turned[0, 1, 0], turned[0, 0, 0])) == pytest.approx(0.72, abs=1e-6)
+
+
+def test_what_slides_is_off_along_its_rail_alone():
+    """2 mm at the start, 0.5 % of the way at the end, a ripple that never exceeds twice its amplitude; it does not turn."""
+    slide = np.tile(np.eye(4), (61, 1, 1))
+    slide[:, :2, 3] = np.linspace(0, 0.6, 61)[:, None] * np.sqrt([0.5, 0.5])
+    assert not turns(slide)
+    assert turns(TURN)
+    there = np.stack([rail(slide, RailErrors(), rng(s)) for s in range(800)])
+    off = there[:, :, :3, 3] - slide[:, :3, 3]
+    along, across = off @ [np.sqrt(0.5), np.sqrt(0.5), 0], off @ [np.sqrt(0.5), -np.sqrt(0.5), 0]
+    assert along[:, 0].std() == pytest.approx(2e-3, rel=0.1)
+    assert (along[:, -1] - along[:, 0]).std() == pytest.approx(3e-3, rel=0.1)
+    assert np.abs(across).max() < 1e-12
+    assert np.array_equal(there[:, :, :3, :3], np.broadcast_to(slide[:, :3, :3], there[:, :, :3, :3].shape))
+    assert np.array_equal(rail(slide, RailErrors().scaled(0), rng(0)), slide)
+
+
+def test_what_is_put_down_by_hand_is_turned_even_where_it_rests():
+    """2 degrees of yaw of what a rover passes; 2 mm off the axis only of what turns."""
+    rest = np.tile(np.eye(4), (1, 1, 1))
+    errors = PlacementErrors(offset_m=0.0)
+    resting = np.stack([placed({"mug": rest}, errors, rng(s))["mug"][0] for s in range(800)])
+    assert np.degrees(np.arctan2(resting[:, 1, 0], resting[:, 0, 0])).std() == pytest.approx(2.0, rel=0.1)
+    assert np.abs(resting[:, :3, 3]).max() == 0
+    turning = np.stack([placed({"mug": TURN}, errors, rng(s))["mug"] for s in range(50)])
+    radius = np.linalg.norm((turning - TURN)[:, :, :2, 3], axis=2)
+    assert radius.mean() == pytest.approx(2e-3 * np.sqrt(np.pi / 2), rel=0.25)
+    np.testing.assert_allclose(radius, radius[:, :1].repeat(radius.shape[1], axis=1), atol=1e-9)

@@ -1,0 +1,163 @@
+"""The testbed differs from what it is given by its gaps alone, and each can be switched off."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import radartwin as rt
+from radartwin.materials import Layered
+from radartwin.materials.varied import split
+from radartwin.radar.hardware import Hardware
+from radartwin.radar.recording import Recording
+from radartwin.scene import objects, rooms
+from radartwin.scene.trajectories import trajectory
+from radartwin.testbed.testbed import OFF, Gaps, actual, clean, received, record, truth
+from radartwin.testbed.variation import HEADSPACE, ROUGHNESS_M, ROUGHNESS_OTHER_M
+
+RADAR = rt.Radar.iwr1843()
+TARGET = rt.Scene([rt.Surface(objects.plate(0.1, 0.1), "metal", "plate")])
+TURNING = {"plate": trajectory.turntable(np.array([1.0, 0.0, 0.0]), 3, 10.0)}
+LAB = rooms.lab(detail="cluttered")
+
+
+def only(**strengths):
+    return dataclasses.replace(OFF, **strengths)
+
+
+def materials(scene):
+    return {s.name: s.material for s in scene}
+
+
+def test_without_gaps_the_truth_is_the_scene():
+    same = truth(LAB, dataclasses.replace(OFF, clutter=1.0), 0)
+    assert [(s.name, s.material, s.roughness_m) for s in same] == [(s.name, s.material, s.roughness_m) for s in LAB]
+    assert all(a.mesh is b.mesh for a, b in zip(same, LAB, strict=True))
+
+
+def test_every_gap_of_the_configuration_is_a_gap_of_the_testbed_or_of_the_scan():
+    from radartwin.config.groups import GapConfig
+
+    mine = {f.name for f in dataclasses.fields(Gaps)}
+    assert {f.name for f in dataclasses.fields(GapConfig)} == mine | {"geometry"}
+    assert all(f.default == 1.0 for f in dataclasses.fields(Gaps))
+    assert not any(dataclasses.asdict(OFF).values())
+
+
+def test_clutter_is_there_and_has_been_moved_since_the_scan():
+    bare = truth(LAB, OFF, 0, rooms.CLUTTER)
+    assert set(LAB.names) - set(bare.names) == set(rooms.CLUTTER)
+    moved = truth(LAB, only(clutter=1.0), 0, rooms.CLUTTER)
+    assert moved.names == LAB.names
+    before = {s.name: s.mesh.bounds[0] for s in LAB}
+    off = np.array([s.mesh.bounds[0] - before[s.name] for s in moved if s.name in rooms.CLUTTER])
+    assert (np.abs(off[:, :2]) > 1e-4).all()
+    assert np.abs(off[:, :2]).max() < 0.1
+    assert (off[:, 2] == 0).all()
+    assert all(np.array_equal(s.mesh.bounds[0], before[s.name]) for s in moved if s.name not in rooms.CLUTTER)
+
+
+def test_layers_are_their_own_in_thickness_and_permittivity():
+    """Standard deviations over many truths of one wall: 5 % of thickness, 10 % of permittivity, 0.5 of the logarithm of loss."""
+    wall = rt.Scene([s for s in LAB if s.name == "wall_front"])
+    found = []
+    for seed in range(400):
+        stack = materials(truth(wall, only(materials=1.0), seed))["wall_front"]
+        assert isinstance(stack, Layered)
+        name, real, loss = split(stack.layers[0][0])
+        assert name == rooms.STUD_WALL.layers[0][0]
+        found.append([stack.layers[0][1] / rooms.STUD_WALL.layers[0][1], real, loss])
+    np.testing.assert_allclose(np.log(found).std(axis=0), [0.05, 0.10, 0.5], rtol=0.1)
+    assert materials(truth(LAB, only(materials=2.0, clutter=1.0), 0))["cabinet"] == "metal"
+
+
+def test_roughness_is_its_own_and_smooth_things_are_smooth_no_more():
+    rough = rt.Scene([TARGET.surfaces[0].replaced(roughness_m=0.2e-3)])
+    heights = [truth(rough, only(roughness=1.0), seed).surfaces[0].roughness_m for seed in range(400)]
+    assert np.log(heights).std() == pytest.approx(0.7, rel=0.1)
+    assert np.exp(np.log(heights).mean()) == pytest.approx(0.2e-3, rel=0.1)
+    assert truth(TARGET, only(roughness=2.0), 0).surfaces[0].roughness_m == pytest.approx(2 * ROUGHNESS_M["metal"])
+    glass = rt.Scene([TARGET.surfaces[0].replaced(material="glass")])
+    assert truth(glass, only(roughness=1.0), 0).surfaces[0].roughness_m == pytest.approx(ROUGHNESS_OTHER_M)
+
+
+def test_a_vessel_is_not_full_and_its_liquid_is_its_own():
+    bottle = rt.Surface(objects.cylinder(0.03, 0.2), Layered([("pet", 0.5e-3)], backing="mustard"), "bottle", role="object")
+    levels, factors = [], []
+    for seed in range(300):
+        filled, empty = truth(rt.Scene([bottle]), only(contents=1.0), seed)
+        assert filled.name == empty.name == "bottle"
+        assert isinstance(filled.material, Layered)
+        assert empty.material == Layered([("pet", 0.5e-3)])
+        assert filled.mesh.area + empty.mesh.area == pytest.approx(bottle.mesh.area, rel=1e-6)
+        levels.append((bottle.mesh.bounds[1, 2] - filled.mesh.bounds[1, 2]) / 0.2)
+        factors.append(split(filled.material.backing)[1])
+    assert 0.05 <= min(levels) < max(levels) <= 0.15
+    assert np.mean(levels) == pytest.approx(HEADSPACE, rel=0.1)
+    assert np.log(factors).std() == pytest.approx(0.10, rel=0.1)
+    assert len(truth(LAB, only(contents=2.0, clutter=1.0), 0)) == len(LAB)  # nothing else is filled
+
+
+def test_a_filled_vessel_in_parts_echoes_as_the_whole_one_does():
+    """Its headspace does nearly nothing for a broad side that is nine tenths full: within 2 dB."""
+    pose = trajectory.pose([1.0, 0.0, 0.0])[None]
+    bottle = rt.Scene([rt.Surface(objects.cylinder(0.03, 0.2), Layered([("pet", 0.5e-3)], backing="water"), "bottle", role="object")])
+    whole, parts = (
+        np.abs(clean(scene, RADAR, np.eye(4)[None], {"bottle": pose}, OFF).iq).mean()
+        for scene in (bottle, truth(bottle, only(contents=0.1), 3))
+    )
+    assert 20 * np.log10(parts / whole) == pytest.approx(0, abs=2)
+
+
+def test_one_gap_moves_nothing_that_another_does():
+    """Same seed, one more gap: what the others drew stays."""
+    one, two = truth(LAB, only(materials=1.0, clutter=1.0), 5), truth(LAB, only(materials=1.0, clutter=1.0, roughness=1.0), 5)
+    assert materials(one) == materials(two)
+    motion, sweep = {"plate": TURNING["plate"]}, np.eye(4)[None]
+    alone, both = (actual(sweep, motion, 10.0, only(placement=1.0, trajectory=t), 3).motion["plate"] for t in (0.0, 1.0))
+    assert not np.allclose(alone, both)
+    assert np.allclose(alone[:, :2, 3].mean(axis=0), both[:, :2, 3].mean(axis=0), atol=5e-3)
+
+
+def test_without_trajectory_and_placement_things_are_where_the_log_says():
+    sweep = trajectory.depth_sweep(trajectory.pose([0, 0, 0.4]))
+    there = actual(sweep, {"plate": np.eye(4)[None]}, 10.0, OFF, 3)
+    assert np.array_equal(there.sensor_poses, sweep)
+    assert np.array_equal(there.motion["plate"], np.eye(4)[None])
+    off = actual(sweep, {"plate": np.eye(4)[None]}, 10.0, Gaps(), 3)
+    assert 1e-3 < np.linalg.norm(off.sensor_poses[:, :3, 3] - sweep[:, :3, 3], axis=1).mean() < 0.1
+    assert 1e-3 < np.linalg.norm(off.motion["plate"][0, :3, 3]) < 0.03
+
+
+def test_a_recording_says_what_the_log_says():
+    sweep = trajectory.depth_sweep(trajectory.pose([0, 0, 0.0]))[:3]
+    poses = trajectory.pose([2.0, 0.0, 0.0])[None]
+    recording = record(TARGET, RADAR, sweep, {"plate": poses}, Gaps(solver=0), seed=1)
+    np.testing.assert_array_equal(recording.sensor_poses, sweep)
+    assert recording.radar == RADAR
+
+
+def test_without_gaps_a_recording_is_the_plain_simulation():
+    plain = rt.simulate(TARGET, RADAR, np.eye(4)[None], motion=TURNING)
+    measured = record(TARGET, RADAR, np.eye(4)[None], TURNING, OFF, seed=5)
+    assert np.array_equal(plain.iq, measured.iq)
+    assert measured.scale is None
+
+
+def test_repetitions_differ_and_repeat_themselves():
+    first, again, other = (record(TARGET, RADAR, np.eye(4)[None], TURNING, Gaps(solver=0), seed=s).iq for s in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_a_clean_recording_serves_every_repetition_and_strength():
+    """Made once, received often: the same as making it anew, and frames alone are as in the whole."""
+    gaps = Gaps(solver=0, trajectory=0, placement=0)
+    ideal = clean(TARGET, RADAR, np.eye(4)[None], TURNING, gaps)
+    whole = record(TARGET, RADAR, np.eye(4)[None], TURNING, gaps, seed=7)
+    assert np.array_equal(received(ideal, Hardware(), 7).iq, whole.iq)
+    last = Recording(ideal.iq[2:], RADAR)
+    assert np.array_equal(received(last, Hardware(), 7, first_frame=2).iq, whole.iq[2:])
+    assert np.array_equal(received(ideal, Hardware().scaled(0), 7).iq, ideal.iq)
+    stronger = clean(TARGET, RADAR, np.eye(4)[None], TURNING, dataclasses.replace(gaps, hardware=2.0))
+    assert np.array_equal(stronger.iq, ideal.iq)

@@ -1,0 +1,90 @@
+"""Truth and twin know nothing of one another: not by import, and not by what a strength of the truth changes."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import radartwin
+from experiments.campaign import Campaign, Case
+from radartwin.config.compose import compose
+from radartwin.io.progress import Progress
+from radartwin.store.digest import import_closure, spec_digest
+from radartwin.store.products import Product
+
+TESTBED = ("testbed", "variation", "motion_errors", "fixtures")
+TRUTHS = ("materials", "roughness", "contents", "clutter", "hardware", "trajectory", "placement", "solver")
+PACKAGE = Path(radartwin.__file__).parent
+
+
+@pytest.mark.parametrize("module", TESTBED)
+def test_the_testbed_imports_no_scan_no_label_and_no_settings(module):
+    forbidden = (
+        "radartwin.label", "radartwin.reconstruct", "radartwin.config.groups", "radartwin.config.compose", "radartwin.build.recording",
+    )  # fmt: skip
+    code = f"import sys, radartwin.testbed.{module}; sys.exit(' '.join(m for m in sys.modules if m.startswith({forbidden})) or None)"
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def imports(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_what_the_twin_is_made_of_imports_no_testbed():
+    truth = tuple(f"radartwin.testbed.{name}" for name in TESTBED)
+    for folder in ("label", "reconstruct", "scene", "materials", "simulation", "radar", "features"):
+        for path in (PACKAGE / folder).rglob("*.py"):
+            assert not [name for name in imports(path) if name.startswith(truth)], path
+
+
+class Store:
+    """Remembers what it was asked for, and makes nothing."""
+
+    def __init__(self):
+        self.asked = {}
+
+    def key(self, kind, spec, roots):
+        return spec_digest([kind, spec])
+
+    def fetch(self, kind, spec, roots, build):
+        self.asked[kind] = spec
+        return Product(Path(), spec_digest([kind, spec]), False)
+
+
+CASE = Case("corner_reflector", "lab", "turntable", 1.0)
+
+
+def asked(config, domain):
+    store = Store()
+    Campaign(config, store, Progress(quiet=True)).clean(domain, CASE)  # pyright: ignore[reportArgumentType]
+    return spec_digest(store.asked["clean"])
+
+
+@pytest.mark.parametrize("gap", TRUTHS)
+def test_a_strength_of_the_truth_changes_nothing_of_the_twin(gap):
+    """Not what it is simulated with, its scan included; the measured domain is asked anew."""
+    base = ["experiment=environment", "measured=testbed", "materials=uniform", "profile=quick"]
+    one, two = (compose([*base, f"measured.gap.{gap}={s}"]) for s in (0, 2))
+    for domain in ("twin", "void"):
+        assert asked(one, domain) == asked(two, domain)
+    assert asked(one, "measured") != asked(two, "measured")
+
+
+def test_the_strength_of_the_scan_changes_the_twin_alone():
+    base = ["experiment=environment", "measured=testbed", "materials=uniform", "profile=quick"]
+    one, two = (compose([*base, f"measured.gap.geometry={s}"]) for s in (0, 2))
+    assert asked(one, "measured") == asked(two, "measured")
+    assert asked(one, "twin") != asked(two, "twin")
+    assert asked(one, "void") == asked(two, "void")
+
+
+def test_no_module_of_one_side_of_a_campaign_reaches_the_other():
+    assert not import_closure(("experiments.campaign.truth",)) & {"experiments.campaign.twin", "experiments.scans.virtual_scan"}
+    assert not import_closure(("experiments.campaign.twin",)) & {"experiments.campaign.truth", "radartwin.testbed.testbed"}
