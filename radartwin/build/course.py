@@ -22,8 +22,8 @@ def read_course(config: TrajectoryConfig) -> Track:
     """
     from scipy.spatial.transform import Rotation
 
-    from radartwin.scene.trajectories.trajectory import pose
     from radartwin.scene.trajectories.file import read_track
+    from radartwin.scene.trajectories.trajectory import pose
 
     assert config.path is not None  # the configuration has checked it
     mount = pose(config.mount_m or (0, 0, 0), Rotation.from_euler("xyz", config.mount_deg or (0, 0, 0), degrees=True).as_matrix())
@@ -39,8 +39,8 @@ def check_course(scene: Scene, radar: Radar, sensor_poses: np.ndarray, target_po
     Raises:
         PoseError, SceneError: naming the frame.
     """
-    from radartwin.scene.trajectories import trajectory
     from radartwin.scene.collision import check_path
+    from radartwin.scene.trajectories import trajectory
 
     room = scene.only("room")
     if len(room):

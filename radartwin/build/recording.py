@@ -13,12 +13,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radartwin.config.compose import compose
-from radartwin.config.groups import MATERIALS_FIELDS, ROOMS, SIMULATOR_FIELDS, Config, MaterialsConfig, SceneConfig, SimulatorConfig, TrajectoryConfig
+from radartwin.build.course import check_course, furnished, read_course
 from radartwin.build.radar import build_radar
+from radartwin.config.compose import compose
+from radartwin.config.groups import (
+    MATERIALS_FIELDS,
+    ROOMS,
+    SIMULATOR_FIELDS,
+    Config,
+    MaterialsConfig,
+    SceneConfig,
+    SimulatorConfig,
+    TrajectoryConfig,
+)
 from radartwin.errors import ConfigError
 from radartwin.radar.chirp import Radar
-from radartwin.build.course import check_course, furnished, read_course
 
 if TYPE_CHECKING:
     from radartwin.adaptive.probe import Probe
@@ -278,8 +287,8 @@ def probe_of(config: Config, at: Staged, count: int | None = None, between: bool
         ConfigError: a recording whose repeatability is not known, or features that it does not have.
     """
     from radartwin.adaptive.probe import thinned
-    from radartwin.features.log import Nominal
     from radartwin.build.auto import families_of
+    from radartwin.features.log import Nominal
 
     sensor, target = at.course.sensor_poses, at.course.target_poses
     frames = max(len(sensor), len(target))
