@@ -1,24 +1,15 @@
-"""The faults that `make mutants` plants: changes of one line of the physics, each with the quick tests that should notice."""
+"""The faults that `make mutants` plants in the physics, each with the quick tests that must catch it.
+
+A change is (function, expression, faulty replacement, meaning). The file is one table and therefore exceeds 300 lines.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from fault import Change, Fault
 
 
-@dataclass(frozen=True)
-class Fault:
-    """One change of one line, what it means, and the tests that should notice."""
-
-    path: str
-    right: str
-    wrong: str
-    meaning: str
-    tests: str
-
-
-def _in(path: str, tests: str, *changes: tuple[str, str, str]) -> list[Fault]:
-    """Faults of one module: (right, wrong, meaning) each."""
-    return [Fault(f"radartwin/{path}.py", right, wrong, meaning, tests) for right, wrong, meaning in changes]
+def _in(module: str, tests: str, *changes: tuple[str, str, str, str]) -> list[Fault]:
+    return [Fault(f"radartwin/{module}.py", tests, Change(*change)) for change in changes]
 
 
 MATERIALS, MINC = "tests/physics/test_materials.py", "tests/materials/test_minc.py"
@@ -26,7 +17,7 @@ RCS, TUBES, SHELLS = "tests/physics/test_rcs.py", "tests/physics/test_tubes.py",
 SYNTHESIS, DIFFUSE, IMAGES = "tests/physics/test_synthesis.py", "tests/physics/test_diffuse.py", "tests/physics/test_images.py"
 COUPLING, DRIVES, ASPECTS = "tests/physics/test_coupling.py", "tests/physics/test_drives.py", "tests/physics/test_aspects.py"
 RECEIVER, HARDWARE, BASELINES = "tests/physics/test_receiver.py", "tests/physics/test_hardware.py", "tests/physics/test_baselines.py"
-POSES, POINTS = "tests/simulation/test_poses.py", "tests/physics/test_point_targets.py"
+POSES, POINTS, COVERAGE = "tests/simulation/test_poses.py", "tests/physics/test_point_targets.py", "tests/physics/test_coverage.py"
 RADAR, CFAR, FEATURES = "tests/radar/test_radar.py", "tests/radar/test_cfar.py", "tests/features/test_features.py"
 GATE, PROFILE, RANK = "tests/features/test_gate_align.py", "tests/features/test_profile.py", "tests/features/test_rank_calibration.py"
 
@@ -34,285 +25,344 @@ MATERIAL_FAULTS = (
     *_in(
         "materials/layers",
         MATERIALS,
-        ("r_te = (kz[outer] - kz[inner])", "r_te = (kz[inner] - kz[outer])", "TE reflection has the wrong sign"),
+        ("_stack", "kz[outer] - kz[inner]", "kz[inner] - kz[outer]", "TE reflection has the wrong sign"),
         (
-            "media[inner] * kz[outer] - media[outer] * kz[inner]) / d",
-            "media[inner] * kz[inner] - media[outer] * kz[outer]) / d",
+            "_stack",
+            "media[inner] * kz[outer] - media[outer] * kz[inner]",
+            "media[inner] * kz[inner] - media[outer] * kz[outer]",
             "TM reflection swaps the wave numbers",
         ),
-        ("once = np.exp(-1j * k0", "once = np.exp(1j * k0", "a lossy layer amplifies"),
-        ("te, through_te = (r_te + te * once**2)", "te, through_te = (r_te + te * once)", "a layer is passed once, not twice"),
-        ("t_te * once * through_te", "t_te * through_te", "a layer is passed without phase or loss"),
-        ("sin2 = 1 - np.asarray(cos_incidence, float) ** 2", "sin2 = 1 - np.asarray(cos_incidence, float)", "sine of the wrong angle"),
+        ("_stack", "-1j * k0", "1j * k0", "a lossy layer amplifies"),
+        ("_stack", "r_te + te * once**2", "r_te + te * once", "the wave crosses a layer once, not twice"),
+        ("_stack", "t_te * once * through_te", "t_te * through_te", "a layer transmits without phase and loss"),
+        ("_stack", "np.asarray(cos_incidence, float) ** 2", "np.asarray(cos_incidence, float)", "the sine of the incidence is wrong"),
     ),
     *_in(
         "materials/itu",
         MATERIALS,
-        ("return real - 1j * conductivity", "return real - 2j * conductivity", "twice the conductivity"),
-        ("return real - 1j * conductivity", "return real + 1j * conductivity", "gain instead of loss"),
+        ("permittivity", "1j * conductivity", "2j * conductivity", "the conductivity is doubled"),
+        ("permittivity", "1j * conductivity", "-1j * conductivity", "a material amplifies"),
     ),
     *_in(
         "materials/roughness",
         MATERIALS,
-        ("return np.exp(-2 * (wavenumber", "return np.exp(-1 * (wavenumber", "Ament's factor on power"),
-        ("np.exp(-0.5 * (wavenumber", "np.exp(-2 * (wavenumber", "a rough face dims what passes as what returns"),
+        ("ament", "-2", "-1", "Ament's factor applies to the power"),
+        ("ament_transmitted", "-0.5", "-2", "roughness reduces transmission as much as reflection"),
     ),
     *_in(
         "materials/liquids",
         MATERIALS,
-        ("static - f * ((static - first)", "static - ((static - first)", "water does not relax"),
-        ("np.asarray(eps) ** (1 / 3)", "np.asarray(eps) ** (1 / 2)", "Looyenga's law of mixtures with another power"),
+        (
+            "water",
+            "static - f * ((static - first) / (f - 1j * gamma_1) + (first - second) / (f - 1j * gamma_2))",
+            "static - ((static - first) / (f - 1j * gamma_1) + (first - second) / (f - 1j * gamma_2))",
+            "water does not relax",
+        ),
+        ("looyenga", "np.asarray(eps) ** (1 / 3)", "np.asarray(eps) ** (1 / 2)", "Looyenga's mixing law has the wrong power"),
     ),
-    *_in("materials/distance", MINC, ("np.maximum(10 * np.log10(", "np.maximum(20 * np.log10(", "decibels of power counted twice")),
+    *_in(
+        "materials/distance",
+        MINC,
+        ("_level", "10 * np.log10(np.maximum(power, 1e-30))", "20 * np.log10(np.maximum(power, 1e-30))", "decibels are doubled"),
+    ),
 )
 
 TRACER_FAULTS = (
     *_in(
         "simulation/rcs",
         RCS,
-        (
-            "return float(4 * np.pi * abs(2 * wavenumber * total) ** 2)",
-            "return float(4 * np.pi * abs(wavenumber * total) ** 2)",
-            "far-field cross-section 6 dB low",
-        ),
-        ("stand_off**4", "stand_off**3", "near field falls with the wrong power of distance"),
-        (
-            "np.exp(1j * wavenumber * (hits.length_in_m + hits.length_out_m))",
-            "np.exp(1j * wavenumber * (hits.length_in_m - hits.length_out_m))",
-            "the way back is not added to the way there",
-        ),
+        ("rcs", "2 * wavenumber * total", "wavenumber * total", "the far-field cross-section is 6 dB low"),
+        ("rcs", "stand_off**4", "stand_off**3", "the near field falls with the wrong power of distance"),
+        ("rcs", "hits.length_in_m + hits.length_out_m", "hits.length_in_m - hits.length_out_m", "the return length is subtracted"),
     ),
     *_in(
-        "simulation/tubes",
+        "simulation/curved/tubes",
         f"{RCS} {TUBES}",
+        ("_Run.block", "2 * np.pi * self.frequency_hz", "np.pi * self.frequency_hz", "the tubes use half the wavenumber"),
+    ),
+    *_in(
+        "simulation/curved/scatter",
+        f"{RCS} {TUBES}",
+        ("scatter", "8 * np.pi * contact.cosine", "4 * np.pi * contact.cosine", "a footprint radiates 6 dB too much"),
+        ("scatter", "electric + magnetic", "electric - magnetic", "magnetic currents have the wrong sign"),
+        ("scatter", "0.5 * wavenumber", "0.25 * wavenumber", "the second-order phase of a footprint is halved"),
+    ),
+    *_in(
+        "simulation/curved/contact",
+        f"{RCS} {TUBES}",
+        ("bounce", "2 * contact.cosine", "contact.cosine", "a curved mirror has half its power"),
         (
-            "wavenumber = dr.opaque(mi.Float, 2 * np.pi * self.frequency_hz",
-            "wavenumber = dr.opaque(mi.Float, np.pi * self.frequency_hz",
-            "half the wavenumber in the tubes",
-        ),
-    ),
-    *_in(
-        "simulation/scatter",
-        f"{RCS} {TUBES}",
-        ("dr.rcp(8 * np.pi * contact.cosine)", "dr.rcp(4 * np.pi * contact.cosine)", "a footprint radiates 6 dB too much"),
-        ("radiated.append(electric + magnetic)", "radiated.append(electric - magnetic)", "magnetic currents have the wrong sign"),
-        ("bends = [0.5 * wavenumber * bend(i, i)", "bends = [0.25 * wavenumber * bend(i, i)", "half the second-order phase of a footprint"),
-    ),
-    *_in(
-        "simulation/contact",
-        f"{RCS} {TUBES}",
-        ("feet[i] + turn * (2 * contact.cosine)", "feet[i] + turn * contact.cosine", "a curved mirror has half its power"),
-        ("dr.select(one, -im, re * sign), dr.select(one, re,", "dr.select(one, im, re * sign), dr.select(one, -re,", "a caustic delays"),
-    ),
-    *_in(
-        "simulation/footprint",
-        f"{RCS} {TUBES}",
-        ("moment[1] -= part * sine", "moment[1] += part * sine", "second-order phase of a footprint has the wrong sign"),
-    ),
-    *_in(
-        "simulation/coverage",
-        "tests/physics/test_coverage.py",
-        ("u, v = u / depth, v / depth", "u, v = u, v", "corners are not projected onto the grid"),
-        (
-            "int(np.ceil(u[n].max())) + MARGIN + 1",
-            "int(np.ceil(u[n].max())) - MARGIN",
-            "the cells of a facet end before the facet does",
+            "_pass_caustics",
+            "dr.select(one, -im, re * sign), dr.select(one, re, im * sign)",
+            "dr.select(one, im, re * sign), dr.select(one, -re, im * sign)",
+            "a caustic delays the phase",
         ),
     ),
     *_in(
-        "simulation/shell",
+        "simulation/curved/footprint",
+        f"{RCS} {TUBES}",
+        ("footprint_moments", "moment[1] -= part * sine", "moment[1] += part * sine", "the second-order phase has the wrong sign"),
+    ),
+    *_in(
+        "simulation/curved/coverage",
+        COVERAGE,
+        ("covered", "(u / depth, v / depth)", "(u, v)", "corners are not projected onto the grid"),
+        ("_mark", "int(np.ceil(u[n].max())) + MARGIN + 1", "int(np.ceil(u[n].max())) - MARGIN", "cells end before their facet"),
+    ),
+    *_in(
+        "simulation/curved/shell",
         SHELLS,
-        ("shift = np.exp(1j * wavenumber", "shift = np.exp(-1j * wavenumber", "a wall's thickness shifts the phase the wrong way"),
-        ("turned = Layered(material.layers[::-1])", "turned = Layered(())", "a wall seen from inside is nothing"),
+        ("of", "1j * wavenumber", "-1j * wavenumber", "a wall's thickness shifts the phase the wrong way"),
+        ("of", "material.layers[::-1]", "()", "a wall has no layers from inside"),
     ),
     *_in(
-        "simulation/transit",
+        "simulation/curved/transit",
         SHELLS,
-        ("s * (te_re * s_im + te_im * s_re)", "s * (te_re * s_im - te_im * s_re)", "a wall leads where it should lag"),
+        (
+            "Walls._passed",
+            "te_re * s_im + te_im * s_re",
+            "te_re * s_im - te_im * s_re",
+            "a wall advances the phase instead of delaying it",
+        ),
     ),
     *_in(
         "simulation/diffuse",
         DIFFUSE,
+        ("scattered_power", "16 * np.pi**3", "64 * np.pi**3", "scattered power is 6 dB low"),
+        ("_block", "np.sqrt(power[kept])", "power[kept]", "power is used as amplitude"),
         (
-            "(wavelength_m / product) ** 2 / (16 * np.pi**3)",
-            "(wavelength_m / product) ** 2 / (64 * np.pi**3)",
-            "scattered power 6 dB low",
+            "_block",
+            "-2 * np.einsum('ni,ni->n', direction, velocity[pose])",
+            "-1 * np.einsum('ni,ni->n', direction, velocity[pose])",
+            "half the Doppler shift of diffuse echoes",
         ),
-        ("np.sqrt(power[kept]) * scatterers", "power[kept] * scatterers", "power taken for amplitude"),
-        ("rate = -2 * np.einsum", "rate = -1 * np.einsum", "half the Doppler shift of what is diffuse"),
-        ("(1 - coherent**2) * np.abs(c) ** 2", "(1 - coherent) * np.abs(c) ** 2", "more power is lost to roughness than is scattered"),
-        ("area = upto[-1] / count / 2 /", "area = upto[-1] / count /", "scatterers stand for twice the area"),
-        ("return ~geometry.scene().ray_test(ray).numpy()", "return np.ones(len(distance), bool)", "scatterers are seen through walls"),
+        ("scattered_share", "1 - coherent**2", "1 - coherent", "roughness removes more power than it scatters"),
+        ("cloud", "upto[-1] / count / 2", "upto[-1] / count", "each scatterer represents twice its area"),
+        ("_visible", "~geometry.scene().ray_test(ray).numpy()", "np.ones(len(distance), bool)", "walls do not hide scatterers"),
     ),
     *_in(
-        "simulation/images",
+        "simulation/flat/images",
         IMAGES,
-        ("flip @ shift[i] + 2 * panels.offset[p]", "flip @ shift[i] + panels.offset[p]", "an image stands half as far behind its mirror"),
+        ("prepare", "2 * panels.offset[p] * panels.normal[p]", "panels.offset[p] * panels.normal[p]", "an image has half its distance"),
         (
+            "_sides",
             "all(h.max() > aperture.BEHIND for h in height)",
             "any(h.max() > aperture.BEHIND for h in height)",
-            "panels mirror what is behind",
+            "panels reflect from behind",
         ),
     ),
     *_in(
-        "simulation/aperture",
+        "simulation/flat/aperture",
         IMAGES,
-        ("* complex(-im, re)", "* complex(im, -re)", "the edge wave has the wrong sign"),
-        ("            total = before", "            total = max(total, before)", "what a shadow misses stays, and its cuts as well"),
+        ("_tail", "complex(-im, re)", "complex(im, -re)", "the edge wave has the wrong sign"),
+        ("subtract", "total = before", "total = max(total, before)", "pieces that the shadow misses are cut"),
     ),
     *_in(
-        "simulation/coupling",
+        "simulation/flat/coupling",
+        COUPLING,
+        ("group_paths", "out_leg != back_leg", "out_leg != out_leg", "paths over the room run in one direction only"),
+        (
+            "group_paths",
+            "-np.einsum('ni,ni->n', hits.departure, out.velocity[row]) - np.einsum('ni,ni->n', hits.arrival, back.velocity[row])",
+            "-np.einsum('ni,ni->n', hits.arrival, back.velocity[row])",
+            "only the return has a Doppler shift",
+        ),
+        (
+            "group_paths",
+            "free[direct] &= _free(occluder, sensor_poses[frame[direct], :3, 3], point[direct])",
+            "free[direct] |= _free(occluder, sensor_poses[frame[direct], :3, 3], point[direct])",
+            "furniture does not hide objects",
+        ),
+        (
+            "group_paths",
+            "over.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen])",
+            "over.weigh(amplitude.copy(), place_of[frame[chosen]], leg[row[chosen]], point[chosen])",
+            "the amplitudes of the legs are not applied",
+        ),
+    ),
+    *_in(
+        "simulation/flat/legs",
         COUPLING,
         (
-            "crosses.append((out_leg != back_leg)[row[chosen]])",
-            "crosses.append((out_leg != out_leg)[row[chosen]])",
-            "ways over the room go one way round",
+            "_View.carried",
+            "np.einsum('nk,nqk->nq', unit, at.field).conj()",
+            "np.einsum('nk,nqk->nq', unit, at.field)",
+            "the field of a leg is not conjugated",
         ),
-        ('rate = -np.einsum("ni,ni->n", hits.departure, out.velocity[row]) - ', "rate = -", "only the way back has a Doppler shift"),
-        ("free[direct] &= _free(", "free[direct] |= _free(", "things are seen through the furniture"),
-        ("over.weigh(amplitude, place_of", "over.weigh(amplitude.copy(), place_of", "what legs carry is not applied"),
     ),
     *_in(
-        "simulation/legs",
-        COUPLING,
-        ("at.field).conj() * at.factor", "at.field) * at.factor", "legs have the other sign of time"),
-    ),
-    *_in(
-        "simulation/drives",
+        "simulation/flat/drives",
         DRIVES,
-        ("arrival[n, i]) - shift[f, i]", "arrival[n, i]) + shift[f, i]", "paths are carried the wrong way along the track"),
-        ("total -= turned * velocity[f, i]", "total += turned * velocity[f, i]", "approaching on a drive reads as receding"),
+        (
+            "_carry",
+            "length * (departure[n, i] if end == 0 else arrival[n, i]) - shift[f, i]",
+            "length * (departure[n, i] if end == 0 else arrival[n, i]) + shift[f, i]",
+            "paths move the wrong way along the track",
+        ),
+        ("_carry", "total -= turned * velocity[f, i]", "total += turned * velocity[f, i]", "approaching reads as receding"),
     ),
     *_in(
         "simulation/aspects",
         ASPECTS,
-        ("* (self.symmetry * count / (2 * np.pi))", "* (count / (2 * np.pi))", "a symmetric target turns too slowly"),
-        (
-            "(first[f, c, t] + k + 1 - weights.shape[3] // 2) % count",
-            "(first[f, c, t] + k - weights.shape[3] // 2) % count",
-            "aspects are one behind their angle",
-        ),
+        ("Aspects.at", "self.symmetry * count", "count", "a symmetric target turns too slowly"),
+        ("_combine", "first[f, c, t] + k + 1", "first[f, c, t] + k", "aspects are one step behind their angle"),
     ),
     *_in(
         "simulation/poses",
         POSES,
-        ("out[:, :3, 3] = -np.einsum(", "out[:, :3, 3] = np.einsum(", "the inverse of a pose moves the wrong way"),
-        ("Rotation.from_rotvec(share * turn)", "Rotation.from_rotvec(0 * turn)", "what turns has no Doppler shift"),
+        (
+            "inverse",
+            "-np.einsum('fij,fj->fi', rotation, poses[:, :3, 3])",
+            "np.einsum('fij,fj->fi', rotation, poses[:, :3, 3])",
+            "the inverse of a pose moves the wrong way",
+        ),
+        ("_advanced", "share * turn", "0 * turn", "rotation causes no Doppler shift"),
     ),
-    *_in(
-        "simulation/scatterers", BASELINES, ("(4 * np.pi) ** 3) / distance**2", "(4 * np.pi) ** 3) / distance", "points fall off as 1/R^2")
-    ),
+    *_in("simulation/backends/scatterers", BASELINES, ("PointBackend._object", "distance**2", "distance", "points fall off as 1/R^2")),
 )
 
 SIGNAL_FAULTS = (
     *_in(
-        "simulation/synthesis",
+        "simulation/signal/synthesis",
         f"{SYNTHESIS} {RECEIVER}",
-        ("motion = 2 * np.pi * reach", "motion = np.pi * reach", "half the Doppler shift"),
-        ("np.float32(np.sqrt(received / transmitted / 2))", "np.float32(np.sqrt(received / transmitted))", "noise 3 dB high"),
+        ("synthesize", "2 * np.pi * reach", "np.pi * reach", "the Doppler shift is halved"),
+        ("thermal_noise", "received / transmitted / 2", "received / transmitted", "noise is 3 dB high"),
         (
-            "gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)",
-            "gain = element_gain(radar.element, paths.departure)",
-            "the antenna's gain on the way out only",
+            "synthesize",
+            "element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)",
+            "element_gain(radar.element, paths.departure)",
+            "the antenna gain applies at transmission only",
         ),
-        ("block += signal * (1 + np.complex64(1j) * phase", "block += signal * (1 + 0 * phase", "no phase noise on echoes"),
+        ("received", "np.complex64(1j) * phase.reshape(shape)", "0 * phase.reshape(shape)", "echoes have no phase noise"),
     ),
     *_in(
-        "simulation/gridding",
+        "simulation/signal/gridding",
         SYNTHESIS,
-        ("change = squared - 2 * length * along", "change = squared - length * along", "antenna elements half as far apart"),
-        ("size = orders[k] if k == 0 else 2 * orders[k]", "size = orders[k]", "the Jacobi-Anger series lacks its factor of two"),
+        ("_element_distance", "2 * length * along", "length * along", "antenna elements are half as far apart"),
+        ("_motion", "orders[k] if k == 0 else 2 * orders[k]", "orders[k]", "the Jacobi-Anger series lacks its factor of two"),
     ),
-    *_in("radar/antenna", f"{RADAR} {RECEIVER}", ("np.log(10) / 20 *", "np.log(10) / 10 *", "the gain counted twice")),
+    *_in("radar/antenna", f"{RADAR} {RECEIVER}", ("element_gain", "np.log(10) / 20", "np.log(10) / 10", "the gain is doubled")),
     *_in(
         "radar/if_filter",
         RECEIVER,
-        ("high *= beat_hz / (beat_hz - 1j * corner)", "high *= beat_hz / (beat_hz + 1j * corner)", "a high-pass lags"),
-        ("- self.pass_share) / (1 - self.pass_share), 0, 1)", "- self.pass_share), 0, 1)", "the stop band begins beyond the band's edge"),
+        ("IfFilter.gain", "beat_hz - 1j * corner", "beat_hz + 1j * corner", "the high-pass filter delays the phase"),
+        (
+            "IfFilter.gain",
+            "(np.abs(beat_hz) / band_hz - self.pass_share) / (1 - self.pass_share)",
+            "np.abs(beat_hz) / band_hz - self.pass_share",
+            "the stop band begins beyond the edge of the band",
+        ),
     ),
     *_in(
         "radar/phase_noise",
         f"{RECEIVER} {HARDWARE}",
-        (
-            "np.exp(-2j * np.pi * np.outer(delays_s, offset))",
-            "np.exp(-1j * np.pi * np.outer(delays_s, offset))",
-            "half the range correlation",
-        ),
-        ("self.density(offset) * spacing)", "self.density(offset) * spacing / 2)", "phase noise 3 dB low"),
+        ("_lines", "-2j * np.pi", "-1j * np.pi", "the range correlation is halved"),
+        ("PhaseNoise.processes", "self.density(offset) * spacing", "self.density(offset) * spacing / 2", "phase noise is 3 dB low"),
     ),
     *_in(
         "radar/hardware",
         HARDWARE,
-        ("kept = np.float32(10 ** (-self.line_loss_db / 20))", "kept = np.float32(10 ** (-self.line_loss_db / 10))", "lines lose twice"),
-        ("(1 - np.conj(error)) / 2", "(1 + np.conj(error)) / 2", "the mixer's image is as strong as the echo"),
-        ("path = apart + self.feed_m", "path = apart", "leakage without its feed lines"),
+        ("Hardware.leaked", "-self.line_loss_db / 20", "-self.line_loss_db / 10", "line loss is doubled"),
+        ("Hardware.digitised", "1 - np.conj(error)", "1 + np.conj(error)", "the mixer's image is as strong as the echo"),
+        ("Hardware.leakage", "apart + self.feed_m", "apart", "leakage does not pass the feed lines"),
     ),
     *_in(
         "radar/processing",
         f"{POINTS} {RADAR}",
-        (
-            "turn = np.exp(-2j * np.pi * doppler_hz",
-            "turn = np.exp(2j * np.pi * doppler_hz",
-            "the transmitters' delay corrected the wrong way",
-        ),
-        ("np.exp(1j * wavenumber * row @ direction)", "np.exp(-1j * wavenumber * row @ direction)", "left is right"),
-        ("profile = 2 * profile[..., : bins // 2]", "profile = profile[..., : bins // 2]", "real samples read 6 dB low"),
-        (
-            "fold_m = radar.sample_rate_hz * SPEED_OF_LIGHT / (2 *",
-            "fold_m = radar.sample_rate_hz * SPEED_OF_LIGHT / (1 *",
-            "range twice as far",
-        ),
+        ("doppler_fft", "-2j * np.pi", "2j * np.pi", "the delay between transmitters is corrected the wrong way"),
+        ("steering", "1j * wavenumber", "-1j * wavenumber", "left and right are swapped"),
+        ("range_fft", "2 * profile[..., : bins // 2]", "profile[..., : bins // 2]", "real samples read 6 dB low"),
+        ("range_axis", "2 * radar.slope_hz_per_s", "1 * radar.slope_hz_per_s", "ranges are doubled"),
     ),
     *_in(
         "radar/cfar",
         CFAR,
-        ("f.isf(false_alarm, 2 * looks, 2 * looks * training)", "f.isf(false_alarm, looks, looks * training)", "looks counted by halves"),
-        ("np.maximum(total - inner, 0.0) / cells", "np.maximum(total, 0.0) / cells", "the cell under test counts as noise"),
+        (
+            "ca_factor",
+            "f.isf(false_alarm, 2 * looks, 2 * looks * training)",
+            "f.isf(false_alarm, looks, looks * training)",
+            "the number of looks is halved",
+        ),
+        ("ca_cfar", "total - inner", "total", "the cell under test counts as noise"),
     ),
 )
 
 FEATURE_FAULTS = (
-    *_in("features/align", GATE, ("np.roll(second, -lag)", "np.roll(second, lag)", "late is taken for early")),
+    *_in("features/align", GATE, ("start_offset", "np.roll(second, -lag)", "np.roll(second, lag)", "the offset has the wrong sign")),
     *_in(
         "features/gate",
         GATE,
-        ("float(1 - np.sum(inside) / np.sum(total))", "float(np.sum(inside) / np.sum(total))", "direct for multipath"),
+        ("multipath_share", "1 - np.sum(inside) / np.sum(total)", "np.sum(inside) / np.sum(total)", "the direct share is reported"),
     ),
     *_in(
         "features/profile",
         PROFILE,
-        ("(np.abs(spectrum) ** 2).mean(axis=(1, 2))", "(np.abs(spectrum.mean(axis=(1, 2))) ** 2)", "channels added coherently"),
-        ("range_m > target_m) & ~gate", "range_m > target_m) & gate", "what is beyond the target is what is in its gate"),
+        (
+            "range_time",
+            "(np.abs(spectrum) ** 2).mean(axis=(1, 2))",
+            "np.abs(spectrum.mean(axis=(1, 2))) ** 2",
+            "channels are summed coherently",
+        ),
+        ("beyond_target_share", "~gate(range_m, target_m)", "gate(range_m, target_m)", "the gate counts as beyond the target"),
     ),
     *_in(
         "features/calibration",
         RANK,
-        ("wanted / np.where(still, 1.0, spread)", "spread / np.where(still, 1.0, wanted)", "the map is inverted"),
+        ("fit", "wanted / np.where(still, 1.0, spread)", "spread / np.where(still, 1.0, wanted)", "the map is inverted"),
     ),
-    *_in("features/rank", RANK, ("axis=0) - 0.5) / rows.sum()", "axis=0) - 1.0) / rows.sum()", "ranks begin at zero")),
+    *_in(
+        "features/rank",
+        RANK,
+        ("rank_normalise", "rankdata(matrix[rows], axis=0) - 0.5", "rankdata(matrix[rows], axis=0) - 1.0", "ranks begin at zero"),
+    ),
     *_in(
         "features/envelope",
         FEATURES,
-        ("return inside - gate_energies(floor", "return inside + gate_energies(floor", "noise is added to the target's energy"),
-        ("harmonics(envelope, high)[low - 1 :] ** 2", "harmonics(envelope, high)[low - 1 :]", "amplitudes summed for powers"),
-        ("envelope.max() / np.sqrt(np.mean(envelope**2))", "envelope.max() / np.mean(envelope**2)", "the crest factor over a power"),
+        (
+            "target_energy",
+            "inside - gate_energies(floor, processed.range_m, target_m, bins)[0]",
+            "inside + gate_energies(floor, processed.range_m, target_m, bins)[0]",
+            "noise is added to the target's energy",
+        ),
+        ("harmonic_ratio", "harmonics(envelope, high)[low - 1 :] ** 2", "harmonics(envelope, high)[low - 1 :]", "amplitudes are summed"),
+        ("crest_factor", "np.sqrt(np.mean(envelope**2))", "np.mean(envelope**2)", "the crest factor divides by a power"),
     ),
-    *_in("features/doppler", FEATURES, ("limit / np.pi * np.angle", "-limit / np.pi * np.angle", "receding reads as approaching")),
-    *_in("features/extent", FEATURES, ("np.maximum(spectrum - noise, 0.0)", "np.maximum(spectrum, 0.0)", "noise widens the target")),
-    *_in("features/brightness", FEATURES, ("dtype=np.float64) ** 4", "dtype=np.float64) ** 2", "the range law of one way")),
-    *_in("features/window", FEATURES, ("(np.arange(BINS + 1) - BINS / 2)", "np.arange(BINS + 1)", "the window begins at the target")),
+    *_in("features/doppler", FEATURES, ("radial_velocity", "limit / np.pi", "-limit / np.pi", "receding reads as approaching")),
+    *_in("features/extent", FEATURES, ("gate_spectrum", "spectrum - noise", "spectrum", "noise widens the target")),
     *_in(
-        "features/track", FEATURES, ("processed.power - processed.noise_floor, 0.0) * near", "near * 1.0, 0.0)", "the track ignores power")
+        "features/brightness",
+        FEATURES,
+        (
+            "without_range_law",
+            "np.asarray(distance_m, dtype=np.float64) ** 4",
+            "np.asarray(distance_m, dtype=np.float64) ** 2",
+            "the range law covers one direction only",
+        ),
+    ),
+    *_in(
+        "features/window",
+        FEATURES,
+        ("energies", "np.arange(BINS + 1) - BINS / 2", "np.arange(BINS + 1)", "the window starts at the target"),
+    ),
+    *_in(
+        "features/track",
+        FEATURES,
+        ("_weighted", "np.maximum(processed.power - processed.noise_floor, 0.0) * near", "near * 1.0", "the track ignores power"),
     ),
     *_in(
         "features/signature",
         FEATURES,
-        ("np.fft.fftshift(1 + decibels / FLOOR_DB, axes=0)", "(1 + decibels / FLOOR_DB)", "what stands still lies at the edge of Doppler"),
+        (
+            "signature",
+            "np.fft.fftshift(1 + decibels / FLOOR_DB, axes=0)",
+            "1 + decibels / FLOOR_DB",
+            "zero Doppler lies at the edge of the signature",
+        ),
     ),
     *_in(
         "features/processed",
         FEATURES,
-        ("(radar.num_chirps * np.sum(taps**2))", "np.sum(taps**2)", "the noise floor is that of one chirp"),
+        ("process", "radar.num_chirps * np.sum(taps**2)", "np.sum(taps**2)", "the noise floor is that of a single chirp"),
     ),
 )
 

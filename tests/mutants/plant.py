@@ -1,9 +1,9 @@
-"""Faults planted in the physics, one at a time in a copy of the tree: the quick physics tests must catch each.
+"""Plant each fault in a copy of the tree and run the quick physics tests, which must catch it.
 
-    make mutants                              all of them
-    python tests/mutants/plant.py layers rcs  those in files whose path holds one of the words
+    make mutants                              all faults
+    python tests/mutants/plant.py layers rcs  the faults of files whose path contains one of these words
 
-Prints a line per fault and ends with status 1 if one was not caught, or no longer finds its place.
+Prints one line per fault. The exit status is 1 if a fault is not caught or its expression is not found.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from faults import FAULTS, Fault
+from fault import Fault
+from faults import FAULTS
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT_S = 900
 
 
-def ended(tests: Sequence[str], tree: Path) -> int | None:
-    """Exit status of pytest on these files of the tree; None if it did not come to an end."""
+def test_status(tests: Sequence[str], tree: Path) -> int | None:
+    """Exit status of pytest on these files of the tree; None after a timeout."""
     command = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider", *tests]
     environment = {**os.environ, "PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree / "numba")}
     try:
@@ -33,19 +34,19 @@ def ended(tests: Sequence[str], tree: Path) -> int | None:
         return None
 
 
-def caught(fault: Fault, tree: Path) -> tuple[str, float]:
-    """What became of the fault in the copied tree: caught, NOT CAUGHT, or NO PLACE where its line has changed."""
-    path, started = tree / fault.path, time.monotonic()
-    sound = path.read_text(encoding="utf-8")
-    if sound.count(fault.right) != 1:
-        return "NO PLACE", 0.0
-    path.write_text(sound.replace(fault.right, fault.wrong), encoding="utf-8")
+def outcome(fault: Fault, tree: Path) -> str:
+    """`caught`, `NOT CAUGHT`, `NO PLACE` or the unexpected status of pytest. A test that does not end catches the fault."""
+    path = tree / fault.path
+    source = path.read_text(encoding="utf-8")
     try:
-        status = ended(fault.tests.split(), tree)
+        path.write_text(fault.plant(source), encoding="utf-8")
+    except LookupError as error:
+        return f"NO PLACE ({error})"
+    try:
+        status = test_status(fault.tests.split(), tree)
     finally:
-        path.write_text(sound, encoding="utf-8")
-    said = {0: "NOT CAUGHT", 1: "caught", None: "caught"}.get(status, f"pytest {status}")  # a test that hangs has noticed
-    return said, time.monotonic() - started
+        path.write_text(source, encoding="utf-8")
+    return {0: "NOT CAUGHT", 1: "caught", None: "caught"}.get(status, f"pytest {status}")
 
 
 def main(words: Sequence[str]) -> int:
@@ -53,16 +54,16 @@ def main(words: Sequence[str]) -> int:
     missed = 0
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
-        ignored = shutil.ignore_patterns(".git", ".venv", "outputs", "__pycache__", "results")
-        shutil.copytree(ROOT, tree, ignore=ignored)
+        shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".git", ".venv", "outputs", "__pycache__", "results"))
         tests = sorted({test for fault in chosen for test in fault.tests.split()})
-        if ended(tests, tree) != 0:
-            print(f"mutants: without a fault these do not pass: {' '.join(tests)}")
+        if test_status(tests, tree) != 0:
+            print(f"mutants: these tests fail without a fault: {' '.join(tests)}")
             return 1
         for fault in chosen:
-            status, seconds = caught(fault, tree)
-            missed += status != "caught"
-            print(f"{status:10s} {seconds:6.1f} s  {fault.path}: {fault.meaning}", flush=True)
+            started = time.monotonic()
+            result = outcome(fault, tree)
+            missed += result != "caught"
+            print(f"{result:10s} {time.monotonic() - started:6.1f} s  {fault.path}: {fault.change.meaning}", flush=True)
     print(f"mutants: {len(chosen) - missed} of {len(chosen)} caught")
     return 1 if missed else 0
 
