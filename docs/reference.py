@@ -25,7 +25,7 @@ MODULES = (
     "radartwin.features",
     "radartwin.adaptive",
     "radartwin.recognize",
-    "radartwin.config.groups",
+    "radartwin.config",
     "radartwin.runs.experiment",
     "radartwin.store.products",
     "radartwin.errors",

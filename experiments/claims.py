@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from experiments.statistics import Estimate
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.store.digest import spec_digest
 
 SHOWN_KEYS = 12  # of a row; more are told by their number and digest, and are all in the run's result

@@ -15,7 +15,8 @@ from experiments.campaign import crew, tally, truth, twin
 from experiments.campaign.cases import Case, Log, log, planned
 from experiments.campaign.recorded import Recorded
 from experiments.campaign.turned import Turned
-from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
 from radartwin.errors import InputError
 from radartwin.features.processed import Processed, process
 from radartwin.io.progress import Progress

@@ -13,7 +13,7 @@ from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.trajectories import trajectory
 
 if TYPE_CHECKING:
-    from radartwin.config.groups import CampaignConfig
+    from radartwin.config.study import CampaignConfig
 
 Motion = Literal["turntable", "radial", "diagonal", "depth", "lateral"]
 RAIL: tuple[Motion, ...] = ("radial", "diagonal")

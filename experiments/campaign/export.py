@@ -13,7 +13,7 @@ from experiments.campaign.cases import TURN_S, Case
 from experiments.campaign.recorded import TURN
 from radartwin import __version__
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.io.progress import Progress

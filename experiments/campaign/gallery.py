@@ -20,7 +20,7 @@ from experiments import statistics
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import RAIL, ROVER, Case, Log, Motion
 from experiments.claims import row
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features import envelope, gate, track
 from radartwin.features.processed import Processed

@@ -11,7 +11,8 @@ import numpy as np
 
 from experiments.campaign.cases import BENCH_ROOM, ROVER, TURN_S, Case, Log, Motion, course
 from radartwin.build.radar import build_radar
-from radartwin.config.groups import ROOMS, Config
+from radartwin.config.config import Config
+from radartwin.config.scene import ROOMS
 from radartwin.errors import InputError
 from radartwin.features.envelope import frames_per_revolution
 from radartwin.io.progress import Progress

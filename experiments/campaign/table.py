@@ -27,7 +27,8 @@ from experiments.scans import virtual_scan
 from experiments.statistics import Estimate
 from radartwin.build.radar import build_radar
 from radartwin.config.compose import compose
-from radartwin.config.groups import CampaignConfig, Config
+from radartwin.config.config import Config
+from radartwin.config.study import CampaignConfig
 from radartwin.features.processed import MAX_RANGE_M
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar

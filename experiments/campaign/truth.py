@@ -33,7 +33,7 @@ from radartwin.testbed import drift, fixtures, testbed
 from radartwin.testbed import motion_errors as errors
 
 if TYPE_CHECKING:
-    from radartwin.config.groups import Config
+    from radartwin.config.config import Config
 
 ROUND = ("can_", "drink_can")  # about their own axes
 OFF_AXIS = 3.0  # standard deviations of hand and wobble that aspects hold

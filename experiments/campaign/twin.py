@@ -18,7 +18,9 @@ from radartwin.adaptive.probe import thinned
 from radartwin.build import auto
 from radartwin.build.radar import build_radar
 from radartwin.build.recording import parts_of, simulator_options
-from radartwin.config.groups import Config, FeaturesConfig, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
+from radartwin.config.study import FeaturesConfig
 from radartwin.features.names import SETS
 from radartwin.label.sources import material_source, without_fragments
 from radartwin.materials import Layered

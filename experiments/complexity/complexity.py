@@ -31,7 +31,8 @@ from radartwin.adaptive.probe import Probe, thinned
 from radartwin.build.auto import ALL, families_of
 from radartwin.build.radar import build_radar
 from radartwin.build.recording import measured_as, probe_of, staged
-from radartwin.config.groups import CampaignConfig, Config
+from radartwin.config.config import Config
+from radartwin.config.study import CampaignConfig
 from radartwin.features.names import SETS
 from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress

@@ -28,7 +28,8 @@ from experiments.speed import measuring
 from experiments.statistics import Estimate
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape, turntable_size
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
 from radartwin.errors import ConfigError, UserError
 from radartwin.features import sets
 from radartwin.io.progress import Progress

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Campaign, load_clean
 from experiments.campaign.cases import Case
-from radartwin.config.groups import Config, GapConfig, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
+from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
 from radartwin.features import brightness, envelope, gate, track
 from radartwin.features.log import Log, distances

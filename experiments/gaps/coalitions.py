@@ -21,7 +21,9 @@ from experiments.gaps.shapley import Coalition
 from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import right
 from experiments.recognition.readings import recording_name
-from radartwin.config.groups import Config, GapConfig, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
+from radartwin.config.study import GapConfig
 from radartwin.features import sets
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import profile_correlation

@@ -26,7 +26,7 @@ from experiments.claims import NONE, Claim, row
 from experiments.gaps import case_set, shapley
 from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses
 from experiments.gaps.shapley import Coalition
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure

@@ -27,7 +27,8 @@ from experiments.claims import NONE, Claim, row
 from experiments.gaps import case_set
 from experiments.gaps.case_set import CASES, FILLED, GAPS, GROUPS, METAL, Reading
 from experiments.gaps.claims import expected
-from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure

@@ -21,7 +21,7 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import BENCH_ROOM, RAIL, Case, Motion
 from radartwin.adaptive import limits
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.features import sets
 from radartwin.io import files
 from radartwin.io.progress import Progress

@@ -11,7 +11,7 @@ from typing import Any
 
 from experiments.positioning import capabilities
 from experiments.positioning.cells import AXES, CELLS, OURS, TICKS, source
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 from radartwin.store.products import Store

@@ -17,7 +17,7 @@ from experiments.recognition.figures import bars, embedding_map
 from experiments.recognition.labelled_probe import FEATURES, MOTION
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Rows, anchors, encoders, right, settings
 from experiments.recognition.readings import Campaign, Readings, noise_copies, shared_cases, vectors
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.probes import linear_probe, standardised

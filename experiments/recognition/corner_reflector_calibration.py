@@ -18,7 +18,7 @@ from experiments.recognition import readings, transfer
 from experiments.recognition.labelled_probe import FEATURES, MOTION
 from experiments.recognition.protocol import CALIBRATION_OBJECT, MATERIAL, Rows, cells
 from experiments.recognition.readings import Campaign
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.features import calibration
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure

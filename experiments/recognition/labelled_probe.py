@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from experiments.recognition.figures import bars, confusions, label_curve
 from experiments.recognition.protocol import Rows, anchors, encoders, right, seed_sd, seeds, settings
 from experiments.recognition.readings import Campaign, Readings, noise_copies, shared_cases, vectors
-from radartwin.config.groups import Config, SimulatorConfig
+from radartwin.config.config import Config
+from radartwin.config.simulator import SimulatorConfig
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid, standardised

@@ -18,7 +18,8 @@ from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import Rows, cells, right
 from experiments.recognition.readings import Campaign
 from experiments.recognition.reconstruction_ablation import MOTION, ROOM
-from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import Samples

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.claims import told
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import exact_interval, seed_mean, share

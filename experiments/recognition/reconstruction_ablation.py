@@ -17,7 +17,7 @@ from experiments.recognition import transfer
 from experiments.recognition.figures import bars, confusions
 from experiments.recognition.protocol import SHAPE, Rows, right
 from experiments.recognition.readings import Campaign
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.recognize.score import exact_interval, majority_share, paired, uniform_chance

@@ -18,7 +18,7 @@ from experiments.recognition import labelled_probe, transfer
 from experiments.recognition.figures import bars, confusions
 from experiments.recognition.protocol import MATERIAL, SHAPE, Rows, encoders, right
 from experiments.recognition.readings import Campaign
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.io.progress import Progress
 from radartwin.recognize.probes import leave_one_out_centroid

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from experiments.recognition import readings
 from experiments.recognition.protocol import CALIBRATION_OBJECT, seeds
 from experiments.recognition.readings import Campaign, Case, recording_name
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features import calibration
 from radartwin.features.rank import rank_normalise

@@ -12,7 +12,7 @@ from experiments.recognition.labelled_probe import FEATURES, MOTION
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Rows, anchors, encoders, right, settings
 from experiments.recognition.readings import Campaign, noise_copies, shared_cases, vectors
 from experiments.recognition.transfer import ranked
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import nearest_text
 from radartwin.recognize.probes import transferred_probe

@@ -24,7 +24,7 @@ from experiments.rover.drive_features import Drives, Place
 from experiments.rover.figures import slices_figure
 from experiments.statistics import Estimate
 from experiments.turntable.rotations import DOMAINS, MEASURED, TWIN
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 from radartwin.store.products import Store

@@ -25,7 +25,7 @@ from experiments.rover.drive_features import Drive, Drives, Place
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
 from experiments.turntable.rotations import DOMAINS, LABELS, MEASURED, TWIN
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features.align import overlap, start_offset
 from radartwin.features.doppler import range_rate

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.scans import virtual_scan
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.label.score import CLOSE_DB, Judged, accuracy_table, judge
 from radartwin.label.sources import material_source, without_fragments

@@ -18,7 +18,7 @@ import numpy as np
 
 from experiments import statistics
 from experiments.scans import virtual_scan
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs.experiment import Result

@@ -15,7 +15,7 @@ from radartwin.scene.scene import Scene
 from radartwin.store.products import Product, Store
 
 if TYPE_CHECKING:
-    from radartwin.config.groups import Config
+    from radartwin.config.config import Config
 
 ROOTS = ["experiments.scans.virtual_scan"]
 KIND = "scan"

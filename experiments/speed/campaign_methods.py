@@ -26,7 +26,8 @@ from experiments.recognition.transfer import ranked
 from experiments.scans import virtual_scan
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
 from radartwin.io.progress import Progress
 from radartwin.recognize.probes import transferred_probe
 from radartwin.recognize.samples import Samples

@@ -21,7 +21,7 @@ from experiments.speed import campaign_methods, measuring
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS, of_problem
 from experiments.speed.pareto import front, shortfall
 from experiments.speed.problems import Problem, problems
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 from radartwin.store.products import Store, save_json

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.speed.methods import OURS, Method
 from experiments.stability.sweeps import SWEEPS, Sweep, methods
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs import workers
 from radartwin.runs.experiment import Result

@@ -17,7 +17,7 @@ import numpy as np
 from experiments import statistics
 from experiments.claims import NONE, Claim, row
 from experiments.recognition.readings import Campaign
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.log import angles
 from radartwin.features.profile import FAR_M, NEAR_M, beyond_target_share, profile_correlation

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from experiments.claims import NONE, Claim, row
 from experiments.statistics import Estimate
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.features.envelope import harmonic_ratio
 
 if TYPE_CHECKING:

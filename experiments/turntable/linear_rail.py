@@ -22,7 +22,7 @@ from experiments import statistics
 from experiments.claims import NONE, Claim, row
 from experiments.recognition.readings import Campaign, Case
 from experiments.turntable.rotations import DOMAINS, LABELS, MEASURED, TWIN
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features import track
 from radartwin.features.log import distances

@@ -19,7 +19,7 @@ from experiments.recognition.readings import Campaign
 from experiments.statistics import Estimate
 from experiments.turntable import rotations
 from experiments.turntable.rotations import DOMAINS, LABELS, MEASURED, TWIN, Turns, panels_width_in
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PALETTE, figure

@@ -23,7 +23,7 @@ from experiments.statistics import Estimate
 from experiments.turntable import rotations
 from experiments.turntable.facet_ripple import ripple_rows
 from experiments.turntable.rotations import DOMAINS, LABELS, MEASURED, TWIN, Turns
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs.experiment import Result

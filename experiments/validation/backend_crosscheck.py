@@ -26,7 +26,7 @@ from experiments.statistics import bootstrap_mean
 from experiments.validation.oracles.rooms import rotation
 from experiments.validation.oracles.shells import Room
 from experiments.validation.path_match import Found, partners, together
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.chirp import Radar

@@ -18,7 +18,7 @@ import numpy as np
 import trimesh
 from scipy.special import fresnel
 
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar

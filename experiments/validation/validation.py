@@ -16,7 +16,7 @@ import numpy as np
 from experiments.validation.oracles import near, rooms, targets
 from experiments.validation.oracles.case import Case, Untestable, reference_rows
 from experiments.validation.oracles.cases import CASES
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs import workers

@@ -9,7 +9,8 @@ from pathlib import Path
 from radartwin.adaptive.choice import Choice, choose
 from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.probe import Probe
-from radartwin.config.groups import CHOSEN, FeaturesConfig, SimulatorConfig
+from radartwin.config.simulator import CHOSEN, SimulatorConfig
+from radartwin.config.study import FeaturesConfig
 from radartwin.errors import ConfigError
 from radartwin.features.names import SETS
 from radartwin.store.products import Store, save_json

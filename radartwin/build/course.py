@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radartwin.config.groups import SceneConfig, TrajectoryConfig
+from radartwin.config.scene import SceneConfig
+from radartwin.config.trajectory import TrajectoryConfig
 
 if TYPE_CHECKING:
     from radartwin.radar.chirp import Radar

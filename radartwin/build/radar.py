@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from radartwin.radar.chirp import Radar
 
 if TYPE_CHECKING:
-    from radartwin.config.groups import RadarConfig
+    from radartwin.config.radar import RadarConfig
 
 
 def build_radar(config: RadarConfig) -> Radar:

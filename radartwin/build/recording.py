@@ -16,16 +16,11 @@ import numpy as np
 from radartwin.build.course import check_course, furnished, read_course
 from radartwin.build.radar import build_radar
 from radartwin.config.compose import compose
-from radartwin.config.groups import (
-    MATERIALS_FIELDS,
-    ROOMS,
-    SIMULATOR_FIELDS,
-    Config,
-    MaterialsConfig,
-    SceneConfig,
-    SimulatorConfig,
-    TrajectoryConfig,
-)
+from radartwin.config.config import Config
+from radartwin.config.materials import MATERIALS_FIELDS, MaterialsConfig
+from radartwin.config.scene import ROOMS, SceneConfig
+from radartwin.config.simulator import SIMULATOR_FIELDS, SimulatorConfig
+from radartwin.config.trajectory import TrajectoryConfig
 from radartwin.errors import ConfigError
 from radartwin.radar.chirp import Radar
 

@@ -7,7 +7,8 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radartwin.config.groups import MaterialsConfig, SceneConfig
+from radartwin.config.materials import MaterialsConfig
+from radartwin.config.scene import SceneConfig
 
 if TYPE_CHECKING:
     from radartwin.scene.scene import Scene

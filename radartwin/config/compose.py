@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.config.trusted import check_secrets, check_targets
 from radartwin.errors import ConfigError, MissingError
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from radartwin.config.groups import Config, ExperimentConfig
+from radartwin.config.config import Config
+from radartwin.config.study import ExperimentConfig
 from radartwin.errors import ConfigError, InputError
 from radartwin.io import files
 from radartwin.io.progress import Progress

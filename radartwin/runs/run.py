@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.artifacts import Record
 from radartwin.runs.experiment import Result, load, module_name, read, save

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from radartwin.config.compose import Composer, composing, quoted
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import BackendError, ConfigError, UserError
 from radartwin.io import files
 from radartwin.runs.job import FAILED, Outcome, job_name

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from radartwin.config.compose import Composer, composing, quoted
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError, UserError
 from radartwin.io import files
 from radartwin.io.progress import Progress

@@ -11,7 +11,8 @@ import pytest
 from radartwin.build.radar import build_radar
 from radartwin.config import compose as composer
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config, GapConfig
+from radartwin.config.config import Config
+from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError, MissingError
 from radartwin.radar.chirp import Radar
 from radartwin.runs.experiment import load

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radartwin.config.groups import TrackingConfig
+from radartwin.config.study import TrackingConfig
 from radartwin.features import sets
 from radartwin.features.log import Nominal
 from radartwin.features.processed import process

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from radartwin.config.groups import TrackingConfig
+from radartwin.config.study import TrackingConfig
 from radartwin.runs.tracking import Tracker
 
 # SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.

@@ -24,7 +24,7 @@ import numpy as np
 import own_experiment
 import pytest
 
-from radartwin.config.groups import TrackingConfig
+from radartwin.config.study import TrackingConfig
 from radartwin.plotting import style
 from radartwin.runs.tracking import Tracker
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from radartwin.config.groups import TrackingConfig
+from radartwin.config.study import TrackingConfig
 from radartwin.errors import BackendError, ConfigError, OutputError
 from radartwin.runs.dashboard import dashboard
 from radartwin.runs.tracking import ARTIFACTS, DATABASE, Tracker
@@ -135,7 +135,7 @@ def test_a_finished_run_is_known_and_a_failed_one_is_not(output: Path) -> None:
 OPENS = """
 import sys
 from pathlib import Path
-from radartwin.config.groups import TrackingConfig
+from radartwin.config.study import TrackingConfig
 from radartwin.runs.tracking import Tracker
 
 number, output = sys.argv[1:]

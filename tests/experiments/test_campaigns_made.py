@@ -17,7 +17,8 @@ from experiments.campaign.turned import Turned
 from experiments.scans import virtual_scan
 from radartwin.build.radar import build_radar
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording

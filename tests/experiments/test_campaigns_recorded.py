@@ -16,7 +16,7 @@ from experiments.campaign.cases import Motion, course
 from experiments.campaign.export import export
 from experiments.turntable import environment
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError, InputError, UserError
 from radartwin.features import sets
 from radartwin.features.align import start_offset

@@ -10,7 +10,7 @@ import pytest
 from experiments.campaign.cases import ROVER, planned
 from experiments.campaign.crew import PIECE, Tracks, Wanted
 from radartwin.config.compose import compose
-from radartwin.config.groups import MaterialsConfig
+from radartwin.config.materials import MaterialsConfig
 
 CONFIG = compose(["profile=quick"])
 

@@ -13,7 +13,7 @@ import pytest
 from experiments.campaign import gallery
 from experiments.campaign.cases import Case, Motion, log
 from radartwin.config.compose import compose
-from radartwin.config.groups import CampaignConfig
+from radartwin.config.study import CampaignConfig
 from radartwin.errors import ConfigError
 from radartwin.features.processed import Processed, process
 from radartwin.plotting import style

@@ -17,7 +17,7 @@ from experiments.gaps.shapley import Coalition
 from experiments.recognition import transfer
 from experiments.recognition.protocol import right
 from radartwin.config.compose import compose
-from radartwin.config.groups import GapConfig
+from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
 from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress

@@ -12,7 +12,7 @@ from experiments.campaign.cases import Case, Log
 from experiments.gaps import case_set, claims, gaps
 from experiments.scans import virtual_scan
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.processed import MAX_RANGE_M, Processed
 from radartwin.io.progress import Progress

@@ -15,7 +15,7 @@ from fake_campaign import FakeLog
 from experiments.campaign.cases import Case, Motion
 from experiments.turntable import linear_rail
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.processed import Processed, process
 from radartwin.io.progress import Progress

@@ -23,7 +23,8 @@ from experiments.recognition import (
 from experiments.recognition.protocol import Rows
 from experiments.recognition.readings import shared_cases
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config, MaterialsConfig
+from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
 from radartwin.io.progress import Progress
 from radartwin.recognize.samples import MEASURED, Part, gather
 from radartwin.runs.experiment import Result, check_rows, save

@@ -12,7 +12,7 @@ from fake_campaign import FakeCampaign
 
 from experiments.rover import drive_features, rover_disentangle, rover_fidelity
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, save

@@ -14,7 +14,7 @@ from experiments.claims import Claim
 from experiments.statistics import Estimate
 from experiments.turntable import facet_ripple, turntable_material, turntable_shape, turntable_size
 from radartwin.config.compose import compose
-from radartwin.config.groups import Config
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.envelope import harmonic_ratio
 from radartwin.io.progress import Progress

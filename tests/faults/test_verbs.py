@@ -14,7 +14,7 @@ import pytest
 from disks import Disk
 
 from analysis import main, registry
-from radartwin.config.groups import TrackingConfig
+from radartwin.config.study import TrackingConfig
 from radartwin.label.labelling import prepare
 from radartwin.plotting import style
 from radartwin.radar.chirp import Radar

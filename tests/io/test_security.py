@@ -29,7 +29,7 @@ from PIL import Image
 from test_fuzz import THREE, glb
 
 from radartwin.config.compose import Composer
-from radartwin.config.groups import TrackingConfig
+from radartwin.config.study import TrackingConfig
 from radartwin.errors import BackendError, ConfigError, InputError, LabelError, MeshError, OutputError, RecordingError, ScanError, UserError
 from radartwin.io import files, secret, untrusted_json
 from radartwin.io.chat import Endpoint

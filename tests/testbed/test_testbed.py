@@ -36,7 +36,7 @@ def test_without_gaps_the_truth_is_the_scene():
 
 
 def test_every_gap_of_the_configuration_is_a_gap_of_the_testbed_or_of_the_scan():
-    from radartwin.config.groups import GapConfig
+    from radartwin.config.study import GapConfig
 
     mine = {f.name for f in dataclasses.fields(Gaps)}
     assert {f.name for f in dataclasses.fields(GapConfig)} == mine | {"geometry"}
