@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import re
 import traceback
@@ -18,7 +17,7 @@ from radartwin.io import files, memory, secret, untrusted_json
 from radartwin.io.progress import Progress
 from radartwin.plotting import style
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table, declared
 from radartwin.runs.run import run_experiment, run_key, summary
 from radartwin.store.products import Counts
 
@@ -37,7 +36,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
     can mend stops the work, as it would stop every table.
     """
     progress, counts = Progress(), Counts()
-    chosen = registry.select(only, profile)
+    registry.check(only or [])
     for name, form in ((INDEX, _ENTRY), (FAILURES, _FAILURE)):  # an unreadable one stops before the work, not after it
         _listed(output, name, form)
     for part in ("tables", "figures", "report"):
@@ -45,10 +44,13 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
     files.drop_stale(output / "tables" / LOCK)
     made, failed = [], []
     with workers.kept():
-        for table in chosen:
-            progress.say(f"--- {table.name} ({profile})")
-            overrides = [f"experiment={table.name}", f"profile={profile}", path_override("output", output)]
+        for name in only or registry.NAMES:
+            overrides = [f"experiment={name}", f"profile={profile}", path_override("output", output)]
             config = compose(overrides)
+            table = declared(config.experiment)
+            if not only and profile in table.on_request:
+                continue
+            progress.say(f"--- {name} ({profile})")
             try:
                 result, counted = run_experiment(config, overrides, progress)
             except (UserError, OSError):
@@ -76,13 +78,13 @@ def report_verb(output: Path) -> int:
     return 0
 
 
-def write(table: registry.Table, result: Result, profile: str, output: Path) -> None:
+def write(table: Table, result: Result, profile: str, output: Path) -> None:
     """One table with its figures, and its line in the index."""
     writers.write(table, result.rows, output / "tables")
     for name, figure in result.figures.items():
         style.save(figure, output / "figures" / name)
-    if table.page:
-        files.write_atomically(output / "figures" / f"{table.name}_page.html", importlib.import_module(table.page).page(result.rows))
+    if table.chart:
+        files.write_atomically(output / "figures" / f"{table.name}_page.html", table.chart(result.rows))
     with _alone(output):
         index = _listed(output, INDEX, _ENTRY)
         index[table.name] = {"run_key": result.run_key, "profile": profile, "figures": sorted(result.figures)}
@@ -111,7 +113,7 @@ def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str
         MissingError: the folder holds no table at all.
     """
     known = (_listed(output, INDEX, _ENTRY), _listed(output, FAILURES, _FAILURE))
-    if not any(table.name in entries for table in registry.TABLES for entries in known):
+    if not any(name in entries for name in registry.NAMES for entries in known):
         raise MissingError(f"{output / 'tables'}: there are no tables to report; run radartwin tables first")
     with _alone(output):
         return _write_report(output, fresh, current or _current)
@@ -124,11 +126,11 @@ def _write_report(output: Path, fresh: Sequence[str], current: Callable[[str, st
         return name in fresh or entry["run_key"] == current(name, entry["profile"], output)
 
     sections = []
-    for table in registry.TABLES:
-        entry, failure = index.get(table.name), failures.get(table.name)
-        if entry and now(table.name, entry):
+    for name in registry.NAMES:
+        table, entry, failure = registry.table(name), index.get(name), failures.get(name)
+        if entry and now(name, entry):
             section = report.Section(table, output, entry["profile"], entry["run_key"], entry["figures"])
-        elif failure and now(table.name, failure):
+        elif failure and now(name, failure):
             section = report.Section(table, output, failure["profile"], absent=report.FAILED, error=failure["error"])
         else:
             known = entry or failure

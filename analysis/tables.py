@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.registry import TESTBED_NOTE, Table
+from analysis.registry import TESTBED_NOTE
 from radartwin.io import files
-from radartwin.runs.experiment import SCORE_COLUMNS, check_rows
+from radartwin.runs.experiment import SCORE_COLUMNS, Table, check_rows
 
 Row = dict[str, Any]
 FORMATS = ("csv", "md", "tex", "html")
@@ -54,7 +54,7 @@ def columns(rows: Sequence[Row]) -> list[str]:
 
 
 def caption(table: Table, rows: Sequence[Row]) -> str:
-    """The registered caption, with the note that a virtual measured domain owes its reader."""
+    """The declared caption, with the note that a virtual measured domain owes its reader."""
     return f"{table.caption} {TESTBED_NOTE}" if any("testbed" in str(row["domain"]) for row in rows) else table.caption
 
 

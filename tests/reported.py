@@ -18,7 +18,6 @@ from radartwin.runs.experiment import Result
 HOSTILE = "</script><script>document.title='taken'</script> \"'><img src=x onerror=alert(1)> {{script}} &amp;"
 KEY, OLD_KEY = "a" * 32, "b" * 32
 PAIR = "gallery_mug_lab_turntable_1m"
-TABLES = {table.name: table for table in registry.TABLES}
 RANGE_M = np.linspace(0, 6, 129)
 MEASURED_M, SIMULATED_M = 2.0, 4.0  # where each domain of the gallery's pair has its one echo
 FLOOR_DB, ECHO_DB = -100.0, -40.0
@@ -86,11 +85,11 @@ def views() -> dict[str, gallery.View]:
 def write(output: Path, figures: Mapping[str, Callable[[], Any]] | None = None) -> Path:
     """Tables of this source, one of an earlier, one that failed; all others were never run. The report's path."""
     figures = {"environment_curve": curve} if figures is None else figures
-    main.write(TABLES["environment"], Result("environment", rows(), figures, run_key=KEY), "quick", output)
+    main.write(registry.table("environment"), Result("environment", rows(), figures, run_key=KEY), "quick", output)
     pair = {PAIR: lambda: gallery.draw(views(), "mug in the lab", "testbed")}
-    main.write(TABLES["gallery"], Result("gallery", [row(claim="", verdict="untestable")], pair, run_key=KEY), "quick", output)
-    main.write(TABLES["speed_accuracy"], Result("speed_accuracy", methods(), {}, run_key=KEY), "quick", output)
-    main.write(TABLES["stability"], Result("stability", [row(metric="an old figure")], {}, run_key=OLD_KEY), "paper", output)
+    main.write(registry.table("gallery"), Result("gallery", [row(claim="", verdict="untestable")], pair, run_key=KEY), "quick", output)
+    main.write(registry.table("speed_accuracy"), Result("speed_accuracy", methods(), {}, run_key=KEY), "quick", output)
+    main.write(registry.table("stability"), Result("stability", [row(metric="an old figure")], {}, run_key=OLD_KEY), "paper", output)
     main._fail("positioning", KEY, "paper", RuntimeError(f"a cell {HOSTILE}\nand more"), output)
     return report(output)
 

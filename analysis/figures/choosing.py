@@ -64,8 +64,9 @@ def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Ro
     measured = [row for row in speed if not row["claim"] and row["profile_error_db"] is not None]
     parts = [
         "# Choosing a method and its settings",
-        "Written by `python -m analysis.figures.choosing` from `speed_accuracy.csv`, `stability.csv` and `complexity.csv` in `docs/results/`: "
-        f"every figure is theirs. Times are processor-seconds of {measured[0]['machine'].replace('; ', ', ')}, and move with its load: "
+        "Written by `python -m analysis.figures.choosing` from `speed_accuracy.csv`, `stability.csv` and `complexity.csv` in "
+        "`docs/results/`: every figure is theirs. "
+        f"Times are processor-seconds of {measured[0]['machine'].replace('; ', ', ')}, and move with its load: "
         "compare ratios.",
         "## What accuracy costs",
         "![Seconds a frame against error of the range profile, a panel for each problem](figures/speed_accuracy.png)",

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from analysis.registry import Table
 from analysis.tables import FORMATS, heading, text_of
 from radartwin.errors import MissingError
 from radartwin.plotting.style import SUFFIXES
-from radartwin.runs.experiment import SCORE_COLUMNS, VERDICTS
+from radartwin.runs.experiment import SCORE_COLUMNS, VERDICTS, Table
 
 MISSING, STALE, FAILED = "not run", "stale", "failed"
 ABSENT = {
@@ -90,7 +89,7 @@ class Section:
         if not self.absent:
             yield from (("tables", self.file(suffix)) for suffix in LINKED)
             yield from (("figures", self.figure(name, suffix)) for name in self.figures for suffix in SUFFIXES)
-            if self.table.page:
+            if self.table.chart:
                 yield "figures", self.figure(f"{self.table.name}_page", ".html")
 
     @cached_property

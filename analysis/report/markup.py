@@ -119,7 +119,7 @@ def _link(parts: str, part: str) -> str:
 
 
 def _chart(section: Section, parts: str) -> str:
-    if not section.table.page:
+    if not section.table.chart:
         return ""
     link = _link(parts, f"figures/{section.table.name}_page.html")
     return f'<p class="chart"><a href="{link}" data-here>interactive chart</a>: other axes, and the figures under the pointer.</p>\n'

@@ -29,12 +29,22 @@ from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.radar.processing import range_doppler, steering
 from radartwin.radar.recording import Recording
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+TABLE = Table(
+    name="gallery",
+    title="Side by side",
+    caption="Recordings of the campaign, measured (above) and simulated (below), with one decibel scale per column: range over time, "
+    "over Doppler and over azimuth. On a turntable, Doppler is computed across the frames of a revolution and folds at the "
+    "frame rate in both domains; elsewhere it is that of the middle frame. The twin is the scanned room with the "
+    "vision-language model's materials. For other pairs run: radartwin run experiment=gallery "
+    "experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M,...]. Each row is one recording and has no interval.",
+)
 
 PAIRS = {
     "quick": ("corner_reflector/lab/turntable/1",),
@@ -85,7 +95,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         figures[name] = partial(draw, views, _title(case), campaign.domain)
         keys += [key for key, _ in found.values()]
     metrics = {f"correlation_{r['pair'].replace('/', '_')}": r["value"] for r in rows if r["metric"] == "profile correlation"}
-    return Result("gallery", rows, figures, metrics, keys)
+    return Result(TABLE.name, rows, figures, metrics, keys)
 
 
 def chosen(config: Config, campaign: Campaign) -> list[Case]:

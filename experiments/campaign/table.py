@@ -34,9 +34,17 @@ from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import azimuth_row
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Product, Store
 from radartwin.testbed.testbed import Gaps
+
+TABLE = Table(
+    name="campaign",
+    title="The recordings of both domains",
+    caption="Every recording that the other tables share, and the time, memory and disk space that making it took on this machine. "
+    "Recordings are clean and processed. Turntables are traced at the aspects of one revolution; drives share the set-up of "
+    "their track. The project chose the targets. Intervals are bootstraps over recordings.",
+)
 
 MEASURED, TWIN = "measured", "twin"
 ALL = "all"
@@ -75,7 +83,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """Make what is missing and tell what it took. Raises UserError for a campaign that cannot be made."""
     campaign = Campaign(config, store, progress)
     made = make(campaign, progress)
-    return Result("campaign", rows(config, made), {}, metrics(made), [key for one in made for key in one.keys])
+    return Result(TABLE.name, rows(config, made), {}, metrics(made), [key for one in made for key in one.keys])
 
 
 def make(campaign: Campaign, progress: Progress) -> list[Made]:

@@ -1,4 +1,7 @@
-"""Write the shipped text anchors anew, after a description in the catalogue has changed: python -m experiments.generators.anchors (`text` extra)."""
+"""Write the shipped text anchors again after a description in the catalogue changes (needs the `text` extra).
+
+    python -m experiments.generators.anchors
+"""
 
 from __future__ import annotations
 

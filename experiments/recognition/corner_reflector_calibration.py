@@ -24,12 +24,20 @@ from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import mean_difference, seed_mean
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+TABLE = Table(
+    name="corner_reflector_calibration",
+    title="Calibrated by one corner reflector",
+    caption="The brightness difference between measured and simulated revolutions that remains after an affine map. The map comes from "
+    "one unlabelled recording of the reflector at the middle distance; the reflector itself is not scored. Intervals are "
+    "bootstraps over objects and distances.",
+)
 
 BRIGHTNESS = "brightness_db"
 BEFORE, AFTER = "before calibration", "after calibration"
@@ -107,7 +115,7 @@ def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
         )  # fmt: skip
     figures = {"corner_reflector_calibration": lambda: _figure(theirs, residual, kinds)}
     metrics = {f"residual_db_{kind.replace(' ', '_')}": value for kind, (_, value, _) in left.items()}
-    return Result("corner_reflector_calibration", table.rows, figures, metrics, sorted(keys))
+    return Result(TABLE.name, table.rows, figures, metrics, sorted(keys))
 
 
 def _kind(name: str) -> str:

@@ -29,8 +29,18 @@ from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import balanced_share, exact_interval, uniform_chance
 from radartwin.recognize.split import Split, as_domains, draw_shots, label_free, most_shots, shuffled
 from radartwin.recognize.training import fit
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
+
+TABLE = Table(
+    name="labelled_probe",
+    title="What training on simulation is worth",
+    caption="An encoder is trained on noisy copies of simulated revolutions and frozen. Measured revolutions are classified by the "
+    "nearest class centroid of other recordings. These are at other distances, so that no part of a recording classifies "
+    "another part of it. RF-Genesis is the corrected re-implementation. The testbed uses the same physics as our tracer, which "
+    "favours our tracer. Labels per class are drawn from half of each object's recordings; the other half is scored. n counts "
+    "recordings, answers counts revolutions. Intervals are bootstraps over objects and distances.",
+)
 
 MOTION, FEATURES = "turntable", "rotation"
 SHOTS = (0, 1, 2, 4, 8, 14)
@@ -122,7 +132,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress, 
         for name, method in (("pretrained", PRETRAINED), ("raw", RAW)) for probe in probes
     } | {"chance": chance}  # fmt: skip
     all_keys = sorted({key for found in data.keys.values() for key in found})
-    return Result("labelled_probe", table.rows, figures_of, metrics, all_keys)
+    return Result(TABLE.name, table.rows, figures_of, metrics, all_keys)
 
 
 def _probes(measured: Samples, progress: Progress) -> Mapping[str, tuple[Mapping[str, str], str]]:

@@ -24,11 +24,18 @@ from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import seed_mean, uniform_chance
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+TABLE = Table(
+    name="material_errors",
+    title="What wrong materials cost",
+    caption="The protocol of the reconstruction ablation, with a share of the room's labels replaced at random. The level error is the "
+    "root mean square over range, 0.3 to 5.5 m, against the twin with true materials.",
+)
 
 WRONG = (0.0, 0.25, 0.5, 1.0)
 
@@ -79,7 +86,7 @@ def score(config: Config, campaigns: Mapping[str, Campaign], progress: Progress)
         other = table.add(told, "level error of the range profile (dB)", interval, len(levels), profiles.keys)
         curve.append({"name": name, "share": share, "accuracy": row, "error": other})
     metrics = {f"accuracy_wrong_{point['share']:g}": point["accuracy"]["value"] for point in curve if point["share"] is not None}
-    return Result("material_errors", table.rows, {"material_errors": lambda: _figure(curve)}, metrics, sorted(used))
+    return Result(TABLE.name, table.rows, {"material_errors": lambda: _figure(curve)}, metrics, sorted(used))
 
 
 def _figure(curve: list[dict[str, Any]]) -> Figure:

@@ -21,8 +21,16 @@ from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.recognize.score import exact_interval, majority_share, paired, uniform_chance
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
+
+TABLE = Table(
+    name="reconstruction_ablation",
+    title="What the reconstruction is worth",
+    caption="Label-free recognition of lateral drives in the squash court, from twins with labelled materials, with plasterboard "
+    "everywhere, and without the room. Unequal answers counts the recordings that only one of two twins classifies correctly, "
+    "by the majority over seeds.",
+)
 
 ROOM, MOTION = "squash_court", "lateral"
 LABELLED, UNIFORM, VOID = "labelled materials", "one material", "no room"
@@ -90,7 +98,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
         "reconstruction_ablation_confusion": lambda: confusions(panels, recordings.classes),
     }
     metrics = {f"{classes}_{method.replace(' ', '_')}": float(found.mean()) for (classes, method), found in hits.items()}
-    return Result("reconstruction_ablation", table.rows, figures, metrics, keys)
+    return Result(TABLE.name, table.rows, figures, metrics, keys)
 
 
 def paired_rows(table: Rows, hits: Mapping[tuple[str, str], NDArray], keys: list[str]) -> None:

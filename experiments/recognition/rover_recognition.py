@@ -25,8 +25,17 @@ from radartwin.recognize.probes import leave_one_out_centroid
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import majority_share, uniform_chance
 from radartwin.recognize.split import Split, draw_shots, label_free, most_shots, shuffled
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
+
+TABLE = Table(
+    name="rover_recognition",
+    title="Recognition by supervision level",
+    caption="Random forests classify frames; a recording gets the majority label of its frames. Label-free: features are replaced by "
+    "ranks within domain and distance. Calibrated: energy features are mapped by one unlabelled recording of the reflector, "
+    "which is not scored. Chance for material is the share of the largest class for accuracy, and one third for balanced "
+    "accuracy. p is the exact binomial probability over recordings.",
+)
 
 ROOMS, MOTIONS = ("squash_court", "atrium"), ("lateral", "depth")
 PAPER_ROOM = "squash_court"
@@ -73,7 +82,7 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
         "rover_confusion": lambda: confusions(panels, classes),
     }
     metrics = {f"{room}_{motion}_object": found["value"] for (room, motion), found in _headline(table).items()}
-    return Result("rover_recognition", table.rows, figures, metrics, sorted(used))
+    return Result(TABLE.name, table.rows, figures, metrics, sorted(used))
 
 
 def _headline(table: Rows) -> dict[tuple[str, str], dict[str, Any]]:

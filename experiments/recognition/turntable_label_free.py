@@ -18,8 +18,16 @@ from radartwin.recognize.encoder import nearest_text
 from radartwin.recognize.probes import transferred_probe
 from radartwin.recognize.score import majority_share, uniform_chance
 from radartwin.recognize.split import label_free
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
+
+TABLE = Table(
+    name="turntable_label_free",
+    title="Recognition on the turntable without labels",
+    caption="Rotation features are rank-normalised within each domain and distance. An encoder and a linear probe on its embeddings are "
+    "trained on the simulated features and applied to the measured ones. Chance for geometry and material is the share of the "
+    "largest class.",
+)
 
 ENCODER, RANKS = "encoder on ranks", "ranks alone"
 PAPER = {"geometry": "0.72", "material": "0.72"}
@@ -68,4 +76,4 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
         "turntable_label_free_confusion": lambda: confusions({"nearest description": (split.test.label, names[0])}, split.test.classes),
     }
     metrics = {f"accuracy_{name}": group[ENCODER]["value"] for name, group in shown.items()}
-    return Result("turntable_label_free", table.rows, figures, metrics, sorted(keys))
+    return Result(TABLE.name, table.rows, figures, metrics, sorted(keys))

@@ -26,8 +26,16 @@ from experiments.statistics import Estimate
 from experiments.turntable.rotations import DOMAINS, MEASURED, TWIN
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
+
+TABLE = Table(
+    name="rover_disentangle",
+    title="Object, distance, room",
+    caption="Agreement of simulated and measured features while two of object, distance and room are held and the third varies, "
+    "correlations pooled over distances and at matched distances, and the division of the variance of the disagreement among "
+    "the three. Intervals are bootstraps over objects.",
+)
 
 FACTORS = ("object", "distance", "room")
 SHARE = "share of the disagreement, per degree of freedom"
@@ -55,7 +63,7 @@ def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
     metrics = {f"{r['metric'].replace(' ', '_')}_{r['motion']}": r["value"] for r in rows if r["case"] in ("pooled", "matched")}
     every = [one.key for domain in DOMAINS for some in drives[domain].values() for one in some]
     figures = {"rover_slices": lambda: slices_figure(slices)} if slices else {}
-    return Result("rover_disentangle", rows, figures, metrics, every)
+    return Result(TABLE.name, rows, figures, metrics, every)
 
 
 def standardised(drives: dict[str, Drives], where: list[Place]) -> Cells:

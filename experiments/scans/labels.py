@@ -1,9 +1,9 @@
-"""Who says what a surface is made of, and what it costs: recorded answers and stand-ins against the truth.
+"""Material labels of the virtual scans by source: accuracy against the truth, and the error of the reflection.
 
-The virtual scans of `experiments.scans.virtual_scan` are labelled as a user's are: by the vision-language model's recorded answers, by one uniform
-material, and at random. A label counts by the area it covers, as right (the true MINC category) and as close (its reflection within 1 dB of
-the truth's, over angles and the sweep): plaster taken for paint costs a radar nothing, metal taken for wood everything. Each source is then
-compared with uniform plasterboard in the mean decibels it is wrong by.
+The scans of `experiments.scans.virtual_scan` are labelled by the recorded answers of the vision-language model, by one uniform material,
+and at random. Labels are scored by area. A label is right if it is the true MINC category. A label is close if the reflection of its
+material is within 1 dB of the true material's, over angles and the frequency sweep: plaster instead of paint is close, metal instead of
+wood is not. Each source is then compared with uniform plasterboard by its mean error in decibels.
 """
 
 from __future__ import annotations
@@ -18,13 +18,23 @@ from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.label.score import CLOSE_DB, Judged, accuracy_table, judge
 from radartwin.label.sources import material_source, without_fragments
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
 from radartwin.store.products import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+TABLE = Table(
+    name="labels",
+    title="What surfaces are made of, and what a wrong answer costs",
+    caption="The virtual scans are labelled by the recorded answers of a general-purpose vision-language model, by one material "
+    "everywhere, and at random. The model saw the exported pictures and the prompt only. Labels are compared with the true "
+    "materials by area. A label is within 1 dB if the mean reflection of its material, over angles and the frequency sweep, is "
+    "within 1 dB of the true material's. The gain of a source over plasterboard everywhere, in mean dB, is judged for each "
+    "room. Intervals are Wilson intervals at the effective number of surfaces; those of the gain are bootstraps over surfaces.",
+)
 
 SOURCES: dict[str, dict[str, Any]] = {
     "vlm": {"missing": "plasterboard"},
@@ -55,7 +65,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         for row in rows
         if row["category"] == "all" and row["source"] != "random"
     }
-    return Result("labels", rows, figures, metrics, keys)
+    return Result(TABLE.name, rows, figures, metrics, keys)
 
 
 def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:

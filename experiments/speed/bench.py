@@ -1,6 +1,7 @@
 """Benchmarks: what a frame costs, as ratios within one run.
 
-    python experiments/speed/bench.py [--repeats 5] [--only synthesis frames rfgenesis memory scan] [--variant cuda] [--json FILE] [--history]
+    python experiments/speed/bench.py [--repeats 5] [--only synthesis frames rfgenesis memory scan] [--variant cuda]
+        [--json FILE] [--history]
 
 Methods alternate, so that a machine that slows down slows all of them; medians and ranges are printed, and the ratios are what to
 compare between machines; `--history` adds them as a line to bench_history.csv beside this file. The direct sum is timed on a share of the

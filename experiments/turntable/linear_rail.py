@@ -28,11 +28,19 @@ from radartwin.features import track
 from radartwin.features.log import distances
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+TABLE = Table(
+    name="linear_rail",
+    title="Translation",
+    caption="A corner reflector moves 60 cm along a rail from a distance of one metre, radially and at 45 degrees. Rows give the "
+    "power-weighted range of the tracked peak, searched over the whole span of the rail. 'continuous' follows the strongest "
+    "path without jumps; 'brightest' takes the strongest bin of each frame.",
+)
 
 MOTIONS = ("radial", "diagonal")
 TRACKERS = ("continuous", "brightest")
@@ -75,7 +83,7 @@ def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
         if r["tracker"] == "continuous" and r["metric"] in ("excursion (m)", "shape correlation")
     }
     every = [drive.key for by_domain in drives.values() for some in by_domain.values() for drive in some]
-    return Result("linear_rail", rows, {"linear_rail": lambda: _figure(drives)}, metrics, every)
+    return Result(TABLE.name, rows, {"linear_rail": lambda: _figure(drives)}, metrics, every)
 
 
 def read(campaign: Campaign, progress: Progress) -> dict[tuple[str, str], dict[str, list[Drive]]]:

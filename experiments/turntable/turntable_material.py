@@ -23,12 +23,19 @@ from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PALETTE, figure
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+TABLE = Table(
+    name="turntable_material",
+    title="Material",
+    caption="Objects of similar size on a turntable: brightness of the target gate, corrected for the range law, by material class at "
+    "each distance, measured and simulated. The corner reflector is left out. Intervals are 95 % bootstraps over objects.",
+)
 
 BRIGHTNESS = "brightness_db"
 APART = "corner_reflector"
@@ -61,7 +68,7 @@ def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
         f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"] for r in rows if r["metric"] == "metal less plastic (dB)"
     }
     figures = {"turntable_brightness": lambda: _figure(turns)}
-    return Result("turntable_material", rows, figures, metrics, rotations.keys(*(some for d in DOMAINS for some in turns[d].values())))
+    return Result(TABLE.name, rows, figures, metrics, rotations.keys(*(some for d in DOMAINS for some in turns[d].values())))
 
 
 def _rows(config: Config, turns: dict[str, Turns], distance: float) -> list[dict[str, Any]]:

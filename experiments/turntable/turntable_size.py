@@ -24,12 +24,19 @@ from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PALETTE, figure
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+TABLE = Table(
+    name="turntable_size",
+    title="Size",
+    caption="Six cans of one diameter and several heights on a turntable: order of brightness by height (Spearman correlation, exact p) "
+    "and slope of brightness over height (Theil-Sen). Intervals are 95 % bootstraps over cans.",
+)
 
 NO_TREND = Claim("no consistent trend with the height of a can", "none", contains=0.0)
 
@@ -52,7 +59,7 @@ def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
             rows += _rows(config, turns[domain], domain, cans, distance)
     metrics = {f"order_by_height_{r['of']}": r["value"] for r in rows if r["metric"] == "order by height" and r["distance_m"] is None}
     figures = {"turntable_size": lambda: _figure(turns, cans)}
-    return Result("turntable_size", rows, figures, metrics, rotations.keys(*(rotations.chosen(turns[d], cans) for d in DOMAINS)))
+    return Result(TABLE.name, rows, figures, metrics, rotations.keys(*(rotations.chosen(turns[d], cans) for d in DOMAINS)))
 
 
 def slope_db(height_m: NDArray, brightness_db: NDArray, resamples: int, seed: int) -> Estimate:

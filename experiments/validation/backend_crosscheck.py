@@ -31,7 +31,7 @@ from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.chirp import Radar
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result
+from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
 from radartwin.simulation import geometry, reflection_table
@@ -44,6 +44,17 @@ from radartwin.store.products import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+TABLE = Table(
+    name="backend_crosscheck",
+    title="The same paths by three methods",
+    caption="Specular paths of up to four bounces in the procedural rooms, down to 40 dB below the strongest path. Three methods are "
+    "compared with this tracer's panel images: image sources of the room's six planes, Sionna RT with transmitter and receiver "
+    "at one point, and Sionna RT with the receiver 3 cm aside. At one point Sionna RT misses the echoes of corners; with the "
+    "receiver aside it finds one of the orders of a corner. Paths are matched by length and by both directions. Levels are "
+    "judged where the first Fresnel zone is clear, because an infinite mirror is wrong where an edge cuts the zone. n counts "
+    "paths. Intervals are bootstraps over paths.",
+)
 
 ROOMS, DETAILS = ("lab", "atrium", "squash_court"), ("shell", "furnished")
 REFERENCES = ("image sources", "Sionna, co-located", "Sionna, apart")
@@ -94,7 +105,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         for what, metric, of in (("least matched share", METRICS[0], min), ("worst mean level error dB", METRICS[1], max))
         for name in references
     }
-    return Result("backend_crosscheck", rows, figures, metrics)
+    return Result(TABLE.name, rows, figures, metrics)
 
 
 def _found(room: str, detail: str, place: int, seed: int, references: Sequence[str]) -> dict[str, Found]:

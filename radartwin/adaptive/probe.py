@@ -17,7 +17,8 @@ from radartwin.features.processed import Processed, process
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 
-# As many as in the recordings that repeatability was measured on (experiments/generators/repeatability.py): some features depend on their number.
+# As many as in the recordings that repeatability was measured on (experiments/generators/repeatability.py), because some features
+# depend on their number.
 ASPECTS = 36  # of a turn
 PLACES = 17  # of a drive
 

@@ -1,11 +1,11 @@
 """What a real IWR1843 and its capture card do to the ideal signal.
 
 Order of the chain: chirps start late by one clock or not at all, and the oscillator has phase noise (`echoes`); TX-RX leakage adds and the
-channels differ (`leaked`); thermal noise joins by the radar's own noise figure (radartwin.simulation.signal.synthesis); the mixer has an image,
-the ADC an offset, and it saturates and rounds (`digitised`). The IF filter acts on each echo before anything folds, so it belongs to the
-radar that is simulated (`front_end`). All the rest is done to clean samples, what depends on delay as a weight on the lines of a
-chirp's spectrum. Phase noise so made is within 0.1 dB in energy of that of each echo by its own delay and, under a Hann window, within 5 %
-in amplitude; without a window 20 %, all of it in the first and last samples, which is where a strong near echo leaks into all lines.
+channels differ (`leaked`); thermal noise joins by the radar's own noise figure (radartwin.simulation.signal.synthesis); the mixer has an
+image, the ADC an offset, and it saturates and rounds (`digitised`). The IF filter acts on each echo before anything folds, so it belongs
+to the radar that is simulated (`front_end`). All the rest is done to clean samples, what depends on delay as a weight on the lines of a
+chirp's spectrum. Phase noise so made is within 0.1 dB in energy of that of each echo by its own delay and, under a Hann window, within 5
+% in amplitude; without a window 20 %, all of it in the first and last samples, which is where a strong near echo leaks into all lines.
 
 Where the defaults come from, all chosen before anything was scored:
 - if_filter: both high-pass stages at their lowest, 175 and 350 kHz (codes 0 0), receiver gain 30 dB: the profile of the paper as the mmWave

@@ -63,6 +63,23 @@ class Result:
     models: Mapping[str, Model | Path] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Table:
+    """How the report shows the rows of an experiment of the study: its module declares one as `TABLE`.
+
+    Attributes:
+        name: of the experiment (conf/experiment/NAME.yaml) and of the table's files.
+        chart: (rows) -> an HTML page, the interactive chart beside the figures.
+        on_request: profiles in which `radartwin tables` makes this table only with --only, because it takes too long.
+    """
+
+    name: str
+    title: str
+    caption: str
+    chart: Callable[[list[dict[str, Any]]], str] | None = None
+    on_request: tuple[str, ...] = ()
+
+
 class Model(Protocol):
     """What can be kept in a folder of its own, such as radartwin.recognize.model.Recogniser."""
 
@@ -106,6 +123,14 @@ def load(experiment: ExperimentConfig) -> Experiment:
     if not callable(getattr(module, "run", None)):
         raise ConfigError(f"experiment module {name} has no function run(config, store, progress)")
     return cast(Experiment, module)
+
+
+def declared(experiment: ExperimentConfig) -> Table:
+    """The `TABLE` of the configured experiment's module. Raises ConfigError where it has none."""
+    table = getattr(load(experiment), "TABLE", None)
+    if not isinstance(table, Table):
+        raise ConfigError(f"experiment module {module_name(experiment)} declares no table; add TABLE = Table(name, title, caption)")
+    return table
 
 
 def check_rows(table: str, rows: list[dict[str, Any]]) -> None:

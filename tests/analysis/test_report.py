@@ -90,8 +90,8 @@ def test_the_page_is_well_formed_and_every_link_leads_somewhere_when_the_folder_
 
 
 def test_every_table_is_there_or_said_to_be_missing_stale_or_failed(read: Read) -> None:
-    for table in registry.TABLES:
-        assert table.title in read.said[table.name]
+    for name in registry.NAMES:
+        assert registry.table(name).title in read.said[name]
     assert "stale" in read.said["stability"]
     assert "radartwin tables --profile paper --only stability" in read.said["stability"]
     assert "an old figure" not in "".join(read.said.values())
@@ -107,14 +107,14 @@ def test_every_table_is_there_or_said_to_be_missing_stale_or_failed(read: Read) 
 def test_the_summary_counts_the_claims_and_links_each_to_its_row(read: Read) -> None:
     rows = reported.rows()
     claimed, total = [(n, row) for n, row in enumerate(rows, 1) if row["claim"]], len(rows) + len(reported.methods()) + 1
-    assert f"3 of {len(registry.TABLES)} tables are here. Of their {total} rows {len(claimed)} state a claim." in read.said["summary"]
+    assert f"3 of {len(registry.NAMES)} tables are here. Of their {total} rows {len(claimed)} state a claim." in read.said["summary"]
     count = Counter(row["verdict"] for _, row in claimed)
     assert f"{count['holds']} hold{count['fails']} fail{count['untestable']} cannot be tested here" in read.said["summary"]
     assert {link for link in read.links if re.fullmatch(r"#environment-\d+", link)} == {f"#environment-{n}" for n, _ in claimed}
 
 
 def test_a_claims_case_is_what_tells_it_from_others(written: Path) -> None:
-    claims = Section(reported.TABLES["environment"], written, "quick", reported.KEY).claims
+    claims = Section(registry.table("environment"), written, "quick", reported.KEY).claims
     assert [claim.case for claim in claims[:2]] == ["lab, strength 0.5", "lab, strength 2"]
 
 
@@ -153,7 +153,7 @@ def test_a_second_report_is_the_same_and_leaves_nothing_of_an_earlier_one(writte
     reported.report(output)
     assert files() == {**first, "report/notes.txt": b"the user's own"}
     assert sorted(path.name for path in (output / "report").iterdir()) == sorted(["index.html", "notes.txt", parts.name])
-    main.write(reported.TABLES["environment"], Result("environment", reported.rows(), {}, run_key=reported.KEY), "quick", output)
+    main.write(registry.table("environment"), Result("environment", reported.rows(), {}, run_key=reported.KEY), "quick", output)
     reported.report(output)
     assert _parts(output) != parts
     assert not any("environment_" in name for name in files() if "/figures/" in name)
@@ -224,7 +224,7 @@ def test_cost_and_seed_are_those_of_the_cache_and_each_product_counts_once(tmp_p
         product("run", key, core_seconds=2.0, spec={"config": {"seed": 7}}, finished=f"of {name}", radartwin="0.1.0")
         (tmp_path / "cache" / "run" / key / "result.json").write_text(json.dumps({"keys": keys}))
     sections = [
-        Section(reported.TABLES[name], tmp_path, "quick", key) for name, key in (("environment", reported.KEY), ("scan", reported.OLD_KEY))
+        Section(registry.table(name), tmp_path, "quick", key) for name, key in (("environment", reported.KEY), ("scan", reported.OLD_KEY))
     ]
     found = origin.of(sections, tmp_path)
     assert [run.seed for run in found.runs] == [7, 7]
@@ -237,7 +237,7 @@ def test_cost_and_seed_are_those_of_the_cache_and_each_product_counts_once(tmp_p
 
 
 def test_a_cleared_cache_leaves_the_cost_unknown(tmp_path: Path) -> None:
-    (run,) = origin.of([Section(reported.TABLES["environment"], tmp_path, "quick", "../../etc")], tmp_path).runs
+    (run,) = origin.of([Section(registry.table("environment"), tmp_path, "quick", "../../etc")], tmp_path).runs
     assert (run.seed, run.core_seconds, run.made, run.mlflow) == (None, None, {}, "")
 
 

@@ -19,7 +19,7 @@ import pytest
 import reported
 from PIL import Image
 
-from analysis import main
+from analysis import main, registry
 from radartwin.runs.experiment import Result
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "outputs" / "screenshots"
@@ -292,7 +292,7 @@ def test_fifty_megabytes_open_within_two_seconds(chromium: Callable[[], browser.
     rows += [reported.row(strength=float(k), claim="", verdict="untestable") for k in range(700)]
     for name in ("environment", "rover_fidelity", "labels"):
         result = Result(name, rows, figures if name == "environment" else {}, run_key=reported.KEY)
-        main.write(reported.TABLES[name], result, "quick", output)
+        main.write(registry.table(name), result, "quick", output)
     index = reported.report(output)
     size = sum(path.stat().st_size for path in index.parent.rglob("*") if path.is_file())
     assert size > 50e6

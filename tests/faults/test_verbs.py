@@ -60,7 +60,7 @@ def place(shared_disk: Disk) -> Disk:
     noise = np.random.default_rng(0).standard_normal((3, 2, 2, 4, 32)).astype(np.complex64)
     Recording(noise, radar).save(folder / "recording")
     result = Result("environment", [ROW], {"environment": draw}, {}, [], "0" * 32)  # type: ignore[dict-item]
-    main.write(next(t for t in registry.TABLES if t.name == "environment"), result, "quick", folder / "out")
+    main.write(registry.table("environment"), result, "quick", folder / "out")
     main.write_report(folder / "out", fresh=["environment"])
     with Tracker(TrackingConfig(), folder / "out").run("environment", "a" * 32, "materials=void", {}):
         pass

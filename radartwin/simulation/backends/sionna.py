@@ -5,9 +5,9 @@ So walls come out exactly, and objects do not: a plate of any size returns a mir
 paths add coherently. `sionna_limits` says so where it happens. Seen from the one place of transmitter and receiver, the mirror point in a
 corner lies on an edge, where Sionna finds it or not by rounding; `separation_m` moves the receiver aside while paths are looked for.
 
-Materials are those of the scene, layer by layer (radartwin/simulation/backends/sionna_material.py). Delays are not normalised, and the carrier's
-phase is not Sionna's single-precision one: of each path the facets are kept, and its length, angles and mirror follow from them in double
-precision. A path's rate is that of the line through its hits as they move with their surfaces.
+Materials are those of the scene, layer by layer (radartwin/simulation/backends/sionna_material.py). Delays are not normalised, and the
+carrier's phase is not Sionna's single-precision one: of each path the facets are kept, and its length, angles and mirror follow from them
+in double precision. A path's rate is that of the line through its hits as they move with their surfaces.
 """
 
 import importlib.metadata

@@ -12,8 +12,8 @@ closed form; each edge counts with the obliquity and spreading of the currents a
 weight 0.002 and 0.01). On a straight edge far from all corners F is the half-plane factor (1 - (1 - j)(C + jS))/2; for a rectangle it is
 the product of two such differences. Polygons are convex here, counter-clockwise; whatever is left of one behind another is a few convex
 pieces.
-`evaluate` is the loop of `radartwin.simulation.flat.images`, where it is described; it stands here because machine code that is kept on disk is
-renewed when its own file changes, not when a file it calls does.
+`evaluate` is the loop of `radartwin.simulation.flat.images`, where it is described; it stands here because machine code that is kept on
+disk is renewed when its own file changes, not when a file it calls does.
 Ref: K. Miyamoto, E. Wolf, J. Opt. Soc. Am. 52 (1962) 615, for diffraction as a boundary wave.
 """
 
