@@ -1,8 +1,6 @@
-"""From command-line overrides to a typed `Config`, with every mistake as one line.
+"""From command-line overrides to a typed `Config`. Every mistake raises a ConfigError of one line.
 
-Hydra and OmegaConf report the same mistake in several exceptions and many lines; `explain` reduces them to what is
-wrong, where, and what would have been right. Hydra is imported on use: it costs a tenth of a second that `radartwin
---help` does not have.
+Hydra is imported inside the functions because the import takes 0.1 s, which `radartwin --help` cannot spend.
 """
 
 from __future__ import annotations
@@ -10,28 +8,26 @@ from __future__ import annotations
 import contextlib
 import copy
 import dataclasses
-import difflib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from radartwin.config import hydra_adapter, messages
 from radartwin.config.config import Config
 from radartwin.config.trusted import check_secrets, check_targets
 from radartwin.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
     from omegaconf import DictConfig
 
 CONFIG_NAME = "config"
-_VALUE = re.compile(
-    r"(?!hydra\.)(?:[A-Za-z_]\w*\.[\w.\[\]]+|seed|output)="
-)  # key.below=value: no option of a group, nothing added or deleted
-LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # option to the extra that brings it
+_VALUE = re.compile(r"(?!hydra\.)(?:[A-Za-z_]\w*\.[\w.\[\]]+|seed|output)=")  # sets a value: neither an option, nor + or ~
 
 
 def conf_dir() -> Path:
-    """conf/ of the installed wheel, or of the checkout this package runs from."""
+    """The folder conf/ of the installed wheel or of the checkout."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "conf", package.parent / "conf"):
         if (folder / f"{CONFIG_NAME}.yaml").is_file():
@@ -39,104 +35,109 @@ def conf_dir() -> Path:
     raise MissingError(f"{package / 'conf'}: the configuration files are missing; install radartwin again")
 
 
-def register() -> None:
-    """Put the schema in Hydra's ConfigStore. Idempotent; every process that composes calls it."""
-    from hydra.core.config_store import ConfigStore
-
-    store = ConfigStore.instance()
-    if "schema.yaml" not in store.repo:
-        store.store(name="schema", node=Config)
-
-
 def groups() -> dict[str, list[str]]:
-    """Options of each group as shipped: {"scene": ["empty", "lab", ...], ...}."""
+    """The shipped options of each group: {"scene": ["empty", "lab", ...], ...}."""
     folders = sorted(d for d in conf_dir().iterdir() if d.is_dir() and d.name != "hydra")
     return {d.name: sorted(f.stem for f in d.glob("*.yaml")) for d in folders}
 
 
 def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> Config:
-    """The configuration that `overrides` describe, e.g. ["experiment=environment", "seed=1"].
+    """The configuration of some overrides, e.g. ["experiment=environment", "seed=1"].
 
     Args:
-        config_dirs: folders searched for options besides the shipped ones (`--config-dir`).
+        config_dirs: folders with more options (`--config-dir`).
     Raises:
-        ConfigError: a wrong key, option, type or combination, in one line.
+        ConfigError: a wrong key, option, type or combination.
     """
     return Composer(config_dirs).compose(overrides)
 
 
 class Composer:
-    """Composes any number of configurations from the same folders.
+    """Composes many configurations from the same folders.
 
-    Reading the files costs a tenth of a second, so it is done once for each choice of options; values are then put in as
-    Hydra does it itself.
+    Hydra reads the files once for each combination of options, which takes 0.1 s. Values are then set without reading files again.
     """
 
     def __init__(self, config_dirs: Sequence[Path] = ()) -> None:
-        self._searched = search_override(config_dirs)
-        self._read: dict[tuple[str, ...], DictConfig] = {}
+        self._search_path = _search_path(config_dirs)
+        self._cache: dict[tuple[str, ...], DictConfig] = {}
 
     def compose(self, overrides: Sequence[str]) -> Config:
-        """As `compose`."""
-        from hydra._internal.config_loader_impl import ConfigLoaderImpl
-        from hydra.core.override_parser.overrides_parser import OverridesParser
-
-        register()
+        """As the function `compose`."""
         overrides = quoted(overrides)
-        with composing(overrides):
+        with _one_line_errors(overrides):
             values = [override for override in overrides if _VALUE.match(override)]
             options = tuple(override for override in overrides if override not in values)
-            if options not in self._read:
-                self._read[options] = self._of(options)
-            composed = copy.deepcopy(self._read[options])
-            parsed = OverridesParser.create().parse_overrides(values)
+            if options not in self._cache:
+                self._cache[options] = self._read(options)
+            composed = copy.deepcopy(self._cache[options])
+            parsed = hydra_adapter.parse(values)
             for override in parsed:
                 if override.is_sweep_override():
-                    raise ConfigError(_several(str(override.key_or_group)))
-            ConfigLoaderImpl._apply_overrides_to_config(parsed, composed)
+                    raise ConfigError(messages.several_values(str(override.key_or_group)))
+            hydra_adapter.assign(composed, parsed)
             return typed(composed)
 
-    def _of(self, options: Sequence[str]) -> DictConfig:
+    def _read(self, options: Sequence[str]) -> DictConfig:
         import hydra
         from hydra.core.global_hydra import GlobalHydra
         from omegaconf import open_dict
 
+        _register_schemas()
         GlobalHydra.instance().clear()
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            composed = hydra.compose(CONFIG_NAME, overrides=[*options, *self._searched], return_hydra_config=True)
+            composed = hydra.compose(CONFIG_NAME, overrides=[*options, *self._search_path], return_hydra_config=True)
         check_targets(composed)
         with open_dict(composed):
             del composed["hydra"]
         return composed
 
 
-@contextlib.contextmanager
-def composing(overrides: Sequence[str]) -> Iterator[None]:
-    """What Hydra and OmegaConf find wrong with the overrides, as one ConfigError line."""
-    from hydra.errors import HydraException
-    from omegaconf.errors import OmegaConfBaseException
+def parse_overrides(overrides: Sequence[str]) -> list[Override]:
+    """The overrides as Hydra reads them. Raises ConfigError for an unreadable one."""
+    with _one_line_errors(overrides):
+        return hydra_adapter.parse(quoted(overrides))
 
-    try:
-        yield
-    except (HydraException, OmegaConfBaseException) as error:
-        raise ConfigError(explain(error)) from error
-    except ConfigError:
-        raise
-    except ValueError as error:  # Hydra's word for a group that is given a number, a boolean or nothing
-        for override in overrides:
-            group, _, option = override.partition("=")
-            if option not in (options := groups().get(group, [])):
-                raise ConfigError(_unknown_option(f"{group}/{option}", options)) from error
-        raise
+
+def combinations(overrides: Sequence[str]) -> list[list[str]]:
+    """The overrides of each job of a sweep: seed=0,1 and materials=vlm,void make four jobs.
+
+    Raises:
+        ConfigError: an unreadable override.
+    """
+    with _one_line_errors(overrides):
+        return hydra_adapter.combinations(quoted(overrides))
+
+
+def launcher(overrides: Sequence[str], config_dirs: Sequence[Path], job: Callable[[DictConfig], None]) -> Any:
+    """The Hydra launcher that the overrides of hydra's own settings select; it calls `job` once for each job.
+
+    Raises:
+        ConfigError: an unknown launcher or setting, or one that would call code outside radartwin and Hydra's launchers.
+    """
+    _register_schemas()
+    with _one_line_errors(overrides):
+        return hydra_adapter.launcher(CONFIG_NAME, conf_dir(), [*overrides, *_search_path(config_dirs)], job, check_targets)
+
+
+def typed(composed: DictConfig) -> Config:
+    """The dataclasses of a composed configuration, after all checks. Raises ConfigError."""
+    from omegaconf import OmegaConf
+
+    _refuse_added_keys(composed)
+    with _one_line_errors():
+        check_secrets(composed)
+        config = OmegaConf.to_object(composed)
+    if not isinstance(config, Config):
+        raise ConfigError("the primary configuration has lost its schema; its defaults list must begin with 'schema'")
+    return config
 
 
 def quoted(overrides: Sequence[str]) -> list[str]:
-    """The overrides with options of a group that Hydra would read as a boolean in quotes: materials=true is an option's
-    name.
-    """
-    named = [(group, option) for group, options in groups().items() for option in options if option in ("true", "false", "null")]
+    """The overrides with quotes around option names that Hydra would read as a boolean: materials=true is an option."""
+    literals = [(group, option) for group, options in groups().items() for option in options if option in ("true", "false", "null")]
     out = list(overrides)
-    for group, option in named:
+    for group, option in literals:
         for i, override in enumerate(out):
             if override.startswith(f"{group}="):
                 out[i] = re.sub(rf"(?<=[=,]){option}(?=,|$)", f"'{option}'", override)
@@ -144,47 +145,55 @@ def quoted(overrides: Sequence[str]) -> list[str]:
 
 
 def path_override(key: str, path: str | Path) -> str:
-    """key=path, so that Hydra and OmegaConf take every sign in the path as it is."""
+    """key=path, quoted so that Hydra and OmegaConf keep every character of the path."""
     return f"{key}={_quoted_path(path)}"
 
 
-def search_override(config_dirs: Sequence[Path]) -> list[str]:
-    """The override that makes Hydra look for options in these folders too; none if there are none."""
-    folders = [_quoted_path(f"file://{check_folder(folder)}") for folder in config_dirs]
-    return [f"hydra.searchpath=[{','.join(folders)}]"] if folders else []
-
-
 def _quoted_path(path: str | Path) -> str:
-    """OmegaConf halves backslashes before ${, and Hydra those before a quote or at the end; all others stay."""
+    """OmegaConf halves backslashes before ${, Hydra halves backslashes before a quote and at the end."""
     text = re.sub(r"(\\*)\$\{", lambda match: match.group(1) * 2 + "\\${", str(path))
     text = re.sub(r"(\\+)(?='|$)", lambda match: match.group(1) * 2, text).replace("'", "\\'")
     return f"'{text}'"
 
 
-def check_folder(folder: Path) -> Path:
-    if not folder.is_dir():
-        raise MissingError(f"{folder}: no such folder of configuration files; --config-dir names an existing one")
-    return folder.resolve()
+def _search_path(config_dirs: Sequence[Path]) -> list[str]:
+    """The override that adds folders to Hydra's search path; empty without folders."""
+    for folder in config_dirs:
+        if not folder.is_dir():
+            raise MissingError(f"{folder}: no such folder of configuration files; --config-dir names an existing one")
+    folders = [_quoted_path(f"file://{folder.resolve()}") for folder in config_dirs]
+    return [f"hydra.searchpath=[{','.join(folders)}]"] if folders else []
 
 
-def typed(composed: DictConfig) -> Config:
-    """The dataclasses behind a composed DictConfig, their cross-field checks passed."""
-    from omegaconf import OmegaConf
+def _register_schemas() -> None:
+    """Put the dataclasses into Hydra's ConfigStore; every process that composes needs them there."""
+    from hydra.core.config_store import ConfigStore
+
+    ConfigStore.instance().store(name="schema", node=Config)
+
+
+@contextlib.contextmanager
+def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
+    """Turn exceptions of Hydra and OmegaConf into a ConfigError of one line."""
+    from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    _refuse_additions(composed)
     try:
-        check_secrets(composed)
-        config = OmegaConf.to_object(composed)
-    except OmegaConfBaseException as error:
-        raise ConfigError(explain(error)) from error
-    if not isinstance(config, Config):
-        raise ConfigError("the primary configuration has lost its schema; its defaults list must begin with 'schema'")
-    return config
+        yield
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ConfigError(messages.explain(error)) from error
+    except ConfigError:
+        raise
+    except ValueError as error:  # Hydra raises it where a group gets a number, a boolean or null
+        for override in overrides:
+            group, _, option = override.partition("=")
+            if option not in (options := groups().get(group, [])):
+                raise ConfigError(messages.unknown_option(f"{group}/{option}", options)) from error
+        raise
 
 
-def _refuse_additions(node: DictConfig, path: str = "") -> None:
-    """Hydra lets `+key=value` past the schema; a key no dataclass has would be ignored in silence."""
+def _refuse_added_keys(node: DictConfig, path: str = "") -> None:
+    """Refuse keys that no dataclass has. Hydra lets `+key=value` add them, and nothing would read them."""
     from omegaconf import DictConfig, OmegaConf
 
     owner = OmegaConf.get_type(node)
@@ -194,67 +203,6 @@ def _refuse_additions(node: DictConfig, path: str = "") -> None:
     for key in node:
         full_key = f"{path}{key}"
         if key not in known:
-            raise ConfigError(_unknown_key(full_key, owner))
+            raise ConfigError(messages.unknown_key(full_key, owner))
         if not OmegaConf.is_missing(node, key) and isinstance(child := node._get_node(key), DictConfig):
-            _refuse_additions(child, f"{full_key}.")
-
-
-def explain(error: BaseException) -> str:
-    """One line for an exception of Hydra or OmegaConf: what is wrong, where, and what is right."""
-    from hydra.errors import MissingConfigException, OverrideParseException
-    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
-
-    chain = list(_causes(error))
-    for cause in chain:
-        if isinstance(cause, OverrideParseException):
-            return f"cannot read the override '{cause.override}'; write group=option or key=value"
-        if isinstance(cause, MissingConfigException) and cause.missing_cfg_file:
-            return _unknown_option(cause.missing_cfg_file, cause.options or ())
-    for cause in reversed(chain):
-        if isinstance(cause, ConfigKeyError | ConfigAttributeError) and cause.full_key:
-            return _unknown_key(cause.full_key, cause.object_type)
-        if isinstance(cause, OmegaConfBaseException) and cause.full_key:
-            return f"{cause.full_key}: {_first_line(cause)}"
-    if match := re.match(r"Could not override '([^']+)'", str(error)):
-        return _unknown_key(match.group(1), Config)
-    if match := re.match(r"Ambiguous value for argument '([^']+)'", str(error)):
-        return _several(match.group(1))
-    return _first_line(error)
-
-
-def _several(key: str) -> str:
-    return f"{key} lists several values; add -m to run them as a sweep, or choose one"
-
-
-def _causes(error: BaseException | None) -> Iterator[BaseException]:
-    while error is not None:
-        yield error
-        error = error.__cause__ or error.__context__
-
-
-def _first_line(error: BaseException) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0] if lines else type(error).__name__
-
-
-def _unknown_option(config_file: str, options: Sequence[str]) -> str:
-    group, _, option = config_file.removesuffix(".yaml").rpartition("/")
-    if group == "hydra/launcher" and (extra := LAUNCHER_EXTRAS.get(option)):
-        return f"hydra/launcher={extra} needs an extra: pip install 'radartwin[{extra}]'"
-    if not group:
-        return f"there is no configuration '{option}'"
-    known = ", ".join(sorted(options))
-    return f"{group}={option} is not an option of {group}{_nearest(option, options)}; options: {known}"
-
-
-def _unknown_key(full_key: str, owner: Any) -> str:
-    parent, _, name = full_key.rpartition(".")
-    keys = [f.name for f in dataclasses.fields(owner)] if dataclasses.is_dataclass(owner) else []
-    where = f"{parent} has" if parent else "groups and keys are"
-    known = f"; {where} {', '.join(keys)}" if keys else ""
-    return f"there is no configuration key '{full_key}'{_nearest(name, keys)}{known}"
-
-
-def _nearest(name: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f" (did you mean {near[0]}?)" if near else ""
+            _refuse_added_keys(child, f"{full_key}.")

@@ -11,10 +11,8 @@ import contextlib
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from radartwin.config.compose import CONFIG_NAME, composing, conf_dir, path_override, register, search_override
-from radartwin.config.trusted import check_targets
+from radartwin.config.compose import launcher, path_override
 from radartwin.io import files
 from radartwin.runs.job import FAILED, LOG, STARTED, Outcome, job, job_name
 
@@ -37,7 +35,7 @@ class Launcher:
         self, hydra_overrides: Sequence[str], config_dirs: Sequence[Path], folder: Path, say: Callable[[str], None] = print
     ) -> None:
         self.folder, self._say = folder, say
-        self._plugin = _plugin([*hydra_overrides, path_override("hydra.sweep.dir", folder)], config_dirs)
+        self._plugin = launcher([*hydra_overrides, path_override("hydra.sweep.dir", folder)], config_dirs, job)
 
     def run(self, jobs: Mapping[int, Sequence[str]], total: int) -> None:
         """Run the jobs (overrides by number) until each has an outcome. Raises what stopped all of them from starting."""
@@ -106,27 +104,3 @@ class Launcher:
 def status_line(outcome: Outcome) -> str:
     run = f"run {outcome.run_key[:8]}, " if outcome.run_key else ""
     return f"{outcome.status:8s} {outcome.job}: {run}{outcome.line} ({outcome.seconds:.1f} s)"
-
-
-def _plugin(overrides: list[str], config_dirs: Sequence[Path]) -> Any:
-    from hydra._internal.callbacks import Callbacks
-    from hydra._internal.hydra import Hydra
-    from hydra._internal.utils import create_config_search_path
-    from hydra.core.global_hydra import GlobalHydra
-    from hydra.core.plugins import Plugins
-    from hydra.types import HydraContext, RunMode
-    from hydra.utils import instantiate
-
-    register()
-    GlobalHydra.instance().clear()
-    with composing(overrides):
-        main = Hydra.create_main_hydra2("radartwin", create_config_search_path(str(conf_dir())))
-        overrides = [*overrides, *search_override(config_dirs)]
-        config = main.compose_config(CONFIG_NAME, overrides, RunMode.MULTIRUN, with_log_configuration=False)
-    check_targets(config)
-    context = HydraContext(config_loader=main.config_loader, callbacks=Callbacks())
-    if str(config.hydra.launcher._target_).startswith("radartwin."):  # Hydra's registry holds only hydra_plugins
-        plugin = instantiate(config.hydra.launcher, _recursive_=False)
-        plugin.setup(hydra_context=context, task_function=job, config=config)
-        return plugin
-    return Plugins.instance().instantiate_launcher(hydra_context=context, task_function=job, config=config)

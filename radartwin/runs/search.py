@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from radartwin.config.compose import Composer, composing, quoted
+from radartwin.config.compose import Composer, parse_overrides
 from radartwin.config.config import Config
 from radartwin.errors import BackendError, ConfigError, UserError
 from radartwin.io import files
@@ -82,13 +82,9 @@ def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistributi
     Raises:
         ConfigError: an override that cannot be read, or an interval that holds nothing.
     """
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
     optuna = _optuna()
     fixed, searched = [], {}
-    with composing(overrides):
-        parsed = OverridesParser.create().parse_overrides(quoted(overrides))
-    for text, override in zip(overrides, parsed, strict=True):
+    for text, override in zip(overrides, parse_overrides(overrides), strict=True):
         if not override.is_sweep_override():
             fixed.append(text)
             continue

@@ -14,7 +14,7 @@ import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from radartwin.config.compose import Composer, composing, quoted
+from radartwin.config.compose import Composer, combinations, quoted
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError, UserError
 from radartwin.io import files
@@ -121,17 +121,6 @@ def split(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
     """The overrides of the study, and those of Hydra's own settings (the launcher)."""
     hydras = [o for o in overrides if o.lstrip("+~").startswith(("hydra.", "hydra/"))]
     return [o for o in overrides if o not in hydras], hydras
-
-
-def combinations(overrides: Sequence[str]) -> list[list[str]]:
-    """Overrides of each job: seed=0,1 and materials=vlm,void make four. Raises ConfigError where one cannot be read."""
-    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
-    with composing(overrides):
-        parsed = OverridesParser.create().parse_overrides(quoted(overrides))
-        batches = BasicSweeper.split_arguments(parsed, max_batch_size=None)
-    return [list(job) for batch in batches for job in batch]
 
 
 def composed(jobs: Sequence[list[str]], config_dirs: Sequence[Path] = ()) -> list[Config]:

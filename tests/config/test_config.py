@@ -10,13 +10,12 @@ import pytest
 
 from radartwin.build.radar import build_radar
 from radartwin.config import compose as composer
-from radartwin.config.compose import compose
+from radartwin.config.compose import combinations, compose
 from radartwin.config.config import Config
 from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError, MissingError
 from radartwin.radar.chirp import Radar
 from radartwin.runs.experiment import load
-from radartwin.runs.sweep import combinations
 
 MISTAKES = {
     "a key that does not exist": (["scene.nme=x"], ("scene.nme", "did you mean name", "target_size_m")),

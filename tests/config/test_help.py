@@ -9,7 +9,7 @@ import pytest
 
 from radartwin import cli
 from radartwin.commands.examples import _ROAD, EXAMPLES
-from radartwin.config.compose import compose
+from radartwin.config.compose import combinations, compose
 from radartwin.runs import sweep
 from radartwin.runs.search import space
 
@@ -57,7 +57,7 @@ def test_the_overrides_of_an_example_compose(command: str) -> None:
         assert searched
         compose(fixed)
     elif getattr(options, "multirun", False):
-        assert len(sweep.composed(sweep.combinations(ours))) > 1
+        assert len(sweep.composed(combinations(ours))) > 1
         assert all(word.startswith(("hydra/launcher=", "hydra.launcher.")) for word in hydras)
     else:
         compose(mine)

@@ -16,7 +16,7 @@ from markdown_blocks import DOCS, ROOT, Block, blocks, commands, lines_of, prose
 
 from experiments.validation.oracles.cases import CASES
 from radartwin import cli
-from radartwin.config.compose import compose
+from radartwin.config.compose import combinations, compose
 from radartwin.runs import sweep
 from radartwin.runs.search import space
 
@@ -58,7 +58,7 @@ def test_a_command_that_is_not_run_composes(command: str, tmp_path: Path) -> Non
     ours, hydras = sweep.split(options.overrides)
     ours = [f"measured.folder={tmp_path}" if word == "measured.folder=SET" else word for word in ours]
     if getattr(options, "multirun", False):
-        assert len(sweep.composed(sweep.combinations(ours))) > 1
+        assert len(sweep.composed(combinations(ours))) > 1
     else:
         compose(ours)
     if hydras:

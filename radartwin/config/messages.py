@@ -1,0 +1,78 @@
+"""One-line messages for configuration mistakes: what is wrong, where, and what to do.
+
+Hydra and OmegaConf report the same mistake by several exceptions of many lines; `explain` reduces them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from radartwin.config.config import Config
+
+LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # launcher: the extra that installs it
+
+
+def explain(error: BaseException) -> str:
+    """One line for an exception of Hydra or OmegaConf."""
+    from hydra.errors import MissingConfigException, OverrideParseException
+    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+
+    chain = list(_causes(error))
+    for cause in chain:
+        if isinstance(cause, OverrideParseException):
+            return f"cannot read the override '{cause.override}'; write group=option or key=value"
+        if isinstance(cause, MissingConfigException) and cause.missing_cfg_file:
+            return unknown_option(cause.missing_cfg_file, cause.options or ())
+    for cause in reversed(chain):
+        if isinstance(cause, ConfigKeyError | ConfigAttributeError) and cause.full_key:
+            return unknown_key(cause.full_key, cause.object_type)
+        if isinstance(cause, OmegaConfBaseException) and cause.full_key:
+            return f"{cause.full_key}: {_first_line(cause)}"
+    if match := re.match(r"Could not override '([^']+)'", str(error)):
+        return unknown_key(match.group(1), Config)
+    if match := re.match(r"Ambiguous value for argument '([^']+)'", str(error)):
+        return several_values(match.group(1))
+    return _first_line(error)
+
+
+def several_values(key: str) -> str:
+    return f"{key} lists several values; add -m to run them as a sweep, or choose one"
+
+
+def unknown_option(config_file: str, options: Sequence[str]) -> str:
+    """For a missing file GROUP/OPTION, with the options that exist."""
+    group, _, option = config_file.removesuffix(".yaml").rpartition("/")
+    if group == "hydra/launcher" and (extra := LAUNCHER_EXTRAS.get(option)):
+        return f"hydra/launcher={extra} needs an extra: pip install 'radartwin[{extra}]'"
+    if not group:
+        return f"there is no configuration '{option}'"
+    return f"{group}={option} is not an option of {group}{_nearest(option, options)}; options: {', '.join(sorted(options))}"
+
+
+def unknown_key(full_key: str, owner: Any) -> str:
+    """For a key that the dataclass `owner` does not have."""
+    parent, _, name = full_key.rpartition(".")
+    keys = [f.name for f in dataclasses.fields(owner)] if dataclasses.is_dataclass(owner) else []
+    where = f"{parent} has" if parent else "groups and keys are"
+    known = f"; {where} {', '.join(keys)}" if keys else ""
+    return f"there is no configuration key '{full_key}'{_nearest(name, keys)}{known}"
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def _first_line(error: BaseException) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0] if lines else type(error).__name__
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    return f" (did you mean {near[0]}?)" if near else ""
