@@ -89,7 +89,7 @@ class Campaign:
             process(made, doppler=doppler).save(folder)
             return {"frames": made.num_frames}
 
-        return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["experiments.campaign.receiving"], build)
+        return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["radartwin.features.processed"], build)
 
     def recording(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Recording:
         """The recording itself, with its receiver's noise."""

@@ -41,7 +41,7 @@ from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.scene import Scene
-from radartwin.simulation import path_cache
+from radartwin.store import array_cache
 from radartwin.store.digest import path_digest
 from radartwin.store.products import Store
 
@@ -181,7 +181,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         asked += _of_scan(config, store)
     alone = []
     for name in dict.fromkeys(one.name for one in asked):
-        with tempfile.TemporaryDirectory() as folder, path_cache.kept_in(folder):  # models share rooms, cases do not
+        with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):  # models share rooms, cases do not
             mine = [one for one in asked if one.name == name]
             alone += [choose([(one.kept, one.limits)]) for one in progress.over(mine, name)]
     fixed = choose([(one.kept, one.limits) for one in progress.over(asked, "one for all")])
@@ -205,7 +205,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def _recorded(case: Case, config: Config) -> None:
     """Fill the store with what the choice for a case by itself reads, and what its errors read."""
-    with tempfile.TemporaryDirectory() as folder, path_cache.kept_in(folder):
+    with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):
         for one in _of_case(case, config, Store(Path(config.output) / "cache")):
             chosen = choose([(one.kept, one.limits)]).model
             for model in (chosen, DEFAULT):

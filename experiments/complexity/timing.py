@@ -17,7 +17,7 @@ import numpy as np
 from experiments.speed import measuring
 from radartwin.adaptive.model import DEFAULT, Model
 from radartwin.adaptive.probe import Probe
-from radartwin.simulation import path_cache
+from radartwin.store import array_cache
 from radartwin.store.products import Store, save_json
 
 ROOTS = ("experiments.complexity.timing",)
@@ -54,7 +54,7 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
 
 
 def _once(few: Probe, many: Probe, model: Model) -> float:
-    with tempfile.TemporaryDirectory() as empty, path_cache.kept_in(empty):
+    with tempfile.TemporaryDirectory() as empty, array_cache.in_folder(empty):
         first = _clocked(few, model)
         short = _clocked(few, model) if few.log.angle_rad is not None else first  # a radar at rest finds its room traced
         long = _clocked(many, model)

@@ -46,7 +46,7 @@ ALIGNED_DB = 3.0  # a factor of two in power
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded
+    from experiments.campaign.campaign import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), progress)
 

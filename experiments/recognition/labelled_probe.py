@@ -65,7 +65,7 @@ class Data:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded
+    from experiments.campaign.campaign import Campaign as Recorded
 
     naive = replace(config, simulator=SimulatorConfig(**_rfgenesis(config)))
     return score(config, Recorded(config, store, progress), store, progress, {RIVAL: Recorded(naive, store, progress)})

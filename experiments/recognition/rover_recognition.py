@@ -52,7 +52,7 @@ Shown = dict[str, dict[str, Mapping[str, Any]]]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded
+    from experiments.campaign.campaign import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), store, progress)
 

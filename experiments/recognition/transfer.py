@@ -26,7 +26,7 @@ from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import Split, label_free
 
 if TYPE_CHECKING:
-    from experiments.campaign import Campaign as Kept
+    from experiments.campaign.campaign import Campaign as Kept
     from experiments.campaign.crew import Wanted
 
 ENERGY = "_db"  # ends the names of features that depend on energy, and that the reflector calibrates

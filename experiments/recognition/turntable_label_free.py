@@ -34,7 +34,7 @@ PAPER = {"geometry": "0.72", "material": "0.72"}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded
+    from experiments.campaign.campaign import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), store, progress)
 

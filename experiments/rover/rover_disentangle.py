@@ -45,7 +45,7 @@ Cells = Mapping[tuple[str, str, float], NDArray[np.floating]]  # (2, features), 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaign.campaign import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), progress)
 

@@ -67,7 +67,7 @@ class Agreement:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaign.campaign import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), progress)
 

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.campaign import Campaign, tally
+from experiments.campaign import tally
+from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import BENCH_ROOM
 from experiments.recognition import readings
 from experiments.recognition.labelled_probe import FEATURES, MOTION

@@ -24,7 +24,8 @@ import numpy as np
 from experiments.speed import signal_error
 from experiments.speed.methods import OURS, Method, counted_rays, published_seconds, rays_of, worker_pids
 from experiments.speed.problems import RADAR, Problem
-from radartwin.simulation import path_cache, variant
+from radartwin.simulation import variant
+from radartwin.store import array_cache
 from radartwin.store.digest import spec_digest
 
 ASIDE_M = 1e-6  # of a radar from one call to the next, where nothing may be kept
@@ -204,7 +205,7 @@ def measure(
 
     timed = [Timed(problem, method, count) for method in methods]
     most = min(len(next(iter(part.motion.values()), part.sensor)) for part in problem.parts)
-    with tempfile.TemporaryDirectory() as folder, path_cache.kept_in(folder):
+    with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):
         timed[0].once(moved=True)
         for one in timed:
             one.prepare(budget_s, most)

@@ -64,7 +64,7 @@ Recordings = Mapping[tuple[str, float], Sequence[Shown]]  # by domain of the tab
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded
+    from experiments.campaign.campaign import Campaign as Recorded
 
     check(config)
     return score(config, Recorded(config, store, progress), progress)

@@ -47,7 +47,7 @@ DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", belo
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaign.campaign import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), progress)
 

@@ -62,7 +62,7 @@ STABLE_M = (0.6, 2.1)  # where the paper gives the reflector's variation; nearer
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaign.campaign import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), progress)
 

@@ -42,7 +42,7 @@ NO_TREND = Claim("no consistent trend with the height of a can", "none", contain
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign import Campaign as Recorded  # pyright: ignore[reportMissingImports]
+    from experiments.campaign.campaign import Campaign as Recorded
 
     return score(config, Recorded(config, store, progress), progress)
 

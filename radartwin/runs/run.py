@@ -33,7 +33,7 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
     Raises:
         UserError: what the configuration asks for cannot be done.
     """
-    from radartwin.simulation import path_cache  # brings the numerical packages along
+    from radartwin.store import array_cache  # imports the numerical packages
 
     progress = progress or Progress()
     experiment = load(config.experiment)
@@ -52,7 +52,7 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
 
         def build(folder: Path) -> None:
             track()
-            with path_cache.kept_in(store.root / "paths"):
+            with array_cache.in_folder(store.root / "paths"):
                 computed = experiment.run(config, store, progress)
             save(computed, folder)
             (folder / "config.json").write_text(json.dumps(asdict(config), indent=1) + "\n", encoding="utf-8")

@@ -1,8 +1,8 @@
-"""What a result depends on, as SHA-256: the meaning of its configuration, the source of its code, its input files.
+"""Digests (SHA-256) that form the keys of products: of a configuration, of source code and of input files.
 
-A key must change with everything that could change a number and with nothing else. So the configuration enters without
-paths, launcher and verbosity; source enters as its syntax tree, where comments, docstrings and layout do not count,
-over the static import closure of the modules a stage names; files enter by content.
+A key has to change whenever a result could change. The digest of source code covers whole packages: every package that holds a module
+which the stage imports, directly or indirectly. A package is a folder two levels deep, such as radartwin.simulation; a file beside such
+folders counts by itself. Comments, docstrings, layout and imports for type checkers do not change a digest.
 """
 
 from __future__ import annotations
@@ -10,25 +10,28 @@ from __future__ import annotations
 import ast
 import dataclasses
 import functools
+import gc
 import hashlib
 import importlib.util
 import json
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from radartwin.errors import ConfigError, MissingError
 
-PACKAGES = ("radartwin", "experiments")  # whose source counts; everything else is pinned by constraints.txt
+if TYPE_CHECKING:
+    import numpy as np
 
 
 def spec_digest(spec: Any) -> str:
-    """Of a tree of dictionaries, lists and scalars; the order of dictionary keys does not matter."""
+    """Digest of a tree of dictionaries, lists, arrays, dataclasses and scalars; the order of dictionary keys does not matter."""
     return hashlib.sha256(canonical(spec).encode()).hexdigest()
 
 
 def canonical(spec: Any) -> str:
+    """The tree as JSON with sorted keys. Raises TypeError for a value without a plain form."""
     return json.dumps(_plain(spec), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
@@ -51,7 +54,7 @@ def _plain(value: Any) -> Any:
 
 
 def semantic(description: Any) -> dict[str, Any]:
-    """What a dataclass says is computed: without its unkeyed fields, paths replaced by the digest of their content."""
+    """The fields of a dataclass that decide a result: no field marked `unkeyed`, and the content of a file in place of its path."""
     out = {}
     for field in dataclasses.fields(description):
         value = getattr(description, field.name)
@@ -63,8 +66,15 @@ def semantic(description: Any) -> dict[str, Any]:
     return out
 
 
+def array_digest(array: np.ndarray) -> str:
+    """Digest of type, shape and bytes of an array: faster than `spec_digest` where arrays are large."""
+    total = hashlib.sha256(f"{array.dtype.str} {array.shape}:".encode())
+    total.update(array.tobytes())
+    return total.hexdigest()
+
+
 def path_digest(path: Path) -> str:
-    """Of a file's bytes, or of a folder's relative names and bytes."""
+    """Digest of a file's bytes, or of a folder's relative file names and bytes. Raises MissingError if there is neither."""
     if path.is_file():
         files = [path]
     elif path.is_dir():
@@ -79,121 +89,159 @@ def path_digest(path: Path) -> str:
     return total.hexdigest()
 
 
-def source_digest(roots: Iterable[str]) -> str:
-    """Of the modules in `roots` and all they import, directly or not, within PACKAGES.
+def source_digest(entries: Iterable[str]) -> str:
+    """Digest of all packages that hold a module reached from the entries.
 
+    Args:
+        entries: modules or packages where the stage starts, such as "experiments.campaign.truth" or "radartwin.simulation".
     Raises:
-        ConfigError: a root that is no module.
+        ConfigError: an entry is neither.
     """
-    for root in roots:
-        if _source(root) is None:
-            raise ConfigError(f"there is no module '{root}'")
-    lines = (f"{name} {_tree_digest(name)}\n" for name in sorted(import_closure(tuple(roots))))
-    return hashlib.sha256("".join(lines).encode()).hexdigest()
+    return _source_digest(tuple(entries))
 
 
 @functools.cache
-def import_closure(roots: tuple[str, ...]) -> frozenset[str]:
-    """Names of the modules reached from `roots` by import statements, those inside functions included."""
+def _source_digest(entries: tuple[str, ...]) -> str:
+    for entry in entries:
+        if not _members(entry):
+            raise ConfigError(f"there is no module or package '{entry}'")
+    packages = {".".join(name.split(".")[:2]) for name in import_closure(entries)}
+    modules = sorted({name for package in packages for name in _members(package)})
+    return hashlib.sha256("".join(f"{name} {_parsed(name).digest}\n" for name in modules).encode()).hexdigest()
+
+
+@functools.cache
+def import_closure(entries: tuple[str, ...]) -> frozenset[str]:
+    """Modules of radartwin and the study that the entries import, directly or indirectly, also inside functions."""
     reached: set[str] = set()
-    waiting = list(roots)
+    waiting = [*_with_parents(name for entry in entries for name in _members(entry))]
     while waiting:
         name = waiting.pop()
         if name not in reached:
             reached.add(name)
-            waiting.extend(imports(name))
+            waiting.extend(_imports(name))
     return frozenset(reached)
 
 
+def include(top: str) -> None:
+    """Count the source of one more top-level package or module, such as a user's own experiment, and read all source again."""
+    _tops.add(top)
+    for function in (_source_digest, import_closure, _imports, _parsed, _source):
+        function.cache_clear()
+
+
+_tops = {"radartwin", "experiments"}  # constraints.txt pins the version of every other package
+
+
+def _members(name: str) -> list[str]:
+    """The modules of a package two levels deep; of every other name the module itself; [] where there is none."""
+    folder = _location(name)
+    if name.count(".") == 1 and folder and folder.is_dir():
+        parts = (path.relative_to(folder).with_suffix("").parts for path in sorted(folder.rglob("*.py")))
+        return [".".join((name, *part)).removesuffix(".__init__") for part in parts]
+    return [name] if _source(name) else []
+
+
 @functools.cache
-def imports(name: str) -> frozenset[str]:
-    """Modules of PACKAGES that the module `name` imports, with the packages that contain them."""
-    path = _source(name)
-    if path is None:
-        return frozenset()
-    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+def _imports(name: str) -> frozenset[str]:
+    """The modules that one module imports, and the packages around them."""
+    package = name if _source(name) == _init(name) else name.rpartition(".")[0]
     found: set[str] = set()
-    for node in _executed(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _parsed(name).imports:
         if isinstance(node, ast.Import):
             for alias in node.names:
-                found |= {alias.name, *_on_demand(alias.name).values()}
-        elif isinstance(node, ast.ImportFrom):
+                found |= {alias.name, *_lazy(alias.name).values()}
+        else:
             base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
             for alias in node.names:
                 submodule = f"{base}.{alias.name}"
-                found |= {base, submodule if _source(submodule) else _on_demand(base).get(alias.name, base)}
-    return frozenset(_parents(m for m in found if _source(m)) - {name})
+                found |= {base, submodule if _source(submodule) else _lazy(base).get(alias.name, base)}
+    return _with_parents(found) - {name}
 
 
-def _executed(tree: ast.AST) -> Iterator[ast.AST]:
-    """The nodes of a module without what only a type checker reads."""
-    for node in ast.iter_child_nodes(tree):
-        if not (isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")):
-            yield node
-            yield from _executed(node)
+def _with_parents(names: Iterable[str]) -> frozenset[str]:
+    """Those of the names that are modules, and the packages around them, which Python runs first."""
+    parents = {".".join(parts[:n]) for parts in (name.split(".") for name in names) for n in range(1, len(parts) + 1)}
+    return frozenset(name for name in parents if _source(name))
+
+
+class _Parsed(NamedTuple):
+    """A module's import statements and the digest of its code."""
+
+    imports: list[ast.Import | ast.ImportFrom]
+    digest: str
 
 
 @functools.cache
-def _on_demand(package: str) -> dict[str, str]:
-    """Names a package loads on first use and the modules they come from: the dictionary its `__getattr__` looks in."""
+def _parsed(name: str) -> _Parsed:
+    path, collecting = _source(name), gc.isenabled()
+    assert path is not None
+    gc.disable()  # a syntax tree holds no circles, and searching it for them takes most of the time
+    try:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        statements = list(_statements([tree]))
+        for node in statements:
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(node) is not None:
+                node.body[0] = ast.Pass()
+            elif _for_type_checkers(node):
+                node.body = [ast.Pass()]
+        imports = [node for node in statements if isinstance(node, ast.Import | ast.ImportFrom)]
+        return _Parsed(imports, hashlib.sha256(ast.dump(tree).encode()).hexdigest())
+    finally:
+        if collecting:
+            gc.enable()
+
+
+def _statements(nodes: Iterable[Any]) -> Iterator[Any]:
+    """The nodes and all statements inside them, but for blocks that only a type checker reads."""
+    for node in nodes:
+        yield node
+        for block in ("orelse",) if _for_type_checkers(node) else ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from _statements(getattr(node, block, ()))
+
+
+def _for_type_checkers(node: Any) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+
+
+def _lazy(package: str) -> dict[str, str]:
+    """Names that a package loads on first use and their modules: the dictionary of its __init__.py (radartwin/__init__.py)."""
     path = _source(package)
-    if path is None or path.name != "__init__.py":
+    if path is None or path != _init(package):
         return {}
-    homes: dict[str, str] = {}
+    found: dict[str, str] = {}
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Dict):
             for key, value in zip(node.keys, node.values, strict=True):
                 if isinstance(key, ast.Constant) and isinstance(value, ast.Constant) and _source(str(value.value)):
-                    homes[str(key.value)] = str(value.value)
-    return homes
-
-
-def _parents(names: Iterable[str]) -> set[str]:
-    return {".".join(parts[:n]) for parts in (name.split(".") for name in names) for n in range(1, len(parts) + 1)}
+                    found[str(key.value)] = str(value.value)
+    return found
 
 
 @functools.cache
 def _source(name: str) -> Path | None:
-    """Source file of a module of PACKAGES or of a user's experiment, found without importing; None for others."""
-    top, _, rest = name.partition(".")
-    root = _package_root(top)
-    if root is None:
+    """The source file of a module, found without importing it; None where there is none, or outside the counted packages."""
+    location = _location(name)
+    if location is None:
         return None
-    base = root.joinpath(*rest.split(".")) if rest else root
-    for candidate in (base.with_suffix(".py") if rest else root, base / "__init__.py"):
-        if candidate.is_file():
-            return candidate
-    return None
+    return next((file for file in (location.with_name(f"{location.name}.py"), location / "__init__.py") if file.is_file()), None)
 
 
-def _package_root(top: str) -> Path | None:
+def _init(name: str) -> Path | None:
+    location = _location(name)
+    return location / "__init__.py" if location else None
+
+
+def _location(name: str) -> Path | None:
+    """Where the file or folder of a module lies, without suffix."""
+    top, *rest = name.split(".")
+    if top not in _tops:
+        return None
     if top == "radartwin":
-        return Path(__file__).resolve().parents[1]
-    if top not in PACKAGES and top not in _extra:
-        return None
+        return Path(__file__).resolve().parents[1].joinpath(*rest)
     spec = importlib.util.find_spec(top)
     if spec is None:
         return None
     if spec.submodule_search_locations:
-        return Path(next(iter(spec.submodule_search_locations)))
-    return Path(spec.origin) if spec.origin else None
-
-
-_extra: set[str] = set()
-
-
-def include(top: str) -> None:
-    """Let the source of one more top-level package or module count: a user's own experiment."""
-    _extra.add(top)
-    _source.cache_clear()
-
-
-@functools.cache
-def _tree_digest(name: str) -> str:
-    path = _source(name)
-    assert path is not None
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
-            node.body[0] = ast.Pass()
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+        return Path(next(iter(spec.submodule_search_locations))).joinpath(*rest)
+    return None if rest or not spec.origin else Path(spec.origin).with_suffix("")

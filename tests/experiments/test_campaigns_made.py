@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.campaign import Campaign, Case, table, tally, truth, twin
-from experiments.campaign.campaign import load_clean
-from experiments.campaign.cases import log
+from experiments.campaign import table, tally, truth, twin
+from experiments.campaign.campaign import Campaign, load_clean
+from experiments.campaign.cases import Case, log
 from experiments.campaign.turned import Turned
 from experiments.scans import virtual_scan
 from radartwin.build.radar import build_radar

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from experiments.campaign import Campaign, Case
-from experiments.campaign.cases import Motion, course
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import Case, Motion, course
 from experiments.campaign.export import export
 from experiments.turntable import environment
 from radartwin.config.compose import compose

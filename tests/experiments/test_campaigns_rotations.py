@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.campaign import Campaign
-from experiments.campaign.campaign import load_clean
+from experiments.campaign.campaign import Campaign, load_clean
 from radartwin.config.compose import compose
 from radartwin.features.processed import process
 from radartwin.io.progress import Progress

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.campaign import Case, truth
+from experiments.campaign import truth
+from experiments.campaign.cases import Case
 from radartwin.config.compose import compose
 
 COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]

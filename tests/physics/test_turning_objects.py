@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.campaign import Campaign
+from experiments.campaign.campaign import Campaign
 from radartwin.config.compose import compose
 from radartwin.features import sets
 from radartwin.io.progress import Progress

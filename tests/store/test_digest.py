@@ -1,4 +1,4 @@
-"""A key changes with everything that could change a number and with nothing else."""
+"""A key changes with everything that can change a result and with nothing else."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from radartwin.errors import ConfigError, MissingError
 from radartwin.store import digest
 
 
-def test_where_and_how_do_not_change_the_key_and_what_does() -> None:
+def test_settings_that_change_no_result_keep_the_key() -> None:
     base = digest.spec_digest(compose())
     for same in (["output=elsewhere"], ["tracking=off"], ["tracking.uri=http://h:1"], ["simulator.variant=llvm"]):
         assert digest.spec_digest(compose(same)) == base
@@ -20,7 +20,7 @@ def test_where_and_how_do_not_change_the_key_and_what_does() -> None:
         assert digest.spec_digest(compose(other)) != base
 
 
-def test_a_file_counts_by_its_content_and_not_by_its_name(tmp_path: Path) -> None:
+def test_content_of_a_file_counts_and_its_name_does_not(tmp_path: Path) -> None:
     def key(name: str, content: str) -> str:
         (tmp_path / name).write_text(content)
         return digest.spec_digest(compose(["scene=scan", f"scene.path={tmp_path / name}"]))
@@ -31,7 +31,7 @@ def test_a_file_counts_by_its_content_and_not_by_its_name(tmp_path: Path) -> Non
         digest.spec_digest(compose(["scene=scan", "scene.path=absent.ply"]))
 
 
-def test_a_folder_counts_by_relative_names_and_content(tmp_path: Path) -> None:
+def test_relative_names_and_content_of_a_folder_count(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "manifest.json").write_text("{}")
@@ -40,58 +40,80 @@ def test_a_folder_counts_by_relative_names_and_content(tmp_path: Path) -> None:
     assert digest.path_digest(tmp_path / "a") != digest.path_digest(tmp_path / "b")
 
 
-def test_arrays_and_their_lists_are_the_same_content() -> None:
+def test_array_and_list_of_the_same_values_have_the_same_digest() -> None:
     assert digest.spec_digest({"a": np.arange(3), "b": np.float64(2)}) == digest.spec_digest({"b": 2.0, "a": [0, 1, 2]})
     with pytest.raises(TypeError, match="object"):
         digest.spec_digest({"a": object()})
 
 
+def test_array_digest_covers_type_shape_and_values() -> None:
+    grid = np.arange(6.0)
+    arrays = [grid, grid.reshape(2, 3), grid.reshape(3, 2), grid.astype(np.float32), grid[::-1]]
+    assert len({digest.array_digest(array) for array in arrays}) == len(arrays)
+    assert digest.array_digest(grid.reshape(2, 3).T) == digest.array_digest(grid.reshape(2, 3).T.copy())
+
+
+SOURCES = {
+    "__init__": "",
+    "top": "def run():\n    from study_x.near.middle import leaf\n    return leaf\n",
+    "near/__init__": "",
+    "near/middle": "from . import leaf\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import study_x.far.stranger\n",
+    "near/leaf": '"""Doc."""\nVALUE = 1  # why\n',
+    "near/neighbour": "VALUE = 2\n",
+    "far/stranger": "VALUE = 3\n",
+}
+
+
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package `study_x`: top imports middle (in a function), middle imports leaf relatively; stranger stands alone."""
+    """A package study_x: `top` imports near.middle (in a function), near.middle imports near.leaf; far.stranger stands alone."""
     folder = tmp_path / "study_x"
-    folder.mkdir()
-    sources = {
-        "__init__": "",
-        "top": "def run():\n    from study_x.middle import leaf\n    return leaf\n",
-        "middle": "from . import leaf\n",
-        "leaf": '"""Doc."""\nVALUE = 1  # why\n',
-        "stranger": "VALUE = 2\n",
-    }
-    for name, source in sources.items():
+    for name, source in SOURCES.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / f"{name}.py").write_text(source)
     monkeypatch.syspath_prepend(str(tmp_path))
-    digest.include("study_x")
     return folder
 
 
-def fresh(root: str) -> str:
-    """The digest as a new process would see it."""
-    for function in (digest.import_closure, digest.imports, digest._tree_digest, digest._source, digest._on_demand):
-        function.cache_clear()
-    return digest.source_digest([root])
+def source_digest(*entries: str) -> str:
+    """The digest as a new process computes it."""
+    digest.include("study_x")
+    return digest.source_digest(entries)
 
 
-def test_the_closure_follows_lazy_and_relative_imports_and_nothing_else(package: Path) -> None:
-    fresh("study_x.top")
-    reached = {name for name in digest.import_closure(("study_x.top",)) if name.startswith("study_x.")}
-    assert reached == {"study_x.top", "study_x.middle", "study_x.leaf"}
+def test_closure_follows_imports_in_functions_and_relative_ones_but_not_those_for_type_checkers(package: Path) -> None:
+    digest.include("study_x")
+    reached = digest.import_closure(("study_x.top",))
+    assert reached == {"study_x", "study_x.top", "study_x.near", "study_x.near.middle", "study_x.near.leaf"}
 
 
-def test_code_counts_and_its_comments_docstrings_and_layout_do_not(package: Path) -> None:
-    base = fresh("study_x.top")
-    (package / "leaf.py").write_text('"""Another text."""\n\n# a comment\nVALUE   =   1\n')
-    assert fresh("study_x.top") == base
-    (package / "stranger.py").write_text("VALUE = 3\n")
-    assert fresh("study_x.top") == base
-    (package / "leaf.py").write_text("VALUE = 2\n")
-    assert fresh("study_x.top") != base
+@pytest.mark.parametrize(
+    ("file", "content", "changes"),
+    [
+        ("near/leaf", '"""Another text."""\n\n# a comment\nVALUE   =   1\n', False),  # only text and layout
+        ("near/leaf", "VALUE = 2\n", True),
+        ("near/neighbour", "VALUE = 4\n", True),  # not imported, but of a package that is
+        ("near/added", "", True),
+        ("far/stranger", "VALUE = 4\n", False),
+        ("near/middle", "from . import leaf\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import study_x.other\n", False),
+    ],
+)
+def test_code_of_whole_packages_counts(package: Path, file: str, content: str, changes: bool) -> None:
+    before = source_digest("study_x.top")
+    (package / f"{file}.py").write_text(content)
+    assert (source_digest("study_x.top") != before) == changes
 
 
-def test_names_that_a_package_loads_on_demand_belong_to_whoever_imports_them(package: Path) -> None:
+def test_a_package_as_entry_stands_for_all_its_modules(package: Path) -> None:
+    assert source_digest("study_x.near") == source_digest("study_x.near.leaf")
+    (package / "near" / "neighbour.py").write_text("import study_x.far.stranger\n")
+    assert source_digest("study_x.near") != source_digest("study_x.near.leaf")
+
+
+def test_a_name_that_radartwin_loads_on_first_use_counts_with_its_module(package: Path) -> None:
     def reached(statement: str) -> frozenset[str]:
         (package / "top.py").write_text(statement)
-        fresh("study_x.top")
+        digest.include("study_x")
         return digest.import_closure(("study_x.top",))
 
     everything = reached("import radartwin as rt\n")
@@ -100,6 +122,13 @@ def test_names_that_a_package_loads_on_demand_belong_to_whoever_imports_them(pac
     assert "radartwin.radar.chirp" in radar
     assert "radartwin.simulation.simulate" not in radar
     assert "radartwin.radar.chirp" not in reached("from radartwin import __version__\n")
+
+
+def test_recordings_do_not_depend_on_code_that_learns_or_reports() -> None:
+    for entry in ("experiments.campaign.truth", "experiments.campaign.twin", "radartwin.simulation"):
+        packages = {".".join(name.split(".")[:2]) for name in digest.import_closure((entry,))}
+        assert "radartwin.simulation" in packages
+        assert not packages & {"experiments.recognition", "experiments.gaps", "radartwin.recognize", "radartwin.runs", "radartwin.plotting"}
 
 
 def test_an_unknown_module_is_refused() -> None:

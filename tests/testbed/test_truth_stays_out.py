@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 import radartwin
-from experiments.campaign import Campaign, Case
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import Case
 from radartwin.config.compose import compose
 from radartwin.io.progress import Progress
 from radartwin.store.digest import import_closure, spec_digest

@@ -129,24 +129,20 @@ class MitsubaBackend:
 
     def static_paths_once(self, still: Still, radar: Radar, poses: np.ndarray) -> list[Paths]:
         """Static paths, kept: frames, objects, repetitions and chirp timings in the same room trace it once."""
-        built, table, cache = still.geometry, still.room.table, path_cache.shared()
-        made_of = [(s.kind, s.name, s.roughness_m, str(s.material)) for s in still.surfaces]
-        arrays = (built.corners, built.normals, built.surface, table.te, table.tm, table.frequencies_hz, poses)
-        # of the radar what paths know of it: the sweep is in the table; pattern, and the frame rate where something moves
-        rate = radar.frame_rate_hz if len(poses) > 1 else 0.0
-        key = cache.key(
-            replace(self.settings, variant=variant.activate(self.settings.variant)),
-            radar.element,
-            rate,
-            radar.wavelength_m,
-            made_of,
-            *arrays,
-        )
-        found = cache.get(key)
-        if found is None:
-            found = self._static_parts(still, radar, poses)
-            cache.put(key, found)
-        return found
+        built, table = still.geometry, still.room.table
+        spec = {
+            "settings": replace(self.settings, variant=variant.activate(self.settings.variant)),
+            "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in still.surfaces],
+            # Of the radar, static paths depend on these three and on the table. The frame rate matters only where the radar moves.
+            "element": radar.element,
+            "wavelength_m": radar.wavelength_m,
+            "frame_rate_hz": radar.frame_rate_hz if len(poses) > 1 else 0.0,
+        }
+        arrays = {
+            "corners": built.corners, "normals": built.normals, "surface": built.surface, "te": table.te, "tm": table.tm,
+            "frequencies_hz": table.frequencies_hz, "poses": poses,
+        }  # fmt: skip
+        return path_cache.traced_once(spec, arrays, lambda: self._static_parts(still, radar, poses))
 
     def _static_parts(self, still: Still, radar: Radar, poses: np.ndarray) -> list[Paths]:
         parts: list[Paths] = []

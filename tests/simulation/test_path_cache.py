@@ -1,0 +1,70 @@
+"""Traced paths come back from the cache as they were, under a key of everything that decides them."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from radartwin.simulation.path_cache import from_arrays, to_arrays, traced_once
+from radartwin.simulation.paths import Paths
+from radartwin.store import array_cache
+
+
+def paths(count=50, seed=0, poses=3):
+    rng = np.random.default_rng(seed)
+    unit = rng.normal(size=(2, count, 3))
+    amplitude = rng.normal(size=(count, 2)) + 1j * rng.normal(size=(count, 2))
+    pose, lengths = np.sort(rng.integers(0, poses, count)), rng.uniform(1, 5, (2, count))
+    rest = (lengths[0], lengths[1], unit[0], unit[1], rng.normal(size=count))
+    return Paths(poses, pose, np.ones(count, int), amplitude, np.array([77e9, 80e9]), *rest)
+
+
+IMAGES = dataclasses.replace(paths(25, 1, poses=1), mirror=np.random.default_rng(0).normal(size=(25, 3, 3)))
+
+
+@pytest.mark.parametrize("parts", [[paths(), IMAGES], [paths(0, poses=1)], []], ids=["two parts", "no paths", "no parts"])
+def test_paths_come_back_from_the_folder(tmp_path, parts):
+    for _ in range(2):
+        with array_cache.in_folder(tmp_path):
+            found = traced_once({"rays": 1}, {"poses": np.eye(4)}, lambda: parts)
+        assert len(found) == len(parts)
+        for one, other in zip(found, parts, strict=True):
+            assert isinstance(one.poses, int)
+            for field in dataclasses.fields(Paths):
+                a, b = getattr(one, field.name), getattr(other, field.name)
+                assert np.array_equal(a, b)
+                assert np.asarray(a).dtype == np.asarray(b).dtype
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_arrays_of_different_lengths_are_refused():
+    arrays = to_arrays([paths()])
+    with pytest.raises(ValueError, match="arrival"):
+        from_arrays(arrays | {"0.arrival": arrays["0.arrival"][:-1]})
+
+
+def test_every_setting_and_array_changes_the_key(tmp_path):
+    traced = []
+    grid = np.arange(6.0)
+    choices = [
+        ({"a": 1}, {"x": grid}), ({"a": 1.0}, {"x": grid}), ({"a": True}, {"x": grid}), ({"a": "1"}, {"x": grid}), ({"a": None}, {"x": grid}),
+        ({"a": [1]}, {"x": grid}), ({"b": 1}, {"x": grid}), ({"a": 1}, {"y": grid}), ({"a": 1}, {"x": grid.reshape(2, 3)}),
+        ({"a": 1}, {"x": grid.astype(np.float32)}), ({"a": 1}, {"x": grid[::-1]}),
+    ]  # fmt: skip
+    with array_cache.in_folder(tmp_path):
+        for choice in [*choices, *choices]:
+            traced_once(*choice, lambda: traced.append(1) or [paths(3)])
+    assert len(traced) == len(choices)
+
+
+def test_another_process_computes_the_same_key(tmp_path):
+    code = (
+        "import sys, numpy as np; from radartwin.store import array_cache; from radartwin.simulation.path_cache import traced_once\n"
+        "with array_cache.in_folder(sys.argv[1]): traced_once({'b': 2, 'a': 'x'}, {'x': np.eye(3)}, list)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True, env={**os.environ, "PYTHONHASHSEED": "7"})
+    with array_cache.in_folder(tmp_path):
+        assert traced_once({"a": "x", "b": 2}, {"x": np.eye(3)}, lambda: pytest.fail("traced again")) == []
