@@ -348,13 +348,10 @@ def _export(options: argparse.Namespace) -> int:
 
 def _reconstruct(options: argparse.Namespace) -> int:
     from radartwin.io.progress import Progress
-    from radartwin.reconstruct.build import reconstruct, summary
+    from radartwin.reconstruct.build import ScanOptions, reconstruct, summary
 
-    scene = reconstruct(
-        options.scan, options.out, material=options.material, unit=options.unit, up=options.up, is_object=options.object,
-        depth_model=options.depth_model, intrinsics=options.intrinsics, depth_unit_m=options.depth_unit,
-        poses=options.poses, progress=Progress(),
-    )  # fmt: skip
+    how = ScanOptions(options.up, options.unit, options.object, options.depth_model, options.intrinsics, options.depth_unit, options.poses)
+    scene = reconstruct(options.scan, options.out, options=how, material=options.material, progress=Progress())
     print("\n".join(summary(scene)))
     print(f"{options.out}: {len(scene)} surfaces")
     return 0

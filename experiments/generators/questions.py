@@ -17,6 +17,7 @@ from radartwin.label.labelling import load, prepare
 from radartwin.label.questions import Question
 from radartwin.label.recorded import shipped, shipped_rooms
 from radartwin.reconstruct.build import reconstruct
+from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 
@@ -34,7 +35,7 @@ def asked(room: str, data: Path = DATA) -> list[Question]:
         here = Path(folder)
         sources = [data, data / "export.obj"]
         if room != CHAIR:
-            scan(rooms.room(room, detail="cluttered"), 0, 1.0)[0].save(here / room)
+            save_frames(scan(rooms.room(room, detail="cluttered"), 0, 1.0)[0], here / room)
             sources = [here / room]
         found = []
         for number, source in enumerate(sources):

@@ -94,13 +94,13 @@ def _mesh_formats() -> tuple[str, bool]:
 
 def _scanned_room() -> tuple[str, bool]:
     """A mesh as a phone leaves it, one piece of small noisy triangles, becomes a room of its walls."""
-    from radartwin.reconstruct.build import reconstruct
+    from radartwin.reconstruct.build import ScanOptions, reconstruct
 
     mesh: Any = _box().surfaces[0].mesh.subdivide_to_size(0.12)
     mesh.vertices += np.random.default_rng(0).normal(0, 0.003, mesh.vertices.shape)
     with tempfile.TemporaryDirectory() as folder:
         mesh.export(Path(folder) / "scan.ply")
-        scene = reconstruct(Path(folder) / "scan.ply", unit="m", up="z")
+        scene = reconstruct(Path(folder) / "scan.ply", options=ScanOptions(unit="m", up="z"))
     area = sum(s.mesh.area for s in scene)
     walls = 2 * (ROOM_M[0] * ROOM_M[1] + ROOM_M[0] * ROOM_M[2] + ROOM_M[1] * ROOM_M[2])
     return "yes", bool(len(scene) >= 6 and abs(area - walls) < 0.05 * walls)

@@ -21,7 +21,7 @@ from scipy.spatial import KDTree
 from experiments.scans.true_surfaces import SPACING_M, Sighted, Truth, nearest, outline_points
 from radartwin.errors import SceneError
 from radartwin.reconstruct.distance import spread
-from radartwin.reconstruct.segmentation.segment import Segment
+from radartwin.reconstruct.segmentation.faces import Segment
 from radartwin.scene.scene import Scene
 
 MIN_AREA_M2 = 0.25

@@ -51,11 +51,12 @@ def specification(config: Config, room: str, strength: float, seed: int | None =
 def scanned(out: Path, room: str, strength: float, seed: int) -> Scene:
     """Scan a room and reconstruct it into the folder `out`."""
     from radartwin.reconstruct.build import reconstruct
+    from radartwin.reconstruct.frames.folder import save_frames
     from radartwin.testbed.scanner import scan
 
     frames, _ = scan(rooms.room(room, detail="cluttered"), seed, strength)
     with tempfile.TemporaryDirectory() as folder:
-        frames.save(Path(folder) / room)
+        save_frames(frames, Path(folder) / room)
         return reconstruct(Path(folder) / room, out)
 
 

@@ -1,14 +1,14 @@
-"""Axes that scans come in: which way is up, and how a camera's pose is written.
+"""Axis conventions of scans: which world axis points up, and how a file writes camera poses.
 
-Ours: world z up; poses camera-to-world with the camera's x right, y down, z forward, as OpenCV has it. OpenGL, ARKit and Blender have the
-camera's y up and z back. Structure-from-motion tools such as COLMAP write world-to-camera, the inverse.
+This library uses a world with z up and camera-to-world poses with the OpenCV camera axes (x right, y down, z forward). OpenGL, ARKit and
+Blender use camera axes with y up and z backward. Structure-from-motion tools such as COLMAP write world-to-camera poses.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-# Rotations that take an up axis to z: cyclic, so that handedness is kept.
+# Rotations that take an up axis to z. They are cyclic, so that handedness is kept.
 TO_Z_UP = {
     "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
     "y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
@@ -17,9 +17,9 @@ TO_Z_UP = {
     "-y": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
     "-z": np.diag([1, -1, -1]),
 }
-CAMERA_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # y up, z back -> y down, z forward, and back
-# What a pose may be, by the word for `--poses`.
-READINGS = {
+CAMERA_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # converts OpenGL camera axes to OpenCV axes and back
+# The values of `--poses` and their meaning.
+POSE_CONVENTIONS = {
     "opencv": "camera-to-world, x right, y down, z forward",
     "opengl": "camera-to-world, x right, y up, z back",
     "opencv-inverse": "world-to-camera, x right, y down, z forward",
@@ -27,19 +27,19 @@ READINGS = {
 }
 
 
-def camera_to_world(poses: np.ndarray, reading: str) -> np.ndarray:
-    """Poses (N, 4, 4) of one of the READINGS as ours; what is not rigid stays so, and is refused where poses are checked."""
-    if reading.endswith("-inverse"):
-        turned = np.swapaxes(poses[:, :3, :3], 1, 2)
+def camera_to_world(poses: np.ndarray, convention: str) -> np.ndarray:
+    """Convert poses (N, 4, 4) from one of POSE_CONVENTIONS to camera-to-world with OpenCV axes. Does not check that poses are rigid."""
+    if convention.endswith("-inverse"):
+        rotation = np.swapaxes(poses[:, :3, :3], 1, 2)
         inverse = poses.copy()
-        inverse[:, :3, :3] = turned
-        inverse[:, :3, 3] = -np.einsum("nij,nj->ni", turned, poses[:, :3, 3])
+        inverse[:, :3, :3] = rotation
+        inverse[:, :3, 3] = -np.einsum("nij,nj->ni", rotation, poses[:, :3, 3])
         poses = inverse
-    return poses @ CAMERA_FLIP if reading.startswith("opengl") else poses
+    return poses @ CAMERA_FLIP if convention.startswith("opengl") else poses
 
 
 def z_up(poses: np.ndarray, up: str) -> np.ndarray:
-    """Poses (N, 4, 4) in a world whose axis `up` points up, in one with z up."""
-    turn = np.eye(4)
-    turn[:3, :3] = TO_Z_UP[up]
-    return turn @ poses
+    """Rotate the world of poses (N, 4, 4) so that its axis `up` becomes z."""
+    rotation = np.eye(4)
+    rotation[:3, :3] = TO_Z_UP[up]
+    return rotation @ poses

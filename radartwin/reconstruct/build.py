@@ -1,35 +1,63 @@
-"""A scan becomes a labelled scene: read or fused, segmented, outlined and completed, one material, saved."""
+"""Turn a scan into a labelled scene: read or fuse, segment, outline, complete, assign one material, save."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import trimesh
 
 from radartwin.errors import ScanError
 from radartwin.io import files
 from radartwin.io.progress import Progress
-from radartwin.materials import check_name
-from radartwin.reconstruct.frames.frames import scan_digest
+from radartwin.materials import Layered, check_name
+from radartwin.reconstruct.frames.frames import Frames, scan_digest
+from radartwin.reconstruct.frames.layouts import layout_of, load_frames
+from radartwin.reconstruct.fusion.agreement import check_agreement
+from radartwin.reconstruct.fusion.fusion import fuse
+from radartwin.reconstruct.fusion.monocular import DepthModel, with_depth
 from radartwin.reconstruct.mesh_file import Axis, Unit, load_scan
 from radartwin.reconstruct.outlines.assembly import assembled
 from radartwin.reconstruct.outlines.surfaces import flattened as flatten_planes
 from radartwin.reconstruct.outlines.visibility import Cameras
 from radartwin.reconstruct.scan_folder import save_reconstruction
+from radartwin.reconstruct.scan_size import check_size
 from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing, Segmenter
 from radartwin.scene.scene import Scene
 
-if TYPE_CHECKING:
-    from radartwin.materials import Layered
-    from radartwin.reconstruct.frames.frames import Frames
+
+@dataclasses.dataclass(frozen=True)
+class ScanOptions:
+    """How to read a scan. An option that does not apply to the kind of scan is refused.
+
+    Attributes:
+        up: the scan's up axis; "auto" finds it.
+        unit, is_object: for a mesh file, see `radartwin.reconstruct.mesh_file.load_scan`.
+        depth_model: for frames without depth: weights of a monocular depth model.
+        intrinsics, depth_unit_m, poses: for frames, see `radartwin.reconstruct.frames.layouts.load_frames`.
+    """
+
+    up: Axis = "auto"
+    unit: Unit = "auto"
+    is_object: bool | None = None
+    depth_model: str | Path | None = None
+    intrinsics: Sequence[float] | None = None
+    depth_unit_m: float | None = None
+    poses: str | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scan:
-    """A mesh in metres, z up, with what is known of it, what it is a scan of, and the photographs it was made from."""
+    """A scan as one mesh in metres, z up.
+
+    Attributes:
+        report: facts about the scan as plain values, for the scene's provenance.
+        lines: the report as text lines.
+        scan_of: identifies the scanned place.
+        frames: the frames that the mesh was fused from, at their aligned poses; None for a mesh file.
+    """
 
     mesh: trimesh.Trimesh
     report: dict[str, Any]
@@ -42,34 +70,26 @@ def reconstruct(
     path: str | Path,
     out: str | Path | None = None,
     *,
+    options: ScanOptions = ScanOptions(),
     material: str | Layered = "plasterboard",
-    unit: Unit = "auto",
-    up: Axis = "auto",
-    is_object: bool | None = None,
     flatten: bool = True,
     segmenter: Segmenter | None = None,
-    depth_model: str | Path | None = None,
-    intrinsics: Sequence[float] | None = None,
-    depth_unit_m: float | None = None,
-    poses: str | None = None,
     progress: Progress | None = None,
 ) -> Scene:
     """Turn a scan into a scene of named surfaces.
 
     Args:
         path: .glb, .ply or .obj of a room, or a folder of colour-and-depth frames with poses.
-        out: folder for scene.glb and manifest.json, the coloured scan and the photographs; None keeps the scene in memory.
-        material: what every surface is labelled as until a material source says better.
-        unit, up, is_object: see `radartwin.reconstruct.mesh_file.load_scan`.
-        flatten: planar segments become polygons on their planes, gaps completed; without it they stay as scanned.
-        segmenter: `PlanarRegionGrowing()` unless given.
-        depth_model: weights of a monocular model, for frames without depth.
-        intrinsics, depth_unit_m, poses: of frames whose folder does not say, see `Frames.load`.
-        progress: says what is being done; silent unless given.
+        out: folder for scene.glb and manifest.json, the coloured scan and the photographs; None writes nothing.
+        options: how to read the scan.
+        material: of every surface, until a material source assigns better ones.
+        flatten: replace planar segments by polygons on their planes and complete their gaps; False keeps the scanned triangles.
+        segmenter: `PlanarRegionGrowing()` by default.
+        progress: receives progress lines; silent by default.
     Returns:
-        The scene; its provenance holds the scan report, and how far flattening moved what was scanned.
+        The scene. Its provenance holds the scan report and the distances by which flattening moved the scanned faces.
     Raises:
-        MissingError, MeshError, ScanError: the scan, see `load_scan`.
+        MissingError, MeshError, ScanError, PoseError: the scan or an option, see `load_scan`, `load_frames` and `check_agreement`.
         MaterialError: an unknown material.
         OutputError: `out` cannot be written.
     """
@@ -78,17 +98,7 @@ def reconstruct(
     if out is not None:
         files.check_folder(Path(out))
     progress = progress or Progress(quiet=True)
-    if Path(path).is_dir():
-        if is_object is not None:
-            raise ScanError(f"{path}: --object is not read for frames, which show the side that was seen; leave it out")
-        if unit != "auto":
-            raise ScanError(f"{path}: --unit is not read for frames, whose poses are in metres; --depth-unit is that of their depth")
-        scan = _fused(Path(path), up, depth_model, intrinsics, depth_unit_m, poses, progress)
-    else:
-        of_frames = {"--depth-model": depth_model, "--intrinsics": intrinsics, "--depth-unit": depth_unit_m, "--poses": poses}
-        for option in (name for name, value in of_frames.items() if value is not None):
-            raise ScanError(f"{path}: {option} is only read for a folder of frames; leave it out for a mesh")
-        scan = _read(Path(path), unit, up, is_object, progress)
+    scan = (_from_frames if Path(path).is_dir() else _from_mesh_file)(Path(path), options, progress)
     for line in scan.lines:
         progress.say(line)
     with progress.task("segmenting", 1) as advance:
@@ -99,52 +109,76 @@ def reconstruct(
         cameras = None if scan.frames is None else _cameras(scan.frames)
         with progress.task("outlining planes", sum(s.normal is not None for s in segments)) as advance:
             flattened = flatten_planes(scan.mesh, segments, cameras, advance)
-    surfaces, owner, statistics = assembled(scan.mesh, segments, flattened, material)
+    surfaces, surface_of_face, statistics = assembled(scan.mesh, segments, flattened, material)
     scene = Scene(surfaces, {"source": Path(path).name, "scan_of": scan.scan_of, "scan": scan.report, "flattened": flatten, **statistics})
     if out is not None:
-        save_reconstruction(scene, Path(out), scan.mesh, owner, scan.frames, progress)
+        save_reconstruction(scene, Path(out), scan.mesh, surface_of_face, scan.frames, progress)
     return scene
 
 
-def _read(path: Path, unit: Unit, up: Axis, is_object: bool | None, progress: Progress) -> Scan:
+def _from_mesh_file(path: Path, options: ScanOptions, progress: Progress) -> Scan:
+    for_frames = {
+        "--depth-model": options.depth_model, "--intrinsics": options.intrinsics, "--depth-unit": options.depth_unit_m,
+        "--poses": options.poses,
+    }  # fmt: skip
+    for option in (name for name, value in for_frames.items() if value is not None):
+        raise ScanError(f"{path}: {option} applies only to a folder of frames; leave it out for a mesh")
     with progress.task(f"reading {path.name}", 1) as advance:
-        mesh, report = load_scan(path, unit, up, is_object)
+        mesh, report = load_scan(path, options.unit, options.up, options.is_object)
         advance()
     return Scan(mesh, report.to_dict(), report.lines(), scan_digest([path]))
 
 
-def _fused(
-    path: Path, up: str, model: str | Path | None, intrinsics: Any, unit: float | None, poses: str | None, progress: Progress
-) -> Scan:
-    from radartwin.reconstruct.from_frames import fused
-
-    mesh, report, lines, frames = fused(path, up, model, progress, intrinsics, unit, poses)
-    return Scan(mesh, report, lines, frames.scan_of, frames)
+def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
+    """Fuse a folder of frames, with their own depth or with the depth that a monocular model estimates."""
+    if options.is_object is not None:
+        raise ScanError(f"{path}: --object does not apply to frames, which show only the side that the camera saw; leave it out")
+    if options.unit != "auto":
+        raise ScanError(f"{path}: --unit does not apply to frames, whose poses are in metres; --depth-unit is the unit of their depth")
+    up = None if options.up == "auto" else options.up
+    layout = layout_of(path)
+    if options.depth_model is None:
+        any_up = "z" if "--up" in layout.options else up  # the comparison of views needs no up axis
+        convention = (options.poses or "opencv") if "--poses" in layout.options else None
+        with progress.task("comparing views", 1) as advance:
+            frames = load_frames(path, options.intrinsics, options.depth_unit_m, any_up, poses=options.poses)
+            check_agreement(frames, options.depth_unit_m or layout.unit_m, convention, layout.metadata_file)
+            advance()
+    frames = load_frames(path, options.intrinsics, options.depth_unit_m, up, options.depth_model is not None, options.poses)
+    scale = "measured"
+    if options.depth_model is not None:
+        model = DepthModel.load(options.depth_model)
+        frames, scale = with_depth(frames, model), model.scale
+    with progress.task(f"fusing {len(frames)} frames") as advance:
+        mesh, report = fuse(frames, scale=scale, progress=lambda _, __: advance())
+    if options.depth_unit_m is None:
+        check_size(report.extents_m, str(path), "--depth-unit", {})
+    if len(report.poses) != len(frames):  # fusion has skipped frames evenly
+        frames = frames[:: -(-len(frames) // len(report.poses))]
+    return Scan(mesh, report.to_dict(), report.lines(), frames.scan_of, frames.with_poses(report.poses))
 
 
 def summary(scene: Scene, rows: int = 30) -> list[str]:
-    """A table of the surfaces for people, largest first, and where they lie."""
+    """Text lines with a table of the surfaces, largest first, and the extent of the scene."""
     order = sorted(scene, key=lambda s: -float(s.mesh.area))
-    lines = [f"{'surface':16} {'m2':>8} {'faces':>6} {'kind':>7}  made of"]
+    lines = [f"{'surface':16} {'m2':>8} {'faces':>6} {'kind':>7}  shape"]
     for surface in order[:rows]:
         facts = surface.provenance
-        what = (
-            "a pane nobody saw"
-            if facts.get("completed")
-            else f"{facts['planes']} planes"
-            if facts.get("planes")
-            else "a part that is not flat"
-        )
-        what = "a plane" if facts.get("planar") and not facts.get("completed") else what
-        lines.append(f"{surface.name[:16]:16} {surface.mesh.area:8.2f} {len(surface.mesh.faces):6d} {surface.kind:>7}  {what}")
+        if facts.get("completed"):
+            shape = "a pane that the scan missed"
+        elif facts.get("planar"):
+            shape = "a plane"
+        else:
+            shape = f"{facts['planes']} planes" if facts.get("planes") else "not flat"
+        lines.append(f"{surface.name[:16]:16} {surface.mesh.area:8.2f} {len(surface.mesh.faces):6d} {surface.kind:>7}  {shape}")
     if len(order) > rows:
-        lines.append(f"and {len(order) - rows} smaller ones, {sum(float(s.mesh.area) for s in order[rows:]):.2f} m2")
+        lines.append(f"and {len(order) - rows} smaller surfaces, {sum(float(s.mesh.area) for s in order[rows:]):.2f} m2")
     spans = (f"{axis} from {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *scene.bounds, strict=True))
-    return [*lines, f"it lies at {', '.join(spans)} m; trajectory.position_m is in these coordinates"]
+    return [*lines, f"the scene extends over {', '.join(spans)} m; trajectory.position_m is in these coordinates"]
 
 
 def _cameras(frames: Frames) -> Cameras:
-    """The depth pictures' cameras; those of one scan are alike."""
+    """The cameras of the depth pictures; the frames of a scan share intrinsics and size."""
     first = frames[0]
     height, width = first.depth_m.shape
     return Cameras(frames.poses, first.intrinsics, (width, height))

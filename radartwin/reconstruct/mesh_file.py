@@ -1,8 +1,8 @@
-"""A scan's mesh file, checked: unit, up axis, defects. What is wrong is counted and reported, or refused.
+"""Read a scan's mesh file: convert its unit and up axis, weld it, and count or refuse defects.
 
-Units are never guessed: 6400 could be millimetres of a room or centimetres of a hall, so an implausible size is
-refused with a hint and the user says which. The up axis is found: a room spreads more area horizontally (floor,
-ceiling, tables) than across any other axis, and where that is not clear the user is asked.
+The unit is never guessed, because 6400 could be millimetres of a room or centimetres of a hall. An implausible size is refused, and the
+message names the likely unit. The up axis is found from the areas: a room has more horizontal area (floor, ceiling, tables) than area
+across any other axis. If no axis is clear, a .glb takes +Y, which glTF 2.0 defines as up, and other formats need `--up`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import trimesh
 
 from radartwin.errors import ScanError
 from radartwin.reconstruct.axes import TO_Z_UP
-from radartwin.reconstruct.frames.plausible import OBJECT_M, check_size
+from radartwin.reconstruct.scan_size import OBJECT_M, check_size
 from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
 from radartwin.scene.mesh_file import read_meshes
 
@@ -26,23 +26,29 @@ Axis = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 
 METRES = {"auto": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 
-MIN_EXTENT_M = 0.05  # smaller than any object of the catalogue, let alone a room
-DEGENERATE_HEIGHT_M = 1e-5  # a sliver thinner than this has no usable normal in float32
-WELD_DIGITS = 6  # vertices closer than 1 um are one: exporters double them along seams
-FLOOR_M = 0.15  # what lies this close to the lowest or highest point is floor or ceiling
-LEVEL = 0.9
-MIRRORED = "if the scan is mirrored, export it again"
-UP_MARGIN = 1.2  # the up axis must spread this much more area than the next one
+MIN_EXTENT_M = 0.05  # smaller than any object of the catalogue
+DEGENERATE_HEIGHT_M = 1e-5  # a thinner triangle has no usable normal in float32
+WELD_DIGITS = 6  # vertices closer than 1 um are merged, because exporters double them along seams
+FLOOR_M = 0.15  # faces this close to the lowest or highest point count as floor or ceiling
+LEVEL = 0.9  # smallest |z| of a level face's normal
+UP_MARGIN = 1.2  # the up axis must have this many times the area of the next axis
 
 
 @dataclasses.dataclass(frozen=True)
 class ScanReport:
-    """What a scan file held. Counts of vertices, faces and edges; lengths in metres; see `lines`."""
+    """Facts about a scan file. Lengths in metres.
+
+    Attributes:
+        up: the file's up axis; up_from: how it was determined.
+        vertices, faces: of the file, before welding.
+        extents_m, area_m2, components, watertight, non_manifold_edges, boundary_edges: of the mesh that was read.
+        turned: the faces were inverted, because a room shows its inside and an object its outside.
+    """
 
     source: str
     unit: str
     up: str
-    up_found: bool
+    up_from: str
     vertices: int
     faces: int
     extents_m: list[float]
@@ -60,102 +66,101 @@ class ScanReport:
         return dataclasses.asdict(self)
 
     def lines(self) -> list[str]:
-        """The report for people, one fact a line."""
+        """The report as text, one fact per line."""
         x, y, z = self.extents_m
-        how = "found from the horizontal area" if self.up_found else "as given"
-        return [
+        lines = [
             f"{self.source}: {self.vertices} vertices, {self.faces} faces, {self.area_m2:.1f} m2 in "
             f"{self.components} connected parts, {x:.2f} x {y:.2f} x {z:.2f} m",
-            f"unit {self.unit}, up axis {self.up} ({how})",
+            f"unit {self.unit}, up axis {self.up} ({self.up_from})",
             f"{self.degenerate_faces} degenerate and {self.duplicate_faces} duplicate faces removed",
             f"{self.non_manifold_edges} non-manifold and {self.boundary_edges} boundary edges"
-            + (" (watertight)" if self.watertight else ", left as they are: reflection does not need a closed mesh"),
-            *(["taken as an object, seen from outside (--no-object if it is a room)"] if self.is_object else []),
-            *([f"its faces looked {'inwards' if self.is_object else 'outwards'} and were turned; {MIRRORED}"] if self.turned else []),
+            + (" (watertight)" if self.watertight else ", left unchanged because reflection does not need a closed mesh"),
         ]
+        if self.is_object:
+            lines.append("taken as an object that shows its outside (give --no-object if it is a room)")
+        if self.turned:
+            side = "inwards" if self.is_object else "outwards"
+            lines.append(f"its faces looked {side} and were turned; if the scan is mirrored, export it again")
+        return lines
 
 
 def load_scan(
     path: str | Path, unit: Unit = "auto", up: Axis = "auto", is_object: bool | None = None
 ) -> tuple[trimesh.Trimesh, ScanReport]:
-    """Read, convert to metres with z up, weld, and remove what cannot reflect.
+    """Read a mesh file, convert it to metres with z up, weld it, and remove degenerate and duplicate faces.
 
     Args:
         path: .glb, .ply or .obj.
-        unit: of the file's coordinates; "auto" takes metres and refuses what cannot be.
-        up: the file's up axis; "auto" finds it.
-        is_object: an object shows its outside, a room its inside, and what does the opposite is turned; None takes what is smaller than
-            a metre for an object.
+        unit: of the file's coordinates; "auto" takes metres and refuses an implausible size.
+        up: the file's up axis; "auto" finds it from the areas, and takes +Y for a .glb without a clear vertical.
+        is_object: an object shows its outside and a room its inside; a mesh with the opposite orientation is inverted. None takes a mesh
+            smaller than one metre as an object.
     Returns:
-        The mesh (vertices welded, degenerate and duplicate faces gone) and what was found on the way.
+        The mesh and the report.
     Raises:
         MissingError, MeshError: no such file, or not a readable mesh.
-        ScanError: empty, NaN, an implausible size, no clear up axis.
+        ScanError: empty, NaN, an implausible size, or no clear up axis.
     """
     path = Path(path)
     if unit not in METRES or up not in ("auto", *TO_Z_UP):
         raise ScanError(f"--unit {unit} --up {up}: choose --unit {', '.join(METRES)} and --up auto, {', '.join(TO_Z_UP)}")
-    meshes = list(read_meshes(path).values())
-    vertices, faces = _stacked(meshes)
-    if len(vertices) == 0 or len(faces) == 0:
-        raise ScanError(f"{path} holds no triangles ({len(vertices)} vertices); export a mesh, not a point cloud")
-    bad = int((~np.isfinite(vertices).all(axis=1)).sum())
-    if bad:
-        raise ScanError(f"{path}: {bad} of {len(vertices)} vertices are NaN or infinite; export the scan again")
-    vertices = vertices * METRES[unit]
-    _check_size(path, float(np.ptp(vertices[faces.reshape(-1)], axis=0).max()))
-
-    mesh = trimesh.Trimesh(vertices, faces, vertex_colors=_colours(meshes, path), process=False)
-    mesh.merge_vertices(digits_vertex=WELD_DIGITS, merge_tex=True, merge_norm=True)
-    degenerate = _heights(mesh) < DEGENERATE_HEIGHT_M
-    duplicate = _duplicates(np.asarray(mesh.faces)) & ~degenerate
-    mesh.update_faces(~(degenerate | duplicate))
-    mesh.remove_unreferenced_vertices()
-    if len(mesh.faces) == 0:
-        raise ScanError(f"{path}: all {len(faces)} faces are degenerate; export the scan again")
-    axis = _up_axis(mesh, path) if up == "auto" else up
+    mesh, found = _welded(path, METRES[unit])
+    axis, up_from = _up_axis(mesh, path) if up == "auto" else (up, "as given")
     visual: Any = mesh.visual
     colours = visual.vertex_colors if visual.defined else None
     mesh = trimesh.Trimesh(np.asarray(mesh.vertices) @ TO_Z_UP[axis].T, mesh.faces, vertex_colors=colours, process=False)
     if is_object is None:
         is_object = bool(mesh.extents.max() < OBJECT_M)
-    turned = _hollow(mesh) if is_object else inside_out(mesh)
+    turned = bool(mesh.is_watertight and mesh.volume < 0) if is_object else _inside_out(mesh)
     if turned:
         mesh.invert()
     if unit == "auto" and not is_object:
         check_size(mesh.extents, str(path), "--unit", {name: m for name, m in METRES.items() if name not in ("auto", "m")})
+    uses = np.bincount(mesh.edges_unique_inverse)  # faces at each edge
     return mesh, ScanReport(
         source=path.name,
         unit="m" if unit == "auto" else unit,
         up=axis,
-        up_found=up == "auto",
-        vertices=len(vertices),
-        faces=len(faces),
-        degenerate_faces=int(degenerate.sum()),
-        duplicate_faces=int(duplicate.sum()),
+        up_from=up_from,
         turned=turned,
         is_object=is_object,
-        **topology(mesh),
+        extents_m=[float(v) for v in mesh.extents],
+        area_m2=float(mesh.area),
+        non_manifold_edges=int((uses > 2).sum()),
+        boundary_edges=int((uses == 1).sum()),
+        components=int(mesh.body_count),
+        watertight=bool((uses == 2).all()),
+        **found,
     )
 
 
-def topology(mesh: trimesh.Trimesh) -> dict[str, Any]:
-    """What a report says of the mesh itself: extents, area, edges, parts."""
-    _, uses = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
-    return {
-        "extents_m": [float(v) for v in mesh.extents],
-        "area_m2": float(mesh.area),
-        "non_manifold_edges": int((uses > 2).sum()),
-        "boundary_edges": int((uses == 1).sum()),
-        "components": int(mesh.body_count),
-        "watertight": bool((uses == 2).all()),
-    }
+def _welded(path: Path, unit_m: float) -> tuple[trimesh.Trimesh, dict[str, int]]:
+    """The file's mesh in metres without degenerate and duplicate faces, and the counts for the report."""
+    meshes = list(read_meshes(path).values())
+    vertices, faces = trimesh.util.append_faces([m.vertices for m in meshes], [m.faces for m in meshes])
+    if len(vertices) == 0 or len(faces) == 0:
+        raise ScanError(f"{path} holds no triangles ({len(vertices)} vertices); export a mesh, not a point cloud")
+    bad = int((~np.isfinite(vertices).all(axis=1)).sum())
+    if bad:
+        raise ScanError(f"{path}: {bad} of {len(vertices)} vertices are NaN or infinite; export the scan again")
+    vertices = vertices * unit_m
+    _check_extent(path, float(np.ptp(vertices[faces.reshape(-1)], axis=0).max()))
+    mesh = trimesh.Trimesh(vertices, faces, vertex_colors=_colours(meshes, path), process=False)
+    mesh.merge_vertices(digits_vertex=WELD_DIGITS, merge_tex=True, merge_norm=True)
+    degenerate = _heights(mesh) < DEGENERATE_HEIGHT_M
+    duplicate = ~mesh.unique_faces() & ~degenerate
+    mesh.update_faces(~(degenerate | duplicate))
+    mesh.remove_unreferenced_vertices()
+    if len(mesh.faces) == 0:
+        raise ScanError(f"{path}: all {len(faces)} faces are degenerate; export the scan again")
+    counts = {"vertices": len(vertices), "faces": len(faces)}
+    return mesh, counts | {"degenerate_faces": int(degenerate.sum()), "duplicate_faces": int(duplicate.sum())}
 
 
 def _colours(meshes: list[trimesh.Trimesh], path: Path) -> np.ndarray | None:
-    """RGBA of all vertices (V, 4) uint8, textures looked up at them; None unless every mesh has colours.
+    """RGBA of all vertices (V, 4) uint8, sampled from textures where needed; None unless every mesh has colours.
 
-    A texture that is not there is said once, and leaves the scan without colours.
+    Warns once if a texture file is missing; the scan then has no colours.
     """
     colours = []
     for mesh in meshes:
@@ -165,7 +170,7 @@ def _colours(meshes: list[trimesh.Trimesh], path: Path) -> np.ndarray | None:
             image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
             if image is None or visual.uv is None:
                 if visual.uv is not None:
-                    warnings.warn(f"{path}: its texture is not there, so the scan has no colours; put the picture beside it", stacklevel=3)
+                    warnings.warn(f"{path}: its texture file is missing, so the scan has no colours; add the picture", stacklevel=4)
                 return None
             visual = visual.to_color()
         if visual.kind not in ("vertex", "face"):
@@ -174,8 +179,8 @@ def _colours(meshes: list[trimesh.Trimesh], path: Path) -> np.ndarray | None:
     return np.vstack(colours) if colours else None
 
 
-def inside_out(mesh: trimesh.Trimesh) -> bool:
-    """Whether a room (z up) shows its outside: what lies lowest should look up, what lies highest down."""
+def _inside_out(mesh: trimesh.Trimesh) -> bool:
+    """Whether a room (z up) shows its outside: most floor faces look down and most ceiling faces look up."""
     area, up = np.asarray(mesh.area_faces), np.asarray(mesh.face_normals)[:, 2]
     z = np.asarray(mesh.triangles_center)[:, 2]
     low, high = np.quantile(z, [0.001, 0.999])
@@ -185,25 +190,13 @@ def inside_out(mesh: trimesh.Trimesh) -> bool:
     return bool(wrong > 2 * right)
 
 
-def _hollow(mesh: trimesh.Trimesh) -> bool:
-    """Whether a closed mesh shows its inside: by the sign of its volume. An open one looks as its file says."""
-    return bool(mesh.is_watertight and mesh.volume < 0)
-
-
-def _stacked(meshes: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
-    offsets = np.cumsum([0] + [len(m.vertices) for m in meshes])
-    vertices = [np.asarray(m.vertices, dtype=np.float64) for m in meshes]
-    faces = [np.asarray(m.faces) + offset for m, offset in zip(meshes, offsets, strict=False)]
-    return np.vstack([np.zeros((0, 3)), *vertices]), np.vstack([np.zeros((0, 3), dtype=int), *faces])
-
-
-def _check_size(path: Path, extent: float) -> None:
+def _check_extent(path: Path, extent: float) -> None:
     if extent > MAX_EXTENT_M:
         raise ScanError(f"{path} spans {extent:.4g} m, over the limit of {MAX_EXTENT_M:.0f} m; {unit_hint(extent)}")
     if extent == 0:
         raise ScanError(f"{path} is degenerate: all its corners coincide, so no unit makes it a scan; export it again")
     if extent < MIN_EXTENT_M:
-        raise ScanError(f"{path} spans only {extent:.3g} m; say which unit it is in, for example --unit ft")
+        raise ScanError(f"{path} spans only {extent:.3g} m; give the unit of its coordinates, for example --unit ft")
 
 
 def _heights(mesh: trimesh.Trimesh) -> np.ndarray:
@@ -213,22 +206,16 @@ def _heights(mesh: trimesh.Trimesh) -> np.ndarray:
     return 2 * np.asarray(mesh.area_faces) / np.maximum(longest, 1e-12)
 
 
-def _duplicates(faces: np.ndarray) -> np.ndarray:
-    """Which faces (F,) repeat the corners of an earlier one, in any order."""
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    repeated = np.ones(len(faces), dtype=bool)
-    repeated[first] = False
-    return repeated
-
-
-def _up_axis(mesh: trimesh.Trimesh, path: Path) -> Literal["x", "y", "z"]:
-    """The axis most of the axis-aligned area faces along: floors and ceilings outweigh any pair of walls."""
+def _up_axis(mesh: trimesh.Trimesh, path: Path) -> tuple[Literal["x", "y", "z"], str]:
+    """The axis with the largest area of faces across it, and how it was determined."""
     facing = np.abs(mesh.face_normals) > np.cos(np.radians(20))
     area = (np.asarray(mesh.area_faces)[:, None] * facing).sum(axis=0)
     order = np.argsort(area)
-    if area[order[2]] < UP_MARGIN * area[order[1]]:
-        x, y, z = area
-        raise ScanError(
-            f"{path}: no clear up axis (area facing x {x:.1f}, y {y:.1f}, z {z:.1f} m2); say which: --up z, or --up y as phones export"
-        )
-    return ("x", "y", "z")[int(order[2])]
+    if area[order[2]] >= UP_MARGIN * area[order[1]]:
+        return ("x", "y", "z")[int(order[2])], "found from the horizontal area"
+    if path.suffix.lower() == ".glb":
+        return "y", "glTF 2.0 defines +Y as up, and no axis has clearly the most area; give --up if it is another axis"
+    x, y, z = area
+    raise ScanError(
+        f"{path}: no clear up axis (area facing x {x:.1f}, y {y:.1f}, z {z:.1f} m2); give it: --up z, or --up y as phones export"
+    )

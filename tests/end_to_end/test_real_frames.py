@@ -7,7 +7,8 @@ import pytest
 from scipy import ndimage
 
 from radartwin.reconstruct.distance import covered, to_mesh
-from radartwin.reconstruct.frames.frames import Frame, Frames, points
+from radartwin.reconstruct.frames.frames import Frame, points
+from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.mesh_file import load_scan
 
@@ -16,7 +17,7 @@ SLAMBOOK_LENS = (518.0, 519.0, 325.5, 253.5)  # its README
 
 @pytest.fixture(scope="module")
 def chair(shared_data):
-    frames = Frames.load(shared_data / "scans" / "arkit_lidar_chair_scan")
+    frames = load_frames(shared_data / "scans" / "arkit_lidar_chair_scan")
     return frames, {refine: fuse(frames, refine=refine) for refine in (False, True)}
 
 
@@ -89,7 +90,7 @@ def test_colours_agree_better_at_the_refined_poses(chair):
 
 
 def test_slambook_frames_become_one_room(shared_data):
-    frames = Frames.load(shared_data / "scans" / "slambook2_rgbd", intrinsics=SLAMBOOK_LENS)
+    frames = load_frames(shared_data / "scans" / "slambook2_rgbd", intrinsics=SLAMBOOK_LENS)
     mesh, report = fuse(frames)
     assert report.frames_used == 5
     assert report.coloured > 0.95

@@ -14,7 +14,8 @@ from experiments.scans.segment_score import score_segments
 from experiments.scans.true_surfaces import Truth
 from experiments.scans.virtual_scan import scanned
 from radartwin.reconstruct.fusion.fusion import fuse
-from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing, Segment
+from radartwin.reconstruct.segmentation.faces import Segment
+from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 

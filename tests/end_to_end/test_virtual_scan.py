@@ -8,7 +8,8 @@ import pytest
 
 from experiments.scans.accuracy import accuracy
 from experiments.speed.bench_scan import line, measure
-from radartwin.reconstruct.frames.frames import Frames
+from radartwin.reconstruct.frames.folder import save_frames
+from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
@@ -68,7 +69,7 @@ def test_drift_of_the_heading_alone_is_taken_out():
 def test_a_saved_scan_fuses_to_the_same_surface(tmp_path):
     scene = rooms.lab(detail="shell")
     frames, truth = scan(scene, seed=2, frames=40, colour_every=4)
-    back = Frames.load(frames.save(tmp_path / "scan"))
+    back = load_frames(save_frames(frames, tmp_path / "scan"))
     scores = [accuracy(fuse(f, refine=False)[0], scene, truth, f) for f in (frames, back)]
     assert scores[1].median_m == pytest.approx(scores[0].median_m, abs=0.0005)  # depth is kept to a millimetre
     assert np.allclose(back.poses, frames.poses)

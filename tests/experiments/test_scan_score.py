@@ -7,7 +7,7 @@ import trimesh
 from experiments.scans.accuracy import sighted
 from experiments.scans.segment_score import score_scene, score_segments
 from radartwin.errors import SceneError
-from radartwin.reconstruct.segmentation.segment import Segment
+from radartwin.reconstruct.segmentation.faces import Segment
 from radartwin.scene import objects
 from radartwin.scene.rooms import rectangle
 from radartwin.scene.scene import Scene, Surface

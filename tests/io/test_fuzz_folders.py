@@ -34,7 +34,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.description import read_radar
 from radartwin.radar.recording import Recording
 from radartwin.recognize.model import Recogniser
-from radartwin.reconstruct.frames.folder import load_own
+from radartwin.reconstruct.frames.folder import load_own, save_frames
 from radartwin.reconstruct.frames.formats import load_arkit, load_pose_file, load_tum
 from radartwin.reconstruct.frames.frames import Frame, Frames
 from radartwin.reconstruct.mesh_file import load_scan
@@ -83,7 +83,7 @@ def _set(folder: Path) -> None:
 def _frames(folder: Path) -> None:
     depth, colour = np.full((48, 64), 2.0, np.float32), np.zeros((48, 64, 3), np.uint8)
     frame = Frame("0", UPRIGHT, CAMERA, depth, colour, CAMERA, np.ones((48, 64), np.uint8))
-    Frames(["0"], UPRIGHT[None], lambda i: frame, "here", "").save(folder)
+    save_frames(Frames(["0"], UPRIGHT[None], lambda i: frame, "here", ""), folder)
 
 
 def _depth(path: Path) -> None:

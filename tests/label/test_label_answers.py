@@ -35,7 +35,9 @@ from radartwin.label.score import accuracy_table, confusion_table, distance_tabl
 from radartwin.label.sources import material_source
 from radartwin.materials import Layered, reflection
 from radartwin.materials.minc import CATEGORIES, MINC
+from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.frames import Frames, scan_digest
+from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.scene import objects, rooms
 from radartwin.scene.scan import as_scanned
 from radartwin.scene.scene import Scene, Surface
@@ -240,17 +242,17 @@ def test_shipped_answers_go_by_what_was_scanned_and_not_by_the_name_of_a_folder(
     assert room_of(Scene([], {"source": "lab_frames", "scan_of": "lab"})) == "lab"
     assert room_of(Scene([], {"room": "lab"})) == "lab"
     frames = scan(rooms.lab(detail="shell"), seed=0, frames=3, colour_every=0)[0]
-    kept = Frames.load(frames.save(tmp_path / "lab_frames"))
+    kept = load_frames(save_frames(frames, tmp_path / "lab_frames"))
     assert [f.scan_of for f in (kept, kept[1:], kept.with_poses(kept.poses))] == ["lab"] * 3
-    stranger = Frames.load(Frames.of(list(frames)).save(tmp_path / "lab"))
+    stranger = load_frames(save_frames(Frames.of(list(frames)), tmp_path / "lab"))
     assert stranger.scan_of.startswith("sha256:")
-    assert Frames.load(tmp_path / "lab").save(tmp_path / "elsewhere").name == "elsewhere"
-    assert Frames.load(tmp_path / "elsewhere").scan_of == stranger.scan_of
+    assert save_frames(load_frames(tmp_path / "lab"), tmp_path / "elsewhere").name == "elsewhere"
+    assert load_frames(tmp_path / "elsewhere").scan_of == stranger.scan_of
 
 
 def test_a_real_scan_is_known_by_its_files(shared_data: Path, tmp_path: Path) -> None:
     chair = shared_data / "scans" / CHAIR
-    assert room_of(Scene([], {"scan_of": Frames.load(chair).scan_of})) == CHAIR
+    assert room_of(Scene([], {"scan_of": load_frames(chair).scan_of})) == CHAIR
     assert room_of(Scene([], {"scan_of": scan_digest([chair / "export.obj"])})) == CHAIR
 
 

@@ -12,11 +12,12 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from radartwin.errors import ScanError
-from radartwin.reconstruct.axes import READINGS
-from radartwin.reconstruct.frames.agreement import check_agreement
+from radartwin.reconstruct.axes import POSE_CONVENTIONS
+from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.frames import Frame, Frames
-from radartwin.reconstruct.frames.layouts import layout_of
-from radartwin.reconstruct.frames.plausible import ScanWarning
+from radartwin.reconstruct.frames.layouts import layout_of, load_frames
+from radartwin.reconstruct.fusion.agreement import check_agreement
+from radartwin.reconstruct.scan_size import ScanWarning
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 
@@ -50,17 +51,17 @@ def written(frames: Frames, folder: Path, reading: str = "opencv", unit_m: float
 
 
 def checked(folder: Path, lens, reading: str = "opencv", unit_m: float | None = None) -> None:
-    frames = Frames.load(folder, lens, unit_m, up="z", poses=reading)
+    frames = load_frames(folder, lens, unit_m, up="z", poses=reading)
     check_agreement(frames, unit_m or layout_of(folder).unit_m, reading)
 
 
-@pytest.mark.parametrize("reading", READINGS)
+@pytest.mark.parametrize("reading", POSE_CONVENTIONS)
 def test_poses_are_taken_as_what_they_are_and_refused_as_anything_else(walk, tmp_path, reading):
     folder, lens = written(walk, tmp_path / "frames", reading)
     checked(folder, lens, reading)
-    back = Frames.load(folder, lens, up="z", poses=reading)
+    back = load_frames(folder, lens, up="z", poses=reading)
     assert np.allclose(back.poses, walk.poses, atol=1e-6)
-    for other in set(READINGS) - {reading}:
+    for other in set(POSE_CONVENTIONS) - {reading}:
         with pytest.raises(ScanError, match=rf"lie \d+ mm apart; the poses look like .*: give --poses {reading}$"):
             checked(folder, lens, other)
 
@@ -85,7 +86,7 @@ def test_a_camera_that_only_turns_does_not_tell_the_unit_and_both_are_listed(tmp
     still = scan(rooms.lab(detail="shell"), path=path, strength=0.0, colour_every=0)[0]
     folder, lens = written(still, tmp_path / "frames")
     with pytest.warns(
-        ScanWarning, match=r"do not tell the unit of depth: it may be 0\.001 .*, as it was read, or 0\.0002 .*check --depth-unit"
+        ScanWarning, match=r"do not determine the unit of depth: it may be 0\.001 .*, as given, or 0\.0002 .*check --depth-unit"
     ):
         checked(folder, lens)
 
@@ -95,7 +96,7 @@ def test_poses_that_put_no_two_views_together_are_told(walk):
     far = [
         Frame(f.name, f.pose + np.pad([[0.0], [0.0], [50.0 * i]], ((0, 1), (3, 0))), f.intrinsics, f.depth_m) for i, f in enumerate(apart)
     ]
-    with pytest.warns(ScanWarning, match="no two views overlap as the poses put them"):
+    with pytest.warns(ScanWarning, match="no two views overlap at the given poses"):
         check_agreement(Frames.of(far), None, None)
 
 
@@ -103,30 +104,30 @@ def test_blank_pictures_between_good_ones_do_not_make_a_folder_empty(walk, tmp_p
     shown = (1, 3)
     blank = [Frame(f.name, f.pose, f.intrinsics, f.depth_m * (i in shown)) for i, f in enumerate(walk[:5])]
     folder, lens = written(Frames.of(blank), tmp_path / "frames")
-    frames = Frames.load(folder, lens, up="z")
+    frames = load_frames(folder, lens, up="z")
     assert [bool(f.depth_m.any()) for f in frames] == [i in shown for i in range(5)]
     none, lens = written(Frames.of([Frame(f.name, f.pose, f.intrinsics, 0 * f.depth_m) for f in walk[:5]]), tmp_path / "none")
     with pytest.raises(ScanError, match=r"the depth pictures are empty \(0\.png and all others\)"):
-        Frames.load(none, lens, up="z")
+        load_frames(none, lens, up="z")
 
 
 def test_what_a_layout_says_itself_is_not_taken_as_an_option(walk, tmp_path):
-    own = walk[:2].save(tmp_path / "own")
+    own = save_frames(walk[:2], tmp_path / "own")
     options: list[dict[str, Any]] = [{"intrinsics": (1, 1, 1, 1)}, {"depth_unit_m": 0.001}, {"up": "y"}, {"poses": "opengl"}]
     for option in options:
-        with pytest.raises(ScanError, match=r"own: --[a-z-]+ is not read, frames\.json says it; leave --"):
-            Frames.load(own, **option)
+        with pytest.raises(ScanError, match=r"own: --[a-z-]+ does not apply because frames\.json defines it; leave --"):
+            load_frames(own, **option)
     with pytest.raises(ScanError, match="--poses sideways: choose opencv, opengl"):
-        Frames.load(own, poses="sideways")
+        load_frames(own, poses="sideways")
     with pytest.raises(ScanError, match="--depth-unit 0: give metres per count above zero"):
-        Frames.load(written(walk[:2], tmp_path / "frames")[0], (1, 1, 1, 1), depth_unit_m=0.0)
+        load_frames(written(walk[:2], tmp_path / "frames")[0], (1, 1, 1, 1), depth_unit_m=0.0)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--unit", "mm"], "--unit is not read for frames"),
-        (["--object"], "--object is not read for frames"),
+        (["--unit", "mm"], "--unit does not apply to frames"),
+        (["--object"], "--object does not apply to frames"),
         (["--intrinsics", *map(str, SLAM_LENS), "--depth-unit", "0.0002"], "fits the poses better with 0.001 m per count"),
         (["--intrinsics", *map(str, SLAM_LENS), "--poses", "opengl"], "give --poses opencv"),
         ([], "give --intrinsics FX FY CX CY"),
@@ -144,4 +145,4 @@ def test_real_frames_agree_as_they_are(shared_data):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         checked(shared_data / "scans" / "slambook2_rgbd", SLAM_LENS)
-        check_agreement(Frames.load(shared_data / "scans" / "arkit_lidar_chair_scan", up="z"), 0.001, None)
+        check_agreement(load_frames(shared_data / "scans" / "arkit_lidar_chair_scan", up="z"), 0.001, None)

@@ -9,7 +9,9 @@ from PIL import Image
 
 from radartwin.errors import MissingError, PoseError, ScanError
 from radartwin.reconstruct.axes import TO_Z_UP as UP
+from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.frames import Frame, Frames, points, rescaled
+from radartwin.reconstruct.frames.layouts import load_frames
 
 LENS = np.array([[40.0, 0, 15.5], [0, 40, 11.5], [0, 0, 1]])
 COLOUR_LENS = rescaled(LENS, (32, 24), (64, 48))
@@ -26,7 +28,7 @@ def wall(name: str = "0", x: float = 0.0, distance: float = 2.0) -> Frame:
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    return Frames.of([wall("a"), wall("b", 0.1)]).save(tmp_path / "own")
+    return save_frames(Frames.of([wall("a"), wall("b", 0.1)]), tmp_path / "own")
 
 
 def arkit(folder: Path, count: int = 3, flip: float = 1.0, unit: float = 1000.0) -> Path:
@@ -54,7 +56,7 @@ def pose_file(folder: Path, lines: list[str], count: int | None = None) -> Path:
 
 
 def test_our_own_layout_returns_what_was_saved(own):
-    back = Frames.load(own)
+    back = load_frames(own)
     assert back.names == ("a", "b")
     for old, new in zip((wall("a"), wall("b", 0.1)), back, strict=True):
         assert np.allclose(new.pose, old.pose, atol=1e-12)
@@ -69,11 +71,11 @@ def test_our_own_layout_returns_what_was_saved(own):
 def test_a_folder_whose_saving_was_interrupted_is_not_taken_for_frames(own):
     (own / "frames.json").unlink()
     with pytest.raises(ScanError, match="no poses"):
-        Frames.load(own)
+        load_frames(own)
 
 
 def test_arkit_axes_become_ours(tmp_path):
-    frames = Frames.load(arkit(tmp_path / "arkit"))
+    frames = load_frames(arkit(tmp_path / "arkit"))
     assert np.allclose(frames[0].pose[:3, 3], (0, 0, 1.5))
     assert np.allclose(frames[0].pose[:3, 2], (0, 1, 0))  # ARKit looks along -z, which the turn from y up to z up makes +y
     assert np.allclose(frames[0].pose[:3, 1], (0, 0, -1))  # rows of the picture go down
@@ -91,12 +93,12 @@ def test_depth_lens_is_the_colour_lens_of_the_same_view():
 
 def test_pose_file_with_its_up_axis_found(tmp_path):
     lines = ["0 0 0 0 0 0 1", "0.1 0 0.5 0 0 0 1"]  # cameras whose axes are the world's: y down
-    frames = Frames.load(pose_file(tmp_path / "p", lines), intrinsics=(40, 40, 15.5, 11.5))
+    frames = load_frames(pose_file(tmp_path / "p", lines), intrinsics=(40, 40, 15.5, 11.5))
     assert np.allclose(frames[0].pose[:3, 1], (0, 0, -1))
     assert np.allclose(frames[1].pose[:3, 3] - frames[0].pose[:3, 3], (0.1, 0.5, 0))
     assert frames[0].colour is not None
     (tmp_path / "p" / "intrinsics.json").write_text('{"fx": 40, "fy": 40, "cx": 15.5, "cy": 11.5}')
-    assert np.allclose(Frames.load(tmp_path / "p")[0].intrinsics, LENS)
+    assert np.allclose(load_frames(tmp_path / "p")[0].intrinsics, LENS)
 
 
 def test_tum_pictures_take_the_pose_nearest_in_time(tmp_path):
@@ -110,7 +112,7 @@ def test_tum_pictures_take_the_pose_nearest_in_time(tmp_path):
     (folder / "rgb.txt").write_text("# rgb\n" + "".join(f"{t}1 rgb/{t}.png\n" for t in ("1.00", "2.00")))
     quarter = "-0.7071068 0 0 0.7071068"  # level in a z-up world
     (folder / "groundtruth.txt").write_text(f"# time\n0.99 1 0 0 {quarter}\n1.05 5 0 0 {quarter}\n2.01 2 0 0 {quarter}\n")
-    frames = Frames.load(folder, intrinsics=(40, 40, 15.5, 11.5))
+    frames = load_frames(folder, intrinsics=(40, 40, 15.5, 11.5))
     assert frames.poses[:, 0, 3].tolist() == [1, 2]  # the third has no pose within 20 ms
     assert frames[0].depth_m[5, 5] == pytest.approx(2.0)  # 1/5000 m
     assert frames[0].colour is not None
@@ -127,16 +129,16 @@ def test_every_up_axis_is_a_turn_that_ends_up(axis):
 def test_colour_alone_is_enough_when_depth_is_to_be_estimated(own):
     for path in (own / "depth").iterdir():
         path.unlink()
-    frame = Frames.load(own, colour_only=True)[0]
+    frame = load_frames(own, colour_only=True)[0]
     assert frame.colour is not None
     assert frame.depth_m.shape == frame.colour.shape[:2]
     assert not frame.depth_m.any()
     with pytest.raises(MissingError, match="depth"):
-        Frames.load(own)
+        load_frames(own)
 
 
 def test_a_slice_is_frames_again(own):
-    part = Frames.load(own)[1:]
+    part = load_frames(own)[1:]
     assert part.names == ("b",)
     assert part[0].pose[0, 3] == pytest.approx(0.1)
     moved = part.with_poses(np.eye(4)[None])
@@ -145,25 +147,25 @@ def test_a_slice_is_frames_again(own):
 
 def test_mistakes_are_named(tmp_path, own):
     with pytest.raises(MissingError, match="not a folder"):
-        Frames.load(tmp_path / "nowhere")
+        load_frames(tmp_path / "nowhere")
     (tmp_path / "empty").mkdir()
     with pytest.raises(ScanError, match="no frames found"):
-        Frames.load(tmp_path / "empty")
+        load_frames(tmp_path / "empty")
     with pytest.raises(ScanError, match="no frames"):
         Frames.of([])
-    with pytest.raises(ScanError, match="one name"):
+    with pytest.raises(ScanError, match="same name"):
         Frames.of([wall("a"), wall("a")])
     with pytest.raises(ScanError, match="2 frames and 1 poses"):
-        Frames.load(own).with_poses(np.eye(4)[None])
+        load_frames(own).with_poses(np.eye(4)[None])
     with pytest.raises(ScanError, match="--up up: choose x, y, z"):
-        Frames.load(own, up="up")
+        load_frames(own, up="up")
 
 
 def test_mirrored_and_bent_poses_are_named(tmp_path):
     with pytest.raises(PoseError, match="00000 mirrors"):
-        Frames.load(arkit(tmp_path / "a", flip=-1.0))
+        load_frames(arkit(tmp_path / "a", flip=-1.0))
     with pytest.raises(PoseError, match="not a rotation"):
-        Frames.load(arkit(tmp_path / "b", flip=1.1))
+        load_frames(arkit(tmp_path / "b", flip=1.1))
     frame = wall()
     with pytest.raises(PoseError, match="not finite"):
         Frames([frame.name], frame.pose[None] * np.nan, lambda i: frame)
@@ -172,40 +174,40 @@ def test_mirrored_and_bent_poses_are_named(tmp_path):
 @pytest.mark.parametrize(("unit", "remedy"), [(1.0, "--depth-unit 1 "), (10_000.0, "--depth-unit 0.0002 .* or 0.0001 ")])
 def test_depth_in_the_wrong_unit_is_named_with_the_right_one(tmp_path, unit, remedy):
     with pytest.raises(ScanError, match=remedy):
-        Frames.load(arkit(tmp_path / "arkit", unit=unit))
+        load_frames(arkit(tmp_path / "arkit", unit=unit))
 
 
 def test_empty_depth_and_missing_or_damaged_pictures_are_named(tmp_path):
     folder = arkit(tmp_path / "arkit")
     (folder / "depth_00001.png").write_bytes(b"\x89PNG\r\n\x1a\n no more")
     with pytest.raises(ScanError, match=r"depth_00001\.png: damaged"):
-        Frames.load(folder)
+        load_frames(folder)
     (folder / "depth_00001.png").unlink()
     with pytest.raises(ScanError, match=r"3 frame_N\.json and 2 depth_N\.png; number 00001"):
-        Frames.load(folder)
+        load_frames(folder)
     empty = arkit(tmp_path / "zero", unit=0.0)
     with pytest.raises(ScanError, match="empty"):
-        Frames.load(empty)
+        load_frames(empty)
     (folder / "frame_00001.json").write_text("{}")
     with pytest.raises(ScanError, match=r"frame_00001\.json: no camera|lacks"):
-        Frames.load(folder)
+        load_frames(folder)
 
 
 def test_pose_files_that_do_not_fit_are_named(tmp_path):
     lens = (40, 40, 15.5, 11.5)
     with pytest.raises(ScanError, match="1 poses, 2 depth and 2 colour"):
-        Frames.load(pose_file(tmp_path / "a", ["0 0 0 0 0 0 1"], count=2), lens)
+        load_frames(pose_file(tmp_path / "a", ["0 0 0 0 0 0 1"], count=2), lens)
     with pytest.raises(ScanError, match="line 1: 6 words"):
-        Frames.load(pose_file(tmp_path / "b", ["0 0 0 0 0 1"]), lens)
+        load_frames(pose_file(tmp_path / "b", ["0 0 0 0 0 1"]), lens)
     with pytest.raises(PoseError, match="length 2"):
-        Frames.load(pose_file(tmp_path / "c", ["0 0 0 0 0 0 2"]), lens)
+        load_frames(pose_file(tmp_path / "c", ["0 0 0 0 0 0 2"]), lens)
     with pytest.raises(ScanError, match="give --intrinsics FX FY CX CY"):
-        Frames.load(pose_file(tmp_path / "d", ["0 0 0 0 0 0 1"]))
+        load_frames(pose_file(tmp_path / "d", ["0 0 0 0 0 0 1"]))
     with pytest.raises(ScanError, match="no poses"):
-        Frames.load(pose_file(tmp_path / "e", [], count=1), lens)
+        load_frames(pose_file(tmp_path / "e", [], count=1), lens)
 
 
 def test_a_damaged_index_is_named(own):
     (own / "frames.json").write_text("{}")
     with pytest.raises(ScanError, match=r"frames\.json: damaged"):
-        Frames.load(own)
+        load_frames(own)

@@ -7,8 +7,8 @@ import trimesh
 from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.segmentation.bodies import with_bodies
 from radartwin.reconstruct.segmentation.colour import face_colours
-from radartwin.reconstruct.segmentation.faces import Faces
-from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing, Segment, plane_segment
+from radartwin.reconstruct.segmentation.faces import Faces, Segment
+from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing, plane_segment
 
 CELL_M = 0.03
 WALL = (210, 205, 200)

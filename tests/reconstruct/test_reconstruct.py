@@ -14,7 +14,7 @@ from experiments.scans.segment_score import score_scene
 from radartwin.errors import MeshError, MissingError, ScanError
 from radartwin.io.progress import Progress
 from radartwin.reconstruct import scan_folder
-from radartwin.reconstruct.build import reconstruct, summary
+from radartwin.reconstruct.build import ScanOptions, reconstruct, summary
 from radartwin.reconstruct.mesh_file import load_scan
 from radartwin.reconstruct.outlines import outline
 from radartwin.reconstruct.outlines.complete import complete
@@ -192,7 +192,7 @@ def test_a_window_nobody_saw_is_completed_where_its_frame_is_seen(tmp_path):
 
 def test_an_opening_that_was_looked_through_stays_open(tmp_path):
     beyond = sheet([0, W + 1.0, 0], X, Z, (L, H))
-    scene = reconstruct(saved(scan([*shell(WINDOW), beyond], 0.004), tmp_path), up="z")
+    scene = reconstruct(saved(scan([*shell(WINDOW), beyond], 0.004), tmp_path), options=ScanOptions(up="z"))
     assert not any(s.provenance["completed"] for s in scene)
     wall = next(s for s in scene if s.mesh.bounds[0, 1] > W - 0.05 and s.mesh.bounds[1, 1] < W + 0.05)
     assert wall.mesh.area == pytest.approx(L * H - 1.2, rel=0.03)
@@ -428,7 +428,7 @@ def test_scene_folder_holds_the_scan_and_who_each_face_went_to(tmp_path):
     told = summary(scene)
     assert any("ceiling" in line for line in told)
     low, high = scene.bounds
-    assert told[-1].startswith(f"it lies at x from {low[0]:.2f} to {high[0]:.2f}, y from {low[1]:.2f} to ")
+    assert told[-1].startswith(f"the scene extends over x from {low[0]:.2f} to {high[0]:.2f}, y from {low[1]:.2f} to ")
 
 
 def test_same_scan_same_bytes(tmp_path):

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from radartwin.errors import MeshError, MissingError, ScanError
-from radartwin.reconstruct.frames.plausible import ScanWarning
 from radartwin.reconstruct.mesh_file import load_scan
+from radartwin.reconstruct.scan_size import ScanWarning
 
 
 def room(length=6.0, width=5.0, height=2.8):
@@ -33,7 +33,7 @@ def test_up_axis_is_found_or_taken_and_handedness_kept(tmp_path, up, given):
     mesh = room()
     path = write_obj(tmp_path / "room.obj", in_frame(mesh.vertices, up), mesh.faces)
     loaded, report = load_scan(path, up=up if given else "auto")
-    assert (report.up, report.up_found) == (up, not given)
+    assert (report.up, report.up_from) == (up, "as given" if given else "found from the horizontal area")
     assert np.allclose(loaded.vertices, mesh.vertices)
     assert loaded.volume == pytest.approx(-6.0 * 5.0 * 2.8)
 
@@ -44,6 +44,26 @@ def test_a_cube_has_no_clear_up_axis(tmp_path):
     with pytest.raises(ScanError, match=r"cube\.obj: no clear up axis.*--up z"):
         load_scan(path)
     assert load_scan(path, up="z")[1].up == "z"
+
+
+def test_glb_without_a_clear_vertical_takes_the_axis_of_gltf(tmp_path):
+    mesh = room(3, 3, 3)
+    mesh.apply_translation([0, 0, 1.5])
+    path = tmp_path / "cube.glb"
+    trimesh.Trimesh(in_frame(mesh.vertices, "y"), mesh.faces, process=False).export(path)
+    loaded, report = load_scan(path)
+    assert np.allclose(loaded.vertices, mesh.vertices, atol=1e-6)
+    assert any("up axis y (glTF 2.0 defines +Y as up" in line for line in report.lines())
+    assert load_scan(path, up="z")[1].up_from == "as given"
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z"])
+def test_glb_with_a_clear_vertical_keeps_it(tmp_path, up):
+    mesh = room()
+    path = tmp_path / "room.glb"
+    trimesh.Trimesh(in_frame(mesh.vertices, up), mesh.faces, process=False).export(path)
+    report = load_scan(path)[1]
+    assert (report.up, report.up_from) == (up, "found from the horizontal area")
 
 
 @pytest.mark.parametrize("up", ["-x", "-y", "-z"])

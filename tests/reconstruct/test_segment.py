@@ -9,7 +9,8 @@ import trimesh
 
 from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.outlines.names import segment_names
-from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing, Segment
+from radartwin.reconstruct.segmentation.faces import Segment
+from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing
 
 EDGE_M = 0.08  # phone LiDAR meshes have edges of 5 to 10 cm
 

@@ -10,7 +10,7 @@ import trimesh
 from PIL import Image
 
 from radartwin.label.raster import _image
-from radartwin.reconstruct.build import reconstruct
+from radartwin.reconstruct.build import ScanOptions, reconstruct
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.viewer.display_mesh import HATCH, MAX_FACES, texture
 from radartwin.scene.viewer.page import describe
@@ -31,7 +31,7 @@ def floor(tmp_path_factory) -> Surface:
     room.visual.vertex_colors = np.tile(np.array(RED, np.uint8), (len(room.vertices), 1))
     folder = tmp_path_factory.mktemp("scan")
     room.export(folder / "room.ply")
-    reconstruct(folder / "room.ply", folder / "scene", up="z")
+    reconstruct(folder / "room.ply", folder / "scene", options=ScanOptions(up="z"))
     return next(s for s in Scene.load(folder / "scene") if s.name == "floor")
 
 

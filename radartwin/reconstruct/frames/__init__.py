@@ -1,1 +1,1 @@
-"""RGB-D frames with poses: reading, checking and writing them."""
+"""Colour-and-depth frames with camera poses: the data type, and the folder layouts that hold them."""

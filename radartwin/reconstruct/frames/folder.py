@@ -1,15 +1,15 @@
-"""Our own folder of frames, written by `Frames.save` and read by `Frames.load`.
+"""This library's folder layout for frames.
 
     frames.json               {"format": "radartwin-frames", "version": 1, "up": "z", "camera": "x right, y down, z forward",
-                               "depth_unit_m": 0.001, "scan_of": what was scanned or "",
+                               "depth_unit_m": 0.001, "scan_of": the scanned place or "",
                                "frames": [{"name", "pose" (4x4 rows, camera-to-world, metres),
                                "intrinsics" (3x3 rows), "colour_intrinsics" (3x3 rows or null), "depth", "colour", "confidence"
                                (file names relative to the folder, or null)}, ...]}
-    depth/NAME.png            uint16, millimetres, 0 where there is none
+    depth/NAME.png            uint16, millimetres, 0 where there is no depth
     colour/NAME.jpg           8 bits, JPEG of quality 95
     confidence/NAME.png       uint8, 0 low, 1 medium, 2 high
 
-frames.json is written last: without it the folder is not complete.
+frames.json is written last, so that an incomplete folder has no frames.json.
 """
 
 from __future__ import annotations
@@ -34,8 +34,13 @@ UNIT_M = 0.001
 JPEG_QUALITY = 95
 
 
-def save_frames(frames: Frames, folder: Path) -> Path:
-    """See `Frames.save`."""
+def save_frames(frames: Frames, folder: str | Path) -> Path:
+    """Write frames in our layout; depth is rounded to millimetres, colour becomes JPEG.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    folder = Path(folder)
     make_folder(folder)
     (folder / INDEX).unlink(missing_ok=True)
     entries = [_save_frame(frame, folder) for frame in frames]
@@ -54,7 +59,7 @@ def save_frames(frames: Frames, folder: Path) -> Path:
 
 def _save_frame(frame: Frame, folder: Path) -> dict[str, Any]:
     if not re.fullmatch(r"[\w.-]+", frame.name):
-        raise ScanError(f"frame '{frame.name}': a name is letters, digits, - _ and ., since it becomes a file name")
+        raise ScanError(f"frame '{frame.name}': use only letters, digits, - _ and . because the name becomes a file name")
     counts = np.minimum(np.rint(frame.depth_m / UNIT_M), 65535).astype(np.uint16)
     entry: dict[str, Any] = {
         "name": frame.name,
@@ -86,10 +91,10 @@ def _write(pixels: np.ndarray, folder: Path, name: str) -> str:
 
 
 def load_own(folder: Path, colour_only: bool) -> Frames:
-    """A folder that `save_frames` wrote.
+    """Open a folder that `save_frames` wrote.
 
     Raises:
-        ScanError: frames.json is damaged, or of another format.
+        ScanError: frames.json is damaged or has another format.
     """
     try:
         index = untrusted_json.read(folder / INDEX)
@@ -103,20 +108,20 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
         depths = [inside(folder, str(e["depth"])) for e in entries]
         colours = [inside(folder, str(e["colour"])) if e["colour"] else None for e in entries]
         lenses = [np.array(e["colour_intrinsics"], dtype=np.float64).reshape(3, 3) if e["colour"] else None for e in entries]
-        sure = [inside(folder, str(e["confidence"])) if e["confidence"] else None for e in entries]
+        confidences = [inside(folder, str(e["confidence"])) if e["confidence"] else None for e in entries]
     except (OSError, ValueError, KeyError, TypeError) as error:
         if isinstance(error, ScanError):
             raise
         raise ScanError(f"{folder / INDEX}: damaged ({type(error).__name__}: {error}); save the frames again") from error
     if entries and not colour_only:
-        check_depth(depths, unit, str(folder), f"mend depth_unit_m in {INDEX}:")
+        check_depth(depths, unit, str(folder), f"correct depth_unit_m in {INDEX}:")
 
     def read(i: int) -> Frame:
         colour = read_colour(path) if (path := colours[i]) else None
         camera = lenses[i]
         if colour_only and colour is not None and camera is not None:
-            return Frame(names[i], poses[i], camera, np.zeros(colour.shape[:2], np.float32), colour, camera)
-        confidence = read_picture(path) if (path := sure[i]) else None
+            return Frame.without_depth(names[i], poses[i], colour, camera)
+        confidence = read_picture(path) if (path := confidences[i]) else None
         return Frame(names[i], poses[i], cameras[i], read_depth(depths[i], unit), colour, camera, confidence)
 
     return Frames(names, poses, read, str(folder), scan_of)

@@ -1,19 +1,18 @@
-"""Folders of frames that other programs write, told apart by their files.
+"""Read folders of frames that other programs write.
 
 ARKit export     3d Scanner App: depth_N.png (uint16 mm), conf_N.png (0..2), frame_N.json (intrinsics of the 1920x1440 picture;
                  cameraPoseARFrame, camera-to-world by rows, camera x right, y up, z back, world y up), frame_N.jpg for some
 pose.txt         slambook2: color/N.png, depth/N.pgm or .png (uint16 mm), pose.txt with a line tx ty tz qx qy qz qw per frame
 TUM RGB-D        rgb.txt, depth.txt (time file), groundtruth.txt (time tx ty tz qx qy qz qw); depth in 1/5000 m. See Sturm et
                  al. 2012, A Benchmark for the Evaluation of RGB-D SLAM Systems, and the data set's file format page
-
-Our own is in `radartwin.reconstruct.frames.folder`; which is which, and what each leaves to be said, in `frame_layouts`.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,14 +23,14 @@ from radartwin.reconstruct.axes import CAMERA_FLIP, TO_Z_UP, camera_to_world, z_
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled, scan_digest
 from radartwin.reconstruct.frames.pictures import check_depth, picture_size, read_colour, read_depth, read_picture
 
-ARKIT_PICTURE = (1920, 1440)  # what the export's intrinsics are for
+ARKIT_PICTURE = (1920, 1440)  # picture size of the exported intrinsics
 ARKIT_UNIT_M = POSE_FILE_UNIT_M = 0.001
 TUM_UNIT_M = 0.0002
-TUM_MAX_S = 0.02  # between a depth picture and its pose or colour, as the data set's own tools take
+TUM_MAX_S = 0.02  # largest time between a depth picture and its pose or colour, as in the data set's own tools
 
 
 def load_arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frames:
-    """The export of 3d Scanner App."""
+    """Open an ARKit export of 3d Scanner App."""
     cameras = {p.stem.removeprefix("frame_"): p for p in sorted(folder.glob("frame_*.json"))}
     depths = {p.stem.removeprefix("depth_"): p for p in sorted(folder.glob("depth_*.png"))}
     colours = {p.stem.removeprefix("frame_"): p for p in sorted(folder.glob("frame_*.jpg"))}
@@ -49,12 +48,12 @@ def load_arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frame
         colour = read_colour(colours[numbers[i]]) if numbers[i] in colours else None
         camera = rescaled(described[i][1], ARKIT_PICTURE, colour.shape[1::-1]) if colour is not None else None
         if colour_only and colour is not None and camera is not None:
-            return Frame(numbers[i], poses[i], camera, np.zeros(colour.shape[:2], np.float32), colour, camera)
+            return Frame.without_depth(numbers[i], poses[i], colour, camera)
         depth = read_depth(depths[numbers[i]], unit_m)
-        sure = folder / f"conf_{numbers[i]}.png"
-        confidence = read_picture(sure) if sure.is_file() else None
+        confidence_file = folder / f"conf_{numbers[i]}.png"
+        confidence = read_picture(confidence_file) if confidence_file.is_file() else None
         if confidence is not None and confidence.shape != depth.shape:
-            raise ScanError(f"{sure}: {confidence.shape} pixels, the depth has {depth.shape}; export the frame again")
+            raise ScanError(f"{confidence_file} has {confidence.shape} pixels but the depth {depth.shape}; export the frame again")
         return Frame(numbers[i], poses[i], rescaled(described[i][1], ARKIT_PICTURE, depth.shape[::-1]), depth, colour, camera, confidence)
 
     return Frames(numbers, poses, read, str(folder), scan_digest(cameras.values()))
@@ -67,13 +66,13 @@ def _arkit_camera(path: Path) -> tuple[np.ndarray, np.ndarray]:
         pose = np.array(content["cameraPoseARFrame"], dtype=np.float64).reshape(4, 4)
         return pose, np.array(content["intrinsics"], dtype=np.float64).reshape(3, 3)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ScanError(f"{path}: no camera in it ({type(error).__name__}: {error}); export the frame again") from error
+        raise ScanError(f"{path}: no camera pose and intrinsics ({type(error).__name__}: {error}); export the frame again") from error
 
 
 def load_pose_file(
-    folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool, reading: str
+    folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool, convention: str
 ) -> Frames:
-    """The pose.txt layout; `reading` is one of `axes.READINGS`."""
+    """Open the pose.txt layout; `convention` is one of `axes.POSE_CONVENTIONS`."""
     rows = _numbers(folder / "pose.txt", 7)
     depths = _pictures(folder, ("depth",))
     colours = _pictures(folder, ("color", "colour", "rgb"))
@@ -81,45 +80,47 @@ def load_pose_file(
     if len(counted) != len(rows) or (colours and len(colours) != len(rows)):
         raise ScanError(f"{folder}: {len(rows)} poses, {len(depths)} depth and {len(colours)} colour pictures; give one of each per frame")
     names = [p.stem for p in counted]
-    poses = camera_to_world(_from_quaternions(rows), reading)
-    return _assembled(folder, names, poses, depths, colours, intrinsics, unit_m, up, colour_only, folder / "pose.txt")
+    poses = camera_to_world(_from_quaternions(rows), convention)
+    pictures = _Pictures(names, depths, colours, unit_m, colour_only)
+    return _one_camera(folder, pictures, poses, intrinsics, up, folder / "pose.txt")
 
 
-def load_tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool, reading: str) -> Frames:
-    """The layout of TUM RGB-D; `reading` is one of `axes.READINGS`."""
+def load_tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool, convention: str) -> Frames:
+    """Open the TUM RGB-D layout; `convention` is one of `axes.POSE_CONVENTIONS`."""
     truth = _numbers(folder / "groundtruth.txt", 8)
     depth_times, depth_files = _listed(folder / "depth.txt") if not colour_only else (np.zeros(0), [])
     colour_times, colour_files = _listed(folder / "rgb.txt") if (folder / "rgb.txt").is_file() else (np.zeros(0), [])
     times = colour_times if colour_only else depth_times
-    kept, poses, colours = [], [], []
+    chosen, poses, colours = [], [], []
     for i, time in enumerate(times):
         nearest = _nearest(truth[:, 0], time)
         if nearest is not None:
-            kept.append(i)
+            chosen.append(i)
             poses.append(truth[nearest, 1:])
             matched = _nearest(colour_times, time)
             colours.append(colour_files[matched] if matched is not None else None)
-    if not kept:
+    if not chosen:
         raise ScanError(f"{folder}: no picture has a pose within {TUM_MAX_S} s in groundtruth.txt; do the clocks of the files agree?")
-    names = [f"{times[i]:.6f}" for i in kept]
-    depths = [depth_files[i] for i in kept] if not colour_only else []
-    read = camera_to_world(_from_quaternions(np.array(poses)), reading)
-    return _assembled(folder, names, read, depths, colours, intrinsics, unit_m, up, colour_only, folder / "groundtruth.txt")
+    names = [f"{times[i]:.6f}" for i in chosen]
+    depths = [depth_files[i] for i in chosen] if not colour_only else []
+    world = camera_to_world(_from_quaternions(np.array(poses)), convention)
+    pictures = _Pictures(names, depths, colours, unit_m, colour_only)
+    return _one_camera(folder, pictures, world, intrinsics, up, folder / "groundtruth.txt")
 
 
-def _assembled(
-    folder: Path,
-    names: list[str],
-    poses: np.ndarray,
-    depths: Sequence[Path],
-    colours: Sequence[Path | None],
-    intrinsics: Sequence[float] | None,
-    unit_m: float,
-    up: str | None,
-    colour_only: bool,
-    told_by: Path,
+class _Pictures(NamedTuple):
+    names: list[str]
+    depths: Sequence[Path]
+    colours: Sequence[Path | None]
+    unit_m: float
+    colour_only: bool
+
+
+def _one_camera(
+    folder: Path, pictures: _Pictures, poses: np.ndarray, intrinsics: Sequence[float] | None, up: str | None, pose_file: Path
 ) -> Frames:
-    """Frames of one camera whose colour is the same view as its depth."""
+    """Frames of one camera whose colour pictures have the view of its depth pictures."""
+    names, depths, colours, unit_m, colour_only = pictures
     if not names:
         raise ScanError(f"{folder}: no frames; the lists of pictures and poses are empty")
     camera = _camera(folder, intrinsics)
@@ -134,10 +135,10 @@ def _assembled(
         colour = read_colour(path) if path is not None else None
         colour_camera = rescaled(camera, size, colour.shape[1::-1]) if colour is not None else None
         if colour_only and colour is not None and colour_camera is not None:
-            return Frame(names[i], poses[i], colour_camera, np.zeros(colour.shape[:2], np.float32), colour, colour_camera)
+            return Frame.without_depth(names[i], poses[i], colour, colour_camera)
         return Frame(names[i], poses[i], camera, read_depth(depths[i], unit_m), colour, colour_camera)
 
-    return Frames(names, poses, read, str(folder), scan_digest([told_by]))
+    return Frames(names, poses, read, str(folder), scan_digest([pose_file]))
 
 
 def _camera(folder: Path, intrinsics: Sequence[float] | None) -> np.ndarray:
@@ -149,7 +150,7 @@ def _camera(folder: Path, intrinsics: Sequence[float] | None) -> np.ndarray:
         except (ValueError, KeyError, TypeError) as error:
             raise ScanError(f'{file}: give {{"fx": , "fy": , "cx": , "cy": }} in pixels ({type(error).__name__}: {error})') from error
     if intrinsics is None:
-        raise ScanError(f"{folder}: the layout does not say the camera's intrinsics; give --intrinsics FX FY CX CY or add {file.name}")
+        raise ScanError(f"{folder}: the layout has no camera intrinsics; give --intrinsics FX FY CX CY or add {file.name}")
     if len(intrinsics) != 4 or not np.isfinite(intrinsics).all() or min(intrinsics[:2]) <= 0:
         raise ScanError(f"{folder}: intrinsics {list(intrinsics)}; give fx, fy, cx, cy in pixels, the focal lengths positive")
     fx, fy, cx, cy = intrinsics
@@ -157,10 +158,10 @@ def _camera(folder: Path, intrinsics: Sequence[float] | None) -> np.ndarray:
 
 
 def _numbers(path: Path, columns: int) -> np.ndarray:
-    """The rows (N, columns) of a text file; # starts a comment.
+    """Rows (N, columns) of a text file; # starts a comment.
 
     Raises:
-        ScanError: a row that is not so many numbers, or none.
+        ScanError: a row with another number of columns, or no rows.
     """
     rows = []
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
@@ -175,21 +176,21 @@ def _numbers(path: Path, columns: int) -> np.ndarray:
             raise ScanError(f"{path}, line {number}: {len(words)} words; a row is {columns} numbers")
         rows.append(row)
     if not rows:
-        raise ScanError(f"{path}: no poses in it; export the trajectory with the frames")
+        raise ScanError(f"{path} holds no poses; export the trajectory with the frames")
     return np.array(rows)
 
 
 def _listed(path: Path) -> tuple[np.ndarray, list[Path]]:
     """Times (N,) and files of a TUM list."""
     if not path.is_file():
-        raise MissingError(f"{path} is not there; a TUM folder has rgb.txt, depth.txt and groundtruth.txt")
+        raise MissingError(f"{path} does not exist; a TUM folder has rgb.txt, depth.txt and groundtruth.txt")
     words = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and not line.startswith("#")]
     try:
         return np.array([float(w[0]) for w in words]), [inside(path.parent, w[1]) for w in words]
     except InputError as error:
         raise ScanError(str(error)) from error
     except (ValueError, IndexError) as error:
-        raise ScanError(f"{path}: a row is a time and a file name") from error
+        raise ScanError(f"{path}: a row must be a time and a file name") from error
 
 
 def _nearest(times: np.ndarray, time: float) -> int | None:
@@ -200,12 +201,11 @@ def _nearest(times: np.ndarray, time: float) -> int | None:
 
 
 def _pictures(folder: Path, names: Sequence[str]) -> list[Path]:
-    """Pictures of the first of the folders that is there, in the order of the numbers in their names."""
+    """Pictures in the first of the folders that exists, ordered by the numbers in their names."""
     for name in names:
         if (folder / name).is_dir():
             found = [p for p in (folder / name).iterdir() if p.suffix.lower() in (".png", ".pgm", ".jpg", ".jpeg", ".tif", ".tiff")]
-            key: Callable[[Path], tuple[list[int], str]] = lambda p: ([int(d) for d in re.findall(r"\d+", p.stem)], p.stem)  # noqa: E731
-            return sorted(found, key=key)
+            return sorted(found, key=lambda p: ([int(d) for d in re.findall(r"\d+", p.stem)], p.stem))
     return []
 
 
@@ -224,11 +224,11 @@ def _from_quaternions(rows: np.ndarray) -> np.ndarray:
 
 
 def _upward(poses: np.ndarray, folder: Path) -> str:
-    """The world axis nearest to where the cameras' tops point on average: people hold cameras upright."""
+    """World axis nearest to the mean upward direction of the cameras, because people hold cameras upright."""
     mean = -poses[:, :3, 1].mean(axis=0)
     axis = int(np.argmax(np.abs(mean)))
-    if np.abs(mean[axis]) < 0.6:  # the mean of upright cameras that look down by 50 degrees
+    if np.abs(mean[axis]) < 0.6:  # cosine for upright cameras that look 50 degrees downwards
         raise ScanError(
-            f"{folder}: the cameras' tops point along {np.round(mean, 2).tolist()}, none is clearly up; give --up {', '.join(TO_Z_UP)}"
+            f"{folder}: the cameras' mean up vector {np.round(mean, 2).tolist()} is near no axis; give --up {', '.join(TO_Z_UP)}"
         )
     return ("" if mean[axis] > 0 else "-") + "xyz"[axis]

@@ -1,8 +1,8 @@
-"""Colour-and-depth frames with poses: what a scan is before it is a mesh.
+"""Colour-and-depth frames with camera poses.
 
-World: z up, metres. Camera poses are 4x4 camera-to-world with the camera's x right, y down, z forward (the OpenCV axes). A pixel's
-centre has whole-numbered coordinates, so that the top left corner of the picture lies at (-0.5, -0.5). Depth is along the
-camera's z, not along the ray. Which folder layouts are read is in `radartwin.reconstruct.frames.layouts`.
+World: z up, metres. Poses are 4x4 camera-to-world matrices with OpenCV camera axes (x right, y down, z forward). Pixel centres have integer
+coordinates, so the top left corner of a picture lies at (-0.5, -0.5). Depth is measured along the camera's z axis, not along the ray.
+`frames.layouts.load_frames` reads folders of frames, `frames.folder.save_frames` writes one.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ import numpy as np
 
 from radartwin.errors import MissingError, PoseError, ScanError
 
-RIGID_TOLERANCE = 1e-3  # of the rotation's products; ARKit and text files with six digits stay below 1e-5
+RIGID_TOLERANCE = 1e-3  # on R^T R; ARKit and text files with six digits stay below 1e-5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Frame:
-    """One view: where the camera was, what it saw.
+    """One view of a scan.
 
     Attributes:
         name: unique within its frames.
         pose: (4, 4) camera-to-world, OpenCV axes, metres.
-        intrinsics: (3, 3) pinhole matrix for `depth_m`, pixels.
-        depth_m: (h, w) float32 along the camera's z; 0 where there is none.
-        colour: (H, W, 3) uint8 sRGB, or None; same view as the depth, usually finer.
-        colour_intrinsics: (3, 3) for `colour`, or None without colour.
+        intrinsics: (3, 3) pinhole matrix of `depth_m`, pixels.
+        depth_m: (h, w) float32 along the camera's z axis; 0 where there is no depth.
+        colour: (H, W, 3) uint8 sRGB of the same view, usually finer than the depth, or None.
+        colour_intrinsics: (3, 3) of `colour`, or None without colour.
         confidence: (h, w) uint8, 0 low, 1 medium, 2 high (as ARKit's ARConfidenceLevel), or None.
     """
 
@@ -42,18 +42,23 @@ class Frame:
     colour_intrinsics: np.ndarray | None = None
     confidence: np.ndarray | None = None
 
+    @classmethod
+    def without_depth(cls, name: str, pose: np.ndarray, colour: np.ndarray, intrinsics: np.ndarray) -> Frame:
+        """A frame with a colour picture and zero depth of the same size."""
+        return cls(name, pose, intrinsics, np.zeros(colour.shape[:2], np.float32), colour, intrinsics)
+
 
 class Frames(Sequence[Frame]):
-    """Frames in the order they were taken, each read from the disk when it is asked for, and not kept.
+    """Frames in recording order. Each access reads the frame from its source again.
 
     Args:
         names: one per frame, all different.
         poses: (N, 4, 4) camera-to-world.
-        read: gives frame i.
-        source: what messages call it.
-        scan_of: what was scanned: a procedural room, or the digest of a real scan's files; empty where nobody knows.
+        read: returns frame i.
+        source: name of the frames in messages.
+        scan_of: identifies the scanned place: a procedural room, or the digest of a real scan's files; empty if unknown.
     Raises:
-        ScanError: no frames, a name twice, or another number of poses than of names.
+        ScanError: no frames, a repeated name, or different numbers of poses and names.
         PoseError: a pose that is not finite, mirrored or not rigid.
     """
 
@@ -66,61 +71,17 @@ class Frames(Sequence[Frame]):
         if not self.names:
             raise ScanError(f"{source}: no frames; give a folder with depth pictures and poses")
         if len(set(self.names)) < len(self.names):
-            raise ScanError(f"{source}: two frames have one name; give each its own")
+            raise ScanError(f"{source}: two frames have the same name; give each frame its own name")
         if len(poses) != len(self.names):
             raise ScanError(f"{source}: {len(self.names)} frames and {len(poses)} poses; give one pose per frame, in the same order")
         self.poses = check_poses(np.asarray(poses, dtype=np.float64), source, self.names)
 
     @classmethod
     def of(cls, frames: Iterable[Frame], source: str = "frames", scan_of: str = "") -> Frames:
-        """Frames that are already in memory."""
-        kept = list(frames)
-        poses = np.array([f.pose for f in kept]).reshape(-1, 4, 4)
-        return cls((f.name for f in kept), poses, kept.__getitem__, source, scan_of)
-
-    @classmethod
-    def load(
-        cls,
-        folder: str | Path,
-        intrinsics: Sequence[float] | None = None,
-        depth_unit_m: float | None = None,
-        up: str | None = None,
-        colour_only: bool = False,
-        poses: str | None = None,
-    ) -> Frames:
-        """Open a folder of frames; which of the known layouts it has is told from its files.
-
-        Known: the export of 3d Scanner App (ARKit), TUM RGB-D, the pose.txt layout (color/, depth/, pose.txt), and our own
-        (`save`). Poses, counts and some depth pictures are checked here; each frame's pictures when it is read.
-
-        Args:
-            intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, for layouts that do not say (pose.txt, TUM); without it
-                the folder's intrinsics.json is read: {"fx": , "fy": , "cx": , "cy": }.
-            depth_unit_m: metres per count of the depth pictures, where the layout's own (1 mm; TUM 1/5000 m) is not true.
-            up: the world axis of the poses that points up (x, y, z, -x, -y, -z). Known for ARKit and our own; for the others
-                the axis nearest to the cameras' mean upward direction.
-            poses: what the poses are where the layout does not say (pose.txt, TUM): one of `radartwin.reconstruct.axes.READINGS`,
-                "opencv" unless given.
-            colour_only: ignore depth (none need be there): for `radartwin.reconstruct.fusion.monocular`.
-        Raises:
-            MissingError: no such folder, or a picture of it is gone.
-            ScanError: unknown layout, no poses, counts that differ, no intrinsics, damaged pictures, empty depth, implausible unit,
-                an option that the layout does not read.
-            PoseError: poses that are mirrored or not rigid.
-        """
-        from radartwin.reconstruct.frames.layouts import load_frames
-
-        return load_frames(Path(folder), intrinsics, depth_unit_m, up, colour_only, poses)
-
-    def save(self, folder: str | Path) -> Path:
-        """Write our own layout, see `radartwin.reconstruct.frames.folder`; depth is rounded to millimetres, colour is JPEG.
-
-        Raises:
-            OutputError: the folder cannot be written; without its frames.json, written last, a folder is not complete.
-        """
-        from radartwin.reconstruct.frames.folder import save_frames
-
-        return save_frames(self, Path(folder))
+        """Frames that are in memory."""
+        frames = list(frames)
+        poses = np.array([f.pose for f in frames]).reshape(-1, 4, 4)
+        return cls((f.name for f in frames), poses, frames.__getitem__, source, scan_of)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -145,22 +106,22 @@ class Frames(Sequence[Frame]):
 
 
 def scan_digest(files: Iterable[Path]) -> str:
-    """A name for a real scan, whatever its folder is called: of the bytes of a mesh, or of the files that hold the poses.
+    """Digest that identifies a real scan independent of its folder, from its mesh file or from the files that hold its poses.
 
     Raises:
-        MissingError: one of them is gone.
+        MissingError: a file does not exist.
     """
-    total = hashlib.sha256()
+    digest = hashlib.sha256()
     for file in files:
         try:
-            total.update(file.read_bytes())
+            digest.update(file.read_bytes())
         except FileNotFoundError as error:
-            raise MissingError(f"{file} is not there; check the path, or export the scan again") from error
-    return f"sha256:{total.hexdigest()[:16]}"
+            raise MissingError(f"{file} does not exist; check the path, or export the scan again") from error
+    return f"sha256:{digest.hexdigest()[:16]}"
 
 
 def check_poses(poses: np.ndarray, source: str, names: Sequence[str]) -> np.ndarray:
-    """The poses (N, 4, 4), rotations made exactly orthonormal (the nearest by singular values).
+    """Return poses (N, 4, 4) whose rotations are replaced by the nearest exactly orthonormal ones.
 
     Raises:
         PoseError: wrong shape, not finite, mirrored (determinant -1), or not rigid.
@@ -170,7 +131,7 @@ def check_poses(poses: np.ndarray, source: str, names: Sequence[str]) -> np.ndar
     for name, pose in zip(names, poses, strict=True):
         rotation = pose[:3, :3]
         if not np.isfinite(pose).all():
-            raise PoseError(f"{source}: the pose of frame {name} is not finite; leave the frame out or export again")
+            raise PoseError(f"{source}: the pose of frame {name} is not finite; leave the frame out or export it again")
         if np.abs(rotation.T @ rotation - np.eye(3)).max() > RIGID_TOLERANCE or np.abs(pose[3] - [0, 0, 0, 1]).max() > RIGID_TOLERANCE:
             raise PoseError(f"{source}: the pose of frame {name} is not a rotation and a shift; give rigid camera-to-world matrices")
         if np.linalg.det(rotation) < 0:
@@ -182,7 +143,7 @@ def check_poses(poses: np.ndarray, source: str, names: Sequence[str]) -> np.ndar
 
 
 def rescaled(intrinsics: np.ndarray, size: tuple[int, int], to: tuple[int, int]) -> np.ndarray:
-    """Intrinsics (3, 3) of a picture of `size` (width, height) for the same view at the size `to`."""
+    """Intrinsics (3, 3) of a picture with `size` (width, height), for the same view at the size `to`."""
     scale = np.divide(to, size)
     moved = np.array(intrinsics, dtype=np.float64)
     moved[:2, :2] *= scale[:, None]
@@ -191,7 +152,7 @@ def rescaled(intrinsics: np.ndarray, size: tuple[int, int], to: tuple[int, int])
 
 
 def points(frame: Frame) -> np.ndarray:
-    """The depth picture's pixels in the world, (h, w, 3) metres; NaN where there is no depth."""
+    """World points (h, w, 3) of the depth pixels, metres; NaN where there is no depth."""
     v, u = np.indices(frame.depth_m.shape)
     k = frame.intrinsics
     depth = np.where(frame.depth_m > 0, frame.depth_m, np.nan).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Which layout a folder of frames has, what that layout leaves to be said, and the frames in it."""
+"""Detect the layout of a folder of frames, and read the frames."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from radartwin.errors import MissingError, ScanError
-from radartwin.reconstruct.axes import READINGS, TO_Z_UP
+from radartwin.reconstruct.axes import POSE_CONVENTIONS, TO_Z_UP
 from radartwin.reconstruct.frames.folder import INDEX, load_own
 from radartwin.reconstruct.frames.formats import ARKIT_UNIT_M, POSE_FILE_UNIT_M, TUM_UNIT_M, load_arkit, load_pose_file, load_tum
 from radartwin.reconstruct.frames.frames import Frames
@@ -15,31 +15,30 @@ from radartwin.reconstruct.frames.frames import Frames
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """A known layout.
+    """A known folder layout.
 
     Attributes:
-        told_by: the file that says what need not be given.
-        unit_m: metres per count of its depth pictures; None where the file says.
-        reads: options it takes.
+        metadata_file: the file that holds the poses.
+        unit_m: default metres per count of the depth pictures; None where `metadata_file` states the unit.
+        options: command-line options that apply to the layout.
     """
 
-    name: str
-    told_by: str
+    metadata_file: str
     unit_m: float | None
-    reads: tuple[str, ...]
+    options: tuple[str, ...]
 
 
-OWN = Layout("own", INDEX, None, ())
-ARKIT = Layout("ARKit", "frame_N.json", ARKIT_UNIT_M, ("--depth-unit", "--up"))
-TUM = Layout("TUM", "groundtruth.txt", TUM_UNIT_M, ("--intrinsics", "--depth-unit", "--up", "--poses"))
-POSE_FILE = Layout("pose.txt", "pose.txt", POSE_FILE_UNIT_M, TUM.reads)
+OWN = Layout(INDEX, None, ())
+ARKIT = Layout("frame_N.json", ARKIT_UNIT_M, ("--depth-unit", "--up"))
+TUM = Layout("groundtruth.txt", TUM_UNIT_M, ("--intrinsics", "--depth-unit", "--up", "--poses"))
+POSE_FILE = Layout("pose.txt", POSE_FILE_UNIT_M, TUM.options)
 
 
 def layout_of(folder: Path) -> Layout:
-    """The layout of a folder, by its files.
+    """Detect the layout of a folder from its files.
 
     Raises:
-        MissingError: no such folder. ScanError: none of the known layouts.
+        MissingError: no such folder. ScanError: no known layout.
     """
     if not folder.is_dir():
         raise MissingError(f"{folder} is not a folder; give the folder that holds the scan's frames")
@@ -48,7 +47,7 @@ def layout_of(folder: Path) -> Layout:
     if any(folder.glob("frame_*.json")):
         return ARKIT
     for layout in (TUM, POSE_FILE):
-        if (folder / layout.told_by).is_file():
+        if (folder / layout.metadata_file).is_file():
             return layout
     if any(folder.glob("depth_*.png")) or any((folder / name).is_dir() for name in ("depth", "color", "colour", "rgb")):
         raise ScanError(f"{folder}: pictures but no poses; add frame_N.json, pose.txt or groundtruth.txt, whichever the app exports")
@@ -56,25 +55,43 @@ def layout_of(folder: Path) -> Layout:
 
 
 def load_frames(
-    folder: Path,
+    folder: str | Path,
     intrinsics: Sequence[float] | None = None,
     depth_unit_m: float | None = None,
     up: str | None = None,
     colour_only: bool = False,
     poses: str | None = None,
 ) -> Frames:
-    """See `Frames.load`."""
+    """Open a folder of frames in any known layout: ARKit export of 3d Scanner App, TUM RGB-D, pose.txt, or ours (`save_frames`).
+
+    This function checks poses, counts and some depth pictures. Each frame's pictures are checked when the frame is read.
+
+    Args:
+        intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, for pose.txt and TUM. The default is the folder's intrinsics.json
+            {"fx": , "fy": , "cx": , "cy": }.
+        depth_unit_m: metres per count of the depth pictures, if the layout's default (1 mm; TUM 1/5000 m) is wrong.
+        up: world axis of the poses that points up (x, y, z, -x, -y, -z). ARKit and our layout define it. For the others the default is
+            the axis nearest to the cameras' mean upward direction.
+        poses: one of `radartwin.reconstruct.axes.POSE_CONVENTIONS`, for pose.txt and TUM; "opencv" by default.
+        colour_only: ignore depth, which may be missing; for `radartwin.reconstruct.fusion.monocular`.
+    Raises:
+        MissingError: the folder or one of its pictures does not exist.
+        ScanError: unknown layout, no poses, different counts, no intrinsics, damaged pictures, empty depth, an implausible unit, or an
+            option that does not apply to the layout.
+        PoseError: poses that are mirrored or not rigid.
+    """
+    folder = Path(folder)
     layout = layout_of(folder)
     if up is not None and up not in TO_Z_UP:
         raise ScanError(f"--up {up}: choose {', '.join(TO_Z_UP)}")
-    if poses is not None and poses not in READINGS:
-        raise ScanError(f"--poses {poses}: choose {', '.join(READINGS)}")
+    if poses is not None and poses not in POSE_CONVENTIONS:
+        raise ScanError(f"--poses {poses}: choose {', '.join(POSE_CONVENTIONS)}")
     given = {"--intrinsics": intrinsics, "--depth-unit": depth_unit_m, "--up": up, "--poses": poses}
     for option, value in given.items():
-        if value is not None and option not in layout.reads:
-            raise ScanError(f"{folder}: {option} is not read, {layout.told_by} says it; leave {option} out")
+        if value is not None and option not in layout.options:
+            raise ScanError(f"{folder}: {option} does not apply because {layout.metadata_file} defines it; leave {option} out")
     if depth_unit_m is not None and colour_only:
-        raise ScanError(f"{folder}: --depth-unit is not read with --depth-model, which takes no depth pictures; leave one of them out")
+        raise ScanError(f"{folder}: --depth-unit does not apply with --depth-model, which reads no depth pictures; leave one of them out")
     if depth_unit_m is not None and not 0 < depth_unit_m < float("inf"):
         raise ScanError(f"--depth-unit {depth_unit_m:g}: give metres per count above zero, 0.001 for millimetres")
     unit = depth_unit_m or layout.unit_m

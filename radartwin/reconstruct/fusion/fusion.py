@@ -18,7 +18,7 @@ from radartwin.reconstruct.frames.frames import Frames
 from radartwin.reconstruct.fusion.alignment import AlignmentReport, align
 from radartwin.reconstruct.fusion.holes import Holes, holes
 from radartwin.reconstruct.fusion.marching import extract, painted, vertex_colours
-from radartwin.reconstruct.fusion.views import SURE_M, Views
+from radartwin.reconstruct.fusion.views import REFERENCE_NOISE_M, Views
 from radartwin.reconstruct.fusion.volume import View, Volume
 
 VOXELS_ACROSS = 450  # along the room's diagonal: 2 cm for 9 m
@@ -136,7 +136,7 @@ def fuse(
             progress(len(views) + i + 1, steps)
 
     # A surface less sure than the truncation is none; what is wrong is carved away by those that see through it.
-    mesh, coloured = extract(volume, (SURE_M / volume.truncation_m) ** 2)
+    mesh, coloured = extract(volume, (REFERENCE_NOISE_M / volume.truncation_m) ** 2)
     mesh, coloured, removed = without_small_parts(mesh, coloured)
     residual = np.concatenate([_residual(volume, views[i]) for i in used])
     near = residual[np.isfinite(residual) & (np.abs(residual) < 0.99 * volume.truncation_m)]

@@ -1,4 +1,4 @@
-"""Depth pictures made ready for fusion: the surface's slope at each pixel, and how far each is to be trusted."""
+"""Prepare depth pictures for fusion: the slope of the surface at each pixel, and the weight of each pixel."""
 
 from __future__ import annotations
 
@@ -10,67 +10,68 @@ from radartwin.compiled import compiled
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled
 from radartwin.reconstruct.fusion.volume import View
 
-# Standard deviation: floor + slope z + curve z^2 for low, medium and high confidence. High is 5 mm at 1 m and 13 mm at 5 m, only the ratio
-# counts; low and medium are fitted to the real frames of docs/decisions/005-virtual-scanner.md (21 to 111 mm and 12 to 43 mm from 1.25 to
-# 3.25 m). An unsure pixel counts next to nothing beside a sure one, and is all there is of dark and distant things.
+# Standard deviation of depth z: floor + slope z + curve z^2 for low, medium and high confidence. High is 5 mm at 1 m and 13 mm at 5 m; only
+# ratios matter. Low and medium are fitted to the real frames of docs/decisions/005-virtual-scanner.md (21 to 111 mm and 12 to 43 mm from
+# 1.25 to 3.25 m). A pixel of low confidence has little weight beside one of high confidence, but is often the only one on dark and
+# distant surfaces.
 NOISE_FLOOR_M, NOISE_PER_M = 0.003, 0.002
 NOISE = np.array([[0.0, 0.0, 0.0105], [0.0, 0.0, 0.0041], [NOISE_FLOOR_M, NOISE_PER_M, 0.0]], np.float32)
-SURE_M = NOISE_FLOOR_M + NOISE_PER_M  # a sure pixel at 1 m, squarely: weight 1
-STEP = 2  # pixels to either side over which the slope is taken
-MIN_COSINE = 0.15  # beyond 81 degrees a pixel is an edge or useless
+REFERENCE_NOISE_M = NOISE_FLOOR_M + NOISE_PER_M  # of a pixel with high confidence at 1 m and normal incidence, which has weight 1
+STEP = 2  # pixels to either side for the slope
+MIN_COSINE = 0.15  # pixels beyond 81 degrees are discarded as edges
 CACHE_BYTES = 1_000_000_000
 
 
 class Views:
-    """The views of frames; those without colour are kept in memory as far as it allows, since fusion looks several times.
+    """Prepared views of frames. Views without colour are cached up to CACHE_BYTES, because fusion reads them several times.
 
     Args:
-        max_range_m: depth beyond it is not used.
+        max_range_m: greater depths are ignored.
     """
 
     def __init__(self, frames: Frames, max_range_m: float) -> None:
         self.frames, self.max_range_m = frames, max_range_m
         self.poses = frames.poses.copy()
-        self._kept: dict[int, View] = {}
+        self._cache: dict[int, View] = {}
         self._bytes = 0
 
     def __len__(self) -> int:
         return len(self.frames)
 
     def __getitem__(self, index: int) -> View:
-        """Without colour, at the pose as it now is."""
-        view = self._kept.get(index)
+        """The view without colour, at its current pose."""
+        view = self._cache.get(index)
         if view is None:
-            view = prepared(self.frames[index], self.max_range_m, colour=False)
+            view = prepared(self.frames[index], self.max_range_m)
             self._bytes += 3 * view.depth.nbytes
             if self._bytes < CACHE_BYTES:
-                self._kept[index] = view
+                self._cache[index] = view
         return View(self.poses[index], view.intrinsics, view.depth, view.slope, view.weight)
 
     def coloured(self) -> Iterator[View]:
-        """All views in order, with colour where there is some."""
+        """All views in order, with colour where the frame has colour."""
         for index, frame in enumerate(self.frames):
-            view = self._kept.get(index) or prepared(frame, self.max_range_m, colour=False)
+            view = self._cache.get(index) or prepared(frame, self.max_range_m)
             yield View(self.poses[index], view.intrinsics, view.depth, view.slope, view.weight, *_reduced(frame))
 
 
-def prepared(frame: Frame, max_range_m: float, colour: bool = True) -> View:
-    """One frame's view.
+def prepared(frame: Frame, max_range_m: float) -> View:
+    """The view of one frame, without colour.
 
     >>> depth = np.full((9, 9), 2.0, np.float32)
-    >>> lens = np.array([[10.0, 0, 4], [0, 10, 4], [0, 0, 1]])
-    >>> float(prepared(Frame("wall", np.eye(4), lens, depth), 5.0).slope[4, 4])
+    >>> intrinsics = np.array([[10.0, 0, 4], [0, 10, 4], [0, 0, 1]])
+    >>> float(prepared(Frame("wall", np.eye(4), intrinsics, depth), 5.0).slope[4, 4])
     1.0
     """
     depth = np.where(frame.depth_m <= max_range_m, frame.depth_m, np.float32(0)).astype(np.float32)
-    grade = np.full(depth.shape, 2, np.uint8) if frame.confidence is None else np.minimum(frame.confidence, 2)
+    confidence = np.full(depth.shape, 2, np.uint8) if frame.confidence is None else np.minimum(frame.confidence, 2)
     k = frame.intrinsics
-    slope, weight = _slope(depth, _sigma(depth, grade), k[0, 0], k[1, 1], k[0, 2], k[1, 2])
-    return View(frame.pose, k, depth, slope, weight, *(_reduced(frame) if colour else (None, None)))
+    slope, weight = _slope(depth, _sigma(depth, confidence), k[0, 0], k[1, 1], k[0, 2], k[1, 2])
+    return View(frame.pose, k, depth, slope, weight)
 
 
 def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """The colour picture averaged down to about the depth's resolution, so that voxels do not alias its texture."""
+    """The colour picture averaged to about the depth's resolution, so that voxels do not alias its texture, and its intrinsics."""
     if frame.colour is None or frame.colour_intrinsics is None:
         return None, None
     factor = max(round(float(frame.colour_intrinsics[0, 0] / frame.intrinsics[0, 0])), 1)
@@ -79,15 +80,15 @@ def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
     return (small + 0.5).astype(np.uint8), rescaled(frame.colour_intrinsics, (width * factor, height * factor), (width, height))
 
 
-def _sigma(depth: np.ndarray, grade: np.ndarray) -> np.ndarray:
-    """Standard deviation (h, w) of depths by their confidence, metres; nobody is surer than the sure."""
-    noise = NOISE[grade]
+def _sigma(depth: np.ndarray, confidence: np.ndarray) -> np.ndarray:
+    """Standard deviation (h, w) of depths, metres; at least that of high confidence."""
+    noise = NOISE[confidence]
     return np.maximum(noise[..., 0] + (noise[..., 1] + noise[..., 2] * depth) * depth, NOISE_FLOOR_M + NOISE_PER_M * depth)
 
 
 @compiled
 def _slope(depth, sigma, fx, fy, cx, cy):
-    """|n . r| and weight (h, w); both 0 where there is no depth or no surface around."""
+    """|n . r| and weight (h, w); both 0 where there is no depth or no surface around the pixel."""
     height, width = depth.shape
     slope, weight = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     for v in range(height):
@@ -95,7 +96,7 @@ def _slope(depth, sigma, fx, fy, cx, cy):
             d = depth[v, u]
             if d <= 0:
                 continue
-            # One-sided at borders and beside what has no depth.
+            # One-sided differences at borders and beside pixels without depth.
             u0, u1, v0, v1 = max(u - STEP, 0), min(u + STEP, width - 1), max(v - STEP, 0), min(v + STEP, height - 1)
             u0, u1 = (u0 if depth[v, u0] > 0 else u), (u1 if depth[v, u1] > 0 else u)
             v0, v1 = (v0 if depth[v0, u] > 0 else v), (v1 if depth[v1, u] > 0 else v)
@@ -111,7 +112,7 @@ def _slope(depth, sigma, fx, fy, cx, cy):
             cosine = along / np.sqrt(x * x + y * y + 1)
             if cosine < MIN_COSINE:
                 continue
-            unsure = sigma[v, u] / SURE_M
+            relative = sigma[v, u] / REFERENCE_NOISE_M
             slope[v, u] = along
-            weight[v, u] = cosine / (unsure * unsure)
+            weight[v, u] = cosine / (relative * relative)
     return slope, weight

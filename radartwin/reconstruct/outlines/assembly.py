@@ -14,7 +14,7 @@ from radartwin.reconstruct.outlines.names import segment_names
 from radartwin.reconstruct.outlines.parts import simplified
 from radartwin.reconstruct.outlines.surfaces import Flattened
 from radartwin.reconstruct.segmentation.colour import face_rgb
-from radartwin.reconstruct.segmentation.segment import Segment
+from radartwin.reconstruct.segmentation.faces import Segment
 from radartwin.scene.scene import Surface
 
 if TYPE_CHECKING:

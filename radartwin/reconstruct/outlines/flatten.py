@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from radartwin.reconstruct.segmentation.segment import Segment
+from radartwin.reconstruct.segmentation.faces import Segment
 
 NEARLY = np.radians(1.5)  # a plane this close to a regular direction takes it
 SLACK_M = 0.003  # ... if that moves it from its faces by no more than this beyond the noise, rms

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from radartwin.reconstruct.segmentation.bodies import LEVEL, UPRIGHT
-from radartwin.reconstruct.segmentation.segment import Segment
+from radartwin.reconstruct.segmentation.faces import Segment
 
 MIN_WALL_M2 = 1.0  # a smaller upright plane is furniture
 

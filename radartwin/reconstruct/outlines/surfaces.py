@@ -21,8 +21,7 @@ from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.visibility import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.bodies import contacts, shell
-from radartwin.reconstruct.segmentation.faces import Faces, thinned
-from radartwin.reconstruct.segmentation.segment import Segment
+from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -8,17 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import KDTree
 
 from radartwin.reconstruct.segmentation.coplanar import in_plane
-from radartwin.reconstruct.segmentation.faces import Faces, thinned
-
-if TYPE_CHECKING:
-    from radartwin.reconstruct.segmentation.segment import Segment
+from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
 
 ALIKE = 14.0  # weighted L*a*b* within which sides of one thing may differ: light falls on them differently
 SAME = 7.0  # ... and within which even what meets concavely, as the boards of a shelf, is one

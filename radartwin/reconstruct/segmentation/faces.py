@@ -81,6 +81,27 @@ class Faces:
         return np.array([n for n, _ in found]).reshape(-1, 3), np.array([d for _, d in found])
 
 
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A set of faces that forms one surface.
+
+    Attributes:
+        faces: (K,) face indices of the mesh.
+        area_m2: their area.
+        normal: (3,) of the fitted plane, on the visible side; None if the segment is not planar.
+        offset_m: the plane is normal . x = offset_m.
+        body: segments with the same number >= 0 are sides of one object; -1 is a surface of its own.
+        noise: scattered fragments, not a surface.
+    """
+
+    faces: np.ndarray
+    area_m2: float
+    normal: np.ndarray | None = None
+    offset_m: float = 0.0
+    body: int = -1
+    noise: bool = False
+
+
 def members(label: np.ndarray) -> list[np.ndarray]:
     """Face indices of each label 0..max, ascending; negative labels are nobody's."""
     order = np.argsort(label, kind="stable")

@@ -16,29 +16,8 @@ from scipy.sparse.csgraph import connected_components
 from radartwin.reconstruct.segmentation import coplanar
 from radartwin.reconstruct.segmentation.bodies import with_bodies
 from radartwin.reconstruct.segmentation.colour import ColourSplit, face_colours
-from radartwin.reconstruct.segmentation.faces import Faces, members
+from radartwin.reconstruct.segmentation.faces import Faces, Segment, members
 from radartwin.reconstruct.segmentation.growing import absorb, grow
-
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """A set of faces that is one surface.
-
-    Attributes:
-        faces: (K,) face indices of the mesh.
-        area_m2: their area.
-        normal: (3,) of the fitted plane on the side the faces show, or None for a part that is not planar.
-        offset_m: the plane is normal . x = offset_m.
-        body: segments with the same number >= 0 are sides of one thing; -1 is one by itself.
-        noise: fragments gathered from all over, no surface.
-    """
-
-    faces: np.ndarray
-    area_m2: float
-    normal: np.ndarray | None = None
-    offset_m: float = 0.0
-    body: int = -1
-    noise: bool = False
 
 
 class Segmenter(Protocol):

@@ -1,27 +1,29 @@
-"""Sizes that are odd for a scan: said, with the unit in which they would not be."""
+"""A warning for scans that are too large for a room, with the unit that would give a plausible size."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
 
-LARGE_M, HIGH_M = 15.0, 7.0  # a squash court is 9.75 m long and 5.64 m high, the atrium 12 m; the radar itself folds at 11 m
-OBJECT_M = 1.0  # what is smaller is no room, as in radartwin/scene/objects/meshes.py
+LARGE_M, HIGH_M = 15.0, 7.0  # a squash court is 9.75 m long and 5.64 m high, the atrium 12 m; the radar's range is unambiguous to 11 m
+OBJECT_M = 1.0  # anything smaller is an object, as in radartwin/scene/objects/meshes.py
 ROOM_M, ROOM_HIGH_M = (1.5, LARGE_M), (1.8, HIGH_M)
 
 
 class ScanWarning(UserWarning):
-    """What is odd about a scan that can be read all the same."""
+    """Something about a scan is unusual, but the scan can be read."""
 
 
 def check_size(extents_m: Sequence[float], source: str, option: str, units_m: Mapping[str, float]) -> None:
-    """Warn of a scan too large for a room.
+    """Warn about a scan that is too large for a room.
 
     Args:
-        extents_m: length, width, height (z up).
-        option: by which the user says the unit; units_m: its values, and metres per unit relative to the one taken.
+        extents_m: length, width and height (z up).
+        source: name of the scan in the warning.
+        option: the command-line option that sets the unit.
+        units_m: values of that option, in metres relative to the unit that was used.
     Warns:
-        ScanWarning: with the size, and the units in which it would be a room's.
+        ScanWarning: gives the size and the units that would make it a room's size.
     """
     x, y, z = extents_m
     if max(x, y) <= LARGE_M and z <= HIGH_M:

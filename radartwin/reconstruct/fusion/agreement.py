@@ -1,0 +1,162 @@
+"""Check the depth unit and the pose convention of frames by comparing overlapping views.
+
+A moving camera sees the same surfaces from several positions. The views coincide only with the right depth unit and the right pose
+convention. The check compares the views under all known units and conventions, normalised to one median depth. It refuses the given choice
+if another choice agrees clearly better, and names the better one.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.errors import ScanError
+from radartwin.reconstruct.axes import POSE_CONVENTIONS, camera_to_world
+from radartwin.reconstruct.frames.folder import INDEX
+from radartwin.reconstruct.frames.frames import Frame, Frames, points
+from radartwin.reconstruct.frames.pictures import UNITS_M, plausible
+from radartwin.reconstruct.fusion.alignment import disagreement
+from radartwin.reconstruct.fusion.views import prepared
+from radartwin.reconstruct.fusion.volume import View
+from radartwin.reconstruct.scan_size import ScanWarning
+
+COMPARED_VIEWS = 40  # evenly over the scan
+MEDIAN_M = 2.0  # all views are scaled to this median depth
+CLEARLY_BETTER = 0.5  # largest ratio of disagreements at which the smaller one is clearly better
+EQUAL_RATIO = 1.5  # disagreements within this ratio count as equal
+GOOD_M = 0.01  # below this disagreement at MEDIAN_M nothing is wrong: noise and drift of a phone
+SUSPECT_M = 0.06  # above this disagreement at MEDIAN_M something is wrong; twice the drift of a phone over a large hall gives 0.05
+MIN_PAIRS = 0.7  # an alternative needs this share of the given choice's overlapping pairs
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How well the views agree under one choice.
+
+    Attributes:
+        name: of the choice.
+        pairs: number of overlapping view pairs.
+        apart_m: median distance between overlapping views, metres at a median depth of MEDIAN_M.
+    """
+
+    name: str
+    pairs: int
+    apart_m: float
+
+    def better_than(self, other: Agreement) -> bool:
+        if not self.pairs or self.pairs < MIN_PAIRS * other.pairs:
+            return False
+        return not other.pairs or (other.apart_m > GOOD_M and self.apart_m < CLEARLY_BETTER * other.apart_m)
+
+
+def check_agreement(frames: Frames, unit_m: float | None, convention: str | None, metadata_file: str = INDEX) -> None:
+    """Refuse a depth unit or pose convention if another one agrees clearly better; warn if none agrees or the views cannot decide.
+
+    Args:
+        frames: in the world of their poses, with any up axis.
+        unit_m: metres per count used to read the depth; None if the layout defines it.
+        convention: of the poses, one of `axes.POSE_CONVENTIONS`; None if the layout defines it.
+        metadata_file: the file that defines the convention in that case.
+    Raises:
+        ScanError: names the choice that agrees better, and both disagreements.
+    Warns:
+        ScanWarning: the views disagree under every choice, do not overlap, or fit several units.
+    """
+    count = len(frames)
+    if count < 2:
+        return
+    chosen = [frames[int(i)] for i in np.unique(np.linspace(0, count - 1, min(count, COMPARED_VIEWS)).round())]
+    depths = np.concatenate([f.depth_m[f.depth_m > 0][::50] for f in chosen])
+    if not len(depths):
+        return
+    depth_m = float(np.median(depths))
+    scale = MEDIAN_M / depth_m
+    views = [_scaled(prepared(frame, np.inf), scale) for frame in chosen]
+    poses = np.array([frame.pose for frame in chosen])
+    poses[:, :3, 3] *= scale
+
+    given = _check_convention(frames.source, views, poses, convention, metadata_file, scale)
+    if unit_m is not None:
+        _check_unit(frames.source, chosen, views, poses, unit_m, given)
+    if given.pairs and given.apart_m > SUSPECT_M:
+        cause = f"the poses ({POSE_CONVENTIONS[given.name]}), the intrinsics or the depth unit may be wrong"
+        warnings.warn(f"{frames.source}: {_distance(given, scale)}, but some millimetres are usual; {cause}", ScanWarning, stacklevel=2)
+    if not given.pairs:
+        text = "no two views overlap at the given poses, so poses and depth unit cannot be checked"
+        warnings.warn(f"{frames.source}: {text}; look at the scene with radartwin view", ScanWarning, stacklevel=2)
+
+
+def _check_convention(
+    source: str, views: list[View], poses: np.ndarray, convention: str | None, metadata_file: str, scale: float
+) -> Agreement:
+    """Agreement under the given convention, after comparing it with the others."""
+    as_written = _as_written(poses, convention or "opencv")
+    found = disagreement(views, [camera_to_world(as_written, name) for name in POSE_CONVENTIONS])
+    agreements = {name: Agreement(name, *values) for name, values in zip(POSE_CONVENTIONS, found, strict=True)}
+    given = agreements[convention or "opencv"]
+    best = min((a for a in agreements.values() if a.better_than(given)), key=lambda a: a.apart_m, default=None)
+    if best is not None:
+        remedy = f"give --poses {best.name}" if convention else f"correct them in {metadata_file}"
+        raise ScanError(
+            f"{source}: with poses read as {POSE_CONVENTIONS[given.name]}, {_distance(given, scale)}; "
+            f"the poses look like {POSE_CONVENTIONS[best.name]}, with which {_distance(best, scale)}: {remedy}"
+        )
+    return given
+
+
+def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: np.ndarray, unit_m: float, given: Agreement) -> None:
+    """Compare the views for every plausible depth unit. A k times larger depth is simulated by a k times smaller camera motion."""
+    depth_m = float(np.median(np.concatenate([f.depth_m[f.depth_m > 0][::50] for f in chosen])))
+    others = [u for u in UNITS_M if not np.isclose(u, unit_m, rtol=0.01) and plausible(depth_m * u / unit_m)]
+    moved = []
+    for unit in others:
+        moved.append(poses.copy())
+        moved[-1][:, :3, 3] *= unit_m / unit
+    found = [(Agreement(f"{unit:g}", *values), unit) for unit, values in zip(others, disagreement(views, moved), strict=True)]
+
+    def described(agreement: Agreement, unit: float) -> str:
+        x, y, z = _extent_m(chosen, unit / unit_m)
+        apart = f"views {100 * agreement.apart_m / MEDIAN_M:.1f} % of the depth apart" if agreement.pairs else "no overlapping views"
+        return f"{unit:g} m per count (a room of {x:.2g} x {y:.2g} x {z:.2g} m, {apart})"
+
+    better = [(a, u) for a, u in found if a.better_than(given)]
+    if better:
+        smallest = min(a.apart_m for a, _ in better)
+        fits = [described(a, u) for a, u in better if a.apart_m < EQUAL_RATIO * smallest]
+        raise ScanError(
+            f"{source}: the depth was read with {described(given, unit_m)}, and fits the poses better with {' or '.join(fits)}; "
+            "give that as --depth-unit"
+        )
+    equal = [described(a, u) for a, u in found if a.pairs >= MIN_PAIRS * given.pairs and a.apart_m < EQUAL_RATIO * given.apart_m]
+    if equal:
+        text = f"the views do not determine the unit of depth: it may be {described(given, unit_m)}, as given, or {' or '.join(equal)}"
+        warnings.warn(f"{source}: {text}; check --depth-unit", ScanWarning, stacklevel=3)
+
+
+def _as_written(poses: np.ndarray, convention: str) -> np.ndarray:
+    """The poses as the file has them: the inverse of `camera_to_world`."""
+    flipped = camera_to_world(poses, "opengl") if convention.startswith("opengl") else poses
+    return camera_to_world(flipped, "opencv-inverse") if convention.endswith("-inverse") else flipped
+
+
+def _scaled(view: View, factor: float) -> View:
+    return View(view.pose, view.intrinsics, (view.depth * np.float32(factor)).astype(np.float32), view.slope, view.weight)
+
+
+def _extent_m(chosen: Sequence[Frame], factor: float) -> np.ndarray:
+    """Extent (3,) of the seen points, metres, if the depth were `factor` times as large; the outer percents are left out."""
+    clouds = []
+    for frame in chosen:
+        offsets = points(frame)[::8, ::8].reshape(-1, 3) - frame.pose[:3, 3]
+        clouds.append(offsets[np.isfinite(offsets).all(axis=1)] * factor + frame.pose[:3, 3])
+    low, high = np.quantile(np.concatenate(clouds), [0.01, 0.99], axis=0)
+    return high - low
+
+
+def _distance(agreement: Agreement, scale: float) -> str:
+    if not agreement.pairs:
+        return "no two views overlap"
+    return f"overlapping views lie {1000 * agreement.apart_m / scale:.0f} mm apart"
