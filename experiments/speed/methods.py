@@ -160,9 +160,9 @@ def counted_rays() -> Iterator[list[int]]:
     towards, all_around = tube_grid.towards, tube_grid.all_around
 
     def count(made: Any) -> Any:
-        grids = [made] if isinstance(made, tube_grid.Launch) else list(made or [])
+        grids = [made] if isinstance(made, tube_grid.TubeGrid) else list(made or [])
         counts.extend(one.per_pose * one.poses for one in grids)
-        return made if isinstance(made, tube_grid.Launch) or made is None else grids
+        return made if isinstance(made, tube_grid.TubeGrid) or made is None else grids
 
     def counted_towards(*arguments: Any, **options: Any) -> Any:
         return count(towards(*arguments, **options))

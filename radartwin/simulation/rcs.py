@@ -9,8 +9,8 @@ from radartwin.errors import InputError, SceneError
 from radartwin.materials import Layered
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import reflection_table, variant
-from radartwin.simulation.curved import tube_grid as launch_module
-from radartwin.simulation.curved import tubes
+from radartwin.simulation.curved import tube_grid, tubes
+from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
 PIECES = 3  # each way, of a tube that straddles an edge
 MAX_TUBES = 200_000_000  # some minutes of tracing
@@ -83,20 +83,20 @@ def rcs(
     stand_off = 2 * target.extent_m + 1.0 if far else distance
     # a plane wave travels from its launch plane to the middle of the target, which need not be the mesh origin
     position = (towards * stand_off + (target.centre if far else 0.0))[None]
-    grid = launch_module.towards(target.hull_points(), position, target.centre, cell, shift, plane=far)
+    grid = tube_grid.towards(target.hull_points(), position, target.centre, cell, shift, plane=far)
     if grid is None:  # so close that a planar grid cannot hold the target
         reach = float(np.linalg.norm(target.hull_points() - position, axis=1).max())
-        grids = launch_module.all_around(position, np.eye(3)[None], int(6 * (2 * reach / cell) ** 2))
+        grids = tube_grid.all_around(position, np.eye(3)[None], int(6 * (2 * reach / cell) ** 2))
     else:
         grids = [grid]
     count = sum(one.per_pose for one in grids)
     if count > MAX_TUBES:
         raise InputError(f"rcs: {count:.2g} tubes are needed, over {MAX_TUBES:.0g}; lower rays_per_wavelength2 or look from farther away")
     up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < 1 - 1e-9 else np.array([1.0, 0.0, 0.0])
-    transmit, receive = (tubes.Antennas(position, up[None], letter == "H") for letter in polarization)
+    transmit, receive = (Antennas(position, up[None], letter == "H") for letter in polarization)
     total = 0.0 + 0.0j
     for one in grids:
-        hits = tubes.trace(target, table, one, transmit, receive, max_bounces=max_bounces, pieces=PIECES)
+        hits = tubes.trace(target, table, one, transmit, receive, TraceOptions(max_bounces, pieces=PIECES))
         phase = np.exp(1j * wavenumber * (hits.length_in_m + hits.length_out_m))
         total += complex((hits.amplitude[:, 0] * phase).sum())
     if far:

@@ -76,23 +76,28 @@ TRACER_FAULTS = (
         ("rcs", "hits.length_in_m + hits.length_out_m", "hits.length_in_m - hits.length_out_m", "the return length is subtracted"),
     ),
     *_in(
-        "simulation/curved/tubes",
+        "simulation/curved/tracer",
         f"{RCS} {TUBES}",
-        ("_Run.block", "2 * np.pi * self.frequency_hz", "np.pi * self.frequency_hz", "the tubes use half the wavenumber"),
+        (
+            "Tracer.__init__",
+            "2 * np.pi * float(table.frequencies_hz.mean())",
+            "np.pi * float(table.frequencies_hz.mean())",
+            "half the wavenumber",
+        ),
     ),
     *_in(
         "simulation/curved/scatter",
         f"{RCS} {TUBES}",
-        ("scatter", "8 * np.pi * contact.cosine", "4 * np.pi * contact.cosine", "a footprint radiates 6 dB too much"),
+        ("_footprint", "8 * np.pi * contact.cosine", "4 * np.pi * contact.cosine", "a footprint radiates 6 dB too much"),
         ("scatter", "electric + magnetic", "electric - magnetic", "magnetic currents have the wrong sign"),
-        ("scatter", "0.5 * wavenumber", "0.25 * wavenumber", "the second-order phase of a footprint is halved"),
+        ("_footprint", "0.5 * wavenumber", "0.25 * wavenumber", "the second-order phase of a footprint is halved"),
     ),
     *_in(
         "simulation/curved/contact",
         f"{RCS} {TUBES}",
         ("bounce", "2 * contact.cosine", "contact.cosine", "a curved mirror has half its power"),
         (
-            "_pass_caustics",
+            "pass_caustics",
             "dr.select(one, -im, re * sign), dr.select(one, re, im * sign)",
             "dr.select(one, im, re * sign), dr.select(one, -re, im * sign)",
             "a caustic delays the phase",
@@ -112,8 +117,8 @@ TRACER_FAULTS = (
     *_in(
         "simulation/curved/shell",
         SHELLS,
-        ("of", "1j * wavenumber", "-1j * wavenumber", "a wall's thickness shifts the phase the wrong way"),
-        ("of", "material.layers[::-1]", "()", "a wall has no layers from inside"),
+        ("find_shells", "1j * wavenumber", "-1j * wavenumber", "a wall's thickness shifts the phase the wrong way"),
+        ("find_shells", "material.layers[::-1]", "()", "a wall has no layers from inside"),
     ),
     *_in(
         "simulation/curved/transit",

@@ -98,16 +98,17 @@ def test_three_million_rays_in_a_room_fit_in_two_gigabytes():
     code = (
         "import resource, numpy as np, trimesh\n"
         "from radartwin.simulation import geometry, reflection_table, variant\nfrom radartwin.simulation.curved import tube_grid, tubes\n"
+        "from radartwin.simulation.curved.hits import Antennas, TraceOptions\n"
         "variant.activate('llvm')\n"
         "room = trimesh.creation.box((6.0, 4.0, 3.0))\n"
         "room.invert()\n"
         "built = geometry.build([room])\n"
         "table = reflection_table.build([('plasterboard', 0.0)], 77e9, 80.5e9)\n"
         "source = np.array([[0.3, -0.2, 0.1]])\n"
-        "antenna = tubes.Antennas(source, np.array([[0.0, 0.0, 1.0]]))\n"
+        "antenna = Antennas(source, np.array([[0.0, 0.0, 1.0]]))\n"
         "count = 0\n"
         "for one in tube_grid.all_around(source, np.eye(3)[None], 3_000_000):\n"
-        "    count += len(tubes.trace(built, table, one, antenna, antenna, max_bounces=4, hats=True, prune=2e-4).pose)\n"
+        "    count += len(tubes.trace(built, table, one, antenna, antenna, TraceOptions(4, hats=True, prune=2e-4)).pose)\n"
         "print(count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True).stdout.split()

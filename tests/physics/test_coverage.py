@@ -11,6 +11,7 @@ import trimesh
 from radartwin.errors import BackendError
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation.curved import coverage, division, tube_grid
+from radartwin.simulation.curved.hits import TraceOptions
 
 
 def slanted_frame() -> Any:
@@ -63,8 +64,8 @@ def test_a_corner_beside_the_source_takes_all_cells() -> None:
 
 def test_more_tubes_than_can_be_counted_are_refused() -> None:
     grid = tube_grid.all_around(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), 6 * 8000**2)[0]
-    with pytest.raises(BackendError, match="more than the"):
-        next(division.blocks(None, grid, np.zeros((0, 3, 3)), 1, 0, 1, None))  # pyright: ignore[reportArgumentType]
+    with pytest.raises(BackendError, match="exceed the limit"):
+        next(division.blocks(None, grid, np.zeros((0, 3, 3)), TraceOptions(1), None, None))  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("bounces", [1, 3])
@@ -91,9 +92,9 @@ def test_the_signal_is_the_same_in_small_blocks(monkeypatch: pytest.MonkeyPatch,
         return simulate(scene, Radar.iwr1843(), np.eye(4), motion={"frame": poses}, max_bounces=bounces).iq
 
     divided = signal()
-    monkeypatch.setattr(division, "TUBES_PER_LAUNCH", max(made))  # whole poses, not divided at edges
+    monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(made))  # whole poses, not divided at edges
     whole = signal()
-    monkeypatch.setattr(division, "TUBES_PER_LAUNCH", max(made) // 7)
+    monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(made) // 7)
     covered, left = coverage.covered, []
     monkeypatch.setattr(coverage, "covered", lambda *arguments: left.append(covered(*arguments)) or left[-1])
     parts = signal()

@@ -21,6 +21,7 @@ from radartwin.errors import InputError
 from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
+from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 
 WAVELENGTH = 299_792_458.0 / 77e9
 K = 2 * np.pi / WAVELENGTH
@@ -37,11 +38,11 @@ def traced(mesh, position, *, rays=None, bounces=4, pieces=3, hats=False):
     built = geometry.build([mesh])
     table = reflection_table.build([("metal", 0.0)], 77e9)
     source = np.asarray(position, float)[None]
-    antenna = tubes.Antennas(source, np.array([[0.0, 0.0, 1.0]]))
+    antenna = Antennas(source, np.array([[0.0, 0.0, 1.0]]))
     one = None if rays else tube_grid.towards(built.hull_points(), source, built.centre, WAVELENGTH, (0.3, 0.6))
     grids = [one] if one is not None else tube_grid.all_around(source, np.eye(3)[None], rays or 60_000)
-    hits = tubes.Hits.concatenate(
-        [tubes.trace(built, table, grid, antenna, antenna, max_bounces=bounces, hats=hats, pieces=pieces) for grid in grids]
+    hits = Hits.concatenate(
+        [tubes.trace(built, table, grid, antenna, antenna, TraceOptions(bounces, hats=hats, pieces=pieces)) for grid in grids]
     )
     for name in FIELDS:
         assert np.isfinite(getattr(hits, name)).all(), name
@@ -115,7 +116,7 @@ def test_sensor_in_a_closed_room():
 
 def _of_bounce(hits, bounce):
     keep = hits.bounce == bounce
-    return tubes.Hits(*(getattr(hits, name)[keep] for name in tubes.Hits.__dataclass_fields__))
+    return Hits(*(getattr(hits, name)[keep] for name in Hits.__dataclass_fields__))
 
 
 def test_mesh_far_from_the_origin_keeps_its_level():

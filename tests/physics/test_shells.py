@@ -9,6 +9,7 @@ from experiments.validation.oracles import stack
 from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import shell, tube_grid, tubes
+from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
 FREQUENCY = 77e9
 WAVELENGTH = 299_792_458.0 / FREQUENCY
@@ -28,7 +29,7 @@ def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=
         table = reflection_table.ReflectionTable(table.te, table.tm, table.frequencies_hz)
     grid = tube_grid.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
     assert grid is not None
-    hits = tubes.trace(built, table, grid, tubes.Antennas(start, UP), tubes.Antennas(end, UP), max_bounces=1, pieces=3, prune=prune)
+    hits = tubes.trace(built, table, grid, Antennas(start, UP), Antennas(end, UP), TraceOptions(1, pieces=3, prune=prune))
     far = (hits.length_in_m > beyond_m) & (hits.length_in_m < within_m)
     return (hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m)))[far].sum()
 
@@ -107,7 +108,7 @@ def test_pruning_and_nodes_change_nothing():
     ids=["open", "board", "filled", "solid", "room"],
 )
 def test_nothing_passes_what_is_no_shell(mesh, material):
-    assert shell.of(geometry.build([mesh]), reflection_table.build([(material, 0.0)], FREQUENCY)) is None
+    assert shell.find_shells(geometry.build([mesh]), reflection_table.build([(material, 0.0)], FREQUENCY)) is None
 
 
 def test_bottle_in_a_scene_shows_its_far_wall():

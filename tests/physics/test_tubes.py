@@ -9,6 +9,7 @@ import radartwin as rt
 from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
+from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 
 FREQUENCY = 77e9
 WAVELENGTH = 299_792_458.0 / FREQUENCY
@@ -82,19 +83,16 @@ def test_sphere_before_a_wall_echoes_by_all_its_images(density, bound_db):
     wall, ball = objects.plate(3, 3).apply_translation([wall_x, 0, 0]), objects.sphere(radius, 5).apply_translation(centre)
     built = geometry.build([wall, ball])
     table = reflection_table.build([("metal", 0.0)] * 2, FREQUENCY)
-    antenna = tubes.Antennas(sensor[None], UP)
+    antenna = Antennas(sensor[None], UP)
     parts = []
     for first, at in ((1, centre), (0, centre * [-1, 1, 1] + [2 * wall_x, 0, 0])):
         target = geometry.build([objects.sphere(radius, 4).apply_translation(at)])
         grid = tube_grid.towards(target.hull_points(), sensor[None], target.centre, WAVELENGTH / np.sqrt(density), (0.14, 0.95))
         assert grid is not None
         parts.append(
-            tubes.trace(
-                built, table, grid, antenna, antenna,
-                max_bounces=3, cluster=built.surface, first_hit=first, labels=built.surface, pieces=3,
-            )
-        )  # fmt: skip
-    hits = tubes.Hits.concatenate(parts)
+            tubes.trace(built, table, grid, antenna, antenna, TraceOptions(3, built.surface, first, labels=built.surface, pieces=3))
+        )
+    hits = Hits.concatenate(parts)
     for name, bound in bound_db.items():
         sequence = 0
         for letter in name.split():
@@ -121,14 +119,14 @@ def carried(mesh, reflectance, bounces):
     power = np.zeros(bounces + 1)
     source = np.array([[0.11, -0.07, 0.05]])
     for grid in tube_grid.all_around(source, np.eye(3)[None], 20_000):
-        lanes = flight.start(grid, UP, False, flight.Chosen(np.arange(grid.per_pose, dtype=np.uint32)), 1)
+        lanes = flight.start(grid, UP, False, flight.TubeSelection(np.arange(grid.per_pose, dtype=np.uint32)), 1)
         active = contacts.cast(device, lanes, True)
         for bounce in range(bounces + 1):
             field = dr.squared_norm(lanes.field_re[0]) + dr.squared_norm(lanes.field_im[0])
             power[bounce] += float((lanes.weight * field).numpy().astype(float).sum())
             contact, active = contacts.meet(device, lanes, bounce == 0, active)
-            outgoing = -lanes.direction
-            scatter.scatter(device, lanes, contact, outgoing, dr.full(type(lanes.weight), 1.0), outgoing, 1600.0, active, False)
+            reception = scatter.Reception(-lanes.direction, dr.full(type(lanes.weight), 1.0), -lanes.direction, False)
+            scatter.scatter(device, lanes, contact, reception, 1600.0, active)
             active = contacts.bounce(device, lanes, contact, active)
             lanes.evaluate(active)
             lanes = lanes.compacted(dr.compress(active))
@@ -169,7 +167,7 @@ def test_single_bounces_are_reciprocal(name):
     for a, b in (ends, ends[::-1]):
         grid = tube_grid.towards(built.hull_points(), a, built.centre, WAVELENGTH / 4, (0.3, 0.7))
         assert grid is not None
-        hits = tubes.trace(built, table, grid, tubes.Antennas(a, UP), tubes.Antennas(b, UP), max_bounces=1, pieces=3)
+        hits = tubes.trace(built, table, grid, Antennas(a, UP), Antennas(b, UP), TraceOptions(1, pieces=3))
         values.append(coherent(hits))
     assert abs(20 * np.log10(abs(values[0] / values[1]))) < 0.05
     assert abs(np.degrees(np.angle(values[0] / values[1]))) < 1
@@ -183,7 +181,7 @@ def test_divided_tubes_still_sum_to_one(pieces):
 
     rng = np.random.default_rng(1)
     line, one = np.zeros((1, 3)), np.zeros(1)
-    grid = tube_grid.Launch(line, line, line, line, one, one, one, one, 7, 6)
+    grid = tube_grid.TubeGrid(line, line, line, line, one, one, one, one, 7, 6)
     met = rng.integers(1, 3, (1, 7 * 6 + 8 * 7)).astype(np.uint32)
     index, share, whole = division.divided(met, grid, 0, pieces, True)
     at = rng.uniform([1, 1], [5, 4], (200, 2))
@@ -216,13 +214,13 @@ def test_a_field_leads_by_a_quarter_of_a_cycle_behind_each_focal_line(foci_m):
     turn = np.radians(25.0)  # of the focal lines against the grid
     axes = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0]])
     foot_u, foot_v = (-(axes.T / np.array(foci_m)) @ axes)[:2].tolist()
-    none = {name: None for name in ("index", "pose", "origin", "weight", "share", "whole", "departure", "length", "first", "sequence")}
+    none = {name: None for name in ("index", "pose", "origin", "weight", "hat_share", "in_box", "departure", "length", "first", "sequence")}
     tube = flight.Tubes(
-        **none, direction=mi.Vector3f(0, 0, 1), place_u=mi.Vector3f(1, 0, 0), place_v=mi.Vector3f(0, 1, 0),
-        foot_u=mi.Vector3f(*foot_u), foot_v=mi.Vector3f(*foot_v),
+        **none, direction=mi.Vector3f(0, 0, 1), position_du=mi.Vector3f(1, 0, 0), position_dv=mi.Vector3f(0, 1, 0),
+        direction_du=mi.Vector3f(*foot_u), direction_dv=mi.Vector3f(*foot_v),
         field_re=[mi.Vector3f(0.6, 0, 0)], field_im=[mi.Vector3f(0.8, 0, 0)],
     )  # fmt: skip
-    contact._pass_caustics(tube, mi.Float(way))
+    contact.pass_caustics(tube, mi.Float(way))
     got = tube.field_re[0].x.numpy()[0] + 1j * tube.field_im[0].x.numpy()[0]
     assert got == pytest.approx((0.6 + 0.8j) * expected, abs=1e-5)
 
@@ -246,10 +244,10 @@ def test_every_pose_of_a_run_is_traced_as_if_alone(material):
     at = np.random.default_rng(0).normal([1.5, 0, 0], 0.3, (6, 3))
     values = []
     for poses in ([0, 1, 2, 3, 4, 5], [4]):
-        antenna = tubes.Antennas(at[poses], np.repeat(UP, len(poses), axis=0))
+        antenna = Antennas(at[poses], np.repeat(UP, len(poses), axis=0))
         grid = tube_grid.towards(built.hull_points(), at[poses], built.centre, WAVELENGTH, built.grid_shift)
         assert grid is not None
-        hits = tubes.trace(built, table, grid, antenna, antenna, max_bounces=3, prune=1e-4)
+        hits = tubes.trace(built, table, grid, antenna, antenna, TraceOptions(3, prune=1e-4))
         assert set(hits.pose) == set(range(len(poses)))
         values.append(coherent(hits, hits.pose == len(poses) - 2 if len(poses) > 1 else slice(None)))
     assert values[0] == pytest.approx(values[1], rel=2e-2)

@@ -17,6 +17,7 @@ from experiments.validation.oracles.rooms import ROOMS, room_scene, rotation
 from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
+from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
 PIECES = 3  # parts each way of a tube across an edge
 
@@ -31,8 +32,8 @@ def bistatic(
     grid = tube_grid.towards(built.hull_points(), sources, built.centre, WAVELENGTH_M / np.sqrt(density), built.grid_shift)
     assert grid is not None
     axis = np.tile([0.1, 0.2, 0.97], (len(sources), 1))
-    transmit, receive = tubes.Antennas(sources, axis), tubes.Antennas(receivers, axis, cross)
-    hits = tubes.trace(built, table, grid, transmit, receive, max_bounces=bounces, pieces=PIECES)
+    transmit, receive = Antennas(sources, axis), Antennas(receivers, axis, cross)
+    hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(bounces, pieces=PIECES))
     value = hits.amplitude[:, 0] * np.exp(1j * WAVENUMBER * (hits.length_in_m + hits.length_out_m))
     total = np.zeros(len(sources), complex)
     np.add.at(total, hits.pose, value)

@@ -21,8 +21,8 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import diffuse, path_cache, pruning, reflection_table, variant
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation.curved import tube_grid as launch_module
-from radartwin.simulation.curved import tubes
+from radartwin.simulation.curved import tube_grid, tubes
+from radartwin.simulation.curved.hits import Antennas, Occluder, TraceOptions
 from radartwin.simulation.flat import coupling, panel_room
 from radartwin.simulation.paths import Paths
 
@@ -194,11 +194,11 @@ class MitsubaBackend:
             kinds[members] = label
         cluster = kinds[built.surface]
         sensor, velocity = poses_module.relative(poses, None, radar.frame_rate_hz)
-        launches: list[tuple[launch_module.Launch, int]] = []
+        launches: list[tuple[tube_grid.TubeGrid, int]] = []
         if (cluster == ROOM).any():
             faces = 5 if radar.element != "isotropic" else 6
             rays = self.settings.rays or _room_rays(built, sensor[:, :3, 3], radar.wavelength_m)
-            launches += [(one, ROOM) for one in launch_module.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
+            launches += [(one, ROOM) for one in tube_grid.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
         alone = not (cluster == ROOM).any()
         for label in range(ROOM + 1, ROOM + 1 + len(small)):
             part = geometry_module.subset(built, cluster == label)
@@ -231,7 +231,7 @@ class MitsubaBackend:
         if found is not None:
             return found
         sensor, velocity = poses_module.relative(sensor_poses, poses, radar.frame_rate_hz)
-        hidden = None if occluder is None else tubes.Occluder(occluder, poses[:, :3, :3], poses[:, :3, 3])
+        hidden = None if occluder is None else Occluder(occluder, poses[:, :3, :3], poses[:, :3, 3])
         launches = [(one, ROOM + 1) for one in self._object_launches(built, sensor, radar, room is None)]
         return [self._collect(built, table, launches, sensor, velocity, None, hidden, radar)]
 
@@ -240,51 +240,46 @@ class MitsubaBackend:
         cell = radar.wavelength_m / np.sqrt(self.settings.rays_per_wavelength2)
         if alone and self.settings.rays:
             source = (poses_module.inverse(poses[:1]) @ sensor_poses[:1])[:, :3, 3]
-            one = launch_module.towards(built.hull_points(), source, built.centre, cell, built.grid_shift)
+            one = tube_grid.towards(built.hull_points(), source, built.centre, cell, built.grid_shift)
             if one is not None:
                 cell *= np.sqrt(one.per_pose / self.settings.rays)
         return float(cell)
 
-    def _object_launches(
-        self, built: geometry_module.Geometry, sensor: np.ndarray, radar: Radar, alone: bool
-    ) -> list[launch_module.Launch]:
+    def _object_launches(self, built: geometry_module.Geometry, sensor: np.ndarray, radar: Radar, alone: bool) -> list[tube_grid.TubeGrid]:
         """Tubes over a compact target; around the sensor where it is too close for one planar grid."""
         source = sensor[:, :3, 3]
         cell = radar.wavelength_m / np.sqrt(self.settings.rays_per_wavelength2)
         points = built.hull_points()
         if alone and self.settings.rays:
-            one = launch_module.towards(points, source[:1], built.centre, cell, built.grid_shift)
+            one = tube_grid.towards(points, source[:1], built.centre, cell, built.grid_shift)
             if one is not None:
                 cell *= np.sqrt(one.per_pose / self.settings.rays)
-        grid = launch_module.towards(points, source, built.centre, cell, built.grid_shift)
+        grid = tube_grid.towards(points, source, built.centre, cell, built.grid_shift)
         if grid is not None:
             return [grid]
         reach = max(NEAREST_M, float(np.linalg.norm(points - source.mean(0), axis=1).max()))
         rays = min(MAX_AROUND, int(6 * (2 * reach / cell) ** 2))
-        return launch_module.all_around(source, sensor[:, :3, :3], rays)
+        return tube_grid.all_around(source, sensor[:, :3, :3], rays)
 
     def _collect(
         self,
         built: geometry_module.Geometry,
         table: reflection_table.ReflectionTable,
-        launches: Sequence[tuple[launch_module.Launch, int]],
+        launches: Sequence[tuple[tube_grid.TubeGrid, int]],
         sensor: np.ndarray,
         velocity: np.ndarray,
         cluster: np.ndarray | None,
-        occluder: tubes.Occluder | None,
+        occluder: Occluder | None,
         radar: Radar,
     ) -> Paths:
         """Trace launches and express the hits in the sensor's frame."""
-        antenna = tubes.Antennas(sensor[:, :3, 3], sensor[:, :3, 2])
+        antenna = Antennas(sensor[:, :3, 3], sensor[:, :3, 2])
         # Each cluster is pruned by itself: an object's many small tubes are each far below a wall's flash, their sum is not.
         pruners: dict[int, pruning.Pruner] = {}
         parts: dict[int, list[Paths]] = {}
         for one, label in launches:
-            hits = tubes.trace(
-                built, table, one, antenna, antenna,
-                max_bounces=self.settings.max_bounces, cluster=cluster, first_hit=label, occluder=occluder, prune=SCOUT_PRUNE,
-                hats=label == ROOM,
-            )  # fmt: skip
+            options = TraceOptions(self.settings.max_bounces, cluster, label, occluder=occluder, prune=SCOUT_PRUNE, hats=label == ROOM)
+            hits = tubes.trace(built, table, one, antenna, antenna, options)
             turn = sensor[hits.pose, :3, :3]
             departure, arrival = (np.einsum("nij,ni->nj", turn, d) for d in (hits.departure, hits.arrival))
             rate = -np.einsum("ni,ni->n", hits.departure + hits.arrival, velocity[hits.pose])

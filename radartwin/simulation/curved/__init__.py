@@ -1,1 +1,1 @@
-"""Shooting and bouncing ray tubes with physical optics, for curved and small surfaces."""
+"""Ray tubes with physical optics, for curved and small surfaces."""

@@ -1,6 +1,6 @@
-"""Arrays, geometry and reflection on the device, for the tracer's kernels. Import only once a Mitsuba variant is active.
+"""Dr.Jit arrays, geometry and reflection tables on the device. Import only after a Mitsuba variant is active.
 
-Arrays are Dr.Jit's. Numbers that change from call to call are made opaque, for a literal in a kernel means compiling it again.
+Numbers that change from call to call are made opaque, because Dr.Jit compiles a kernel again for every new literal.
 """
 
 from collections.abc import Callable
@@ -13,38 +13,41 @@ import numpy as np
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.reflection_table import COSINES, ReflectionTable
 
-_ALIGNED = 64  # bytes; the widest vector of any CPU
-_KINDS = {"Float": np.float32, "UInt": np.uint32, "UInt64": np.uint64, "Bool": np.bool_}
+_ALIGNMENT = 64  # bytes, the widest vector of any CPU
+_DTYPES = {"Float": np.float32, "UInt": np.uint32, "UInt64": np.uint64, "Bool": np.bool_}
 
 
 def upload(kind: Any, values: np.ndarray) -> Any:
-    """An array on the device whose kernels do not depend on where its values came from. On the CPU, Dr.Jit uses NumPy's memory as it is and
-    compiles for its alignment, which changes from call to call; and a single value would be compiled into the kernel."""
+    """A device array of type `kind` that never makes Dr.Jit compile a kernel again.
+
+    On the CPU, Dr.Jit compiles for the alignment of NumPy's memory, which changes from call to call, so the values are copied to aligned
+    memory. Dr.Jit would compile a single value into the kernel, so it is made opaque.
+    """
     if np.size(values) == 1:
         return dr.opaque(kind, np.asarray(values).reshape(-1)[0].item())
     itemsize = dr.itemsize_v(kind)
     flat = np.asarray(values).ravel()
-    room = np.empty(flat.size * itemsize + _ALIGNED, np.uint8)
-    start = -room.ctypes.data % _ALIGNED
-    aligned = room[start : start + flat.size * itemsize].view(_KINDS[kind.__name__])
+    buffer = np.empty(flat.size * itemsize + _ALIGNMENT, np.uint8)
+    start = -buffer.ctypes.data % _ALIGNMENT
+    aligned = buffer[start : start + flat.size * itemsize].view(_DTYPES[kind.__name__])
     aligned[:] = flat
     return kind(aligned)
 
 
 def rows(values: np.ndarray) -> Callable[..., Any]:
-    """(F, 3) on the device, as a function that gathers vectors by index."""
+    """A function that gathers vectors by index from (F, 3) values."""
     columns = [upload(mi.Float, values[:, i]) for i in range(3)]
     return lambda index, active=True: mi.Vector3f(*(dr.gather(mi.Float, column, index, active) for column in columns))
 
 
 def scalars(values: np.ndarray) -> Callable[[Any], Any]:
-    """(F,) on the device, as a function that gathers by index."""
+    """A function that gathers by index from (F,) values."""
     column = upload(mi.Float, values)
     return lambda index: dr.gather(mi.Float, column, index)
 
 
 class Device:
-    """A geometry and its reflection on the device, with the gathers the kernels make."""
+    """A geometry and its reflection table on the device."""
 
     def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None, labels: np.ndarray | None, hats: bool):
         self.scene = geometry.scene()
@@ -56,19 +59,25 @@ class Device:
         self.labels = None if labels is None else upload(mi.UInt64, labels + 1)
         self.nodes = len(table.frequencies_hz)
         self.coefficients = self.tabulated(table.te, table.tm)
-        # rays leave a surface this far above it: well over the float32 resolution of its coordinates
+        # rays start at this height above a surface, well above the float32 resolution of its coordinates
         self.lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
         self.curved = geometry.curved
         self.patch = upload(mi.UInt32, geometry.patch + 1)
 
+    def in_cluster(self, face: Any, cluster: int, active: Any) -> Any:
+        """The active lanes whose face is in the cluster; all of them without clusters."""
+        if self.cluster is None:
+            return active
+        return active & (dr.gather(mi.UInt32, self.cluster, face, active) == dr.opaque(mi.UInt32, cluster))
+
     @staticmethod
     def corners(source: Any, face: Any, active: Any) -> list[Any]:
-        """The three corner vectors of a face from one of the per-corner arrays."""
+        """The three vectors of a face from `corner` or `normal`."""
         return [mi.Vector3f(*(dr.gather(mi.Float, source, face * 9 + 3 * c + i, active) for i in range(3))) for c in range(3)]
 
     @staticmethod
     def tabulated(te: np.ndarray, tm: np.ndarray) -> list[Any]:
-        """Coefficients (S, COSINES, Q) as `lookup` takes them."""
+        """Coefficients (S, COSINES, Q) in the form of `lookup`."""
         return [upload(mi.Float, part) for c in (te, tm) for part in (np.real(c), np.imag(c))]
 
     def reflection(self, face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
@@ -76,7 +85,7 @@ class Device:
         return self.lookup(self.coefficients, face, cosine, node, active)
 
     def lookup(self, coefficients: list[Any], face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
-        """[te.re, te.im, tm.re, tm.im] of tabulated coefficients, linear in the cosine."""
+        """[te.re, te.im, tm.re, tm.im] from tabulated coefficients, interpolated linearly in the cosine."""
         x = dr.clip(cosine, 0, 1) * (COSINES - 1)
         low = dr.minimum(mi.UInt32(x), COSINES - 2)
         weight = x - mi.Float(low)

@@ -1,97 +1,139 @@
-"""Which tubes of a launch are traced whole, and which in parts.
+"""Division of a tube grid into whole tubes and pieces of tubes, in blocks that fit in memory.
 
-A tube counts as its centre ray does, so one that straddles an edge counts too much or not at all. Rays at the middles and the corners of
-all cells, followed through every bounce without any field, tell which cells straddle: their sequences of smooth patches differ. Those are
-traced as pieces of a finer grid, and so are those that a curved surface spreads onto another. The division is exact: a box is the sum of
-its pieces, and a hat that of hats n times finer,
+A tube counts entirely where its centre ray hits, so a tube that straddles an edge has a wrong share of each side. The division finds these
+tubes by probe rays without fields through the middles and corners of all cells: a cell straddles an edge if their sequences of smooth
+patches differ. These cells are traced as pieces of a finer grid, as are cells that a curved surface spreads onto another surface. The
+division is exact: a box is the sum of its pieces, and a hat is the sum of hats n times finer,
 
     hat(x) = sum over |k| < n of (1 - |k|/n) hat(n x - k)
 
 so that divided and whole hats still sum to one. A piece therefore carries two weights: its share of the divided hats around it, and
-whether the box it lies in is divided. Cells that nothing meets are left out. Import only once a Mitsuba variant is active.
+whether it lies in a divided box. Cells whose probe rays meet nothing are skipped. Import only after a Mitsuba variant is active.
 """
 
 from collections.abc import Iterator
-from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from radartwin.errors import BackendError
-from radartwin.simulation.curved import coverage, scouting
+from radartwin.simulation.curved import coverage
+from radartwin.simulation.curved.contact import cast, leave, meet
 from radartwin.simulation.curved.device import Device
-from radartwin.simulation.curved.flight import Chosen
-from radartwin.simulation.curved.tube_grid import Launch
+from radartwin.simulation.curved.flight import Tubes, TubeSelection, rays
+from radartwin.simulation.curved.hits import TraceOptions
+from radartwin.simulation.curved.transit import Walls
+from radartwin.simulation.curved.tube_grid import TubeGrid
 
-MOST_TUBES = (1 << 32) - 1  # indices are of 32 bits
-TUBES_PER_LAUNCH = 1 << 20  # bounds a kernel's memory to a few hundred megabytes
+MAX_TUBES = (1 << 32) - 1  # indices have 32 bits
+TUBES_PER_BLOCK = 1 << 20  # limits the memory of a kernel to a few hundred megabytes
+SPREADING = 1 << 31  # flag of a patch sequence: a curved surface sends the ray on to another surface
 
 
 def blocks(
-    device: Device,
-    launch: Launch,
-    corners: np.ndarray,
-    max_bounces: int,
-    first_hit: int,
-    pieces: int,
-    found: np.ndarray | None,
-    walls: Any = None,
-) -> Iterator[Chosen]:
-    """Tubes of a launch in blocks that fit in memory, of whole poses unless one pose is larger than a block.
+    device: Device, grid: TubeGrid, corners: np.ndarray, options: TraceOptions, selected: np.ndarray | None, walls: Walls | None
+) -> Iterator[TubeSelection]:
+    """The tubes of a grid in blocks of whole poses, or of parts of a pose larger than a block.
+
+    Only whole tubes are used if `options.pieces` is 1 or if a pose is too large for one block.
 
     Args:
-        corners: (N, 3, 3) of the facets that are hit: of a large pose, tubes that could meet none are left out.
-        pieces: odd, parts of a straddling tube each way; 1, or a pose too large for one block, for whole tubes only.
-        found: (N,) sorted indices to trace and no others; None: all.
-        walls: `transit.Walls` that tubes go through; None: they are mirrored.
+        corners: (N, 3, 3) of the facets; in a pose larger than a block, tubes that meet no facet are skipped.
+        options: bounces, first cluster and pieces.
+        selected: (N,) sorted indices of the tubes to trace; None: all.
+        walls: walls of shells that tubes pass; None: tubes are reflected outside.
+    Raises:
+        BackendError: more tubes than MAX_TUBES.
     """
-    end = launch.poses * launch.per_pose
-    if end > MOST_TUBES:
-        raise BackendError(
-            f"{end:.3g} tubes in one launch are more than the {MOST_TUBES:.3g} that can be counted; trace fewer poses at once"
-        )
-    if pieces == 1 or launch.per_pose > TUBES_PER_LAUNCH // 2:
-        stride = max(1, TUBES_PER_LAUNCH // launch.per_pose) * launch.per_pose
-        several = (np.arange(low, min(low + stride, end)) for low in range(0, end, stride))
-        if found is not None:
-            several = _parts(found)
-        elif launch.per_pose > TUBES_PER_LAUNCH:
-            several = (part for pose in range(launch.poses) for part in _parts(_met(launch, pose, corners)))
-        yield from (Chosen(index.astype(np.uint32)) for index in several if len(index))
+    end = grid.poses * grid.per_pose
+    if end > MAX_TUBES:
+        raise BackendError(f"{end:.3g} tubes in one grid exceed the limit of {MAX_TUBES:.3g}; trace fewer poses at once")
+    if options.pieces == 1 or grid.per_pose > TUBES_PER_BLOCK // 2:
+        stride = max(1, TUBES_PER_BLOCK // grid.per_pose) * grid.per_pose
+        parts = (np.arange(low, min(low + stride, end)) for low in range(0, end, stride))
+        if selected is not None:
+            parts = _parts(selected)
+        elif grid.per_pose > TUBES_PER_BLOCK:
+            parts = (part for pose in range(grid.poses) for part in _parts(_covered(grid, pose, corners)))
+        yield from (TubeSelection(index.astype(np.uint32)) for index in parts if len(index))
         return
-    step = max(1, TUBES_PER_LAUNCH // (2 * launch.per_pose))
-    for low in range(0, launch.poses, step):
-        high = min(low + step, launch.poses)
-        met = scouting.faces_met(device, launch, (low, high), max_bounces, first_hit, walls)
-        index, share, whole = divided(met, launch, low, pieces, device.curved)
-        if found is not None:
-            keep = np.isin(index, found)
-            index, share, whole = index[keep], share[keep], whole[keep]
-        for start in range(0, len(index), TUBES_PER_LAUNCH):
-            part = slice(start, start + TUBES_PER_LAUNCH)
-            yield Chosen(index[part].astype(np.uint32), share[part], whole[part], pieces)
+    step = max(1, TUBES_PER_BLOCK // (2 * grid.per_pose))
+    for low in range(0, grid.poses, step):
+        sequences = patch_sequences(device, grid, (low, min(low + step, grid.poses)), options, walls)
+        index, hat_share, in_box = divided(sequences, grid, low, options.pieces, device.curved)
+        if selected is not None:
+            keep = np.isin(index, selected)
+            index, hat_share, in_box = index[keep], hat_share[keep], in_box[keep]
+        for start in range(0, len(index), TUBES_PER_BLOCK):
+            part = slice(start, start + TUBES_PER_BLOCK)
+            yield TubeSelection(index[part].astype(np.uint32), hat_share[part], in_box[part], options.pieces)
 
 
 def _parts(index: np.ndarray) -> Iterator[np.ndarray]:
-    return (index[low : low + TUBES_PER_LAUNCH] for low in range(0, len(index), TUBES_PER_LAUNCH))
+    return (index[low : low + TUBES_PER_BLOCK] for low in range(0, len(index), TUBES_PER_BLOCK))
 
 
-def _met(launch: Launch, pose: int, corners: np.ndarray) -> np.ndarray:
-    """Indices of one pose's tubes that could meet anything."""
-    cells = coverage.covered(launch, pose, corners)
-    return pose * launch.per_pose + (np.arange(launch.per_pose) if cells is None else cells)
+def _covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray:
+    """Indices of the tubes of a pose that can meet a facet."""
+    cells = coverage.covered(grid, pose, corners)
+    return pose * grid.per_pose + (np.arange(grid.per_pose) if cells is None else cells)
 
 
-def divided(met: np.ndarray, launch: Launch, first_pose: int, pieces: int, curved: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(index, share, whole) as `flight.Chosen` holds them, from the sequences met in the middles and corners of some poses' cells."""
-    poses, (rows, columns) = len(met), (launch.count_v, launch.count_u)
-    middle = met[:, : rows * columns].reshape(poses, rows, columns)
-    corner = met[:, rows * columns :].reshape(poses, rows + 1, columns + 1)
+def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], options: TraceOptions, walls: Walls | None) -> np.ndarray:
+    """A number for the sequence of smooth patches that each probe ray meets; 0 for no patch.
+
+    Returns:
+        (poses, count_u count_v + (count_u + 1)(count_v + 1)) uint32: middles of cells, then corners, rows along u. SPREADING is set if a
+        curved surface sends the ray on to another surface. With walls: the patch of the wall and the next one behind it.
+    """
+    middles, corners = grid.per_pose, (grid.count_u + 1) * (grid.count_v + 1)
+    index = dr.arange(mi.UInt32, (poses[1] - poses[0]) * (middles + corners))
+    pose = index // dr.opaque(mi.UInt32, middles + corners)
+    cell = index - pose * dr.opaque(mi.UInt32, middles + corners)
+    pose += dr.opaque(mi.UInt32, poses[0])
+    corner = cell >= dr.opaque(mi.UInt32, middles)
+    cell = dr.select(corner, cell - dr.opaque(mi.UInt32, middles), cell)
+    count = dr.select(corner, dr.opaque(mi.UInt32, grid.count_u + 1), dr.opaque(mi.UInt32, grid.count_u))
+    cell_v = cell // count
+    offset = dr.select(corner, mi.Float(0.5), 0.0)
+    origin, direction, *_ = rays(grid, pose, mi.Float(cell - cell_v * count) - offset, mi.Float(cell_v) - offset)
+    zero, length = mi.Vector3f(0.0), mi.Float64(0.0)
+    tubes = Tubes(
+        index, pose, origin, direction, zero, zero, zero, zero, length, None, None, zero, [], [], length, length, mi.UInt64(0)
+    )  # fmt: skip
+    alive, sequence, curved, spreading = mi.Bool(True), mi.UInt32(0), mi.Bool(False), mi.Bool(False)
+    for bounce in range(2 if walls else options.max_bounces):
+        alive = cast(device, tubes, bounce == 0, alive)
+        contact, alive = meet(device, tubes, bounce == 0, alive)
+        if bounce == 0:
+            alive = device.in_cluster(contact.face, options.first_cluster, alive)
+        if walls and bounce == 0:
+            alive = walls.enter(tubes, contact, alive)
+        # an odd factor, so that the order of the patches counts
+        sequence = dr.select(alive, (sequence * 0x9E3779B1) ^ dr.gather(mi.UInt32, device.patch, contact.face, alive), sequence)
+        if walls and bounce == 0:
+            continue
+        if device.curved and not walls:
+            spreading = spreading | (alive & curved)
+            curved = curved | (alive & contact.is_curved())
+        alive &= leave(device, tubes, contact)
+    # the lowest bit distinguishes every sequence from 0
+    sequence = dr.select(sequence > 0, ((sequence << 1) & (SPREADING - 1)) | 1, 0) | dr.select(spreading, mi.UInt32(SPREADING), 0)
+    return sequence.numpy().reshape(poses[1] - poses[0], -1)
+
+
+def divided(sequences: np.ndarray, grid: TubeGrid, first_pose: int, pieces: int, curved: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(index, hat_share, in_box) of `TubeSelection` for the poses from `first_pose`, from their `patch_sequences`."""
+    poses, (rows, columns) = len(sequences), (grid.count_v, grid.count_u)
+    middle = sequences[:, : rows * columns].reshape(poses, rows, columns)
+    corner = sequences[:, rows * columns :].reshape(poses, rows + 1, columns + 1)
     straddles = np.zeros(middle.shape, bool)
     for i in (0, 1):
         for j in (0, 1):
             straddles |= corner[:, i : i + rows, j : j + columns] != middle
-    straddles |= middle >= scouting.SPREADING
-    if curved:  # a hat reaches to the middles of its neighbours
+    straddles |= middle >= SPREADING
+    if curved:  # a hat extends to the middles of the neighbouring cells
         padded = np.pad(middle, ((0, 0), (1, 1), (1, 1)), mode="edge")
         for i in range(3):
             for j in range(3):
@@ -102,7 +144,7 @@ def divided(met: np.ndarray, launch: Launch, first_pose: int, pieces: int, curve
     fine_rows, fine_columns = pieces * rows + 2 * margin, pieces * columns + 2 * margin
     reach = np.arange(-2 * margin, 2 * margin + 1) if curved else np.arange(-margin, margin + 1)
     tent = 1 - np.abs(reach) / pieces
-    # per straddling cell its pieces, twice as many each way where hats overlap, gathered where they coincide
+    # the pieces of each straddling cell (hats extend twice as far); shares of the same piece are summed
     fine_v = (v[:, None] * pieces + 2 * margin + reach)[:, :, None]
     fine_u = (u[:, None] * pieces + 2 * margin + reach)[:, None, :]
     piece = ((pose[:, None, None] * fine_rows + fine_v) * fine_columns + fine_u).reshape(-1)
@@ -112,9 +154,6 @@ def divided(met: np.ndarray, launch: Launch, first_pose: int, pieces: int, curve
     box = np.zeros(len(total), bool)
     box[piece.reshape(-1, len(tent) ** 2)[:, inside.reshape(-1)]] = True
     part = np.flatnonzero(total)
-    index = np.concatenate(
-        [first_pose * launch.per_pose + cells, launch.poses * launch.per_pose + first_pose * fine_rows * fine_columns + part]
-    )
-    share = np.concatenate([np.ones(len(cells)), total[part]])
-    whole = np.concatenate([np.ones(len(cells), bool), box[part]])
-    return index, share, whole
+    first_piece = grid.poses * grid.per_pose + first_pose * fine_rows * fine_columns
+    index = np.concatenate([first_pose * grid.per_pose + cells, first_piece + part])
+    return index, np.concatenate([np.ones(len(cells)), total[part]]), np.concatenate([np.ones(len(cells), bool), box[part]])

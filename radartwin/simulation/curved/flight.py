@@ -1,6 +1,6 @@
-"""Tubes on their way, one lane each, and how they leave the source.
+"""State of the tubes, one lane each, and their start at the source.
 
-Symbols as in `radartwin.simulation.curved.tubes`. Import only once a Mitsuba variant is active.
+Symbols as in `radartwin.simulation.curved.tubes`. Import only after a Mitsuba variant is active.
 """
 
 from collections.abc import Iterator
@@ -12,51 +12,52 @@ import mitsuba as mi
 import numpy as np
 
 from radartwin.simulation.curved.device import rows, scalars, upload
-from radartwin.simulation.curved.tube_grid import Launch
+from radartwin.simulation.curved.tube_grid import TubeGrid
 
 
 @dataclass(frozen=True)
-class Chosen:
-    """Tubes of a launch to be traced.
+class TubeSelection:
+    """The tubes of a grid to trace: whole cells and pieces of divided cells.
 
     Attributes:
-        index: (N,) uint32 cell in the launch, or beyond its cells a piece of the grid that is `pieces` times finer each way and reaches
-            (pieces - 1)/2 pieces beyond it on every side.
-        share, whole: (N,) how much of a hat a tube stands for, and whether it counts where boxes do; None: all of both, cells only.
+        index: (N,) uint32. Below the number of cells of all poses, a cell. Above, a piece: an index in the grid that is `pieces` times
+            finer along each axis and extends (pieces - 1)/2 pieces beyond the cells on every side.
+        hat_share: (N,) share of a hat that the tube carries. in_box: (N,) whether the tube counts where boxes are used. None: whole cells.
         pieces: odd.
     """
 
     index: np.ndarray
-    share: np.ndarray | None = None
-    whole: np.ndarray | None = None
+    hat_share: np.ndarray | None = None
+    in_box: np.ndarray | None = None
     pieces: int = 1
 
 
 @dataclass
 class Tubes:
-    """Tubes on their way, before the next hit.
+    """Tubes between two hits.
 
     Attributes:
-        index, pose: launch index and pose. origin, direction: of the ray.
-        place_u, place_v: derivatives of the ray's position along the grid, metres; foot_u, foot_v: of its direction.
-        weight: solid angle (plane wave: area) at the source. share, whole: how much of a hat and of a box a part of a divided tube stands
-        for; None: all of both.
-        departure: direction at the source. field_re, field_im: polarisation per frequency node. length: unfolded, float64.
-        face, inner_u, inner_v: of the next hit, once cast: its triangle and two barycentric coordinates.
-        first: length to the first hit. sequence: 1 + label of each face met, the last in the lowest LABEL_BITS bits.
+        index, pose: index in the grid and pose.
+        origin, direction: of the ray. position_du, position_dv, direction_du, direction_dv: their derivatives along the grid.
+        weight: solid angle at the source; of a plane wave, area. hat_share, in_box: as in TubeSelection.
+        departure: direction at the source.
+        field_re, field_im: field vector per frequency node.
+        length, first: float64, unfolded length from the source, and to the first hit.
+        sequence: labels of the faces met, see `hits.unpack_labels`.
+        face, inner_u, inner_v: triangle and two barycentric coordinates of the next hit, set by `contact.cast`.
     """
 
     index: Any
     pose: Any
     origin: Any
     direction: Any
-    place_u: Any
-    place_v: Any
-    foot_u: Any
-    foot_v: Any
+    position_du: Any
+    position_dv: Any
+    direction_du: Any
+    direction_dv: Any
     weight: Any
-    share: Any
-    whole: Any
+    hat_share: Any
+    in_box: Any
     departure: Any
     field_re: list[Any]
     field_im: list[Any]
@@ -68,7 +69,7 @@ class Tubes:
     inner_v: Any = None
 
     def evaluate(self, *others: Any) -> None:
-        """In one kernel, with whatever else is wanted."""
+        """Evaluate all values and `others` in one kernel."""
         dr.eval(*(value for value in self._values() if value is not None), *others)
 
     def compacted(self, alive: Any) -> "Tubes":
@@ -86,59 +87,63 @@ class Tubes:
 
 
 def project(axis: Any, direction: Any) -> Any:
-    """Normalised part of `axis` across `direction`."""
+    """Normalised component of `axis` perpendicular to `direction`."""
     across = axis - direction * dr.dot(axis, direction)
     return across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-12))
 
 
-def rays(launch: Launch, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """Origin, direction, the direction's derivatives along the grid and its solid angle, at grid coordinates; for a plane wave the
-    position's derivatives and the area."""
-    step_u, step_v = scalars(launch.step_u)(pose), scalars(launch.step_v)(pose)
-    u = scalars(launch.low_u)(pose) + cell_u * step_u
-    v = scalars(launch.low_v)(pose) + cell_v * step_v
-    origin, forward, u_axis, v_axis = (rows(x)(pose) for x in (launch.source, launch.forward, launch.u_axis, launch.v_axis))
-    if launch.plane:
+def rays(grid: TubeGrid, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """Origin, direction, two derivatives along the grid, and weight of the tubes at grid coordinates.
+
+    The derivatives are those of the direction and the weight is the solid angle; for a plane wave, those of the position and the area.
+    """
+    step_u, step_v = scalars(grid.step_u)(pose), scalars(grid.step_v)(pose)
+    u = scalars(grid.low_u)(pose) + cell_u * step_u
+    v = scalars(grid.low_v)(pose) + cell_v * step_v
+    origin, forward, u_axis, v_axis = (rows(x)(pose) for x in (grid.source, grid.forward, grid.u_axis, grid.v_axis))
+    if grid.plane:
         return origin + u_axis * u + v_axis * v, forward, u_axis * step_u, v_axis * step_v, step_u * step_v
     scale = dr.rsqrt(1 + u * u + v * v)
     direction = (forward + u_axis * u + v_axis * v) * scale
-    foot_u = (u_axis - direction * dr.dot(direction, u_axis)) * scale * step_u
-    foot_v = (v_axis - direction * dr.dot(direction, v_axis)) * scale * step_v
-    return origin, direction, foot_u, foot_v, step_u * step_v * scale * scale * scale
+    direction_du = (u_axis - direction * dr.dot(direction, u_axis)) * scale * step_u
+    direction_dv = (v_axis - direction * dr.dot(direction, v_axis)) * scale * step_v
+    return origin, direction, direction_du, direction_dv, step_u * step_v * scale * scale * scale
 
 
-def start(launch: Launch, axis: np.ndarray, cross: bool, chosen: Chosen, nodes: int) -> Tubes:
-    """Tubes of a launch by index; fields along the projected antenna axis, turned for H."""
-    index = upload(mi.UInt32, chosen.index)
-    per_pose, count_u = dr.opaque(mi.UInt32, launch.per_pose), dr.opaque(mi.UInt32, launch.count_u)
+def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelection, nodes: int) -> Tubes:
+    """The selected tubes at their source. Fields lie along the projected antenna axis; `cross` turns them by 90 degrees for H."""
+    index = upload(mi.UInt32, selection.index)
+    per_pose, count_u = dr.opaque(mi.UInt32, grid.per_pose), dr.opaque(mi.UInt32, grid.count_u)
     cell, size, offset = index, mi.Float(1.0), mi.Float(0.0)
-    if chosen.share is not None:
-        total, margin = launch.poses * launch.per_pose, chosen.pieces - 1
+    if selection.hat_share is not None:
+        total, margin = grid.poses * grid.per_pose, selection.pieces - 1
         piece = index >= dr.opaque(mi.UInt32, total)
         cell = dr.select(piece, index - dr.opaque(mi.UInt32, total), index)
-        fine_u, fine_v = (chosen.pieces * count + margin for count in (launch.count_u, launch.count_v))
+        fine_u, fine_v = (selection.pieces * count + margin for count in (grid.count_u, grid.count_v))
         per_pose = dr.select(piece, dr.opaque(mi.UInt32, fine_u * fine_v), per_pose)
         count_u = dr.select(piece, dr.opaque(mi.UInt32, fine_u), count_u)
-        size = dr.select(piece, dr.opaque(mi.Float, 1 / chosen.pieces), size)
-        offset = dr.select(piece, dr.opaque(mi.Float, margin / chosen.pieces), offset)
+        size = dr.select(piece, dr.opaque(mi.Float, 1 / selection.pieces), size)
+        offset = dr.select(piece, dr.opaque(mi.Float, margin / selection.pieces), offset)
     pose = cell // per_pose
-    cell = cell - pose * per_pose  # not in place: that would change the index too
+    cell = cell - pose * per_pose  # not in place, because `cell` and `index` may be the same array
     cell_v = cell // count_u
     cell_u = cell - cell_v * count_u
-    origin, direction, foot_u, foot_v, weight = rays(launch, pose, mi.Float(cell_u) * size - offset, mi.Float(cell_v) * size - offset)
-    foot_u, foot_v, weight = foot_u * size, foot_v * size, weight * size * size
+    origin, direction, direction_du, direction_dv, weight = rays(
+        grid, pose, mi.Float(cell_u) * size - offset, mi.Float(cell_v) * size - offset
+    )
+    direction_du, direction_dv, weight = direction_du * size, direction_dv * size, weight * size * size
     field = project(rows(axis)(pose), direction)
-    if cross:  # H = (direction to the radar) x V, and the radar lies against the ray
+    if cross:  # H = (direction to the radar) x V, and the ray points away from the radar
         field = dr.cross(-direction, field)
     nothing = dr.zeros(mi.Vector3f, dr.width(index))
-    place_u, place_v = (foot_u, foot_v) if launch.plane else (mi.Vector3f(nothing), mi.Vector3f(nothing))
-    if launch.plane:
-        foot_u, foot_v = mi.Vector3f(nothing), mi.Vector3f(nothing)
-    share, whole = (
-        (None, None) if chosen.share is None or chosen.whole is None else (upload(mi.Float, chosen.share), upload(mi.Bool, chosen.whole))
-    )
+    position_du, position_dv = (direction_du, direction_dv) if grid.plane else (mi.Vector3f(nothing), mi.Vector3f(nothing))
+    if grid.plane:
+        direction_du, direction_dv = mi.Vector3f(nothing), mi.Vector3f(nothing)
+    hat_share = None if selection.hat_share is None else upload(mi.Float, selection.hat_share)
+    in_box = None if selection.in_box is None else upload(mi.Bool, selection.in_box)
+    length = dr.zeros(mi.Float64, dr.width(index))
+    field_re, field_im = [mi.Vector3f(field) for _ in range(nodes)], [mi.Vector3f(nothing) for _ in range(nodes)]
     return Tubes(
-        index, pose, origin, direction, place_u, place_v, foot_u, foot_v, weight, share, whole, mi.Vector3f(direction),
-        [mi.Vector3f(field) for _ in range(nodes)], [mi.Vector3f(nothing) for _ in range(nodes)], dr.zeros(mi.Float64, dr.width(index)),
-        dr.zeros(mi.Float64, dr.width(index)), dr.zeros(mi.UInt64, dr.width(index)),
+        index, pose, origin, direction, position_du, position_dv, direction_du, direction_dv, weight, hat_share, in_box,
+        mi.Vector3f(direction), field_re, field_im, length, dr.zeros(mi.Float64, dr.width(index)), dr.zeros(mi.UInt64, dr.width(index)),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Integral of a second-order phase over a tube's footprint. Import only once a Mitsuba variant is active."""
+"""Integral of a second-order phase over a tube's footprint. Import only after a Mitsuba variant is active."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,8 +7,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-STEEP = 14.0  # phase across half a tube, radians, from which its integral is taken from its kinks
-MOST_TWIST = 2.0  # mixed second-order phase, radians, up to which a footprint follows it
+STEEP = 14.0  # radians of phase across half a tube; beyond it, the integral follows from the kinks of the weight
+MOST_TWIST = 2.0  # radians; the mixed second-order phase is limited to it
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
@@ -16,8 +16,8 @@ def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
     """Integrals of w(x) exp(-j beta x^2) times cos(alpha x), x sin(alpha x) and x^2 cos(alpha x), each real and imaginary part, with w
     a hat on [-1, 1] or a box on [-1/2, 1/2].
 
-    Gauss-Legendre while the phase turns by less than about two cycles a side (error 1e-7), beyond it the leading asymptotic terms of the
-    hat's three kinks (error below 2e-3), or the box without its curvature, and no higher moments.
+    The integral is Gauss-Legendre quadrature if the phase changes by less than about two cycles per side (error 1e-7). Otherwise it is the
+    leading asymptotic term of the hat's three kinks (error below 2e-3), or of the box without its curvature, without higher moments.
     """
     half, slope = dr.select(hat, mi.Float(1.0), 0.5), dr.select(hat, mi.Float(1.0), 0.0)
     moments = [[mi.Float(0.0), mi.Float(0.0)] for _ in range(3)]
@@ -40,12 +40,13 @@ def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
 
 
 def footprint_integral(alpha: Sequence[Any], beta: Sequence[Any], twist: Any, hat: Any) -> tuple[Any, Any]:
-    """Integral of w(x) w(y) exp(-j (alpha . (x, y) + beta . (x^2, y^2) + twist x y)) over a footprint, real and imaginary part; the twist
-    to its second power."""
+    """Real and imaginary part of the integral of w(x) w(y) exp(-j (alpha . (x, y) + beta . (x^2, y^2) + twist x y)) over a footprint.
+
+    The factor exp(-j twist x y) is expanded to second order.
+    """
     first, second = (footprint_moments(a, b, hat) for a, b in zip(alpha, beta, strict=True))
     products = [(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]) for a, b in zip(first, second, strict=True)]
     twist = dr.clip(twist, -MOST_TWIST, MOST_TWIST)
     square = 0.5 * twist * twist
-    return products[0][0] - twist * products[1][1] - square * products[2][0], products[0][1] + twist * products[1][0] - square * products[
-        2
-    ][1]
+    (even_re, even_im), (odd_re, odd_im), (square_re, square_im) = products
+    return even_re - twist * odd_im - square * square_re, even_im + twist * odd_re - square * square_im

@@ -1,23 +1,23 @@
-"""Hollow things: what their walls let through, and what they return to waves inside.
+"""Hollow objects: transmission through their walls and reflection inside.
 
-A surface is a shell where its mesh is closed and faces outwards, its material is a `Layered` before air, and its walls are thin beside the
-hollow they enclose. Its outer face reflects as any wall does; other tubes go straight in through the near wall, are mirrored inside by the
-far wall or whatever stands there, and at each of these reflections are received straight out through the wall on the way. What leaves a
-shell and then meets something else is left out.
+A surface is a shell if its mesh is closed and faces outwards, its material is a `Layered` with air behind it, and its wall is thin beside
+the hollow. The outer face reflects like any wall. Other tubes enter straight through the near wall, are reflected inside by the far wall
+or by other objects, and at each of these reflections are received straight out through the wall towards the receiver. A wave that leaves
+a shell and then meets another surface is not modelled.
 
 Mean power over 77 to 80.44 GHz of empty bottles of 33 mm radius against the exact series of the cylinder, 4 tubes per square wavelength:
 
 | reflections inside | 0.3 mm PET | 1 mm PET | 1 mm HDPE | 3 mm glass |
 |---|---|---|---|---|
-| none, the front alone | -3.3 dB | -4.5 dB | -3.9 dB | -2.0 dB |
+| none (front wall only) | -3.3 dB | -4.5 dB | -3.9 dB | -2.0 dB |
 | 1 | -0.4 dB | -1.9 dB | -1.9 dB | -1.3 dB |
 | 3 | 0.3 dB | 0.3 dB | 0.4 dB | 0.5 dB |
 | 4 | 0.3 dB | 0.7 dB | 0.5 dB | 0.8 dB |
 
-Sixteen tubes give up to 0.5 dB more at 4 reflections.
+Sixteen tubes per square wavelength give up to 0.5 dB more at 4 reflections.
 
-All is referred to the mesh, which is a wall's outer face, with the ray counted as air: of a wall of thickness d, transmission gains
-exp(+j k d cos t), and reflection from inside, at a face that stands d before the mesh, exp(+2 j k d cos t).
+Phases refer to the mesh, the outer face of the wall, and the ray counts the wall as air. For a wall of thickness d, transmission therefore
+gains the factor exp(+j k d cos t). Reflection from inside happens at the inner face and gains exp(+2 j k d cos t).
 """
 
 from dataclasses import dataclass
@@ -30,17 +30,18 @@ from radartwin.materials.plastics import EMPTY
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.reflection_table import COSINES, ReflectionTable, grid_of_cosines
 
-THIN = 0.25  # largest share of a wall in the mean width of a mesh; a board of one layer, whose two faces are one wall, has a whole
-
-INSIDE = 3  # reflections that are followed there: more cost more and, in the table above, add to the error
+THIN = 0.25  # largest ratio of wall thickness to mean width of the mesh; a solid board has the ratio 1
+INSIDE = 3  # reflections inside; by the table above, more reflections increase the error
 
 
 @dataclass(frozen=True)
 class Shells:
-    """Attributes:
-    faces: (F,) bool, those that let waves through.
-    te, tm: (S, COSINES, Q) complex, transmission per surface, cosine and node; zero of what lets nothing through.
-    inside: reflection of waves that have come through.
+    """Transmission and inner reflection of a geometry's shells.
+
+    Attributes:
+        faces: (F,) bool, faces that transmit.
+        te, tm: (S, COSINES, Q) complex, transmission per surface, cosine and node; zero for opaque surfaces.
+        inside: reflection of waves inside.
     """
 
     faces: np.ndarray
@@ -49,17 +50,13 @@ class Shells:
     inside: ReflectionTable
 
     def envelope(self) -> "Shells":
-        """The largest magnitudes over the sweep, as of a ReflectionTable."""
+        """The largest magnitudes over the sweep, as in `ReflectionTable.envelope`."""
         te, tm = (np.abs(c).max(axis=2, keepdims=True).astype(complex) for c in (self.te, self.tm))
         return Shells(self.faces, te, tm, self.inside.envelope())
 
 
-def of(geometry: Geometry, table: ReflectionTable, among: np.ndarray | None = None) -> Shells | None:
-    """Shells of a geometry, or None where it has none.
-
-    Args:
-        among: (F,) bool, faces that count; None: all.
-    """
+def find_shells(geometry: Geometry, table: ReflectionTable, among: np.ndarray | None = None) -> Shells | None:
+    """The shells of a geometry, or None if no face of `among` ((F,) bool; None: any face) belongs to a shell."""
     thickness = np.array([_thickness(material) for material, _ in table.surfaces])
     if not len(geometry.corners) or not (thickness > 0).any():
         return None
@@ -76,13 +73,14 @@ def of(geometry: Geometry, table: ReflectionTable, among: np.ndarray | None = No
         assert isinstance(material, Layered)
         shift = np.exp(1j * wavenumber * thickness[surface] * cosines)
         te[surface], tm[surface] = (c * shift for c in transmission(material, cosines, table.frequencies_hz, roughness_m))
-        turned = Layered(material.layers[::-1])
-        inside_te[surface], inside_tm[surface] = (c * shift**2 for c in reflection(turned, cosines, table.frequencies_hz, roughness_m))
+        reversed_wall = Layered(material.layers[::-1])
+        coefficients = reflection(reversed_wall, cosines, table.frequencies_hz, roughness_m)
+        inside_te[surface], inside_tm[surface] = (c * shift**2 for c in coefficients)
     return Shells(faces, te, tm, ReflectionTable(inside_te, inside_tm, table.frequencies_hz))
 
 
 def _thickness(material: str | Layered) -> float:
-    """Metres of wall before air; zero for what lets nothing through."""
+    """Thickness of a wall with air behind it, metres; zero for opaque materials."""
     if not isinstance(material, Layered) or material.backing not in EMPTY:
         return 0.0
     return sum(thickness for _, thickness in material.layers)

@@ -1,4 +1,4 @@
-"""Tubes through the walls of shells. Symbols as in `radartwin.simulation.curved.tubes`; import only once a Mitsuba variant is active."""
+"""Transmission of tubes through the walls of shells. Import only after a Mitsuba variant is active."""
 
 from typing import Any
 
@@ -12,19 +12,16 @@ from radartwin.simulation.curved.shell import Shells
 
 
 class Walls:
-    """Shells on the device.
-
-    Attributes:
-        device: the geometry with its reflection from inside. faces: whether waves pass. coefficients: of their transmission.
-    """
+    """The walls of shells on the device."""
 
     def __init__(self, device: Device, shells: Shells):
+        """`device` holds the geometry with the reflection inside its shells."""
         self.device = device
         self.faces = upload(mi.Bool, shells.faces)
         self.coefficients = device.tabulated(shells.te, shells.tm)
 
     def enter(self, tubes: Tubes, near: Contact, active: Any) -> Any:
-        """Send tubes straight on through the walls they met from outside; which of the lanes `active` do pass. Nothing is evaluated."""
+        """Pass tubes straight through walls met from outside. Returns the active lanes that pass. Evaluates nothing."""
         active = active & dr.gather(mi.Bool, self.faces, near.face, active) & near.outside
         for node in range(len(tubes.field_re)):
             tubes.field_re[node], tubes.field_im[node] = self._passed(
@@ -35,7 +32,7 @@ class Walls:
         return active
 
     def exit(self, far: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> tuple[Contact, Any]:
-        """The walls on the way out to the receiver, and which of the lanes `seen` go through one and then meet nothing more."""
+        """The wall between each contact inside and the receiver, and the lanes of `seen` that pass this wall and then no other surface."""
         origin = far.facet_point + far.flat_normal * self.device.lift
         hit = self.device.scene.ray_intersect_preliminary(mi.Ray3f(origin, outgoing), coherent=False, active=seen)
         seen = seen & hit.is_valid()
@@ -46,12 +43,12 @@ class Walls:
         return wall, seen & ~self.device.scene.ray_test(ray, seen)
 
     def received(self, wall: Contact, outgoing: Any, axis: Any, active: Any) -> list[tuple[Any, Any]]:
-        """Receive polarisation behind a wall, per node (real, imaginary): the wall lets through alike both ways."""
+        """Receive polarisation behind the wall, (real, imaginary) per node; transmission is reciprocal."""
         nothing = dr.zeros(mi.Vector3f)
         return [self._passed(wall, outgoing, axis, nothing, node, active) for node in range(self.device.nodes)]
 
     def _passed(self, wall: Contact, direction: Any, re: Any, im: Any, node: int, active: Any) -> tuple[Any, Any]:
-        """A field across `direction` behind a wall."""
+        """A field perpendicular to `direction` after transmission through a wall."""
         s = across_incidence(direction, wall.normal)
         p = dr.cross(direction, s)
         te_re, te_im, tm_re, tm_im = self.device.lookup(self.coefficients, wall.face, dr.abs(wall.cosine), node, active)

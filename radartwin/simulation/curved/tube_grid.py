@@ -1,8 +1,7 @@
-"""Regular grids of tubes: from a phase centre over a solid angle, or in parallel from far away.
+"""Regular grids of ray tubes: from a phase centre over a solid angle, or parallel tubes of a plane wave.
 
-A tube carries the solid angle (or area) it stands for and its two footprint vectors, the derivatives of its direction (or
-position) along the grid. Grids are regular because the tubes' integrals tile the wavefront only then; a seed may
-shift the whole grid by part of a cell, never one ray within its tube.
+Grids are regular because the integrals over the tubes must tile the wavefront. A seed may shift the whole grid by a part of a cell, but
+never a single ray within its tube.
 """
 
 from dataclasses import dataclass
@@ -11,16 +10,16 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Launch:
-    """A grid of tubes per pose, in the geometry's frame.
+class TubeGrid:
+    """A regular grid of tubes per pose, in the geometry's frame.
 
     Attributes:
-        source: (F, 3) phase centres; for a plane wave, points on the launch plane.
+        source: (F, 3) phase centres; for a plane wave, points on the start plane.
         forward, u_axis, v_axis: (F, 3) orthonormal.
-        low_u, low_v: (F,) coordinates of the first tube's centre in the plane at unit distance (plane wave: metres).
+        low_u, low_v: (F,) centre of the first tube in the plane at unit distance (plane wave: metres).
         step_u, step_v: (F,) grid spacing in the same unit.
         count_u, count_v: tubes along each axis, the same for all poses.
-        plane: a plane wave along `forward` instead of a spherical one.
+        plane: a plane wave along `forward` instead of a spherical wave.
     """
 
     source: np.ndarray
@@ -45,7 +44,7 @@ class Launch:
 
 
 def frame_towards(forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Orthonormal (forward, u, v), each (F, 3), with u horizontal where it can be."""
+    """Orthonormal (forward, u, v), each (F, 3), with u horizontal unless `forward` is vertical."""
     forward = forward / np.linalg.norm(forward, axis=-1, keepdims=True)
     up = np.where(np.abs(forward[:, 2:3]) < 0.99, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     u_axis = np.cross(up, forward)
@@ -54,9 +53,9 @@ def frame_towards(forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def _grid(low: np.ndarray, high: np.ndarray, step: np.ndarray, shift: float) -> tuple[np.ndarray, np.ndarray, int]:
-    """(first tube centre, step, count) that cover [low, high] of every pose with whole cells.
+    """(centre of the first tube, step, count) of whole cells that cover [low, high] of every pose.
 
-    Fitting the cells to the box puts the edges of a plate seen face-on between two tubes, where their position is exact.
+    The cells fit the interval exactly, so that the edges of a plate seen face-on fall between two tubes.
     """
     cells = np.maximum(np.ceil((high - low) / step - 1e-9), 1)
     fitted = np.maximum((high - low) / cells, 1e-3 * step)
@@ -65,18 +64,17 @@ def _grid(low: np.ndarray, high: np.ndarray, step: np.ndarray, shift: float) -> 
 
 def towards(
     points: np.ndarray, source: np.ndarray, centre: np.ndarray, cell_m: float, shift: tuple[float, float], plane: bool = False
-) -> Launch | None:
-    """Tubes from each source over the bounding box of the points as seen from there.
+) -> TubeGrid | None:
+    """Tubes from each source over the bounding box of the points in its view.
 
     Args:
         points: (V, 3) hull points of the target.
         source: (F, 3) phase centres; for a plane wave, any point towards the radar.
-        centre: (3,) where `cell_m` is measured.
-        cell_m: side of a tube at the centre.
+        centre: (3,) middle of the target. cell_m: width of a tube there.
         shift: offset of the grid in cells, each in [0, 1).
-        plane: parallel rays instead.
+        plane: parallel rays along the direction to the centre.
     Returns:
-        The launch, or None where some source is inside or too close to the target for one planar grid.
+        The grid, or None if a source is inside or too close to the target for one planar grid.
     """
     offset = centre - source
     distance = np.linalg.norm(offset, axis=-1)
@@ -96,7 +94,7 @@ def towards(
         step = cell_m / distance
     low_u, step_u, count_u = _grid(across_u.min(1), across_u.max(1), step, shift[0])
     low_v, step_v, count_v = _grid(across_v.min(1), across_v.max(1), step, shift[1])
-    return Launch(source, forward, u_axis, v_axis, low_u, low_v, step_u, step_v, count_u, count_v, plane)
+    return TubeGrid(source, forward, u_axis, v_axis, low_u, low_v, step_u, step_v, count_u, count_v, plane)
 
 
 _CUBE = np.array(
@@ -112,22 +110,22 @@ _CUBE = np.array(
 )
 
 
-def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: int = 6) -> list[Launch]:
-    """Tubes over the sphere as the faces of a cube in the sensor's frame.
+def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: int = 6) -> list[TubeGrid]:
+    """Tubes over the sphere, one grid per face of a cube in the sensor's frame.
 
-    The cells of neighbouring faces meet at the seams, and a hat reaches as far beyond a seam as its neighbour reaches back.
+    Cells of neighbouring faces meet at the seams, where their hats overlap symmetrically.
 
     Args:
         source: (F, 3) phase centres.
         rotation: (F, 3, 3) sensor-to-world rotations.
         rays: tubes per pose over six faces.
-        faces: 6 for the sphere, 5 to leave out the face behind the sensor.
+        faces: 6 for the whole sphere, 5 without the face behind the sensor.
     """
     cells = max(2, round(np.sqrt(rays / 6)))
     step = np.full(len(source), 2 / cells)
     low = np.full(len(source), -1 + 1 / cells)
-    launches = []
+    grids = []
     for axes in _CUBE[:faces]:
         forward, u_axis, v_axis = (np.einsum("fij,j->fi", rotation, axis) for axis in axes)
-        launches.append(Launch(source, forward, u_axis, v_axis, low, low, step, step, cells, cells))
-    return launches
+        grids.append(TubeGrid(source, forward, u_axis, v_axis, low, low, step, step, cells, cells))
+    return grids

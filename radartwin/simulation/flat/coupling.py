@@ -15,8 +15,8 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation.curved import tube_grid as launch_module
-from radartwin.simulation.curved import tubes
+from radartwin.simulation.curved import tube_grid, tubes
+from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import legs as legs_module
 from radartwin.simulation.flat.legs import DIRECT, SHARE, Legs
 from radartwin.simulation.flat.panel_room import PanelRoom
@@ -96,7 +96,7 @@ def group_paths(
             if part is None:
                 return None
             found.append(part)
-    hits = tubes.Hits.concatenate(found)
+    hits = Hits.concatenate(found)
     keep = np.ones(len(hits.pose), bool)
     if legs is not None:
         keep &= hits.bounce + legs.panels_met(out_leg[hits.pose]) + legs.panels_met(back_leg[hits.pose]) <= max_bounces
@@ -148,16 +148,14 @@ def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
     return Paths.concatenate([part, replace(there, departure=there.arrival, arrival=there.departure, **lengths)])
 
 
-def _traced(
-    built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int
-) -> tubes.Hits | None:
+def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int) -> Hits | None:
     """Hits of the chosen rows of legs out and back, by row; None where no planar grid holds the object."""
-    grid = launch_module.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
+    grid = tube_grid.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
     if grid is None:
         return None
-    antennas = [tubes.Antennas(end.place[rows], end.axis[rows]) for end in ends]
+    antennas = [Antennas(end.place[rows], end.axis[rows]) for end in ends]
     pieces = 3 if grid.per_pose <= FEW_TUBES else 1
-    hits = tubes.trace(built, table, grid, *antennas, max_bounces=max_bounces, prune=SCOUT_PRUNE, pieces=pieces)
+    hits = tubes.trace(built, table, grid, *antennas, TraceOptions(max_bounces, prune=SCOUT_PRUNE, pieces=pieces))
     return replace(hits, pose=rows[hits.pose])
 
 

@@ -15,7 +15,8 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import geometry as geometry_module
-from radartwin.simulation.curved import face_labels, tube_grid, tubes
+from radartwin.simulation.curved import tube_grid, tubes
+from radartwin.simulation.curved.hits import OTHER_LABEL, Antennas, TraceOptions, unpack_labels
 from radartwin.simulation.flat import images, panels
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
@@ -105,18 +106,19 @@ class PanelRoom:
             return found
         there = ~np.isin(self.geometry.surface, self.own)  # a thing does not hide its own middle
         geometry = self.geometry if there.all() else geometry_module.subset(self.geometry, there)
-        labels = np.where(self.rest | ~self.usable[self.panels.of_face], face_labels.OTHER, self.panels.of_face)[there]
-        transmit, receive = tubes.Antennas(sources, axes), tubes.Antennas(receivers, axes)
+        labels = np.where(self.rest | ~self.usable[self.panels.of_face], OTHER_LABEL, self.panels.of_face)[there]
+        transmit, receive = Antennas(sources, axes), Antennas(receivers, axes)
         rotation = np.broadcast_to(np.eye(3), (len(sources), 3, 3))
         envelope = self.table.envelope()
+        options = TraceOptions(longest, labels=labels, prune=share, hats=True)
         for grid in tube_grid.all_around(sources, rotation, rays):
-            hits = tubes.trace(geometry, envelope, grid, transmit, receive, max_bounces=longest, labels=labels, prune=share, hats=True)
+            hits = tubes.trace(geometry, envelope, grid, transmit, receive, options)
             order = np.lexsort((hits.sequence, hits.bounce, hits.pose))
             rows = [values[order] for values in (hits.pose, hits.bounce, hits.sequence)]
             first = np.logical_or.reduce([np.diff(values, prepend=~values[:1]) != 0 for values in rows])  # much faster than rows by unique
             for place, bounces, sequence in zip(*(values[first].tolist() for values in rows), strict=True):
-                chain = face_labels.unpack(sequence, bounces)
-                if face_labels.OTHER not in chain:
+                chain = unpack_labels(sequence, bounces)
+                if OTHER_LABEL not in chain:
                     found[place].add(chain)
         return found
 
