@@ -17,11 +17,19 @@ NAMES = (  # of the experiments, conf/experiment/NAME.yaml
     "positioning",
 )  # fmt: skip
 
+# Tables that take too long, by name: the profiles in which `radartwin tables` makes them only with --only.
+ON_REQUEST = {"gaps": ("quick",), "sensitivity": ("quick", "paper")}
+
 # Printed under every table that is scored against the testbed.
 TESTBED_NOTE = (
     "Scored against the testbed, a virtual measurement campaign that deliberately differs from the twin. The table tests the method and "
     "each named gap; it is not a measurement of reality."
 )
+
+
+def of_profile(profile: str) -> list[str]:
+    """The tables that `radartwin tables` makes in a profile without --only."""
+    return [name for name in NAMES if profile not in ON_REQUEST.get(name, ())]
 
 
 @functools.cache

@@ -1,10 +1,11 @@
 """The report: one folder that opens without network, OUTPUT/report/index.html.
 
-content   what is told of each table: rows, claims, figures, or why there is none
-origin    where it comes from: versions, machine, seeds, cost, MLflow runs
+content   rows, claims and figures of each table, or the reason why the table is absent
+origin    versions, machine, seeds, run times and MLflow runs behind the report
 gallery   pages that compare a measured picture with a simulated one
-rooms     the rooms in three dimensions
-markup    the page as text; everything that enters it is escaped there
+rooms     pages of the rooms in three dimensions
+claims    the summary of all claims
+markup    the page as text; it escapes everything that enters the page
 folder    the files of the page, whole or not at all
 page/     template, style and scripts
 """
@@ -17,13 +18,18 @@ from pathlib import Path
 from analysis.report import folder, gallery, markup, origin, rooms
 from analysis.report.content import FAILED, MISSING, STALE, Section
 
-__all__ = ["FAILED", "MISSING", "STALE", "Section", "write"]
+__all__ = ["FAILED", "MISSING", "STALE", "Section", "path", "write"]
+
+
+def path(output: Path) -> Path:
+    """Where the report's first page is."""
+    return output / "report" / folder.INDEX
 
 
 def write(sections: Sequence[Section], output: Path) -> Path:
-    """Write OUTPUT/report from what the output folder holds; the path of its index.html.
+    """Write OUTPUT/report from the tables and figures of the output folder; the path of its index.html.
 
-    The folder can be moved by itself. The same content gives the same bytes, and what an earlier report left is gone.
+    The report folder can be moved elsewhere. The same content gives the same bytes. Files of an earlier report are removed.
 
     Raises:
         MissingError: a file of a table is missing or damaged.
@@ -31,8 +37,8 @@ def write(sections: Sequence[Section], output: Path) -> Path:
     """
     with folder.staged(output / "report") as staged:
         for section in sections:
-            for part, path in section.files():
-                staged.take(path, part)
+            for part, file in section.files():
+                staged.take(file, part)
         compared, shown = gallery.write(sections, staged), rooms.write(staged)
-        come_from = origin.of(sections, output)
-        return staged.publish(lambda parts: markup.page(sections, compared, shown, come_from, parts))
+        made_from = origin.of(sections, output)
+        return staged.publish(lambda parts: markup.page(sections, compared, shown, made_from, parts))

@@ -1,4 +1,4 @@
-"""Where a report comes from: code, machine, and of each run its key, seed, cost and place in MLflow. Reads files alone."""
+"""Where a report comes from: code, machine, and the key, seed, run time and MLflow page of each run. Reads files only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.report.content import Section
-from experiments.speed.measuring import machine
+from experiments.speed.machine import machine
 from radartwin import __version__
 from radartwin.runs.commit import commit
 from radartwin.runs.dashboard import HOST, USUAL_PORT
@@ -24,12 +24,12 @@ _KEY = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the report; what its cache does not tell any more is None.
+    """One run of the report; a value that the cache does not hold any more is None.
 
     Attributes:
-        core_seconds: of its process, making what was not there included. made: products (recordings, scans) it names, by key, with the
-            core-seconds that each took when it was made, by this run or another.
-        mlflow: address of its page while `radartwin dashboard` runs, or "".
+        core_seconds: processor time of the run's process, with the products that it made.
+        made: core-seconds of the products (recordings, scans) that the run uses, by key; this run or another made them.
+        mlflow: address of the run's page while `radartwin dashboard` runs, or "".
     """
 
     section: Section
@@ -43,27 +43,27 @@ class Run:
 
 @dataclass(frozen=True)
 class Origin:
-    """Of the whole report. `written_by`: name and value of each line."""
+    """Origin of the whole report. `written_by`: name and value of each line. `tracking`: why no run is linked to MLflow, or ""."""
 
     written_by: list[tuple[str, str]]
     runs: list[Run]
-    tracking: str = ""  # why no run is linked to MLflow
+    tracking: str = ""
 
     @property
     def core_seconds(self) -> float:
-        """Of all runs."""
+        """Sum over all runs."""
         return sum(run.core_seconds or 0.0 for run in self.runs)
 
     @property
     def made(self) -> dict[str, float]:
-        """Products of all runs, each once."""
+        """Products of all runs; a product that several runs use appears once."""
         return {key: seconds for run in self.runs for key, seconds in run.made.items()}
 
 
 def of(sections: Sequence[Section], output: Path) -> Origin:
-    """What the output folder tells of the runs behind the sections."""
+    """The origin of a report of these sections, from the files of the output folder."""
     present = [section for section in sections if not section.absent]
-    pages, why = _pages(output / DATABASE)
+    pages, why = mlflow_pages(output)
     runs = [_run(section, output / "cache", pages.get(section.run_key, "")) for section in present]
     return Origin(_written_by(), runs, why)
 
@@ -95,7 +95,7 @@ def _run(section: Section, cache: Path, page: str) -> Run:
 
 
 def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
-    """Core-seconds of the products of these keys that the cache holds."""
+    """Core-seconds of the products with these keys, as far as the cache holds them."""
     kinds = sorted(one for one in cache.iterdir() if one.is_dir()) if cache.is_dir() else []
     found = {}
     for key in {key for key in keys if isinstance(key, str) and _KEY.fullmatch(key)}:
@@ -106,8 +106,9 @@ def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
     return found
 
 
-def _pages(database: Path) -> tuple[dict[str, str], str]:
-    """By run key, where MLflow shows the run; and why there is none."""
+def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
+    """MLflow pages of the finished runs by run key, and the reason if there are none."""
+    database = output / DATABASE
     if not database.is_file():
         return {}, f"There is no {database.name} in the output folder, so no run is linked to MLflow."
     query = (
@@ -124,7 +125,7 @@ def _pages(database: Path) -> tuple[dict[str, str], str]:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    """An object in a file; empty where there is none, as in a cache that was cleared."""
+    """The JSON object in a file; empty if the file is absent or damaged, for instance in a cleared cache."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

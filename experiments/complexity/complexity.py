@@ -21,7 +21,7 @@ import numpy as np
 from experiments.campaign.cases import Case, Log, log, stand_top
 from experiments.claims import NONE, Claim, row
 from experiments.complexity import figure, timing
-from experiments.speed import measuring
+from experiments.speed.machine import machine
 from experiments.statistics import Estimate
 from radartwin.adaptive import limits as limits_module
 from radartwin.adaptive.choice import Choice, choose
@@ -163,7 +163,7 @@ class Found:
 
 def identity() -> dict[str, Any]:
     """What a run's key holds beside configuration and source: timings are of one machine, limits of a file."""
-    return {"machine": measuring.machine(), "limits": path_digest(limits_module.SHIPPED)}
+    return {"machine": machine(), "limits": path_digest(limits_module.SHIPPED)}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

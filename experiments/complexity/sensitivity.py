@@ -24,7 +24,7 @@ from experiments.campaign.cases import Case
 from experiments.claims import row
 from experiments.recognition import corner_reflector_calibration
 from experiments.rover import rover_disentangle, rover_fidelity
-from experiments.speed import measuring
+from experiments.speed.machine import machine
 from experiments.statistics import Estimate
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape, turntable_size
 from radartwin.config.compose import compose
@@ -49,7 +49,6 @@ TABLE = Table(
     "of the feature's standard deviation over the finest twin's recordings of that motion. The coarse steps of quantities that "
     "drives reuse along a track are the same in the finest setting. Recording times exclude the set-up of the track; set-up "
     "times are given apart. The rows below give every main result of the fidelity tables and its change from the default.",
-    on_request=("quick", "paper"),
 )
 
 FIDELITY = (
@@ -107,7 +106,7 @@ class Twin:
 
 def identity() -> dict[str, Any]:
     """What a run's key holds beside configuration and source: how each fidelity table is configured, and the machine that was timed."""
-    return {"tables": {_name(module): semantic(_own(module)) for module in FIDELITY}, "machine": measuring.machine()}
+    return {"tables": {_name(module): semantic(_own(module)) for module in FIDELITY}, "machine": machine()}
 
 
 def _name(module: ModuleType) -> str:

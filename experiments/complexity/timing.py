@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.speed import measuring
+from experiments.speed.machine import machine
+from experiments.speed.measuring import clock
 from radartwin.adaptive.model import DEFAULT, Model
 from radartwin.adaptive.probe import Probe
 from radartwin.store import array_cache
@@ -39,7 +40,7 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
     many = probe_of(None, False)
     few = probe_of((many.frames + 1) // 2, False)
     ordered = sorted(set(models), key=lambda model: model.told)
-    spec: dict[str, Any] = {**few.described(), "families": None, "models": ordered, "rounds": rounds, "machine": measuring.machine()}
+    spec: dict[str, Any] = {**few.described(), "families": None, "models": ordered, "rounds": rounds, "machine": machine()}
 
     def build(folder: Path) -> None:
         first = probe_of(FIRST, False)
@@ -64,9 +65,9 @@ def _once(few: Probe, many: Probe, model: Model) -> float:
 
 
 def _clocked(probe: Probe, model: Model) -> float:
-    began = measuring.clock()
+    began = clock()
     probe.record(model)
-    return measuring.clock() - began
+    return clock() - began
 
 
 def ratio(one: Sequence[float], other: Sequence[float]) -> float:

@@ -48,7 +48,6 @@ TABLE = Table(
     "given in the target gate and from half a metre beyond it. The geometry gap changes the twin; all other gaps change the "
     "testbed. The cases are three objects on the lab's turntable and one drive in the squash court. Intervals are bootstraps "
     "over objects.",
-    on_request=("quick",),
 )
 
 NONE_DB = -80.0  # of the figure: what is less is none

@@ -1,6 +1,6 @@
 """Write the shipped text anchors again after a description in the catalogue changes (needs the `text` extra).
 
-    python -m experiments.generators.anchors
+python -m experiments.generators.anchors
 """
 
 from __future__ import annotations

@@ -10,9 +10,7 @@ stands beside them, and in their place where rays are traced on a GPU.
 from __future__ import annotations
 
 import gc
-import importlib.metadata
 import os
-import platform
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -26,31 +24,8 @@ from experiments.speed.methods import OURS, Method, counted_rays, published_seco
 from experiments.speed.problems import RADAR, Problem
 from radartwin.simulation import variant
 from radartwin.store import array_cache
-from radartwin.store.digest import spec_digest
 
 ASIDE_M = 1e-6  # of a radar from one call to the next, where nothing may be kept
-
-
-def machine() -> dict[str, str]:
-    """What timings are of."""
-    versions = {name: importlib.metadata.version(name) for name in ("numpy", "mitsuba", "drjit")}
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30 if hasattr(os, "sysconf") else 0.0
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return {
-        "processor": _processor(), "cores": f"{cores} cores", "memory": f"{memory:.0f} GiB",
-        "system": f"{platform.system()} {platform.machine()}", "python": f"Python {platform.python_version()}",
-        "packages": ", ".join(f"{name} {version}" for name, version in versions.items()),
-    }  # fmt: skip
-
-
-def machine_digest() -> str:
-    return spec_digest(machine())[:8]
-
-
-def _processor() -> str:
-    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").is_file() else []
-    named = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return named[0] if named else platform.processor() or platform.machine()
 
 
 class Peak:

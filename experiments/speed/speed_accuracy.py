@@ -18,6 +18,7 @@ import numpy as np
 
 from experiments import claims
 from experiments.speed import campaign_methods, chart_page, measuring
+from experiments.speed.machine import machine
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS, of_problem
 from experiments.speed.pareto import front, shortfall
 from experiments.speed.problems import Problem, problems
@@ -64,7 +65,7 @@ QUICK, PAPER = (2, 0.2, 1.0), (2, 2.0, 8.0)
 
 def identity() -> dict[str, Any]:
     """What a run's key holds beside configuration and source: timings are of one machine."""
-    return {"machine": measuring.machine()}
+    return {"machine": machine()}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -79,8 +80,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         keys.append(product.key)
     told = campaign_methods.measure(config, store, progress, full)
     keys += [key for one in told for key in one["keys"]]
-    rows = table(measured, measuring.machine(), {problem.name: problem for problem in problems(full)})
-    rows += campaign_rows(told, measuring.machine(), config.measured.provider)
+    rows = table(measured, machine(), {problem.name: problem for problem in problems(full)})
+    rows += campaign_rows(told, machine(), config.measured.provider)
     metrics = {
         f"{row['problem']} {row['metric']}".replace(",", ""): float(row["value"])
         for row in rows

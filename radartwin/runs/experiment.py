@@ -70,14 +70,12 @@ class Table:
     Attributes:
         name: of the experiment (conf/experiment/NAME.yaml) and of the table's files.
         chart: (rows) -> an HTML page, the interactive chart beside the figures.
-        on_request: profiles in which `radartwin tables` makes this table only with --only, because it takes too long.
     """
 
     name: str
     title: str
     caption: str
     chart: Callable[[list[dict[str, Any]]], str] | None = None
-    on_request: tuple[str, ...] = ()
 
 
 class Model(Protocol):

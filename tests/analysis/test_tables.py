@@ -10,9 +10,11 @@ from typing import Any
 
 import pytest
 
-from analysis import main, registry, tables
+from analysis import index, main, registry, tables
+from radartwin.config.study import TrackingConfig
 from radartwin.errors import ConfigError, InputError, MissingError
-from radartwin.runs.experiment import Table, check_rows
+from radartwin.runs.experiment import Result, Table, check_rows
+from radartwin.runs.tracking import Tracker
 
 SCORE = ["metric", "paper", "value", "low", "high", "n", "domain", "verdict"]
 TABLE = Table("environment", "The room & the signal", "Correlation at 50 % of_all.")
@@ -112,11 +114,23 @@ def test_the_caption_owns_up_to_a_virtual_measurement() -> None:
     assert tables.caption(TABLE, [row(domain="recordings")]) == TABLE.caption
 
 
-def test_a_table_written_by_this_source_is_not_stale_and_one_of_another_configuration_is(tmp_path: Path) -> None:
-    now = main._current("validation", "quick", tmp_path)
-    assert len(now) == 32
-    assert main._current("validation", "paper", tmp_path) not in ("", now)
-    assert main._current("validation", "no_such_profile", tmp_path) == ""
+@pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
+def test_a_table_is_unchanged_until_profile_files_or_its_tracked_run_change(tmp_path: Path) -> None:
+    result = Result("environment", [row()], {}, run_key="a" * 32)
+    main.write(TABLE, result, "quick", tmp_path)
+    assert not index.unchanged(tmp_path, "environment", "quick"), "no tracking store holds the run"
+    with Tracker(TrackingConfig(), tmp_path).run("environment", "a" * 32, "environment", {}):
+        pass
+    assert index.unchanged(tmp_path, "environment", "quick")
+    assert not index.unchanged(tmp_path, "environment", "paper")
+    (tmp_path / "tables" / "environment.csv").write_text("touched")
+    assert not index.unchanged(tmp_path, "environment", "quick")
+    main.write(TABLE, result, "quick", tmp_path)
+    index.add_failure(tmp_path, "environment", "b" * 32, "quick", ValueError("no"))
+    assert not index.unchanged(tmp_path, "environment", "quick")
+    main.write(TABLE, result, "quick", tmp_path)
+    (tmp_path / "tables" / "environment.tex").unlink()
+    assert not index.unchanged(tmp_path, "environment", "quick")
 
 
 @pytest.mark.parametrize(

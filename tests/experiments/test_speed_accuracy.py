@@ -193,7 +193,7 @@ def test_a_run_is_of_its_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     config = compose(["experiment=speed_accuracy"])
     here = run_key(config)
     assert run_key(config) == here
-    monkeypatch.setattr(measuring, "machine", lambda: {"processor": "another"})
+    monkeypatch.setattr(speed_accuracy, "machine", lambda: {"processor": "another"})
     assert run_key(config) != here
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from disks import Disk
 
-from analysis import main, registry
+from analysis import index, main, registry
 from radartwin.errors import OutputError
 from radartwin.plotting import style
 from radartwin.runs.experiment import Result
@@ -109,14 +109,14 @@ ROW = {
 
 
 def test_two_that_write_tables_at_once_lose_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    read = main._listed
+    read = index.read
 
-    def slowly(output: Path, name: str, form: dict[str, type]) -> dict[str, dict]:
-        index = read(output, name, form)
+    def slowly(output: Path, name: str) -> index.Entries:
+        entries = read(output, name)
         time.sleep(0.2)  # the other has time to write what would be lost
-        return index
+        return entries
 
-    monkeypatch.setattr(main, "_listed", slowly)
+    monkeypatch.setattr(index, "read", slowly)
     names = ["backend_crosscheck", "stability", "validation"]
     tables = [registry.table(name) for name in names]
     with ThreadPoolExecutor(len(tables)) as pool:

@@ -1,0 +1,142 @@
+"""What the tables folder says of its tables: the run behind each one, runs that failed, and whether a table still has to be made.
+
+tables/index.json      by table: run key, profile and figures of the written files
+tables/failures.json   by table: the run that ended with an error, until a run succeeds
+tables/stamps.json     by table: SHA-256 of all that the written files depend on, and of these files
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import re
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import radartwin
+from analysis.report.origin import mlflow_pages
+from analysis.tables import FORMATS
+from experiments.speed.machine import machine
+from radartwin.config.compose import conf_dir
+from radartwin.errors import InputError
+from radartwin.io import files, secret, untrusted_json
+from radartwin.plotting.style import SUFFIXES
+from radartwin.runs.commit import commit
+
+Entries = dict[str, dict[str, Any]]
+INDEX, FAILURES, STAMPS, LOCK = "index.json", "failures.json", "stamps.json", "index.lock"
+FORMS = {
+    INDEX: {"run_key": str, "profile": str, "figures": list},
+    FAILURES: {"run_key": str, "profile": str, "error": str},
+}
+ERROR_LENGTH = 500
+_FIGURE = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")  # the name of a file in the figures folder, never a path
+
+
+def lock(output: Path) -> AbstractContextManager[None]:
+    """Held while index, failures or report are read and written, because another `radartwin tables` may use the same output."""
+    return files.lock(output / "tables" / LOCK)
+
+
+def read(output: Path, name: str) -> Entries:
+    """The entries of INDEX or FAILURES by table; none if the file does not exist.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    path = output / "tables" / name
+    if not path.is_file():
+        return {}
+    try:
+        entries = untrusted_json.read(path)
+        if not all({key: type(value) for key, value in entry.items()} == FORMS[name] for entry in entries.values()):
+            raise ValueError("an entry is not of the expected form")
+        if not all(isinstance(one, str) and _FIGURE.fullmatch(one) for entry in entries.values() for one in entry.get("figures", ())):
+            raise ValueError("a figure's name is not that of a file")
+    except (ValueError, AttributeError, TypeError) as error:
+        raise InputError(f"{path} is damaged ({str(error).splitlines()[0]}); delete it and run radartwin tables again") from error
+    return entries
+
+
+def add_table(output: Path, table: str, run_key: str, profile: str, figures: list[str]) -> None:
+    """Enter a table whose files are written, and remove its failure."""
+    with lock(output):
+        entries, failures, stamps = read(output, INDEX), read(output, FAILURES), _stamps(output)
+        entries[table] = {"run_key": run_key, "profile": profile, "figures": figures}
+        stamps[table] = _stamp(output, table, entries[table])
+        _write(output, INDEX, entries)
+        _write(output, STAMPS, stamps)
+        if failures.pop(table, None):
+            _write(output, FAILURES, failures)
+
+
+def add_failure(output: Path, table: str, run_key: str, profile: str, error: Exception) -> None:
+    """Enter a run that ended with an error: its kind and message, as one line without secrets."""
+    message = " ".join(secret.hidden(f"{type(error).__name__}: {error}").split())[:ERROR_LENGTH]
+    with lock(output):
+        _write(output, FAILURES, read(output, FAILURES) | {table: {"run_key": run_key, "profile": profile, "error": message}})
+
+
+def add_report(output: Path) -> None:
+    """Enter a report that is written. The caller holds the lock."""
+    _write(output, STAMPS, _stamps(output) | {"report": _report_stamp(output)})
+
+
+def unchanged(output: Path, table: str, profile: str) -> bool:
+    """Whether nothing has changed since a table was written in this profile: code, configuration, machine, its files, its tracked run."""
+    entry = read(output, INDEX).get(table)
+    if entry is None or entry["profile"] != profile or table in read(output, FAILURES) or entry["run_key"] not in mlflow_pages(output)[0]:
+        return False
+    return _stamps(output).get(table, "") == _stamp(output, table, entry) != ""
+
+
+def report_unchanged(output: Path) -> bool:
+    """Whether nothing has changed since the report was written: code, machine, tables, tracked runs, and the report's own files."""
+    return _stamps(output).get("report", "") == _report_stamp(output)
+
+
+def _stamps(output: Path) -> dict[str, str]:
+    """By table; none if the file is absent or damaged, because then the tables are only made again."""
+    try:
+        stamps = untrusted_json.read(output / "tables" / STAMPS)
+    except (OSError, ValueError):
+        return {}
+    return stamps if isinstance(stamps, dict) else {}
+
+
+def _stamp(output: Path, table: str, entry: dict[str, Any]) -> str:
+    """SHA-256 of code, configuration, machine, the table's entry and its files; "" if a file is missing."""
+    paths = [output / "tables" / f"{table}.{suffix}" for suffix in FORMATS]
+    paths += [output / "figures" / f"{figure}{suffix}" for figure in entry["figures"] for suffix in SUFFIXES]
+    paths += (output / "figures").glob(f"{table}_page.html")
+    return _digest(entry, paths) if all(path.is_file() for path in paths) else ""
+
+
+def _report_stamp(output: Path) -> str:
+    content = [read(output, INDEX), read(output, FAILURES), mlflow_pages(output), commit()]
+    return _digest(content, sorted(path for path in (output / "report").rglob("*") if path.is_file()))
+
+
+def _digest(content: Any, paths: Iterable[Path]) -> str:
+    """SHA-256 of code, configuration, machine, `content`, and the names and content of files."""
+    found = [(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths]
+    return hashlib.sha256(json.dumps([sources(), machine(), content, found], sort_keys=True).encode()).hexdigest()
+
+
+@functools.cache
+def sources() -> str:
+    """SHA-256 of the code and configuration that tables and report are made with."""
+    study = Path(__file__).resolve().parents[1]
+    total = hashlib.sha256()
+    for folder in (conf_dir(), Path(radartwin.__file__).parent, study / "experiments", study / "analysis"):
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                total.update(f"{path.relative_to(folder)} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return total.hexdigest()
+
+
+def _write(output: Path, name: str, content: dict[str, Any]) -> None:
+    files.write_atomically(output / "tables" / name, json.dumps(content, indent=1) + "\n")

@@ -1,0 +1,29 @@
+"""The machine that timings belong to."""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import os
+import platform
+from pathlib import Path
+
+
+@functools.cache
+def machine() -> dict[str, str]:
+    """Processor, memory, operating system and the versions that decide run times, as text by name."""
+    versions = {name: importlib.metadata.version(name) for name in ("numpy", "mitsuba", "drjit")}
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30 if hasattr(os, "sysconf") else 0.0
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return {
+        "processor": processor(), "cores": f"{cores} cores", "memory": f"{memory:.0f} GiB",
+        "system": f"{platform.system()} {platform.machine()}", "python": f"Python {platform.python_version()}",
+        "packages": ", ".join(f"{name} {version}" for name, version in versions.items()),
+    }  # fmt: skip
+
+
+def processor() -> str:
+    """Name of the processor."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").is_file() else []
+    named = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor() or platform.machine()
