@@ -304,17 +304,21 @@ def _process(options: argparse.Namespace) -> int:
     from radartwin.build.recording import named_radar
     from radartwin.io import files
     from radartwin.radar.captures import capture_name
-    from radartwin.radar.inspect import PEAKS_FILE, inspect
-    from radartwin.radar.maps import Chain
+    from radartwin.radar.power_maps import FftSettings
+    from radartwin.radar.process_capture import PEAKS_FILE, process_capture
 
     out = options.out or options.output / "processed" / capture_name(options.recording)
     files.sweep(files.check_folder(out))
     radar = named_radar(options.radar) if options.radar else None
-    peaks = inspect(options.recording, out, radar, iq_swapped=options.iq_swapped, chain=Chain(static_removed=options.moving))
+    settings = FftSettings(static_removed=options.moving)
+    peaks = process_capture(options.recording, out, radar, iq_swapped=options.iq_swapped, settings=settings)
     digits = {"range_m": 3, "doppler_mps": 3, "azimuth_deg": 1, "power_db": 1}
     print(" ".join(digits))
     for peak in peaks.itertuples(index=False):
-        print(*(f"{value:>{len(name)}.{digits[name]}f}" for name, value in zip(digits, peak, strict=True)))
+        cells = ("" if value != value else f"{value:.{places}f}" for value, places in zip(peak, digits.values(), strict=True))
+        print(*(cell.rjust(len(name)) for cell, name in zip(cells, digits, strict=True)))
+    if len(peaks) and peaks["doppler_mps"].isna().all():
+        print("radartwin: a frame has one chirp, from which no speed can be measured; doppler_mps is empty", file=sys.stderr)
     print(f"{len(peaks)} peaks; pictures and {PEAKS_FILE} in {out}", file=sys.stderr)
     return 0
 

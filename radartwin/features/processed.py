@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io import files
 from radartwin.radar.chirp import Radar
-from radartwin.radar.processing import azimuth_row, doppler_fft, range_fft, velocity_axis, window
-from radartwin.radar.recording import Recording, read_json
+from radartwin.radar.description_files import read_json
+from radartwin.radar.processing import azimuth_row, doppler_fft, range_fft, velocity_axis, window_weights
+from radartwin.radar.recording import Recording
 
 MAX_RANGE_M = 6.0
 LEAST_CHIRPS = 8  # with fewer, the farthest Doppler bin is too near to rest to hold noise alone
@@ -140,7 +141,7 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
         RecordingError: samples that are NaN or infinite.
     """
     radar, row = recording.radar, azimuth_row(recording.radar)
-    taps = window("hann", radar.num_chirps)
+    taps = window_weights("hann", radar.num_chirps)
     fastest = (taps * (-1.0) ** np.arange(radar.num_chirps)).astype(np.float32)  # Doppler at the speed where it folds
     power, channels, cubes, noise = [], [], [], []
     range_m = np.zeros(0)

@@ -14,7 +14,7 @@ NEAR_M, FAR_M = 0.3, 5.5  # where profiles are compared: beyond the antenna coup
 GATE_BINS = 3  # target gate, range bins to either side
 
 
-def range_time(recording: Recording, taper: str = "hann") -> tuple[np.ndarray, np.ndarray]:
+def range_time(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     """Power per frame and range bin.
 
     Returns:
@@ -23,7 +23,7 @@ def range_time(recording: Recording, taper: str = "hann") -> tuple[np.ndarray, n
     power = []
     axis = np.zeros(0)
     for block in recording.frame_blocks():
-        spectrum, axis = range_fft(recording.iq[block].mean(axis=1), recording.radar, taper=taper)
+        spectrum, axis = range_fft(recording.iq[block].mean(axis=1), recording.radar)
         power.append((np.abs(spectrum) ** 2).mean(axis=(1, 2)))
     return np.concatenate(power), axis
 

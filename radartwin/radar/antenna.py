@@ -4,10 +4,10 @@ Reference: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B), antenna sec
 76 to 81 GHz; one-way beamwidths in azimuth +-28 degrees (3 dB) and +-50 degrees (6 dB), in elevation +-14 degrees
 (3 dB) and +-20 degrees (6 dB).
 
-The fit is separable: with psi the azimuth atan2(y, x) or the elevation asin(z), each plane loses the hyperbola
-a (sqrt(1 + (s/b)^2) - 1) dB in s = 2 sin(psi/2), through the two published points: smooth, quadratic on boresight. The
-board's ground plane takes the gain to zero at and behind its plane through the factor 1 - (1 - cos psi)^16 on the
-azimuth cut, which is under 0.01 dB inside 50 degrees.
+The pattern is the product of an azimuth and an elevation cut. With psi the azimuth atan2(y, x) or the elevation
+asin(z), each cut loses a (sqrt(1 + (s/b)^2) - 1) dB, s = 2 sin(psi/2). This hyperbola passes through both published
+points, is smooth, and is quadratic on boresight. The ground plane of the board takes the gain to zero at and behind the
+board through the factor 1 - (1 - cos psi)^16 on the azimuth cut, which costs under 0.01 dB inside 50 degrees.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
     x, y, z = np.moveaxis(directions, -1, 0)
     across = x * x + y * y
     length = np.sqrt(across + z * z)
-    # cosines of azimuth and elevation; a vector straight up has no azimuth and lies in the board's plane
+    # Cosines of azimuth and elevation. A vector straight up has no azimuth and lies in the plane of the board.
     azimuth = np.divide(x, np.sqrt(across), out=np.zeros_like(x), where=across > 0)
     elevation = np.divide(np.sqrt(across), length, out=np.zeros_like(x), where=length > 0)
     loss_db = _loss_db(azimuth, *_AZIMUTH_DEG) + _loss_db(elevation, *_ELEVATION_DEG)
@@ -58,9 +58,9 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
 
 
 def _loss_db(cosine: NDArray[np.float64], half_power_deg: float, quarter_power_deg: float) -> NDArray[np.float64]:
-    """Power loss that is 3 dB at the first angle and 6 dB at the second, which is less than twice as far, by the angle's cosine."""
+    """Power loss in dB over the cosine of an angle: 3 dB at the first angle and 6 dB at the second, less than twice as large."""
     near, far = (2 * (1 - np.cos(np.radians(degrees))) for degrees in (half_power_deg, quarter_power_deg))  # (2 sin(psi/2))^2
-    # The hyperbola doubles from near to far where sqrt(1 + near/b^2) = k / (4 - k), with k = far/near.
+    # The loss doubles from near to far if sqrt(1 + near/b^2) = k / (4 - k), with k = far/near.
     ratio = far / near
     at_near = ratio / (4 - ratio)
     return 3.0 * (np.sqrt(1 + (at_near**2 - 1) * 2 / near * (1 - cosine)) - 1) / (at_near - 1)

@@ -1,14 +1,14 @@
-"""Where the antennas sit on the evaluation boards, and which element pattern they carry.
+"""Antenna positions on the evaluation boards, and the element pattern of each board.
 
 References: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B) and IWR6843ISK in the mmWave EVM user's guide
 (TI SWRU546): receivers half a wavelength apart, transmitters one wavelength apart in azimuth, TX2 raised by half a
-wavelength, so that TX1 and TX3 with four receivers make eight half-wavelength channels in azimuth.
+wavelength. TX1 and TX3 with four receivers therefore form eight half-wavelength channels in azimuth.
 xWR1642BOOST user's guide (TI SWRU521): two transmitters two wavelengths apart.
 
-Channels run towards +y: the mmWave SDK demo takes a phase that grows with the channel number for a target on its
-right. The guides give the spacings within the two groups but not the distance between the groups, which stand side by
-side a few wavelengths apart; both are centred at the origin of the sensor frame here. At 0.5 m that shortens the
-two-way path by about 0.1 mm, nearly alike on all channels.
+Channels run towards +y, because in the mmWave SDK demo the phase grows with the channel number for a target on the
+right. The guides do not give the distance between the transmitter group and the receiver group, which lie side by side
+a few wavelengths apart. Here both groups are centred at the origin of the sensor frame. At 0.5 m this shortens the
+two-way path by about 0.1 mm, nearly the same on all channels.
 """
 
 from __future__ import annotations
@@ -46,7 +46,4 @@ _THREE_TX = ((0.0, 0.0), (1.0, 0.5), (2.0, 0.0))
 
 IWR1843BOOST = _board("iwr1843boost", 77e9, _THREE_TX, "iwr1843")
 IWR1642BOOST = _board("iwr1642boost", 77e9, ((0.0, 0.0), (2.0, 0.0)), "iwr1843")
-# No pattern of the 60 GHz antennas is modelled; recordings need none.
-IWR6843ISK = _board("iwr6843isk", 62e9, _THREE_TX, "isotropic")
-
-BOARDS = {board.name: board for board in (IWR1843BOOST, IWR1642BOOST, IWR6843ISK)}
+IWR6843ISK = _board("iwr6843isk", 62e9, _THREE_TX, "isotropic")  # no pattern of the 60 GHz antennas is modelled

@@ -1,9 +1,9 @@
-"""Captures from elsewhere as recordings: mmWave Studio .bin with its .mmwave.json, and .npy cubes.
+"""Reads captures of other tools as recordings: mmWave Studio .bin with its .mmwave.json, and .npy cubes.
 
-A foreign capture has no amplitude calibration, so its iq is in ADC counts and its scale is 1. Which of I and Q comes
-first is read off the data where the caller does not say. Echoes cannot tell, since with complex sampling they may fill
-the whole band; the receive filter can: it passes beat frequencies from 0 to 0.9 fs (complex 1x mode), so the noise is
-lower just below fs, that is just below zero. With I and Q exchanged the spectrum is mirrored.
+A foreign capture has no amplitude calibration, so its iq is in ADC counts and its scale is 1. Unless the caller states
+whether I or Q comes first, the order follows from the receive filter: the filter passes beat frequencies from 0 to
+0.9 fs (complex 1x mode), so the noise is lower just below fs, which is just below zero. Exchanging I and Q mirrors the
+spectrum. The echoes do not show the order, because with complex sampling they may fill the whole band.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io import files
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
-from radartwin.radar.description import read_radar
 from radartwin.radar.recording import Recording, read_counts, recording_files
 
-EDGE_DB = 2.0  # see band_edge_db
+EDGE_DB = 2.0  # real captures have 2.7 to 9.9 dB, see band_edge_db
 
 
 def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, iq_swapped: bool | None = None) -> Recording:
     """Read a recording of this package, a mmWave Studio capture or a .npy cube.
 
     Args:
-        path: our recording (stem, .bin or .json); a raw .bin with one .mmwave.json in its folder; or a .npy
+        path: a recording (stem, .bin or .json); a raw .bin with one .mmwave.json in its folder; or a .npy
             cube shaped [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
             [frame, chirp, tx, rx, sample], channels transmitter-major.
-        radar: a Radar or the path of its file. Needed for .npy; where given for a .bin it replaces the file beside it.
-        iq_swapped: Q before I in a foreign capture; None reads it off the data. Our own recordings say it themselves.
+        radar: a Radar or the path of its file. A .npy needs it; for a .bin it replaces the file beside it.
+        iq_swapped: whether Q comes before I in a foreign capture; None decides from the data. Recordings of this
+            package store the order.
     Raises:
         MissingError: the capture or its radar description is missing.
-        RecordingError: sizes that do not fit the radar.
+        RecordingError: the size of the capture does not fit the radar.
     """
     path = Path(path)
     if radar is not None and not isinstance(radar, Radar):
@@ -49,13 +49,12 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
     if not bin_path.is_file():
         raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
     if radar is None:
-        radar = read_radar(description_beside(bin_path))
-    counts = read_counts(bin_path, radar)
-    return from_counts(bin_path, counts, radar, iq_swapped)
+        radar = Radar.from_file(description_beside(bin_path))
+    return from_counts(bin_path, read_counts(bin_path, radar), radar, iq_swapped)
 
 
 def capture_name(path: str | Path) -> str:
-    """What a capture is called: its file name without .bin, .json or .npy. Raises RecordingError for a path without a name."""
+    """The file name of a capture without .bin, .json or .npy. Raises RecordingError for a path without a name."""
     path = Path(path)
     return path.stem if path.suffix == ".npy" else recording_files(path)[0].stem
 
@@ -63,8 +62,8 @@ def capture_name(path: str | Path) -> str:
 def band_edge_db(iq: NDArray[np.complexfloating]) -> float:
     """Noise just above zero beat frequency over noise just below it, in decibels.
 
-    Positive where I comes first, negative where Q does, about zero for a receiver without a filter, and zero for fewer
-    than eight chirps, where noise cannot be told from echoes. Real captures give 2.7 to 9.9 dB.
+    The result is positive if I comes first, negative if Q comes first, and about zero for a receiver without a filter.
+    It is zero for fewer than eight chirps, because noise and echoes cannot be separated then.
 
     Args:
         iq: one frame, (chirp, tx, rx, sample).
@@ -80,43 +79,46 @@ def band_edge_db(iq: NDArray[np.complexfloating]) -> float:
 
 
 def from_counts(path: Path, iq: NDArray[np.complex64], radar: Radar, iq_swapped: bool | None) -> Recording:
-    """A recording in counts from samples read with I first, conjugated where Q came first."""
+    """A recording in counts from samples that were read with I first.
+
+    Args:
+        path: the source, for the provenance.
+        iq_swapped: whether the source has Q first; None decides from the data.
+    """
     edge = 0.0 if radar.real_sampling else band_edge_db(iq[0])
     if iq_swapped is None:
         iq_swapped = edge < -EDGE_DB
     if iq_swapped:
-        # Reading Q + jI as I + jQ gives j conj(I + jQ); undo it exactly.
+        # Reading Q + jI as I + jQ gives j conj(I + jQ); this undoes it exactly.
         iq = 1j * iq.conj()
     provenance: dict[str, Any] = {"source": path.name, "unit": "counts", "band_edge_db": round(edge, 1)}
     return Recording(iq, radar, scale=1.0, iq_swapped=bool(iq_swapped), provenance=provenance)
 
 
 def description_beside(path: Path) -> Path:
-    """The mmWave Studio description of a .bin: the only one in its folder, or the one of its name. Raises MissingError for none."""
+    """The .mmwave.json of a .bin: the only one in its folder, or the one with the same name. Raises MissingError."""
     found = sorted(path.parent.glob("*.mmwave.json"))
-    if len(found) == 1:
-        return found[0]
     same = [p for p in found if p.name.removesuffix(".mmwave.json") == path.stem]
-    if same:
-        return same[0]
+    if len(found) == 1 or same:
+        return (same or found)[0]
     if found:
-        raise MissingError(f"{path}: {len(found)} .mmwave.json lie beside it; say which is its radar")
-    raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json lies beside it; give the radar file")
+        raise MissingError(f"{path}: {len(found)} .mmwave.json files are beside it; give the file of its radar")
+    raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json is beside it; give the radar file")
 
 
 def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Recording:
     if not path.is_file():
         raise MissingError(f"{path}: no such file")
     if radar is None:
-        raise RecordingError(f"{path}: a .npy cube does not say its radar; give a .cfg, .mmwave.json or .yaml")
+        raise RecordingError(f"{path}: a .npy cube does not name its radar; give a .cfg, .mmwave.json or .yaml")
     try:
         cube = files.read_array(path)
     except (InputError, OSError) as error:
         raise RecordingError(f"{error}; give a .npy cube of complex samples") from error
     if not np.iscomplexobj(cube):
-        raise RecordingError(f"{path}: complex samples are expected, not {cube.dtype}")
+        raise RecordingError(f"{path}: expected complex samples, not {cube.dtype}")
     if cube.ndim == 2:
-        # One channel: keep the time between its chirps, drop the others.
+        # The cube has one channel; the time between its chirps stays that of the full array.
         radar = replace(
             radar,
             tx_positions_m=radar.tx_positions_m[:1],
@@ -130,12 +132,12 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
             f"{path}: shape {cube.shape} does not fit radar {radar.name}, whose frames are (chirp, tx, rx, sample) = {shape}"
         )
     if frames < 1:
-        raise RecordingError(f"{path}: it has zero frames")
+        raise RecordingError(f"{path}: it has zero frames; record again")
     return from_counts(path, _signed(cube).reshape(frames, *shape), radar, iq_swapped)
 
 
 def _signed(cube: NDArray[np.complexfloating]) -> NDArray[np.complex64]:
-    """Real and imaginary parts that were stored as unsigned 16-bit counts, reinterpreted as signed."""
+    """The cube with unsigned 16-bit counts reinterpreted as signed counts, if all its parts are such counts."""
     parts = np.stack([cube.real, cube.imag])
     if parts.min() >= 0 and 32767 < parts.max() <= 65535 and np.array_equal(parts, np.rint(parts)):
         parts = parts.astype(np.uint16).view(np.int16)

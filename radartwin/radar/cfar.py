@@ -5,8 +5,8 @@ Y -> the estimate of the noise power. A cell is detected where its power exceeds
 
 A mean of K looks of exponentially distributed noise power is gamma distributed. CA-CFAR then compares two gamma
 variables, whose ratio is F(2K, 2KN) distributed; K = 1 gives the textbook alpha = N (P_fa^(-1/N) - 1). OS-CFAR
-integrates over the distribution of its order statistic. Tapers correlate neighbouring cells, which makes the true rate
-somewhat higher than asked.
+integrates over the distribution of its order statistic. A window correlates neighbouring cells, so the true false-alarm
+rate is slightly higher than P_fa.
 
 References: H. Rohling, Radar CFAR thresholding in clutter and multiple target situations, IEEE Trans. AES-19 (1983);
 M. Richards, Fundamentals of Radar Signal Processing, 2nd ed., ch. 6.
@@ -47,7 +47,7 @@ def os_factor(training: int, rank: int, false_alarm: float, looks: int = 1) -> f
     _check_rate(false_alarm, looks)
     if not 1 <= rank <= training:
         raise InputError(f"OS-CFAR: rank {rank} must be from 1 to the {training} training cells")
-    # Midpoints of equal probability under the order statistic's own distribution; a smooth integrand, so few suffice.
+    # Midpoints of equal probability of the order statistic. The integrand is smooth, so 4000 suffice.
     levels = beta(rank, training - rank + 1).ppf((np.arange(4000) + 0.5) / 4000)
     noise = gamma(looks, scale=1 / looks).ppf(levels)
     cell = gamma(looks, scale=1 / looks)
@@ -66,22 +66,22 @@ def ca_cfar(
     training: Cells,
     false_alarm: float = 1e-5,
     looks: int = 1,
-    least_factor: float = 0.0,
+    min_factor: float = 0.0,
     wrap: tuple[bool, ...] = (),
 ) -> tuple[NDArray[np.bool_], Real]:
     """Cell-averaging CFAR.
 
     Args:
         power: linear power, one or more dimensions.
-        guard: cells left out on each side of the cell under test, per axis or one for all.
-        training: cells averaged beyond them on each side, per axis or one for all.
+        guard: cells ignored on each side of the cell under test, per axis or one number for all axes.
+        training: cells averaged beyond the guard cells on each side, per axis or one number for all axes.
         looks: independent looks averaged in each cell.
-        least_factor: the threshold is at least this times the noise, for when many looks would take it close to 1.
-        wrap: per axis, whether it is circular (Doppler is, range is not: it is continued by reflection).
+        min_factor: lower limit of threshold over noise, because many looks bring this factor close to 1.
+        wrap: per axis, whether it is circular; other axes are continued by reflection.
     Returns:
         detections and threshold, both of the shape of power.
     Raises:
-        InputError: windows that do not fit, a rate outside (0, 1).
+        InputError: the window does not fit the map, or the rate is outside (0, 1).
 
     >>> noise = np.random.default_rng(0).exponential(size=4096)
     >>> hits, _ = ca_cfar(noise, guard=2, training=16, false_alarm=1e-2)
@@ -96,9 +96,9 @@ def ca_cfar(
         total = uniform_filter1d(total, 2 * o + 1, axis=axis, mode=mode) * (2 * o + 1)
         inner = uniform_filter1d(inner, 2 * g + 1, axis=axis, mode=mode) * (2 * g + 1)
     cells = _training_cells(guards, outer)
-    # Differences of running sums may fall below zero by rounding beside a strong cell.
+    # Beside a strong cell, rounding may bring the difference of the running sums below zero.
     noise = np.maximum(total - inner, 0.0) / cells
-    threshold = max(ca_factor(cells, false_alarm, looks), least_factor) * noise
+    threshold = max(ca_factor(cells, false_alarm, looks), min_factor) * noise
     return power > threshold, threshold
 
 
@@ -109,15 +109,15 @@ def os_cfar(
     training: Cells,
     false_alarm: float = 1e-5,
     looks: int = 1,
-    least_factor: float = 0.0,
+    min_factor: float = 0.0,
     quantile: float = 0.75,
     wrap: tuple[bool, ...] = (),
 ) -> tuple[NDArray[np.bool_], Real]:
-    """Ordered-statistic CFAR, which neighbouring targets do not mask.
+    """Ordered-statistic CFAR, in which neighbouring targets do not mask each other.
 
     Args:
-        quantile: which training cell stands for the noise, as a share from the smallest (Rohling: 3/4).
-    Otherwise, and what it returns and raises, as ca_cfar.
+        quantile: quantile of the training cells that estimates the noise (Rohling: 3/4).
+    The other arguments, the results and the errors are those of ca_cfar.
     """
     from scipy.ndimage import rank_filter
 
@@ -134,7 +134,7 @@ def os_cfar(
         padded = np.pad(padded, border, mode="wrap" if mode == "wrap" else "symmetric")
     noise = rank_filter(padded, rank - 1, footprint=footprint)
     noise = noise[tuple(slice(o, o + n) for o, n in zip(outer, power.shape, strict=True))]
-    threshold = max(os_factor(cells, rank, false_alarm, looks), least_factor) * noise
+    threshold = max(os_factor(cells, rank, false_alarm, looks), min_factor) * noise
     return power > threshold, threshold
 
 

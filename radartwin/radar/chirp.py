@@ -1,4 +1,4 @@
-"""Waveform, array and timing of a TDM-MIMO FMCW radar, and what follows from them.
+"""Waveform, array and timing of a TDM-MIMO FMCW radar, and the quantities derived from them.
 
 Symbols: f0 -> start_frequency_hz, S -> slope_hz_per_s, fs -> sample_rate_hz, N -> num_samples, Tc -> chirp_interval,
 B = S N / fs -> sampled_bandwidth_hz, lambda at f0 -> wavelength_m, f0 + B/2 -> center_frequency_hz.
@@ -10,9 +10,8 @@ B = 3.44 GHz, range resolution 0.044 m); S. Rao, Introduction to mmWave sensing:
 
 from __future__ import annotations
 
-import math
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -24,13 +23,13 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.radar.antenna import ELEMENTS
 from radartwin.radar.boards import IWR1843BOOST, Position
+from radartwin.radar.description_files import read_fields
+from radartwin.radar.field_checks import from_mapping, is_number
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 
-_POSITIVE = ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "chirp_interval", "frame_rate_hz")
-_COUNTS = ("num_samples", "num_chirps")
 _PARTS: dict[str, Any] = {"if_filter": IfFilter, "phase_noise": PhaseNoise}
-_MAX_COUNT = 1_000_000  # far above any chirp or frame; a typing error must not fill the memory
+_MAX_COUNT = 1_000_000  # far above any real chirp or frame, so that a typing error does not fill the memory
 
 
 @dataclass(frozen=True)
@@ -38,14 +37,14 @@ class Radar:
     """One radar configuration; frozen, hashable and comparable.
 
     Attributes:
-        num_chirps: loops, that is chirps per transmitter and frame.
+        num_chirps: chirp loops per frame, which equals chirps per transmitter and frame.
         tx_positions_m, rx_positions_m: phase centres, transmitters in firing order.
         chirp_interval: seconds between successive chirp starts, transmitters interleaved: loop c of transmitter t
             starts (c * num_tx + t) * chirp_interval after the frame.
         element: antenna pattern, "iwr1843" or "isotropic" (radartwin.radar.antenna).
         real_sampling: the ADC keeps one real channel, which halves the unambiguous range.
-        if_filter: what the receiver does to echoes by their beat frequency; None passes all, and far ones fold.
-        phase_noise: of the oscillator; None is a pure one.
+        if_filter: gain of the receiver over the beat frequency; None passes all frequencies, and far echoes fold.
+        phase_noise: phase noise of the oscillator; None is an ideal oscillator.
 
     >>> round(Radar.iwr1843().range_resolution_m, 4)
     0.0436
@@ -71,34 +70,30 @@ class Radar:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise InputError(f"radar: name must be text, not {self.name!r}")
-        for name in _POSITIVE:
-            value = getattr(self, name)
-            if not (_is_number(value) and value > 0):
-                raise InputError(f"radar {self.name}: {name} must be a positive number, not {_short(value)}")
-        for name in _COUNTS:
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= _MAX_COUNT:
-                raise InputError(f"radar {self.name}: {name} must be a whole number from 1 to {_MAX_COUNT}, not {_short(value)}")
+        for name in ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "chirp_interval", "frame_rate_hz"):
+            self._require(name, lambda value: is_number(value) and value > 0, "a positive number")
+        for name in ("num_samples", "num_chirps"):
+            self._require(name, _is_count, f"a whole number from 1 to {_MAX_COUNT}")
         for name in ("noise_figure_db", "transmit_power_dbm"):
-            if not _is_number(getattr(self, name)):
-                raise InputError(f"radar {self.name}: {name} must be a finite number, not {_short(getattr(self, name))}")
-        if not isinstance(self.real_sampling, bool):
-            raise InputError(f"radar {self.name}: real_sampling must be true or false, not {_short(self.real_sampling)}")
+            self._require(name, is_number, "a finite number")
+        self._require("real_sampling", lambda value: isinstance(value, bool), "true or false")
+        self._require("element", lambda value: isinstance(value, str) and value in ELEMENTS, f"one of {', '.join(ELEMENTS)}")
         for name, kind in _PARTS.items():
-            value = getattr(self, name)
-            if isinstance(value, Mapping):
+            if isinstance(value := getattr(self, name), Mapping):
                 object.__setattr__(self, name, kind.from_dict(value))
-            elif value is not None and not isinstance(value, kind):
-                raise InputError(f"radar {self.name}: {name} must be a {kind.__name__} or None, not {_short(value)}")
-        if not isinstance(self.element, str) or self.element not in ELEMENTS:
-            raise InputError(f"radar {self.name}: element {self.element!r} is unknown; use one of {', '.join(ELEMENTS)}")
+            else:
+                self._require(name, lambda value, kind=kind: value is None or isinstance(value, kind), f"a {kind.__name__} or None")
         for name in ("tx_positions_m", "rx_positions_m"):
             object.__setattr__(self, name, _positions(self.name, name, getattr(self, name)))
         self._check_timing()
 
+    def _require(self, name: str, accepts: Callable[[Any], bool], expected: str) -> None:
+        if not accepts(value := getattr(self, name)):
+            raise InputError(f"radar {self.name}: {name} must be {expected}, not {reprlib.repr(value)}")
+
     def _check_timing(self) -> None:
         sampling = self.num_samples / self.sample_rate_hz
-        # A part in a million: configuration files round their times to nanoseconds.
+        # The tolerance is one part in a million because configuration files round times to nanoseconds.
         if sampling > self.chirp_interval * (1 + 1e-6):
             raise InputError(
                 f"radar {self.name}: sampling takes {sampling * 1e6:.2f} us but chirps start every "
@@ -135,7 +130,7 @@ class Radar:
 
     @property
     def wavelength_m(self) -> float:
-        """At the start of the chirp."""
+        """Wavelength at the start of the chirp."""
         return SPEED_OF_LIGHT / self.start_frequency_hz
 
     @property
@@ -144,7 +139,7 @@ class Radar:
 
     @property
     def center_frequency_hz(self) -> float:
-        """Middle of the sampled sweep, where a range bin's phase turns with motion and angle."""
+        """Middle of the sampled sweep, which sets the phase of a range bin over motion and angle."""
         return self.start_frequency_hz + 0.5 * self.sampled_bandwidth_hz
 
     @property
@@ -153,7 +148,7 @@ class Radar:
 
     @property
     def band_hz(self) -> float:
-        """Beat frequencies that the samples tell apart: the sample rate, half of it for real sampling."""
+        """Width of the unambiguous band of beat frequencies: the sample rate, or half of it for real sampling."""
         return self.sample_rate_hz / 2 if self.real_sampling else self.sample_rate_hz
 
     @property
@@ -168,7 +163,7 @@ class Radar:
 
     @property
     def frame_duration_s(self) -> float:
-        """Seconds from the first chirp of a frame to the end of its last one."""
+        """Seconds from the first chirp of a frame to the end of its last chirp."""
         return self.num_chirps * self.loop_interval_s
 
     @property
@@ -178,7 +173,7 @@ class Radar:
 
     @property
     def velocity_resolution_mps(self) -> float:
-        """One Doppler bin of a frame."""
+        """Width of one Doppler bin of a frame."""
         return 2 * self.max_velocity_mps / self.num_chirps
 
     def chirp_times(self) -> NDArray[np.float64]:
@@ -190,8 +185,8 @@ class Radar:
     def iwr1843(cls, element: str = "iwr1843") -> Radar:
         """The paper's IWR1843BOOST: two azimuth transmitters fired in turn, four receivers.
 
-        The 64 us chirp interval is this project's sweep timing; 15 dB noise figure and 12 dBm are the typical values
-        of the IWR1843 data sheet (TI SWRS228), RF specification.
+        The 64 us chirp interval is an assumption of this project. The 15 dB noise figure and the 12 dBm transmit power
+        are typical values of the IWR1843 data sheet (TI SWRS228, RF specification).
         """
         return cls(
             name="iwr1843",
@@ -211,56 +206,39 @@ class Radar:
 
     @classmethod
     def from_file(cls, path: str | Path) -> Radar:
-        """Read mmWave SDK .cfg, mmWave Studio .mmwave.json, or this class's own .yaml / .json fields.
+        """Read a mmWave SDK .cfg, a mmWave Studio .mmwave.json, or a .yaml or .json with the fields of this class.
 
         Raises:
-            MissingError: no such file.
-            RecordingError: a malformed or unsupported file, with its line where there is one.
+            MissingError: the file does not exist.
+            RecordingError: the file is malformed or unsupported; the message names the line where possible.
         """
-        from radartwin.radar.description import read_radar
-
         path = Path(path)
         if not path.is_file():
             raise MissingError(f"{path}: no such radar file; give a .cfg, .mmwave.json, .yaml or .json")
-        return read_radar(path)
+        values = read_fields(path)
+        try:
+            return cls.from_dict(values)
+        except InputError as error:
+            raise RecordingError(f"{path}: {error}") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """Fields as plain numbers, strings, lists and mappings, ready for JSON or YAML; parts that are None are left out."""
+        """Fields as plain values for JSON or YAML; a filter or phase noise that is None is left out."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("tx_positions_m", "rx_positions_m"):
             values[name] = [list(position) for position in values[name]]
         for name in _PARTS:
-            part = values.pop(name)
-            if part is not None:
+            if (part := values.pop(name)) is not None:
                 values[name] = part.to_dict()
         return values
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Radar:
-        """The inverse of to_dict. Raises InputError for an unknown, missing or mistyped field."""
-        if not isinstance(values, Mapping):
-            raise RecordingError(f"radar description: a mapping of radar fields is expected, not {_short(values)}")
-        known = {field.name for field in fields(cls)}
-        if unknown := sorted(set(values) - known, key=str):
-            raise RecordingError(f"radar description: unknown field {unknown[0]!r}; known are {', '.join(sorted(known))}")
-        try:
-            return cls(**values)
-        except TypeError as error:
-            raise RecordingError(f"radar description: {error}".replace("Radar.__init__() ", "")) from None
+        """The inverse of to_dict. Raises InputError for an unknown, missing or invalid field."""
+        return from_mapping(cls, "radar description", values)
 
 
-def _is_number(value: Any) -> bool:
-    """Whether it is a finite real number; True and False are none, nor is a whole number too large for a float."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:
-        return False
-
-
-def _short(value: Any) -> str:
-    return reprlib.repr(value)
+def _is_count(value: Any) -> bool:
+    return not isinstance(value, bool) and isinstance(value, int | np.integer) and 1 <= value <= _MAX_COUNT
 
 
 def _positions(radar: str, name: str, positions: Any) -> tuple[Position, ...]:

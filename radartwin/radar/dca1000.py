@@ -1,8 +1,8 @@
-"""The DCA1000 raw layout of the xWR16xx, xWR18xx and xWR68xx with two LVDS lanes, as complex samples and back.
+"""Converts between complex samples and the DCA1000 raw layout of the xWR16xx, xWR18xx and xWR68xx with two LVDS lanes.
 
-Little-endian int16, no headers: frames, in each the chirps in TDM order, in each chirp the receivers, in each its
-samples. Complex samples travel in pairs, two of I and two of Q: I0 I1 Q0 Q1, I2 I3 Q2 Q3, ... Firmware with the sample
-swap set puts Q first: Q0 Q1 I0 I1. Real sampling drops Q and the pairing.
+The layout is little-endian int16 without headers: a frame holds its chirps in TDM order, a chirp its receivers, a
+receiver its samples. Complex samples come in pairs, two of I and two of Q: I0 I1 Q0 Q1, I2 I3 Q2 Q3, ... Firmware with
+the sample swap writes Q first: Q0 Q1 I0 I1. Real sampling has no Q and no pairs.
 
 Reference: Mmwave Radar Device ADC Raw Data Capture (TI SWRA581B), sections on two-lane devices.
 """
@@ -20,7 +20,7 @@ _SAMPLE = np.dtype("<i2")
 
 
 def frame_shape(radar: Radar) -> tuple[int, int, int, int]:
-    """Shape of one frame: (chirp, tx, rx, sample)."""
+    """Shape of one frame, (chirp, tx, rx, sample)."""
     return radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples
 
 
@@ -31,20 +31,20 @@ def frame_bytes(radar: Radar) -> int:
 
 
 def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = False, real_sampling: bool = False) -> tuple[bytes, int]:
-    """The bytes of some frames, and how many int16 values were clipped to fit.
+    """The bytes of some frames, and the number of int16 values that were clipped.
 
     Args:
         iq: [frame, chirp, tx, rx, sample], amplitude.
         scale: amplitude per count, above zero.
     Raises:
-        RecordingError: NaN or infinite samples, or an odd number of samples per chirp, which two lanes cannot pair.
+        RecordingError: samples are NaN or infinite, or a chirp has an odd number of samples, which cannot form pairs.
 
     >>> encode(np.array([1 + 2j, 3 + 4j]).reshape(1, 1, 1, 1, 2), 1.0)[0].hex(" ", 2)
     '0100 0300 0200 0400'
     """
     iq = np.asarray(iq)
     if not np.isfinite(iq).all():
-        raise RecordingError("recording holds NaN or infinite samples; it cannot be written as int16")
+        raise RecordingError("the recording holds NaN or infinite samples, which int16 cannot hold; simulate or record it again")
     i = np.rint(iq.real.astype(np.float64) / scale)
     if real_sampling:
         ordered = i
@@ -58,10 +58,10 @@ def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = 
 
 
 def decode(data: bytes | memoryview, radar: Radar, *, iq_swapped: bool = False) -> NDArray[np.complex64]:
-    """Counts as complex numbers, shape [frame, chirp, tx, rx, sample]; exact, since int16 fits float32.
+    """Counts as complex numbers, shape [frame, chirp, tx, rx, sample]; exact, because float32 holds every int16.
 
     Raises:
-        RecordingError: not a whole number of frames, or an odd number of samples per chirp.
+        RecordingError: the data are not a whole number of frames, or a chirp has an odd number of samples.
     """
     size = len(data)
     if size % frame_bytes(radar):

@@ -1,31 +1,34 @@
-"""What a real IWR1843 and its capture card do to the ideal signal.
+"""Imperfections of a real IWR1843 and its capture card, applied to ideal samples.
 
-Order of the chain: chirps start late by one clock or not at all, and the oscillator has phase noise (`echoes`); TX-RX leakage adds and the
-channels differ (`leaked`); thermal noise joins by the radar's own noise figure (radartwin.simulation.signal.synthesis); the mixer has an
-image, the ADC an offset, and it saturates and rounds (`digitised`). The IF filter acts on each echo before anything folds, so it belongs
-to the radar that is simulated (`front_end`). All the rest is done to clean samples, what depends on delay as a weight on the lines of a
-chirp's spectrum. Phase noise so made is within 0.1 dB in energy of that of each echo by its own delay and, under a Hann window, within 5
-% in amplitude; without a window 20 %, all of it in the first and last samples, which is where a strong near echo leaks into all lines.
+Order of the chain:
+1. `echoes`: chirps start late by one clock or on time, and the oscillator has phase noise.
+2. `leaked`: TX-RX leakage adds, and the channels have different gains and phases.
+3. Thermal noise adds by the noise figure of the radar (radartwin.simulation.signal.synthesis).
+4. `digitised`: the mixer has an image, the ADC an offset; the ADC saturates and rounds.
+The IF filter acts on each echo before folding, so the simulated radar contains it (`front_end`). All other effects act on clean samples;
+effects that depend on delay weight the lines of the spectrum of a chirp. Compared with the exact phase noise of each echo, the energy
+differs by at most 0.1 dB and, under a Hann window, the amplitude by at most 5 %. Without a window the amplitude differs by 20 %, all of it
+in the first and last samples, where a strong near echo leaks into all lines.
 
-Where the defaults come from, all chosen before anything was scored:
-- if_filter: both high-pass stages at their lowest, 175 and 350 kHz (codes 0 0), receiver gain 30 dB: the profile of the paper as the mmWave
-  SDK writes it ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30", TI E2E 757413). It is a setting; strengths leave it.
-- line_loss: 5.2 dB both ways, between 10.5 dBi of an antenna and the 7.8 and 8 dB that TI reckons with behind its lines (E2E 681535).
+Sources of the default values, all of which were chosen before any result was scored:
+- if_filter: both high-pass stages at their lowest corner, 175 and 350 kHz (codes 0 0), receiver gain 30 dB. This is the profile of the
+  paper in the mmWave SDK ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30", TI E2E 757413). It is a setting, so `scaled` keeps it.
+- line_loss: 5.2 dB both ways, from 10.5 dBi of an antenna and the 7.8 and 8 dBi behind its lines (TI E2E 681535).
 - coupling: -45 dB between the nearest TX and RX, 8.77 mm apart (xWR1642BOOST, TI E2E 674013), falling with distance, over 6 cm of feed line
-  (order of magnitude). Two public captures behind the same two stages hold leakage 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and 15.2 dB
-  (77 GHz, PreSenseRadar/OpenRadar) above the noise of a sample; ours is 14 dB.
-- full scale: in the same captures a sample of noise has 7.3 counts; with the data sheets' noise figure that is full scale at -23 and
-  -22 dBm, received, at 30 dB of gain. The in-band compression point is -29 dBm there (IWR1443 data sheet, figure 5-1, by TI E2E 702363:
-  -23, -35, -47 dBm at 24, 36, 48 dB), where large signals begin to bend, which is not modelled.
+  (order of magnitude). Two public captures with the same high-pass stages have leakage 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and
+  15.2 dB (77 GHz, PreSenseRadar/OpenRadar) above the noise of a sample; the default gives 14 dB.
+- full scale: in the same captures the noise of a sample is 7.3 counts. With the noise figures of the data sheets, full scale is then at -23
+  and -22 dBm received power, at 30 dB of gain. The in-band compression point is at -29 dBm there (IWR1443 data sheet, figure 5-1, by TI E2E
+  702363: -23, -35, -47 dBm at 24, 36, 48 dB). Compression of large signals is not modelled.
 - image: 1 dB and 2 degrees between I and Q (AWR1243 data sheet by TI E2E 654592). The SDK's "complex 1x" output filters the image band, so
-  only echoes nearer than a tenth of the band leave one, at the far end.
+  only echoes nearer than a tenth of the band have an image, at the far end.
 - offset: -70 dBFS, the mean of the samples in both captures (5 to 16 counts).
 - channels: 0.6 dB and 5 degrees, the spread of a measured AWR1843L calibration (compRangeBiasAndRxChanPhase in the README of a fork of
-  RadarML/xwr); data sheets promise only +-0.5 dB and +-3 degrees over temperature (AWR2944P, TI SWRS330).
+  RadarML/xwr). Data sheets promise only +-0.5 dB and +-3 degrees over temperature (AWR2944P, TI SWRS330).
 - chirp_late: 0 or 1.1 ns, at random, between the chirp and its samples (TI SPRACV2).
-- start: a software trigger is uncertain by "several tens of microseconds", the repetition of frames is not (TI SWRA574B).
-- jitter: a microsecond from frame to frame, an order of magnitude, far above the 5 ns steps of its timer. What a host stamps on frames
-  that arrive over Ethernet is a millisecond off, but stamps are the log's affair: frames are taken on time.
+- start: a software trigger is uncertain by "several tens of microseconds", while frames repeat exactly (TI SWRA574B).
+- jitter: a microsecond from frame to frame as an order of magnitude, far above the 5 ns steps of the frame timer. The time stamps of a host
+  that receives frames over Ethernet are a millisecond off, but they concern the log only.
 """
 
 from __future__ import annotations
@@ -42,7 +45,7 @@ from radartwin.radar.dca1000 import FULL_SCALE
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise, interpolation
 
-_NODES = (0.2, 0.55, 0.95)  # of the band
+_NODES = (0.2, 0.55, 0.95)  # shares of the band at which phase noise is computed
 
 
 def _iwr1843_filter() -> IfFilter:
@@ -51,19 +54,23 @@ def _iwr1843_filter() -> IfFilter:
 
 @dataclass(frozen=True)
 class Hardware:
-    """Departures from the ideal radar; zero strength is the ideal one.
+    """Deviations from the ideal radar.
 
     Attributes:
-        line_loss_db: of every echo, in the lines to the antennas and back.
-        coupling_db: power into the nearest receiver over transmitted power, before the filter; feed_m: electrical length of the lines,
-            spacing_m: from the nearest transmitter to the nearest receiver, the two groups side by side.
-        gain_imbalance_db, phase_imbalance_deg: of Q against I; image_filtered: the image band is filtered ("complex 1x").
-        offset_dbfs: of each ADC, over full scale.
-        channel_gain_db, channel_phase_deg: standard deviation over the channels of a board; board: which one.
-        chirp_late_s: a chirp starts so late, or in time.
-        start_s: a recording starts within so long after its log; jitter_s: standard deviation of a frame's time from the timer's.
-        full_scale_db: received over transmitted power that drives the ADC to full scale; None has no ADC.
-        if_filter, phase_noise: of the radar; None is none.
+        line_loss_db: loss of every echo in the lines to and from the antennas.
+        coupling_db: power into the nearest receiver over transmitted power, before the filter.
+        feed_m: electrical length of the feed lines.
+        spacing_m: distance from the nearest transmitter to the nearest receiver; the two groups lie side by side.
+        gain_imbalance_db, phase_imbalance_deg: imbalance of Q against I.
+        image_filtered: whether the image band is filtered ("complex 1x").
+        offset_dbfs: offset of each ADC over full scale.
+        channel_gain_db, channel_phase_deg: standard deviation over the channels of a board.
+        board: number of the board, which seeds its channels.
+        chirp_late_s: delay of the chirps that start late; the other half starts on time.
+        start_s: largest delay of a recording behind its log.
+        jitter_s: standard deviation of the time of a frame.
+        full_scale_db: received over transmitted power at full scale of the ADC; None has no ADC.
+        if_filter, phase_noise: filter and phase noise of the radar; None for an ideal one.
     """
 
     line_loss_db: float = 5.2
@@ -90,8 +97,10 @@ class Hardware:
         return None if self.full_scale_db is None else 10 ** (self.full_scale_db / 20) / FULL_SCALE
 
     def scaled(self, strength: float) -> Hardware:
-        """The same imperfections at another strength: 0 none, 1 as they are, 2 doubled; amplitudes and spreads, not decibels. Settings
-        (filter, full scale, geometry) stay."""
+        """Imperfections at another strength: 0 is the ideal radar, 1 the same, 2 twice the amplitudes and spreads.
+
+        Settings (filter, full scale, geometry) do not change, except that strength 0 has none of them.
+        """
         if strength <= 0:
             return replace(
                 self, line_loss_db=0.0, coupling_db=-np.inf, gain_imbalance_db=0.0, phase_imbalance_deg=0.0, offset_dbfs=-np.inf,
@@ -99,33 +108,27 @@ class Hardware:
                 if_filter=None, phase_noise=None,
             )  # fmt: skip
         decibels = float(20 * np.log10(strength))
-        spread = (
-            "line_loss_db",
-            "gain_imbalance_db",
-            "phase_imbalance_deg",
-            "channel_gain_db",
-            "channel_phase_deg",
-            "chirp_late_s",
-            "start_s",
-            "jitter_s",
-        )
+        spreads = (
+            "line_loss_db", "gain_imbalance_db", "phase_imbalance_deg", "channel_gain_db", "channel_phase_deg",
+            "chirp_late_s", "start_s", "jitter_s",
+        )  # fmt: skip
         noise = self.phase_noise and replace(self.phase_noise, level_dbc_hz=self.phase_noise.level_dbc_hz + decibels)
         return replace(
             self, coupling_db=self.coupling_db + decibels, offset_dbfs=self.offset_dbfs + decibels, phase_noise=noise,
-            **{name: strength * getattr(self, name) for name in spread},
+            **{name: strength * getattr(self, name) for name in spreads},
         )  # fmt: skip
 
     def front_end(self, radar: Radar) -> Radar:
-        """The radar with this receiver's filter, to simulate without noise; noise and the rest come after."""
+        """The radar to simulate without noise: with the filter of this hardware, without phase noise, which `echoes` adds."""
         return replace(radar, if_filter=self.if_filter or radar.if_filter, phase_noise=None)
 
     def frame_times(self, frames: int, rate_hz: float, rng: np.random.Generator) -> NDArray[np.float64]:
-        """When the frames of a log that says f/rate really begin, seconds, shape (F,)."""
+        """True start times of the frames that a log puts at f/rate, seconds, shape (F,)."""
         late = self.start_s * rng.random()
         return np.arange(frames) / rate_hz + late + self.jitter_s * rng.standard_normal(frames)
 
     def echoes(self, iq: NDArray[np.complex64], radar: Radar, rng: np.random.Generator) -> NDArray[np.complex64]:
-        """Clean samples (F, C, T, R, N) with late chirps and phase noise; every antenna has the same, every chirp its own."""
+        """Clean samples (F, C, T, R, N) with late chirps and phase noise, which the antennas share and the chirps do not."""
         if self.phase_noise is None and not self.chirp_late_s:
             return iq
         from scipy import fft
@@ -134,7 +137,7 @@ class Hardware:
         out = iq.astype(np.complex64)
         spectrum = np.asarray(fft.fft(out, axis=-1))
         if radar.real_sampling:
-            spectrum *= np.where(np.arange(samples) <= samples // 2, 2, 0).astype(np.float32)  # the positive beats alone
+            spectrum *= np.where(np.arange(samples) <= samples // 2, 2, 0).astype(np.float32)  # positive beat frequencies only
         if self.chirp_late_s:
             late = rng.integers(0, 2, (frames, chirps, tx)).astype(bool)
             spectrum[late] *= np.exp(-2j * np.pi * self.chirp_late_s * _beats(radar)).astype(np.complex64)
@@ -148,39 +151,40 @@ class Hardware:
         return out.real.astype(np.complex64) if radar.real_sampling else out
 
     def leaked(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
-        """The samples after the lines, with leakage between the antennas, in channels of unequal gain and phase."""
-        kept = np.float32(10 ** (-self.line_loss_db / 20))
-        leakage, channels = _board(self, radar)
-        out = kept * iq
+        """The samples with line loss, with leakage between the antennas, and with the gain and phase of each channel."""
+        transmission = np.float32(10 ** (-self.line_loss_db / 20))
+        leakage, channels = _leakage_and_channels(self, radar)
+        out = transmission * iq
         out += leakage
         out *= channels[:, :, None]
         return out
 
     def leakage(self, radar: Radar) -> NDArray[np.complex64]:
-        """(T, R, N) of every pair, through the filter. So short a delay keeps no phase noise."""
+        """Leakage of every pair of antennas through the filter, (T, R, N), without phase noise because its delay is so short."""
         time = np.arange(radar.num_samples) / radar.sample_rate_hz
         frequency = radar.start_frequency_hz + radar.slope_hz_per_s * time
-        beside = radar.tx_positions[:, 1].max() - radar.rx_positions[:, 1].min() + self.spacing_m
-        apart = np.linalg.norm(radar.rx_positions + np.array([0.0, beside, 0.0]) - radar.tx_positions[:, None], axis=-1)
+        # The transmitters and receivers lie side by side, not about one origin as in the radar.
+        shift = radar.tx_positions[:, 1].max() - radar.rx_positions[:, 1].min() + self.spacing_m
+        apart = np.linalg.norm(radar.rx_positions + np.array([0.0, shift, 0.0]) - radar.tx_positions[:, None], axis=-1)
         path = apart + self.feed_m
         gain = 10 ** (self.coupling_db / 20) * apart.min() / apart
-        if (passes := self.if_filter or radar.if_filter) is not None:
-            gain = gain * passes.gain(radar.slope_hz_per_s * path / SPEED_OF_LIGHT, radar.band_hz)
+        if (if_filter := self.if_filter or radar.if_filter) is not None:
+            gain = gain * if_filter.gain(radar.slope_hz_per_s * path / SPEED_OF_LIGHT, radar.band_hz)
         signal = gain[..., None] * np.exp(2j * np.pi * frequency * path[..., None] / SPEED_OF_LIGHT)
         return (signal.real if radar.real_sampling else signal).astype(np.complex64)
 
     def channels(self, radar: Radar) -> NDArray[np.complex64]:
-        """(T, R) gain of each channel: what a transmitter and a receiver of this board share in it."""
+        """Complex gain of each channel of this board, (T, R): the product of a transmitter factor and a receiver factor."""
         rng = np.random.default_rng(np.random.SeedSequence([self.board, *b"channels"]))
         unit = rng.standard_normal((2, radar.num_tx + radar.num_rx)) / np.sqrt(2)
         decibels, degrees = self.channel_gain_db * unit[0], self.channel_phase_deg * unit[1]
-        one = 10 ** (decibels / 20) * np.exp(1j * np.radians(degrees))
+        factors = 10 ** (decibels / 20) * np.exp(1j * np.radians(degrees))
         if radar.real_sampling:
-            one = np.abs(one)
-        return (one[: radar.num_tx, None] * one[radar.num_tx :]).astype(np.complex64)
+            factors = np.abs(factors)
+        return (factors[: radar.num_tx, None] * factors[radar.num_tx :]).astype(np.complex64)
 
     def digitised(self, iq: NDArray[np.complex64], radar: Radar) -> tuple[NDArray[np.complex64], int]:
-        """The samples with image and offset, saturated and rounded to counts, and how many values saturated."""
+        """The samples with image and offset, saturated and rounded to counts, and the number of saturated values."""
         error = 10 ** (self.gain_imbalance_db / 20) * np.exp(1j * np.radians(self.phase_imbalance_deg))
         out = iq
         if error != 1 and not radar.real_sampling:
@@ -196,25 +200,25 @@ class Hardware:
         return (clipped * np.float32(self.scale)).view(np.complex64), saturated
 
     def _imaged(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
-        """Those parts of the samples whose image passes: the decimation filter's lower edge is as wide as its upper one."""
+        """The part of the samples whose image passes the filter, whose lower edge is as wide as its upper edge."""
         if not self.image_filtered or self.if_filter is None:
             return iq
         from scipy import fft
 
-        into = np.clip(_beats(radar) / radar.band_hz / (1 - self.if_filter.pass_share), 0, 1)
-        passed = 10 ** (-self.if_filter.stop_db / 20 * np.sin(np.pi / 2 * into) ** 2)
+        transition = np.clip(_beats(radar) / radar.band_hz / (1 - self.if_filter.pass_share), 0, 1)
+        passed = 10 ** (-self.if_filter.stop_db / 20 * np.sin(np.pi / 2 * transition) ** 2)
         return np.asarray(fft.ifft(np.asarray(fft.fft(iq, axis=-1)) * passed.astype(np.float32), axis=-1))
 
 
 @functools.lru_cache(maxsize=8)
-def _board(hardware: Hardware, radar: Radar) -> tuple[NDArray[np.complex64], NDArray[np.complex64]]:
-    """Leakage (T, R, N) and gains of the channels (T, R)."""
+def _leakage_and_channels(hardware: Hardware, radar: Radar) -> tuple[NDArray[np.complex64], NDArray[np.complex64]]:
+    """Leakage (T, R, N) and gains of the channels (T, R), cached because they are the same in every frame."""
     return hardware.leakage(radar), hardware.channels(radar)
 
 
 @functools.lru_cache(maxsize=8)
 def _beats(radar: Radar) -> NDArray[np.float64]:
-    """(N,) beat frequency of each line of a chirp's spectrum. The last fiftieth of the band is what little leaks below zero."""
+    """Beat frequency of each line of the spectrum of a chirp, (N,). The last fiftieth of the band is leakage from zero."""
     line = np.arange(radar.num_samples) / radar.num_samples
     if radar.real_sampling:
         return np.minimum(line, 1 - line) * radar.sample_rate_hz
@@ -223,7 +227,7 @@ def _beats(radar: Radar) -> NDArray[np.float64]:
 
 @functools.lru_cache(maxsize=8)
 def _nodes(radar: Radar) -> tuple[tuple[float, ...], NDArray[np.float32]]:
-    """Delays between which phase noise is interpolated, and their weights (K, N) by line: 0.3 % off at most over the iwr1843's band."""
+    """Delays of the phase noise, and their interpolation weights per line (K, N), exact to 0.3 % over the band of the iwr1843."""
     longest = radar.band_hz / radar.slope_hz_per_s
     nodes = tuple(share * longest for share in _NODES)
     return nodes, interpolation(_beats(radar) / radar.slope_hz_per_s, nodes).astype(np.float32)

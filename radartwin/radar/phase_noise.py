@@ -1,21 +1,21 @@
-"""Phase noise of the local oscillator, and what mixing with its own delayed copy leaves of it.
+"""Phase noise of the local oscillator, and the part of it that remains after mixing with a delayed copy.
 
-An echo of delay tau is mixed with the oscillator it came from: its phase is off by phi(t) - phi(t - tau), with the spectral density
-S(f) 4 sin^2(pi f tau) of S(f) = 2 L(f), one-sided (M. Budge, M. Burt, Range correlation effects in radars, IEEE National Radar Conference
-1993). Near echoes keep little of it, far ones more; all antennas share it.
+The receiver mixes an echo of delay tau with the oscillator that transmitted it. The phase error is phi(t) - phi(t - tau), whose spectral
+density is S(f) 4 sin^2(pi f tau) with the one-sided S(f) = 2 L(f) (M. Budge, M. Burt, Range correlation effects in radars, IEEE National
+Radar Conference 1993). The error grows with range, and all antennas share it.
 
 Level at 1 MHz: -95 dBc/Hz from 76 to 77 GHz and -93 dBc/Hz from 77 to 81 GHz, IWR1843 data sheet (TI SWRS228B, RF specification), from
-memory; the table of its successor, read (AWR2944P, TI SWRS330), has -96 and -95 dBc/Hz. No sheet gives another offset: a plateau up to
-the loop's corner and 1/f^2 beyond it are assumed.
-Over the delays of a frame the difference is separated as exp(-j 2 pi f tau) = exp(-j w) sum_k (2 - [k=0]) (-j)^k J_k(w) T_k(u), with
-w = pi f tau_max and tau = tau_max (1 + u)/2, so that a handful of random processes serve all echoes (`processes`). Where only samples are
-at hand, the same difference is interpolated in delay between a few (`at_delays`, `interpolation`).
+memory. The successor's data sheet (AWR2944P, TI SWRS330) has -96 and -95 dBc/Hz. The sheets give no other offset, so a plateau up to the
+corner of the loop and 1/f^2 beyond it are assumptions.
+
+`processes` serves synthesis from paths. It separates delay and frequency by exp(-j 2 pi f tau) = exp(-j w) sum_k (2 - [k=0]) (-j)^k J_k(w)
+T_k(u), with w = pi f tau_max and tau = tau_max (1 + u)/2, so that a few random processes cover all echoes. `at_delays` and `interpolation`
+serve recorded samples: they interpolate the phase error between a few delays.
 """
 
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -24,17 +24,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError
-from radartwin.radar.if_filter import build
+from radartwin.radar.field_checks import from_mapping, is_number
 
-_TAIL = 1e-6  # of the oscillator's own noise: far below what the shortest echo keeps
-_LONGER = 4  # times the sweep is the period of the noise, so that its ends do not meet
+_TAIL = 1e-6  # neglected share of the oscillator's noise, far below the phase error of the shortest echo
+_LONGER = 4  # period of the noise over the sweep, so that both ends of a sweep are independent
 
 
 @dataclass(frozen=True)
 class PhaseNoise:
-    """Attributes:
-    level_dbc_hz: single-sideband level at 1 MHz from the carrier.
-    corner_hz: of the loop; below it the level is constant.
+    """Phase noise of an oscillator.
+
+    Attributes:
+        level_dbc_hz: single-sideband level at 1 MHz from the carrier.
+        corner_hz: corner of the loop; below it the level is constant.
 
     >>> round(float(10 * np.log10(PhaseNoise(-93.0).density(1e6) / 2)), 6)
     -93.0
@@ -45,8 +47,7 @@ class PhaseNoise:
 
     def __post_init__(self) -> None:
         for name in ("level_dbc_hz", "corner_hz"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            if not is_number(value := getattr(self, name)):
                 raise InputError(f"phase_noise: {name} must be a finite number, not {value!r}")
         if self.corner_hz <= 0:
             raise InputError(f"phase_noise: corner_hz must be above zero, not {self.corner_hz!r}")
@@ -57,7 +58,7 @@ class PhaseNoise:
         return 2 * 10 ** (self.level_dbc_hz / 10) * shape
 
     def terms(self, longest_s: float, sample_rate_hz: float) -> int:
-        """How many processes stand for delays up to `longest_s`."""
+        """The number of processes that cover delays up to `longest_s`."""
         from scipy.special import jv
 
         largest = np.pi * sample_rate_hz / 2 * longest_s
@@ -69,10 +70,11 @@ class PhaseNoise:
     def processes(
         self, chirps: int, samples: int, sample_rate_hz: float, longest_s: float, rng: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Random processes psi_k: an echo of delay tau is off by sum_k psi_k T_k(2 tau/longest_s - 1).
+        """Random processes psi_k; the phase error of an echo of delay tau is sum_k psi_k T_k(2 tau/longest_s - 1).
 
         Args:
-            chirps, samples: one independent realisation a chirp; offsets from a quarter of a cycle a sweep to half the sample rate.
+            chirps, samples: each chirp has an independent realisation, with frequency offsets from a quarter of a cycle per sweep to half
+                the sample rate.
         Returns:
             (terms, chirps, samples), radians.
         """
@@ -81,7 +83,7 @@ class PhaseNoise:
         size = _LONGER * samples
         offset = np.arange(1, size // 2 + 1) * sample_rate_hz / size
         spacing = sample_rate_hz / size
-        # a process of variance S df per component: x = Re sum_l c_l exp(j 2 pi l n/size), E|c_l|^2 = 2 S df
+        # Each component has the variance S df: x = Re sum_l c_l exp(j 2 pi l n/size), E|c_l|^2 = 2 S df.
         draw = rng.standard_normal((2, chirps, len(offset)))
         component = np.sqrt(self.density(offset) * spacing) * (draw[0] + 1j * draw[1])
         w = np.pi * offset * longest_s
@@ -96,7 +98,7 @@ class PhaseNoise:
     def at_delays(
         self, chirps: int, samples: int, sample_rate_hz: float, delays_s: tuple[float, ...], rng: np.random.Generator
     ) -> NDArray[np.float32]:
-        """The phases by which echoes of these K delays are off.
+        """The phase errors of echoes of K delays.
 
         Args:
             chirps, samples: as in `processes`.
@@ -110,7 +112,7 @@ class PhaseNoise:
         draw = rng.standard_normal((2, chirps, size // 2), np.float32)
         spectrum = np.zeros((len(delays_s), chirps, size // 2 + 1), np.complex64)
         np.multiply(lines[:, None], draw[0] + np.complex64(1j) * draw[1], out=spectrum[:, :, 1:])
-        spectrum[:, :, 1:-1] *= 0.5  # a real transform counts these twice
+        spectrum[:, :, 1:-1] *= 0.5  # irfft counts these lines twice
         return np.asarray(fft.irfft(spectrum, size, norm="forward", overwrite_x=True))[:, :, :samples]
 
     def to_dict(self) -> dict[str, Any]:
@@ -118,12 +120,12 @@ class PhaseNoise:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> PhaseNoise:
-        """The inverse of to_dict. Raises InputError for an unknown or mistyped field."""
-        return build(cls, "phase_noise", values)
+        """The inverse of to_dict. Raises InputError for an unknown or invalid field."""
+        return from_mapping(cls, "phase_noise", values)
 
 
 def interpolation(delays_s: Any, nodes_s: tuple[float, ...]) -> NDArray[np.float64]:
-    """Weights (K, ...) of the phases at K nodes for echoes of other delays: the polynomial through them that is zero at no delay.
+    """Weights (K, ...) of the phase errors at K nodes for other delays, by the polynomial through the nodes that is zero at zero delay.
 
     >>> interpolation([0.5, 1.0, 2.0], (1.0, 2.0)).tolist()
     [[0.75, 1.0, -0.0], [-0.125, 0.0, 1.0]]
@@ -139,7 +141,7 @@ def interpolation(delays_s: Any, nodes_s: tuple[float, ...]) -> NDArray[np.float
 
 @functools.lru_cache(maxsize=8)
 def _lines(noise: PhaseNoise, size: int, sample_rate_hz: float, delays_s: tuple[float, ...]) -> NDArray[np.complex64]:
-    """(K, L) amplitude of each line of the phase difference over each delay."""
+    """Amplitude of each spectral line of the phase error at each delay, (K, L)."""
     offset = np.arange(1, size // 2 + 1) * sample_rate_hz / size
     amplitude = np.sqrt(noise.density(offset) * sample_rate_hz / size)
     return (amplitude * (1 - np.exp(-2j * np.pi * np.outer(delays_s, offset)))).astype(np.complex64)

@@ -1,11 +1,11 @@
 """Range, Doppler and azimuth of IQ samples: windowed, zero-padded transforms with their axes in SI units.
 
-Signs: a path of length L turns as exp(+j 2 pi f L / c), so range is a positive beat frequency, receding motion a
-positive Doppler frequency, and an antenna nearer to the target lags. Spectra are normalised by the window sum: an echo
-of amplitude a on a bin's centre reads a, whatever the window, the padding and the number of samples.
+Signs: the phase of a path of length L is exp(+j 2 pi f L / c). Range is therefore a positive beat frequency, receding
+motion a positive Doppler frequency, and an antenna nearer to the target lags. Spectra are divided by the sum of the
+window, so an echo of amplitude a on the centre of a bin has the value a for every window, padding and sample count.
 
-A range bin's phase is that of the middle of the sampled sweep, so Doppler and azimuth use Radar.center_frequency_hz:
-with 3.44 GHz at 77 GHz the start frequency would read speeds 2.2 % high.
+The phase of a range bin is that of the middle of the sampled sweep, so Doppler and azimuth use Radar.center_frequency_hz.
+At 77 GHz with 3.44 GHz of bandwidth, the start frequency would give speeds that are 2.2 % too high.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
 
 
-def window(name: str, size: int) -> Real:
+def window_weights(name: str, size: int) -> Real:
     """A periodic window of unit sum, shape (size,). Raises InputError for a name outside WINDOWS."""
     if name not in _COSINES:
         raise InputError(f"window {name!r} is unknown; use one of {', '.join(WINDOWS)}")
@@ -32,7 +32,7 @@ def window(name: str, size: int) -> Real:
     taps = np.zeros(size)
     for order, amplitude in enumerate(_COSINES[name]):
         taps += (-1) ** order * amplitude * np.cos(order * phase)
-    # A periodic window of a single sample would be zero.
+    # The formula gives zero for a single sample.
     return np.ones(1) if size == 1 else taps / taps.sum()
 
 
@@ -48,15 +48,15 @@ def velocity_axis(radar: Radar, bins: int) -> Real:
     return 2 * radar.max_velocity_mps / bins * (np.arange(bins, dtype=np.float64) - bins // 2)
 
 
-def range_fft(iq: Complex, radar: Radar, *, taper: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
+def range_fft(iq: Complex, radar: Radar, *, window: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
     """Range profiles.
 
     Args:
         iq: (..., sample).
-        taper: window over the samples.
+        window: window over the samples, one of WINDOWS.
         bins: length of the transform, at least num_samples; None takes num_samples, without padding.
     Returns:
-        profiles (..., range) in the amplitude of iq (for real sampling the positive half, doubled), and the range axis.
+        profiles (..., range) in the amplitude of iq (for real sampling, twice the positive half), and the range axis.
 
     >>> radar = Radar.iwr1843()
     >>> echo = np.exp(2j * np.pi * 20 * np.arange(256) / 256)
@@ -66,17 +66,17 @@ def range_fft(iq: Complex, radar: Radar, *, taper: str = "hann", bins: int | Non
     """
     _check(iq, -1, radar.num_samples, "sample")
     bins = _bins(bins, radar.num_samples)
-    profile = np.fft.fft(iq * window(taper, radar.num_samples).astype(np.float32), bins, axis=-1)
+    profile = np.fft.fft(iq * window_weights(window, radar.num_samples).astype(np.float32), bins, axis=-1)
     if radar.real_sampling:
         profile = 2 * profile[..., : bins // 2]
     return profile, range_axis(radar, bins)
 
 
-def doppler_fft(profiles: Complex, radar: Radar, *, taper: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
-    """Doppler spectra, phase-compensated for the transmitters' turns.
+def doppler_fft(profiles: Complex, radar: Radar, *, window: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
+    """Doppler spectra with the TDM phase compensated.
 
-    Transmitter t fires t chirp intervals after the first, while a target at Doppler frequency f turns by 2 pi f t Tc;
-    that turn is taken out of each Doppler bin, so that all channels of a bin differ by angle alone.
+    Transmitter t fires t chirp intervals after the first, in which the phase of a target at Doppler frequency f changes
+    by 2 pi f t Tc. Each Doppler bin is corrected by this phase, so that the channels of a bin differ by angle alone.
 
     Args:
         profiles: (..., chirp, tx, rx, range).
@@ -87,7 +87,7 @@ def doppler_fft(profiles: Complex, radar: Radar, *, taper: str = "hann", bins: i
     _check(profiles, -4, radar.num_chirps, "chirp")
     _check(profiles, -3, radar.num_tx, "tx")
     bins = _bins(bins, radar.num_chirps)
-    taps = window(taper, radar.num_chirps).astype(np.float32)
+    taps = window_weights(window, radar.num_chirps).astype(np.float32)
     spectra = np.fft.fftshift(np.fft.fft(profiles * taps[:, None, None, None], bins, axis=-4), axes=-4)
     velocity_mps = velocity_axis(radar, bins)
     doppler_hz = 2 * velocity_mps * radar.center_frequency_hz / SPEED_OF_LIGHT
@@ -100,29 +100,29 @@ def range_doppler(
     iq: Complex,
     radar: Radar,
     *,
-    taper: str = "hann",
+    window: str = "hann",
     range_bins: int | None = None,
     doppler_bins: int | None = None,
 ) -> tuple[Complex, Real, Real]:
-    """range_fft then doppler_fft with one window: spectra (..., doppler, tx, rx, range), velocity axis, range axis."""
-    profiles, range_m = range_fft(iq, radar, taper=taper, bins=range_bins)
-    spectra, velocity_mps = doppler_fft(profiles, radar, taper=taper, bins=doppler_bins)
+    """range_fft and doppler_fft with the same window: spectra (..., doppler, tx, rx, range), velocity axis, range axis."""
+    profiles, range_m = range_fft(iq, radar, window=window, bins=range_bins)
+    spectra, velocity_mps = doppler_fft(profiles, radar, window=window, bins=doppler_bins)
     return spectra, velocity_mps, range_m
 
 
 def azimuth_row(radar: Radar) -> NDArray[np.intp]:
-    """Channels (transmitter-major) of the largest group at one height, which azimuth is measured with."""
+    """Indices (transmitter-major) of the channels that measure azimuth: the largest group at one height."""
     height = np.round(radar.virtual_positions[:, 2] / (0.01 * radar.wavelength_m))
     values, counts = np.unique(height, return_counts=True)
     return np.flatnonzero(height == values[np.argmax(counts)])
 
 
-def steering(radar: Radar, azimuth_rad: ArrayLike, *, taper: str = "rectangular") -> Complex:
+def steering(radar: Radar, azimuth_rad: ArrayLike, *, window: str = "rectangular") -> Complex:
     """Beamforming weights over the azimuth row for horizontal directions.
 
     Args:
         azimuth_rad: atan2(y, x), positive to the left, shape (A,).
-        taper: window along the row, for lower sidelobes at a wider beam.
+        window: window along the row; all but "rectangular" lower the sidelobes and widen the beam.
     Returns:
         weights (channel of azimuth_row, A), of unit sum in amplitude; multiply and sum over channels.
     """
@@ -130,26 +130,26 @@ def steering(radar: Radar, azimuth_rad: ArrayLike, *, taper: str = "rectangular"
     direction = np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad), np.zeros_like(azimuth_rad)])
     row = radar.virtual_positions[azimuth_row(radar)]
     wavenumber = 2 * np.pi * radar.center_frequency_hz / SPEED_OF_LIGHT
-    # One zero end of the periodic window is dropped, so that the taper is symmetric along the row.
-    taps = window(taper, len(row) + 1)[1:] if taper != "rectangular" else np.ones(len(row))
+    # Without the zero at its start, the periodic window is symmetric along the row.
+    taps = window_weights(window, len(row) + 1)[1:] if window != "rectangular" else np.ones(len(row))
     taps = (taps / taps.sum())[np.argsort(np.argsort(row[:, 1]))]
-    # An antenna displaced towards the target sees a path shorter by its displacement.
+    # The path to an antenna displaced towards the target is shorter by the displacement.
     return taps[:, None] * np.exp(1j * wavenumber * row @ direction)
 
 
-def azimuth_spectrum(channels: Complex, radar: Radar, azimuth_rad: ArrayLike, *, taper: str = "rectangular") -> Real:
+def azimuth_spectrum(channels: Complex, radar: Radar, azimuth_rad: ArrayLike, *, window: str = "rectangular") -> Real:
     """Bartlett (conventional) beamformer over the azimuth row: power per direction in the horizontal plane.
 
     Args:
         channels: (..., tx, rx), phase-compensated by doppler_fft, or a range profile of a scene at rest.
-        azimuth_rad, taper: as for steering.
+        azimuth_rad, window: as for steering.
     Returns:
-        power (..., A); a plane wave of amplitude a on every channel reads a^2 in its direction.
+        power (..., A); a plane wave of amplitude a on every channel gives a^2 in its direction.
     """
     _check(channels, -2, radar.num_tx, "tx")
     _check(channels, -1, radar.num_rx, "rx")
     row = channels.reshape(*channels.shape[:-2], -1)[..., azimuth_row(radar)]
-    return np.abs(row @ steering(radar, azimuth_rad, taper=taper)) ** 2
+    return np.abs(row @ steering(radar, azimuth_rad, window=window)) ** 2
 
 
 def _bins(bins: int | None, size: int) -> int:

@@ -1,8 +1,8 @@
-"""A recording: IQ samples with the radar that took them, kept as a DCA1000 .bin and a .json beside it.
+"""A recording: IQ samples with their radar, stored as a DCA1000 .bin and a .json beside it.
 
 The .json holds the radar, the amplitude per count (scale), the poses and the provenance. Loading gives counts times
-scale, so saving a loaded recording writes the same .bin. Both files are complete before either gets its name, and the
-.json comes last: a .bin without its .json is an interrupted save.
+scale, so saving a loaded recording writes the same .bin. Both files are complete before either gets its final name, and
+the .json comes last. A .bin without its .json is therefore an interrupted save.
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import MissingError, OutputError, RecordingError
-from radartwin.io import files, untrusted_json
+from radartwin.io import files
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
+from radartwin.radar.description_files import read_json
 
-FORMAT = "radartwin recording 1"
-# Without a hardware model the peak lands at half of full scale, 6 dB below clipping.
+_FORMAT = "radartwin recording 1"
+# Without a hardware model the peak is at half of full scale, 6 dB below clipping.
 _PEAK_COUNT = dca1000.FULL_SCALE // 2
 _BLOCK_BYTES = 64 << 20
-_SCALES = (1e-37, 1e33)  # so that every count times scale is a finite, normal number in single precision
+_SCALES = (1e-37, 1e33)  # within these limits every count times scale is a finite, normal number in single precision
 
 
 @dataclass
@@ -37,13 +38,13 @@ class Recording:
     """IQ data of one radar over some frames.
 
     Attributes:
-        iq: complex64 [frame, chirp, tx, rx, sample]; amplitude units (|a|^2 = received over transmitted power), or
-            counts for a foreign capture, whose scale is then 1.
-        sensor_poses: sensor-to-world (F, 4, 4), or (1, 4, 4) for a radar at rest, or None where unknown.
-        scale: amplitude per ADC count; None until a hardware model or a save has set one.
+        iq: complex64 [frame, chirp, tx, rx, sample] in amplitude units (|a|^2 = received over transmitted power). A
+            foreign capture is in counts, and its scale is 1.
+        sensor_poses: sensor-to-world (F, 4, 4), or (1, 4, 4) for a radar at rest, or None if unknown.
+        scale: amplitude per ADC count; None until a hardware model or a save sets it.
         iq_swapped: the .bin holds Q before I.
-        saturated: int16 values clipped when this was written.
-        provenance: what made it, plain JSON values.
+        saturated: number of int16 values that were clipped on saving.
+        provenance: origin of the recording, plain JSON values.
     """
 
     iq: NDArray[np.complex64]
@@ -93,18 +94,18 @@ class Recording:
             yield slice(start, min(start + step, self.num_frames))
 
     def save(self, path: str | Path, *, iq_swapped: bool | None = None) -> int:
-        """Write path.bin and path.json.
+        """Write path.bin and path.json, and set `iq_swapped` and `saturated`.
 
-        Sets `scale` where none was set, so that the peak lands near half of full scale, and `saturated`.
+        If `scale` is None, it is set so that the peak is near half of full scale.
 
         Args:
             path: without suffix; .bin or .json at its end is ignored.
-            iq_swapped: write Q before I; None keeps the recording's own order.
+            iq_swapped: write Q before I; None keeps the order of the recording.
         Returns:
-            How many int16 values were clipped to the 16-bit range.
+            The number of int16 values that were clipped to the 16-bit range.
         Raises:
-            RecordingError: samples that are NaN or infinite.
-            OutputError: the folder cannot be written; nothing is left behind.
+            RecordingError: samples are NaN or infinite.
+            OutputError: the folder cannot be written; no temporary file remains.
         """
         bin_path, json_path = recording_files(path)
         swapped = self.iq_swapped if iq_swapped is None else iq_swapped
@@ -123,7 +124,7 @@ class Recording:
                 json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)
                 stream.write("\n")
                 _flush(stream)
-            # An older .json must never sit beside a newer .bin, not even for a moment.
+            # The old .json goes first, so that it is never beside a newer .bin.
             json_path.unlink(missing_ok=True)
             temporary[bin_path].replace(bin_path)
             temporary[json_path].replace(json_path)
@@ -142,21 +143,21 @@ class Recording:
 
         Raises:
             MissingError: either file is missing.
-            RecordingError: a .json that is malformed or does not match the .bin, a truncated .bin, or zero frames.
+            RecordingError: the .json is malformed or does not match the .bin, or the .bin is truncated or empty.
         """
         bin_path, json_path = recording_files(path)
         for needed in (bin_path, json_path):
             if not needed.is_file():
-                raise MissingError(f"{needed}: no such file; a recording is a .bin with its .json beside it")
+                raise MissingError(f"{needed}: no such file; a recording needs a .bin and a .json of the same name")
         described = read_json(json_path)
         for key in ("radar", "scale"):
             if key not in described:
                 raise RecordingError(f"{json_path}: it has no {key!r}; was it written by Recording.save?")
-        if (written := described.get("format", FORMAT)) != FORMAT:
-            raise RecordingError(f"{json_path}: format {reprlib.repr(written)} is not '{FORMAT}'; was it written by another version?")
+        if (written := described.get("format", _FORMAT)) != _FORMAT:
+            raise RecordingError(f"{json_path}: format {reprlib.repr(written)} is not '{_FORMAT}'; was it written by another version?")
         try:
             radar = Radar.from_dict(described["radar"])
-        except (RecordingError, ValueError, TypeError) as error:
+        except (ValueError, TypeError) as error:
             raise RecordingError(f"{json_path}: {error}") from error
         scale = _check_scale(described["scale"], str(json_path))
         swapped = described.get("iq_swapped", False)
@@ -166,7 +167,7 @@ class Recording:
         frames = described.get("frames", len(counts))
         if frames != len(counts):
             raise RecordingError(
-                f"{bin_path}: it holds {len(counts)} frames but {json_path.name} says {frames}; one of them is not of this recording"
+                f"{bin_path}: it holds {len(counts)} frames but {json_path.name} says {frames}; copy both files of one recording"
             )
         counts *= np.float32(scale) if np.float32(scale) == scale else scale
         poses = described.get("sensor_poses")
@@ -186,12 +187,12 @@ class Recording:
     def _peak_scale(self) -> float:
         peak = max(float(max(np.abs(self.iq[b].real).max(), np.abs(self.iq[b].imag).max())) for b in self.frame_blocks())
         if not math.isfinite(peak):
-            raise RecordingError("recording holds NaN or infinite samples; it cannot be written as int16")
+            raise RecordingError("the recording holds NaN or infinite samples, which int16 cannot hold; simulate or record it again")
         return peak / _PEAK_COUNT if peak > 0 else 1.0
 
     def _description(self, scale: float, swapped: bool, saturated: int) -> dict[str, Any]:
         return {
-            "format": FORMAT,
+            "format": _FORMAT,
             "frames": self.num_frames,
             "scale": scale,
             "iq_swapped": swapped,
@@ -203,7 +204,7 @@ class Recording:
 
 
 def recording_files(path: str | Path) -> tuple[Path, Path]:
-    """The .bin and .json of a recording named with or without either suffix. Raises RecordingError for no name at all."""
+    """The .bin and .json of a recording, whose path may have either suffix or none. Raises RecordingError for a path without a name."""
     path = Path(path)
     name = path.name[: -len(path.suffix)] if path.suffix in (".bin", ".json") else path.name
     if not name.strip("."):
@@ -212,7 +213,7 @@ def recording_files(path: str | Path) -> tuple[Path, Path]:
 
 
 def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False) -> NDArray[np.complex64]:
-    """Counts of a .bin, [frame, chirp, tx, rx, sample]. Raises RecordingError if it is truncated, foreign or empty."""
+    """Counts of a .bin, [frame, chirp, tx, rx, sample]. Raises RecordingError if the file is empty or does not fit the radar."""
     size, frame = path.stat().st_size, dca1000.frame_bytes(radar)
     if size == 0:
         raise RecordingError(f"{path}: it is empty, zero frames; record again")
@@ -227,21 +228,6 @@ def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False) -> NDArra
         raise RecordingError(f"{path}: {error}") from error
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object. Raises RecordingError with the line where it is malformed."""
-    try:
-        values = untrusted_json.read(path)
-    except json.JSONDecodeError as error:
-        raise RecordingError(f"{path}: line {error.lineno}: {error.msg}; it is not valid JSON") from error
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{path}: it is not a text file") from error
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
-        raise RecordingError(f"{path}: it holds a value that cannot be read ({str(error).splitlines()[0]})") from error
-    if not isinstance(values, dict):
-        raise RecordingError(f"{path}: a JSON object is expected, not {type(values).__name__}")
-    return values
-
-
 def _check_scale(scale: Any, where: str) -> float:
     low, high = _SCALES
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not low <= scale <= high:
@@ -250,9 +236,12 @@ def _check_scale(scale: Any, where: str) -> float:
 
 
 def _rigid(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which poses (F, 4, 4) are finite, with a right-handed rotation to within 1e-4 (text and float32 round) and last row 0 0 0 1."""
+    """Per pose (F, 4, 4), whether it is finite with a right-handed rotation and last row 0 0 0 1.
+
+    The rotation may be off by 1e-4, because text and float32 round.
+    """
     finite = np.isfinite(poses).all(axis=(1, 2))
-    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # beyond 1 it is no rotation anyway
+    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; entries beyond 1 are no rotation
     straight = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) < 1e-4
     return finite & straight & (np.linalg.det(rotation) > 0) & (np.abs(poses[:, 3] - (0, 0, 0, 1)) < 1e-9).all(axis=1)
 

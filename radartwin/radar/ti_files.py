@@ -1,8 +1,7 @@
-"""TI's radar descriptions: mmWave SDK .cfg and mmWave Studio .mmwave.json.
+"""TI's radar descriptions, mmWave SDK .cfg and mmWave Studio .mmwave.json, as the fields of `radartwin.radar.chirp.Radar`.
 
-Both TI formats describe a profile (one chirp), the chirps with their transmitters, and the frame. The radar of this
-package starts at the first ADC sample: start_frequency_hz = startFreq + slope * adcStart; chirp_interval = idle +
-rampEnd.
+Both formats describe a profile (one chirp), the chirps with their transmitters, and the frame. The sampled sweep starts
+at the first ADC sample: start_frequency_hz = startFreq + slope * adcStart; chirp_interval = idle + rampEnd.
 
 References: mmWave SDK user's guide (TI), section "Configuration (.cfg) file format"; rlProfileCfg_t, rlChirpCfg_t,
 rlFrameCfg_t and rlChanCfg_t of the mmWaveLink interface, which mmWave Studio writes under the same names.
@@ -13,19 +12,28 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from radartwin.errors import RecordingError
-from radartwin.radar.boards import BOARDS, IWR1642BOOST, IWR1843BOOST, IWR6843ISK, Board
-from radartwin.radar.chirp import Radar
+from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, IWR6843ISK, Board
 
 _MAX_POWER_DBM = 12.0  # one transmitter without back-off: IWR1843 (TI SWRS228) and IWR6843 (TI SWRS219) data sheets
 _NOISE_FIGURE_DB = 15.0  # the same data sheets give 12 to 15 dB
 
+# Commands of a .cfg that shape the waveform, with the least number of their arguments.
+_CFG_COMMANDS = {"channelCfg": 2, "profileCfg": 11, "chirpCfg": 8, "frameCfg": 5, "adcCfg": 2}
+# Keys of a .mmwave.json in the order of the fields of _Profile and _Chirp.
+_PROFILE_KEYS = (
+    "profileId", "startFreqConst_GHz", "idleTimeConst_usec", "adcStartTimeConst_usec", "rampEndTime_usec", "txOutPowerBackoffCode",
+    "freqSlopeConst_MHz_usec", "numAdcSamples", "digOutSampleRate",
+)  # fmt: skip
+_CHIRP_KEYS = (
+    "chirpStartIdx", "chirpEndIdx", "profileId", "startFreqVar_MHz", "freqSlopeVar_KHz_usec", "idleTimeVar_usec",
+    "adcStartTimeVar_usec", "txEnable",
+)  # fmt: skip
 
-@dataclass(frozen=True)
-class _Profile:
+
+class _Profile(NamedTuple):
     identity: int
     start_ghz: float
     idle_us: float
@@ -36,18 +44,28 @@ class _Profile:
     num_samples: int
     rate_ksps: float
 
+    @classmethod
+    def of(cls, place: str, values: Sequence[float]) -> _Profile:
+        identity, start, idle, adc_start, ramp_end, backoff, slope, samples, rate = values
+        whole = (_whole(place, value) for value in (identity, backoff, samples))
+        identity, backoff, samples = whole
+        return cls(identity, start, idle, adc_start, ramp_end, backoff, slope, samples, rate)
 
-@dataclass(frozen=True)
-class _Chirp:
+
+class _Chirp(NamedTuple):
     first: int
     last: int
     profile: int
-    variations: tuple[float, ...]
+    variations: Sequence[float]  # of start frequency, slope, idle time and ADC start time
     tx_mask: int
 
+    @classmethod
+    def of(cls, place: str, values: Sequence[float]) -> _Chirp:
+        first, last, profile, *variations, tx_mask = values
+        return cls(*(_whole(place, value) for value in (first, last, profile)), variations, _whole(place, tx_mask))
 
-@dataclass(frozen=True)
-class _Setup:
+
+class _Setup(NamedTuple):
     rx_mask: int
     tx_mask: int
     profiles: Sequence[_Profile]
@@ -59,57 +77,45 @@ class _Setup:
     real_sampling: bool
 
 
-def radar_from_cfg(text: str, name: str, board: str | None = None) -> Radar:
-    """The radar of a mmWave SDK .cfg.
+def fields_from_cfg(text: str, name: str) -> dict[str, Any]:
+    """The fields of `Radar` from a mmWave SDK .cfg.
 
-    Args:
-        name: what to call it.
-        board: one of BOARDS. None takes the IWR6843ISK below 70 GHz, otherwise the xWR1843BOOST, or the xWR1642BOOST where
-            only TX1 and TX2 are enabled.
+    The board is the IWR6843ISK below 70 GHz, otherwise the xWR1642BOOST if only TX1 and TX2 are enabled, else the xWR1843BOOST.
+
     Raises:
         RecordingError: malformed (with its line), or a mode other than time-division chirps of one profile.
     """
-    return _assemble(name, _parse_cfg(text), board)
+    return _fields(name, _parse_cfg(text))
 
 
-def radar_from_studio(values: Mapping[str, Any], name: str, board: str | None = None) -> Radar:
-    """The radar of a parsed mmWave Studio .mmwave.json; arguments and errors as radar_from_cfg."""
-    return _assemble(name, _parse_studio(values), board)
+def fields_from_studio(values: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The fields of `Radar` from a parsed mmWave Studio .mmwave.json; board and errors as for fields_from_cfg."""
+    return _fields(name, _parse_studio(values))
 
 
 def _parse_cfg(text: str) -> _Setup:
-    """The four commands of a mmWave SDK .cfg that shape the waveform; the others do not concern the raw data."""
-    commands: dict[str, list[tuple[int, list[float]]]] = {}
-    wanted = {"channelCfg": 2, "profileCfg": 11, "chirpCfg": 8, "frameCfg": 5, "adcCfg": 2}
+    commands: dict[str, list[tuple[str, list[float]]]] = {}
     for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split("%", 1)[0].split()
-        if not words:
+        command, *words = line.split("%", 1)[0].split() or [""]
+        place = f"line {number}"
+        if command == "advFrameCfg":
+            raise RecordingError(f"{place}: advFrameCfg (sub-frames) is not supported; use frameCfg")
+        if command not in _CFG_COMMANDS:
             continue
-        if words[0] == "advFrameCfg":
-            raise RecordingError(f"line {number}: advFrameCfg (sub-frames) is not supported; use frameCfg")
-        if words[0] not in wanted:
-            continue
-        values = [_number(word, f"line {number}: {words[0]}") for word in words[1:]]
-        if len(values) < wanted[words[0]]:
-            raise RecordingError(f"line {number}: {words[0]} needs at least {wanted[words[0]]} numbers, it has {len(values)}")
-        commands.setdefault(words[0], []).append((number, values))
+        values = [_number(word, f"{place}: {command}") for word in words]
+        if len(values) < _CFG_COMMANDS[command]:
+            raise RecordingError(f"{place}: {command} needs at least {_CFG_COMMANDS[command]} numbers, it has {len(values)}")
+        commands.setdefault(command, []).append((place, values))
     for command in ("channelCfg", "profileCfg", "chirpCfg", "frameCfg"):
         if command not in commands:
             raise RecordingError(f"it has no {command} line; is it a mmWave SDK configuration?")
-    profiles = [
-        _Profile(_whole(n, v[0]), v[1], v[2], v[3], v[4], _whole(n, v[5]), v[7], _whole(n, v[9]), v[10]) for n, v in commands["profileCfg"]
-    ]
-    chirps = [_Chirp(_whole(n, v[0]), _whole(n, v[1]), _whole(n, v[2]), tuple(v[3:7]), _whole(n, v[7])) for n, v in commands["chirpCfg"]]
-    line, channel = commands["channelCfg"][-1]
-    frame_line, frame = commands["frameCfg"][-1]
+    channel_place, channel = commands["channelCfg"][-1]
+    frame_place, frame = commands["frameCfg"][-1]
     return _Setup(
-        rx_mask=_whole(line, channel[0]),
-        tx_mask=_whole(line, channel[1]),
-        profiles=profiles,
-        chirps=chirps,
-        first=_whole(frame_line, frame[0]),
-        last=_whole(frame_line, frame[1]),
-        loops=_whole(frame_line, frame[2]),
+        *(_whole(channel_place, value) for value in channel[:2]),
+        [_Profile.of(place, [*v[:6], v[7], *v[9:11]]) for place, v in commands["profileCfg"]],
+        [_Chirp.of(place, v[:8]) for place, v in commands["chirpCfg"]],
+        *(_whole(frame_place, value) for value in frame[:3]),
         period_ms=frame[4],
         real_sampling="adcCfg" in commands and commands["adcCfg"][-1][1][1] == 0,
     )
@@ -117,121 +123,86 @@ def _parse_cfg(text: str) -> _Setup:
 
 def _parse_studio(values: Mapping[str, Any]) -> _Setup:
     """The first device of a mmWave Studio .mmwave.json."""
-
-    def get(mapping: Any, *keys: str | int) -> Any:
-        for depth, key in enumerate(keys):
-            try:
-                mapping = mapping[key]
-            except (KeyError, IndexError, TypeError):
-                raise RecordingError(f"it has no {'.'.join(map(str, keys[: depth + 1]))}") from None
-        return mapping
-
-    def section(mapping: Any, key: str, kind: type, default: Any = None) -> Any:
-        found = get(mapping, key) if default is None else mapping.get(key, default)
-        if not isinstance(found, kind):
-            raise RecordingError(f"its {key} is not a JSON {'object' if kind is dict else 'list'}; was it edited?")
-        return found
-
-    def number(mapping: Any, *keys: str | int) -> float:
-        return _number(get(mapping, *keys), ".".join(map(str, keys)))
-
-    device = get(values, "mmWaveDevices", 0)
-    rf = section(device, "rfConfig", dict)
+    device = _get(values, "mmWaveDevices", 0)
+    rf = _section(device, "rfConfig", dict)
     if (waveform := rf.get("waveformType", "legacyFrameChirp")) != "legacyFrameChirp":
         raise RecordingError(f"waveformType {waveform} is not supported; use legacyFrameChirp")
-    capture = section(device, "rawDataCaptureConfig", dict, {})
-    lanes = section(capture, "rlDevLaneEnable_t", dict, {}).get("laneEn", 3)
+    capture = _section(device, "rawDataCaptureConfig", dict, {})
+    lanes = _section(capture, "rlDevLaneEnable_t", dict, {}).get("laneEn", 3)
     if int(_number(lanes, "laneEn")) != 3:
         raise RecordingError(f"laneEn {lanes} is not the two LVDS lanes (0x3) of xWR16xx, xWR18xx and xWR68xx captures")
-    profiles = []
-    for entry in section(rf, "rlProfiles", list):
-        p = get(entry, "rlProfileCfg_t")
-        profiles.append(
-            _Profile(
-                int(number(p, "profileId")),
-                number(p, "startFreqConst_GHz"),
-                number(p, "idleTimeConst_usec"),
-                number(p, "adcStartTimeConst_usec"),
-                number(p, "rampEndTime_usec"),
-                int(number(p, "txOutPowerBackoffCode")),
-                number(p, "freqSlopeConst_MHz_usec"),
-                int(number(p, "numAdcSamples")),
-                number(p, "digOutSampleRate"),
-            )
-        )
-    chirps = []
-    for entry in section(rf, "rlChirps", list):
-        c = get(entry, "rlChirpCfg_t")
-        varied = ("startFreqVar_MHz", "freqSlopeVar_KHz_usec", "idleTimeVar_usec", "adcStartTimeVar_usec")
-        chirps.append(
-            _Chirp(
-                int(number(c, "chirpStartIdx")),
-                int(number(c, "chirpEndIdx")),
-                int(number(c, "profileId")),
-                tuple(number(c, name) for name in varied),
-                int(number(c, "txEnable")),
-            )
-        )
-    frame = get(rf, "rlFrameCfg_t")
+
+    def numbers(mapping: Any, *keys: str) -> list[float]:
+        return [_number(_get(mapping, key), key) for key in keys]
+
+    def integers(mapping: Any, *keys: str) -> list[int]:
+        return [_whole(key, _number(_get(mapping, key), key)) for key in keys]
+
+    frame = _get(rf, "rlFrameCfg_t")
     return _Setup(
-        rx_mask=int(number(rf, "rlChanCfg_t", "rxChannelEn")),
-        tx_mask=int(number(rf, "rlChanCfg_t", "txChannelEn")),
-        profiles=profiles,
-        chirps=chirps,
-        first=int(number(frame, "chirpStartIdx")),
-        last=int(number(frame, "chirpEndIdx")),
-        loops=int(number(frame, "numLoops")),
-        period_ms=number(frame, "framePeriodicity_msec"),
-        real_sampling=int(number(rf, "rlAdcOutCfg_t", "fmt", "b2AdcOutFmt")) == 0,
+        *integers(_get(rf, "rlChanCfg_t"), "rxChannelEn", "txChannelEn"),
+        [_Profile.of("rlProfiles", numbers(_get(p, "rlProfileCfg_t"), *_PROFILE_KEYS)) for p in _section(rf, "rlProfiles", list)],
+        [_Chirp.of("rlChirps", numbers(_get(c, "rlChirpCfg_t"), *_CHIRP_KEYS)) for c in _section(rf, "rlChirps", list)],
+        *integers(frame, "chirpStartIdx", "chirpEndIdx", "numLoops"),
+        *numbers(frame, "framePeriodicity_msec"),
+        real_sampling=integers(_get(rf, "rlAdcOutCfg_t", "fmt"), "b2AdcOutFmt") == [0],
     )
 
 
-def _assemble(name: str, setup: _Setup, board_name: str | None) -> Radar:
+def _fired_chirps(setup: _Setup) -> list[_Chirp]:
+    """The chirps of one loop in firing order. Raises RecordingError for any mode but time-division chirps of one profile."""
     fired = []
     for index in range(setup.first, setup.last + 1):
         matching = [chirp for chirp in setup.chirps if chirp.first <= index <= chirp.last]
         if not matching:
             raise RecordingError(f"the frame fires chirp {index}, which no chirp entry describes")
-        fired.append(matching[-1])
-    if not fired:
-        raise RecordingError(f"the frame fires chirps {setup.first} to {setup.last}: none")
-    for chirp in fired:
+        chirp = matching[-1]
         if any(chirp.variations):
             raise RecordingError(f"chirp {chirp.first} varies its profile; only chirps of one constant profile are supported")
-        if bin(chirp.tx_mask).count("1") != 1:
+        if chirp.tx_mask.bit_count() != 1:
             raise RecordingError(
                 f"chirp {chirp.first} enables transmitters {chirp.tx_mask:#x}; only time division (one at a time) is supported"
             )
-    transmitters = [chirp.tx_mask.bit_length() - 1 for chirp in fired]
-    if len(set(transmitters)) < len(transmitters):
+        fired.append(chirp)
+    if not fired:
+        raise RecordingError(f"the frame fires chirps {setup.first} to {setup.last}: none")
+    if len({chirp.tx_mask for chirp in fired}) < len(fired):
         raise RecordingError("a transmitter fires twice in one loop; raise numLoops instead")
     if len({chirp.profile for chirp in fired}) > 1:
         raise RecordingError("its chirps use several profiles; one is supported")
+    return fired
+
+
+def _fields(name: str, setup: _Setup) -> dict[str, Any]:
+    fired = _fired_chirps(setup)
+    transmitters = [chirp.tx_mask.bit_length() - 1 for chirp in fired]
     profile = next((p for p in setup.profiles if p.identity == fired[0].profile), None)
     if profile is None:
         raise RecordingError(f"chirp {fired[0].first} uses profile {fired[0].profile}, which is not defined")
-    board = BOARDS[board_name] if board_name else _likely_board(profile, setup.tx_mask)
+    board = _likely_board(profile, setup.tx_mask)
     receivers = [n for n in range(len(board.rx_positions_m)) if setup.rx_mask >> n & 1]
     if not receivers or max(transmitters) >= len(board.tx_positions_m):
-        raise RecordingError(f"channels rx {setup.rx_mask:#x} tx {setup.tx_mask:#x} do not fit a {board.name}; name the board")
+        raise RecordingError(
+            f"channels rx {setup.rx_mask:#x} tx {setup.tx_mask:#x} do not fit a {board.name}; give a .yaml with the antenna positions"
+        )
     if setup.period_ms <= 0 or profile.rate_ksps <= 0:
         raise RecordingError("frame period and ADC rate must be above zero")
-    return Radar(
-        name=name,
-        start_frequency_hz=profile.start_ghz * 1e9 + profile.slope_mhz_us * 1e6 * profile.adc_start_us,
-        slope_hz_per_s=profile.slope_mhz_us * 1e12,
-        sample_rate_hz=profile.rate_ksps * 1e3,
-        num_samples=profile.num_samples,
-        num_chirps=setup.loops,
-        tx_positions_m=tuple(board.tx_positions_m[n] for n in transmitters),
-        rx_positions_m=tuple(board.rx_positions_m[n] for n in receivers),
-        chirp_interval=(profile.idle_us + profile.ramp_end_us) * 1e-6,
-        frame_rate_hz=1e3 / setup.period_ms,
-        element=board.element,
-        noise_figure_db=_NOISE_FIGURE_DB,
-        transmit_power_dbm=_MAX_POWER_DBM - (profile.power_backoff >> 8 * transmitters[0] & 0xFF),
-        real_sampling=setup.real_sampling,
-    )
+    return {
+        "name": name,
+        "start_frequency_hz": profile.start_ghz * 1e9 + profile.slope_mhz_us * 1e6 * profile.adc_start_us,
+        "slope_hz_per_s": profile.slope_mhz_us * 1e12,
+        "sample_rate_hz": profile.rate_ksps * 1e3,
+        "num_samples": profile.num_samples,
+        "num_chirps": setup.loops,
+        "tx_positions_m": tuple(board.tx_positions_m[n] for n in transmitters),
+        "rx_positions_m": tuple(board.rx_positions_m[n] for n in receivers),
+        "chirp_interval": (profile.idle_us + profile.ramp_end_us) * 1e-6,
+        "frame_rate_hz": 1e3 / setup.period_ms,
+        "element": board.element,
+        "noise_figure_db": _NOISE_FIGURE_DB,
+        "transmit_power_dbm": _MAX_POWER_DBM - (profile.power_backoff >> 8 * transmitters[0] & 0xFF),
+        "real_sampling": setup.real_sampling,
+    }
 
 
 def _likely_board(profile: _Profile, tx_mask: int) -> Board:
@@ -240,17 +211,33 @@ def _likely_board(profile: _Profile, tx_mask: int) -> Board:
     return IWR1642BOOST if tx_mask == 0b011 else IWR1843BOOST
 
 
-def _number(text: Any, where: str) -> float:
+def _get(mapping: Any, *keys: str | int) -> Any:
+    for depth, key in enumerate(keys):
+        try:
+            mapping = mapping[key]
+        except (KeyError, IndexError, TypeError):
+            raise RecordingError(f"it has no {'.'.join(map(str, keys[: depth + 1]))}") from None
+    return mapping
+
+
+def _section(mapping: Any, key: str, kind: type, default: Any = None) -> Any:
+    found = _get(mapping, key) if default is None else mapping.get(key, default)
+    if not isinstance(found, kind):
+        raise RecordingError(f"its {key} is not a JSON {'object' if kind is dict else 'list'}; was it edited?")
+    return found
+
+
+def _number(text: Any, place: str) -> float:
     try:
         value = float(int(text, 0)) if isinstance(text, str) and text.lower().startswith("0x") else float(text)
     except (TypeError, ValueError, OverflowError):
-        raise RecordingError(f"{where}: {reprlib.repr(text)} is not a number") from None
+        raise RecordingError(f"{place}: {reprlib.repr(text)} is not a number") from None
     if not math.isfinite(value):
-        raise RecordingError(f"{where}: {text} is not a finite number")
+        raise RecordingError(f"{place}: {text} is not a finite number")
     return value
 
 
-def _whole(line: int, value: float) -> int:
+def _whole(place: str, value: float) -> int:
     if value != int(value):
-        raise RecordingError(f"line {line}: {value:g} must be a whole number")
+        raise RecordingError(f"{place}: {value:g} must be a whole number")
     return int(value)

@@ -20,8 +20,8 @@ from radartwin.io.progress import Progress
 from radartwin.radar import dca1000
 from radartwin.radar.captures import description_beside, from_counts, load_capture
 from radartwin.radar.chirp import Radar
-from radartwin.radar.description import read_radar
-from radartwin.radar.recording import Recording, read_json, recording_files
+from radartwin.radar.description_files import read_json
+from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings import studio_log
 from radartwin.recordings.card import CARD, KEYS, Card
 from radartwin.recordings.checks import few, zero_filled_frames
@@ -160,7 +160,7 @@ def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False
         return recording, {}, []
     description = description_beside(capture) if radar is None else None
     if description is not None:
-        radar = read_radar(description)
+        radar = Radar.from_file(description)
     assert radar is not None
     data, frame = b"".join(path.read_bytes() for path in studio_log.parts(capture)), dca1000.frame_bytes(radar)
     whole, rest = divmod(len(data), frame)

@@ -171,7 +171,8 @@ class RecordingSet:
     def course(self, row: Row) -> tuple[Radar, int, NDArray[np.float64] | None]:
         """(radar, frames, poses (F, 4, 4) of a radar that moves or None) of a row, without reading its samples. Errors as `read`."""
         from radartwin.radar.dca1000 import frame_bytes
-        from radartwin.radar.recording import read_json, recording_files
+        from radartwin.radar.description_files import read_json
+        from radartwin.radar.recording import recording_files
         from radartwin.recordings.trajectory import course_poses
 
         radar, (samples, described) = read_radar_of(self.path(row)), recording_files(self.path(row))
@@ -231,7 +232,8 @@ class RecordingSet:
 def read_radar_of(path: Path) -> Radar:
     """The radar of a recording, without its samples. Raises MissingError, RecordingError."""
     from radartwin.radar.chirp import Radar
-    from radartwin.radar.recording import read_json, recording_files
+    from radartwin.radar.description_files import read_json
+    from radartwin.radar.recording import recording_files
 
     described = recording_files(path)[1]
     if not described.is_file():

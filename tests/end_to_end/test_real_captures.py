@@ -1,4 +1,4 @@
-"""Two real captures through the whole chain, within one range bin of what their descriptions state."""
+"""Real captures through the whole processing, within one range bin of the values in their descriptions."""
 
 import numpy as np
 import pandas as pd
@@ -6,10 +6,11 @@ import pytest
 
 from radartwin.build.recording import named_radar
 from radartwin.errors import MissingError, OutputError, RecordingError
+from radartwin.radar import dca1000
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
-from radartwin.radar.inspect import inspect
-from radartwin.radar.maps import Chain
+from radartwin.radar.power_maps import FftSettings
+from radartwin.radar.process_capture import process_capture
 from radartwin.radar.recording import Recording
 
 ROOM = "radar/iwr6843_static_room/iwr6843_frame_adc_data.bin"
@@ -19,7 +20,7 @@ COLUMNS = ["range_m", "doppler_mps", "azimuth_deg", "power_db"]
 
 
 def _openradar() -> Radar:
-    """From the description beside the capture, typed in here rather than read from conf/."""
+    """The values of the description beside the capture, independent of conf/."""
     wavelength = 299_792_458.0 / 77e9
     return Radar(
         name="openradar",
@@ -46,15 +47,15 @@ def _check_folder(folder, table):
     assert np.all(np.diff(written.power_db) <= 0)
 
 
-def test_static_room_has_its_three_peaks_and_nothing_moves(shared_data, tmp_path):
-    table = inspect(shared_data / ROOM, tmp_path / "out")
+def test_static_room_has_its_three_peaks_at_rest(shared_data, tmp_path):
+    table = process_capture(shared_data / ROOM, tmp_path / "out")
     radar = Radar.from_file(shared_data / "radar/iwr6843_static_room/iwr6843_mmwaveDevice.mmwave.json")
     bin_m = radar.range_resolution_m
     assert bin_m == pytest.approx(0.0392, abs=1e-4)
     for expected in (1.551, 1.052, 8.473):
         nearest = table.iloc[(table.range_m - expected).abs().argmin()]
         assert nearest.range_m == pytest.approx(expected, abs=bin_m)
-    # The description ranks them so.
+    # The description gives this order of strength.
     assert table.range_m[0] == pytest.approx(1.551, abs=bin_m)
     assert table.range_m[1] == pytest.approx(1.052, abs=bin_m)
     assert np.any(np.abs(table.range_m[:10] - 8.473) < bin_m)
@@ -62,48 +63,48 @@ def test_static_room_has_its_three_peaks_and_nothing_moves(shared_data, tmp_path
     _check_folder(tmp_path / "out", table)
 
 
-def test_walking_target_and_wall_are_where_the_description_says(shared_data, tmp_path):
-    table = inspect(shared_data / WALK, tmp_path / "out", _openradar())
+def test_walking_target_and_wall_are_at_the_ranges_of_the_description(shared_data, tmp_path):
+    table = process_capture(shared_data / WALK, tmp_path / "out", _openradar())
     bin_m = 0.0488
     still, moving = table.query("abs(doppler_mps) < 0.081"), table.query("abs(doppler_mps) >= 0.081")
     assert still.range_m.iloc[0] == pytest.approx(5.208, abs=bin_m)
     strongest = moving.iloc[0]
     assert 2.93 - bin_m < strongest.range_m < 2.98 + bin_m
     assert 0.5 < abs(strongest.doppler_mps) < 0.8
-    # The description sees both signs near 3 m: +0.56 and -0.48 to -0.81 m/s.
+    # The description gives both signs near 3 m: +0.56 and -0.48 to -0.81 m/s.
     body = moving.query(f"abs(range_m - 2.955) < {0.025 + bin_m}")
     assert body.doppler_mps.max() == pytest.approx(0.56, abs=0.081)
     assert body.doppler_mps.min() == pytest.approx(-0.81, abs=0.081)
     _check_folder(tmp_path / "out", table)
 
 
-def test_the_shipped_description_of_the_walk_gives_the_same_peaks(shared_data):
-    named = inspect(shared_data / WALK, radar=named_radar("openradar_77ghz"))
-    pd.testing.assert_frame_equal(named, inspect(shared_data / WALK, radar=_openradar()), atol=1e-3)
+def test_shipped_radar_file_gives_the_same_peaks(shared_data):
+    named = process_capture(shared_data / WALK, radar=named_radar("openradar_77ghz"))
+    pd.testing.assert_frame_equal(named, process_capture(shared_data / WALK, radar=_openradar()), atol=1e-3)
 
 
-def test_a_single_channel_frame_has_ranges_but_no_azimuth(shared_data, tmp_path):
-    table = inspect(shared_data / "radar/openradar_77ghz_frame/simple_frame_1.npy", tmp_path / "out", _openradar())
+def test_single_channel_frame_has_ranges_and_no_azimuth(shared_data, tmp_path):
+    table = process_capture(shared_data / "radar/openradar_77ghz_frame/simple_frame_1.npy", tmp_path / "out", _openradar())
     for expected in (5.205, 1.981, 4.054):
         assert (table.range_m - expected).abs().min() < 0.0488
     assert table.azimuth_deg.isna().all()
     assert not (tmp_path / "out" / "range_azimuth.png").exists()
 
 
-def test_without_what_is_static_the_walker_is_strongest(shared_data):
-    table = inspect(shared_data / WALK, radar=_openradar(), chain=Chain(static_removed=True))
+def test_static_removal_makes_the_walker_the_strongest_peak(shared_data):
+    table = process_capture(shared_data / WALK, radar=_openradar(), settings=FftSettings(static_removed=True))
     assert table.range_m[0] == pytest.approx(2.955, abs=0.075)
     assert 0.5 < abs(table.doppler_mps[0]) < 0.8
 
 
 @pytest.mark.parametrize("capture", [ROOM, WALK])
-def test_positive_range_is_a_positive_beat_in_both_captures(shared_data, capture):
+def test_positive_range_is_a_positive_beat_frequency(shared_data, capture):
     recording = load_capture(shared_data / capture, _openradar() if capture == WALK else None)
     assert recording.provenance["band_edge_db"] > 2
     assert not recording.iq_swapped
 
 
-def test_exchanged_i_and_q_are_noticed(shared_data, tmp_path):
+def test_exchanged_i_and_q_are_corrected(shared_data, tmp_path):
     source = shared_data / ROOM
     counts = np.frombuffer(source.read_bytes(), "<i2").reshape(-1, 2, 2)
     (tmp_path / "swapped.bin").write_bytes(counts[:, ::-1].tobytes())
@@ -116,26 +117,45 @@ def test_exchanged_i_and_q_are_noticed(shared_data, tmp_path):
     assert not np.array_equal(forced.iq, recording.iq)
 
 
-def test_a_capture_kept_as_our_recording_is_the_same_bytes_and_peaks(shared_data, tmp_path):
+def test_capture_saved_as_a_recording_has_the_same_bytes_and_peaks(shared_data, tmp_path):
     capture = load_capture(shared_data / ROOM)
     assert capture.save(tmp_path / "room") == 0
     assert (tmp_path / "room.bin").read_bytes() == (shared_data / ROOM).read_bytes()
     assert Recording.load(tmp_path / "room").radar == capture.radar
-    pd.testing.assert_frame_equal(inspect(tmp_path / "room"), inspect(shared_data / ROOM))
+    pd.testing.assert_frame_equal(process_capture(tmp_path / "room"), process_capture(shared_data / ROOM))
 
 
-def test_what_cannot_be_processed_is_one_line_and_leaves_nothing(shared_data, tmp_path):
+def test_invalid_capture_is_refused_without_output(shared_data, tmp_path):
     room = shared_data / ROOM
     (tmp_path / "cut.bin").write_bytes(room.read_bytes()[:-7])
     with pytest.raises(MissingError, match=r"cut\.bin.*radar"):
-        inspect(tmp_path / "cut.bin", tmp_path / "out")
+        process_capture(tmp_path / "cut.bin", tmp_path / "out")
     description = room.with_name("iwr6843_mmwaveDevice.mmwave.json")
     with pytest.raises(RecordingError, match=r"cut\.bin.*truncated"):
-        inspect(tmp_path / "cut.bin", tmp_path / "out", description)
+        process_capture(tmp_path / "cut.bin", tmp_path / "out", description)
     with pytest.raises(MissingError, match=r"nothing\.(bin|json)"):
-        inspect(tmp_path / "nothing", tmp_path / "out")
+        process_capture(tmp_path / "nothing", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(OutputError, match="file"):
-        inspect(room, tmp_path / "file")
+        process_capture(room, tmp_path / "file")
     assert {p.name for p in tmp_path.iterdir()} == {"cut.bin", "file"}
+
+
+def test_one_chirp_per_frame_leaves_the_speed_empty(inside, tmp_path):
+    """A capture of a foreign IWR1843 with its mmWave SDK .cfg; the target is at 2 m."""
+    (tmp_path / "radar.cfg").write_text(
+        "channelCfg 15 1 0\nprofileCfg 0 77 7 0 57 0 0 70 1 256 5210 0 0 30\nchirpCfg 0 0 0 0 0 0 0 1\nframeCfg 0 0 1 0 100 1 0\n"
+    )
+    radar = Radar.from_file(tmp_path / "radar.cfg")
+    beat = np.exp(2j * np.pi * radar.slope_hz_per_s * 4.0 / 299_792_458.0 * np.arange(256) / radar.sample_rate_hz)
+    counts = (1000 * beat * np.ones((5, 1, 1, 4, 1))).astype(np.complex64)
+    (tmp_path / "capture.bin").write_bytes(dca1000.encode(counts, 1.0)[0])
+    done = inside("process", "capture.bin", "--radar", "radar.cfg", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    assert "no speed can be measured" in done.stderr
+    written = pd.read_csv(tmp_path / "out" / "peaks.csv")
+    assert written.range_m[0] == pytest.approx(2.0, abs=0.005)
+    assert written.doppler_mps.isna().all()
+    assert [len(line.split()) for line in done.stdout.splitlines()] == [4] + [3] * len(written)
+    assert not (tmp_path / "out" / "range_doppler.png").exists()

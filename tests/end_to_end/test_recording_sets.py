@@ -14,8 +14,8 @@ from radartwin import cli
 from radartwin.features.gate import multipath_share
 from radartwin.features.profile import range_time
 from radartwin.radar.captures import load_capture
-from radartwin.radar.inspect import inspect
-from radartwin.radar.maps import Chain
+from radartwin.radar.power_maps import FftSettings
+from radartwin.radar.process_capture import process_capture
 from radartwin.recordings.recording_set import RecordingSet
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -66,7 +66,7 @@ def test_a_real_mmwave_studio_capture_becomes_a_set_that_is_whole_and_shows_the_
     row, recording = next(measured.recordings(object="none"))
     assert row.extra == {"started": "2024-11-19T20:02:23", "lost_packets": "0"}
     assert recording.provenance["log"]["received"] == 143473
-    pd.testing.assert_frame_equal(inspect(tmp_path / "room/recordings" / name), inspect(shared_data / ROOM / f"{name}.bin"))
+    pd.testing.assert_frame_equal(process_capture(tmp_path / "room/recordings" / name), process_capture(shared_data / ROOM / f"{name}.bin"))
     # The strongest echoes are at 1.551, 1.052, 1.718 and 1.370 m: with the gate on the first, the others are outside it or in it.
     power, axis = range_time(recording)
     near = np.flatnonzero((axis > 0.6) & (axis < 5.5))
@@ -80,7 +80,7 @@ def test_a_real_cube_at_77_ghz_becomes_a_set_that_shows_the_walker(shared_data: 
     assert call(*arguments)[:2] == (0, "walk: 0 recordings added, 1 in all\n")
     status, said, _ = call("doctor", "--data", "walk")
     assert (status, said.splitlines()[-1]) == (0, "doctor: the set can be used")
-    moving = inspect(tmp_path / "walk/recordings/doppler_example_1", chain=Chain(static_removed=True))
+    moving = process_capture(tmp_path / "walk/recordings/doppler_example_1", settings=FftSettings(static_removed=True))
     assert moving.range_m[0] == pytest.approx(2.955, abs=0.075)
     assert 0.5 < abs(moving.doppler_mps[0]) < 0.8
 

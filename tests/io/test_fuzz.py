@@ -25,7 +25,6 @@ from made_files import studio_json
 from radartwin.errors import InputError, MeshError, UserError
 from radartwin.label.answers import read_answer
 from radartwin.radar.chirp import Radar
-from radartwin.radar.description import read_radar
 from radartwin.radar.recording import Recording
 from radartwin.recordings.mapping import read_mapping
 from radartwin.scene import rooms
@@ -56,7 +55,8 @@ TEXTS = {
     "map.yaml": b"captures:\n  - file: a.bin\n    object: mug\n    room: lab\n",
 }
 READERS: dict[str, Callable[[Path], Any]] = {
-    "radar.cfg": read_radar, "radar.mmwave.json": read_radar, "radar.yaml": read_radar, "track.txt": read_track, "track.csv": read_track,
+    "radar.cfg": Radar.from_file, "radar.mmwave.json": Radar.from_file, "radar.yaml": Radar.from_file,
+    "track.txt": read_track, "track.csv": read_track,
     "layout.yaml": Layout.load, "map.csv": read_mapping, "map.yaml": read_mapping,
 }  # fmt: skip
 
@@ -143,7 +143,7 @@ def test_a_text_file_of_any_content_is_read_or_refused(name: str, data: st.DataO
 @QUICK
 @given(data=st.data())
 def test_a_radar_with_any_value_in_any_place_is_read_or_refused(name: str, data: st.DataObject) -> None:
-    written(name, json.dumps(data.draw(with_changes(json.loads(TEXTS[name])))).encode(), read_radar)
+    written(name, json.dumps(data.draw(with_changes(json.loads(TEXTS[name])))).encode(), Radar.from_file)
 
 
 @pytest.fixture(scope="module")

@@ -31,7 +31,6 @@ from radartwin.label.journal import Journal, Record
 from radartwin.label.labelling import prepare
 from radartwin.label.photos import load_photos, save_photos
 from radartwin.radar.chirp import Radar
-from radartwin.radar.description import read_radar
 from radartwin.radar.recording import Recording
 from radartwin.recognize.model import Recogniser
 from radartwin.reconstruct.frames.folder import load_own, save_frames
@@ -192,7 +191,7 @@ CASES = [
     Case(_log, "log.csv", "words", lambda folder: read_log(folder / "log.csv")),
     Case(_layout, "layout.json.yaml", "json", lambda folder: _read_layout(folder / "layout.json.yaml")),
     Case(_layout, "layout.yaml", "words", lambda folder: _read_layout(folder / "layout.yaml")),
-    Case(_texts, "radar.cfg", "words", lambda folder: read_radar(folder / "radar.cfg")),
+    Case(_texts, "radar.cfg", "words", lambda folder: Radar.from_file(folder / "radar.cfg")),
     Case(_texts, "track.txt", "words", lambda folder: read_track(folder / "track.txt")),
     Case(_texts, "track.csv", "words", lambda folder: read_track(folder / "track.csv")),
 ]

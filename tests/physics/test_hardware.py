@@ -1,4 +1,4 @@
-"""Each imperfection of the radar against its closed form, and the defaults against what is published of the real one."""
+"""Each imperfection of the radar against its closed form, and the defaults against published values of the real radar."""
 
 import dataclasses
 
@@ -21,7 +21,7 @@ TIME = np.arange(256) / RADAR.sample_rate_hz
 
 
 def echo(range_m):
-    """A tone by the definition of the beat signal, every chirp and channel alike."""
+    """A tone by the definition of the beat signal, the same on all chirps and channels."""
     return np.exp(2j * np.pi * (RADAR.start_frequency_hz + RADAR.slope_hz_per_s * TIME) * 2 * range_m / C) * np.ones(SHAPE)
 
 
@@ -30,9 +30,9 @@ def spectrum(iq):
 
 
 @pytest.mark.parametrize("level", [-93.0, -60.0])
-def test_phase_noise_from_samples_is_that_of_every_echo_by_its_own_delay(level):
-    """Against the difference phi(t) - phi(t - tau) of the same oscillator, summed per echo: under a Hann window within 5 % of the
-    amplitude of the noise and 0.1 dB of its energy; with echoes of unequal strength from 0.5 to 9 m."""
+def test_phase_noise_on_samples_matches_the_phase_noise_of_each_echo(level):
+    """The oracle sums phi(t) - phi(t - tau) of the same oscillator over echoes of unequal strength from 0.5 to 9 m. Under a Hann window
+    the noise agrees within 5 % of its amplitude and 0.1 dB of its energy."""
     noise = PhaseNoise(level)
     hardware = dataclasses.replace(IDEAL, phase_noise=noise)
     ranges, amplitudes = np.array([0.5, 1.3, 2.0, 3.7, 5.1, 9.0]), np.array([1.0, 0.3, 0.8, 0.5, 0.4, 0.2])
@@ -53,26 +53,26 @@ def test_phase_noise_from_samples_is_that_of_every_echo_by_its_own_delay(level):
     assert np.linalg.norm(ours - exact) < 0.25 * np.linalg.norm(exact)
 
 
-def test_no_noise_is_lost_or_added_without_phase_noise():
+def test_samples_are_unchanged_without_phase_noise_and_late_chirps():
     clean = echo(2.0).astype(np.complex64)
     assert IDEAL.echoes(clean, RADAR, np.random.default_rng(0)) is clean
 
 
-def test_a_late_chirp_turns_an_echo_by_its_beat():
-    """Beat 934 kHz at 2 m: 0.37 degrees for 1.1 ns (TI SPRACV2: 0.4 degrees at 1 MHz), half of the chirps."""
+def test_late_chirp_rotates_an_echo_by_its_beat_frequency():
+    """The beat frequency at 2 m is 934 kHz, so 1.1 ns are 0.37 degrees (TI SPRACV2: 0.4 degrees at 1 MHz). Half of the chirps are late."""
     hardware = dataclasses.replace(IDEAL, chirp_late_s=1.1e-9)
     turned = hardware.echoes(echo(2.0).astype(np.complex64), RADAR, np.random.default_rng(1))
     degrees = np.degrees(np.angle((turned / echo(2.0))[..., 64:192].mean(axis=-1)))[0]
     beat = RADAR.slope_hz_per_s * 4.0 / C
-    assert np.ptp(degrees, axis=-1).max() < 1e-3  # every receiver alike
+    assert np.ptp(degrees, axis=-1).max() < 1e-3  # all receivers agree
     late = degrees[:, :, 0] < -0.18
     assert degrees[late[:, :, None].repeat(4, 2)] == pytest.approx(-360 * 1.1e-9 * beat, abs=0.01)
     assert 8 <= late.sum() <= 24
 
 
-def test_leakage_is_at_zero_range_and_as_far_above_the_noise_as_in_real_captures():
-    """Public captures have it 12.6 dB (60 GHz) and 15.2 dB (77 GHz) above the noise of a sample, nearest lines, same filter codes;
-    boards and slopes differ: within 6 dB."""
+def test_leakage_is_at_zero_range_at_the_level_of_real_captures():
+    """Public captures with the same filter codes have leakage 12.6 dB (60 GHz) and 15.2 dB (77 GHz) above the noise of a sample.
+    Boards and slopes differ, so the tolerance is 6 dB."""
     noisy = received(Recording(np.zeros(SHAPE, np.complex64), RADAR), dataclasses.replace(Hardware(), offset_dbfs=-np.inf), 0).iq
     power = (np.abs(spectrum(noisy)) ** 2).mean(axis=(0, 1, 2, 3))
     assert np.argmax(power) <= 2  # within 9 cm
@@ -80,7 +80,7 @@ def test_leakage_is_at_zero_range_and_as_far_above_the_noise_as_in_real_captures
     assert 10 * np.log10(power.max() / sample_noise) == pytest.approx(14, abs=6)
 
 
-def test_leakage_is_a_sum_over_pairs_that_falls_with_their_distance():
+def test_leakage_falls_with_the_distance_of_the_antennas():
     level = np.abs(dataclasses.replace(IDEAL, coupling_db=-45.0).leakage(RADAR)).mean(axis=-1)
     assert 20 * np.log10(level.max()) == pytest.approx(-45, abs=0.01)
     farthest = Hardware().spacing_m + np.ptp(RADAR.tx_positions[:, 1]) + np.ptp(RADAR.rx_positions[:, 1])
@@ -89,14 +89,14 @@ def test_leakage_is_a_sum_over_pairs_that_falls_with_their_distance():
     assert 20 * np.log10(filtered.max() / level.max()) < -40
 
 
-def test_lines_take_their_loss_from_the_power_of_every_echo_once():
+def test_line_loss_reduces_the_power_of_an_echo_once():
     tone = np.ones(SHAPE, np.complex64)
     left = dataclasses.replace(IDEAL, line_loss_db=5.2).leaked(tone, RADAR)
     assert 10 * np.log10(np.mean(np.abs(left) ** 2)) == pytest.approx(-5.2, abs=1e-4)
 
 
-def test_the_image_of_a_tone_is_the_closed_form_and_filtered_where_its_band_is():
-    """|1 - g exp(-j phi)| / |1 + g exp(j phi)| of a tone, -24.5 dB at 1 dB and 2 degrees; gone for all but near echoes in complex 1x."""
+def test_image_of_a_tone_matches_the_closed_form_and_is_filtered():
+    """The image ratio is |1 - g exp(-j phi)| / |1 + g exp(j phi)|, -24.5 dB at 1 dB and 2 degrees. Complex 1x keeps near images only."""
     hardware = dataclasses.replace(IDEAL, gain_imbalance_db=1.0, phase_imbalance_deg=2.0)
     tone = (np.exp(2j * np.pi * 30 * np.arange(256) / 256) * np.ones(SHAPE)).astype(np.complex64)
     gain = 10 ** (1 / 20) * np.exp(1j * np.radians(2))
@@ -108,7 +108,7 @@ def test_the_image_of_a_tone_is_the_closed_form_and_filtered_where_its_band_is()
     assert abs(np.fft.fft(filtered.digitised(near, RADAR)[0][0, 0, 0, 0])[-2] / 256) > 0.5 * abs(made[-30])
 
 
-def test_the_adc_rounds_offsets_and_saturates_at_its_full_scale():
+def test_adc_adds_its_offset_rounds_and_saturates_at_full_scale():
     hardware = dataclasses.replace(IDEAL, full_scale_db=-35.0, offset_dbfs=-70.0)
     assert hardware.scale is not None
     silent, none = hardware.digitised(np.zeros(SHAPE, np.complex64), RADAR)
@@ -127,24 +127,24 @@ def test_the_adc_rounds_offsets_and_saturates_at_its_full_scale():
     assert (np.abs(error) ** 2).mean() == pytest.approx(hardware.scale**2 / 6, rel=0.3)  # two uniform roundings
 
 
-def test_a_saved_recording_keeps_the_counts_of_the_adc(tmp_path):
+def test_saved_recording_holds_the_counts_of_the_adc(tmp_path):
     recording = received(Recording((10 ** (-60 / 20) * echo(1.0)).astype(np.complex64), RADAR), Hardware(), 3)
     recording.save(tmp_path / "one")
     assert np.array_equal(Recording.load(tmp_path / "one").iq, recording.iq)
 
 
-def test_channels_are_the_boards_own_and_spread_as_published():
-    """Standard deviations 0.6 dB and 5 degrees over boards, transmitters' and receivers' shares alike; the same board stays the same."""
+def test_channel_gains_have_the_published_spread_over_boards():
+    """The standard deviations over boards are 0.6 dB and 5 degrees, half of the variance from transmitters and half from receivers."""
     gains = np.stack([dataclasses.replace(Hardware(), board=b).channels(RADAR) for b in range(2000)])
     assert np.std(20 * np.log10(np.abs(gains))) == pytest.approx(0.6, rel=0.05)
     assert np.degrees(np.std(np.angle(gains))) == pytest.approx(5.0, rel=0.05)
     assert np.array_equal(Hardware().channels(RADAR), Hardware().channels(RADAR))
     np.testing.assert_array_equal(IDEAL.channels(RADAR), 1)
-    shared = gains[:, 0] / gains[:, 1]  # of two transmitters: the same for all receivers
+    shared = gains[:, 0] / gains[:, 1]  # the ratio of two transmitters is the same for all receivers
     np.testing.assert_allclose(shared, shared[:, :1].repeat(4, 1), rtol=1e-5)
 
 
-def test_frames_begin_late_once_and_jitter_little():
+def test_recording_starts_late_and_frames_jitter():
     times = np.stack([Hardware().frame_times(200, 10.0, np.random.default_rng(s)) for s in range(50)])
     error = times - np.arange(200) / 10
     assert error.std(axis=1).mean() == pytest.approx(1e-6, rel=0.05)
@@ -153,7 +153,7 @@ def test_frames_begin_late_once_and_jitter_little():
     assert np.array_equal(IDEAL.frame_times(5, 10.0, np.random.default_rng(0)), np.arange(5) / 10)
 
 
-def test_strength_doubles_spreads_and_leaves_settings():
+def test_strength_scales_imperfections_and_keeps_settings():
     twice = Hardware().scaled(2)
     assert twice.if_filter == Hardware().if_filter
     assert twice.scale == Hardware().scale
@@ -166,7 +166,7 @@ def test_strength_doubles_spreads_and_leaves_settings():
     assert Hardware().front_end(RADAR).if_filter == IfFilter((175e3, 350e3))
 
 
-def test_real_samples_keep_their_phase_noise_and_stay_real():
+def test_real_samples_with_phase_noise_stay_real():
     radar = dataclasses.replace(RADAR, real_sampling=True)
     real = echo(2.0).real.astype(np.complex64)
     hardware = dataclasses.replace(IDEAL, phase_noise=PhaseNoise(-60.0))

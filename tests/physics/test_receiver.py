@@ -1,4 +1,4 @@
-"""IF filter and phase noise of the receiver: by delay, before anything folds."""
+"""IF filter and phase noise of the receiver, which depend on the delay of an echo before folding."""
 
 import dataclasses
 
@@ -38,7 +38,7 @@ def test_without_a_filter_a_target_at_12_m_folds_to_84_cm():
 
 
 @pytest.mark.parametrize(("range_m", "least_db"), [(12.0, 60.0), (11.2, 60.0), (30.0, 60.0), (11.0, 50.0), (10.6, 29.0)])
-def test_with_the_filter_it_is_gone(range_m, least_db):
+def test_filter_removes_a_target_beyond_the_band(range_m, least_db):
     radar = dataclasses.replace(RADAR, if_filter=IfFilter())
     level = 20 * np.log10(np.abs(profile(synthesize(target(range_m), radar))[1]).max())
     assert level < -least_db + 0.3
@@ -48,8 +48,8 @@ def test_with_the_filter_it_is_gone(range_m, least_db):
     ("corners", "loss_db", "lead_deg"),
     [((), 0.0, 0.0), ((175e3,), 0.0673, 7.12), ((175e3, 350e3), 0.330, 21.16)],
 )
-def test_a_target_at_3_m_passes_with_the_loss_and_lead_of_the_high_pass(corners, loss_db, lead_deg):
-    """Beat at 1.401 MHz; one stage loses 10 log10(1 + (fc/f)^2) and leads by atan(fc/f): 0.067 dB and 7.1 degrees."""
+def test_target_at_3_m_has_the_loss_and_phase_lead_of_the_high_pass(corners, loss_db, lead_deg):
+    """The beat frequency is 1.401 MHz. One stage loses 10 log10(1 + (fc/f)^2) = 0.067 dB and leads by atan(fc/f) = 7.1 degrees."""
     plain = synthesize(target(3.0), RADAR)[0, 0, 0, 0]
     magnitude, complete = (
         synthesize(target(3.0), dataclasses.replace(RADAR, if_filter=IfFilter(corners, zero_phase=z)))[0, 0, 0, 0] / plain
@@ -61,13 +61,13 @@ def test_a_target_at_3_m_passes_with_the_loss_and_lead_of_the_high_pass(corners,
     np.testing.assert_allclose(np.abs(complete), np.abs(magnitude), rtol=1e-4)
 
 
-def test_real_samples_fold_at_half_the_rate_and_are_filtered_there():
+def test_filter_of_real_samples_ends_at_half_the_sample_rate():
     real = dataclasses.replace(RADAR, real_sampling=True, if_filter=IfFilter(()))
     assert np.abs(synthesize(target(4.9), real)).max() == pytest.approx(1, abs=1e-3)
     assert np.abs(synthesize(target(6.0), real)).max() == pytest.approx(1e-3, rel=1e-3)
 
 
-def test_a_filter_is_part_of_the_description_and_off_unless_given():
+def test_filter_is_part_of_the_radar_description_and_off_by_default():
     assert RADAR.if_filter is None
     assert "if_filter" not in RADAR.to_dict()
     radar = dataclasses.replace(RADAR, if_filter=IfFilter((235e3, 700e3), 0.8, 40.0, False), phase_noise=PhaseNoise(-90.0))
@@ -87,13 +87,13 @@ def test_a_filter_is_part_of_the_description_and_off_unless_given():
         ({"phase_noise": {"corner_hz": 0.0}}, "corner_hz"),
     ],
 )
-def test_a_part_that_makes_no_sense_is_refused_by_name(change, words):
+def test_invalid_filter_or_phase_noise_is_named(change, words):
     with pytest.raises(InputError, match=words):
         Radar.from_dict({**RADAR.to_dict(), **change})
 
 
 def residual(range_m, noise, sample_rate_hz, samples):
-    """Standard deviation of phi(t) - phi(t - tau): the integral of S(f) 4 sin^2(pi f tau) over the offsets that samples can hold."""
+    """Standard deviation of phi(t) - phi(t - tau), the integral of S(f) 4 sin^2(pi f tau) over the offsets that the samples resolve."""
     f = np.linspace(0.5, 2 * samples + 0.5, 400_001)[1:] * sample_rate_hz / (4 * samples)
     plateau = 2 * 10 ** (noise.level_dbc_hz / 10) * (1 + (1e6 / noise.corner_hz) ** 2)
     density = plateau / (1 + (f / noise.corner_hz) ** 2) * 4 * np.sin(np.pi * f * 2 * range_m / C) ** 2
@@ -101,8 +101,8 @@ def residual(range_m, noise, sample_rate_hz, samples):
 
 
 @pytest.mark.parametrize("range_m", [0.1, 1.0, 5.0, 10.0])
-def test_phase_noise_of_an_echo_is_the_integral_of_its_range_correlated_density(range_m):
-    """Each echo by its own delay, though another is there: 40 dB between 0.1 and 10 m."""
+def test_phase_noise_of_an_echo_matches_its_range_correlated_density(range_m):
+    """Each echo has the phase noise of its own delay; the level spans 40 dB between 0.1 and 10 m."""
     noise = PhaseNoise(-93.0)
     radar = dataclasses.replace(RADAR, phase_noise=noise)
     longest = 2 * 10.0 / C
@@ -110,7 +110,7 @@ def test_phase_noise_of_an_echo_is_the_integral_of_its_range_correlated_density(
     u = 2 * (2 * range_m / C) / longest - 1
     phase = np.einsum("kcn,k->cn", processes, np.cos(np.arange(len(processes)) * np.arccos(u)))
     assert phase.std() == pytest.approx(residual(range_m, noise, RADAR.sample_rate_hz, 256), rel=0.02)
-    # in the samples: a lone echo's noise over its own signal is j times that phase
+    # In the samples of a single echo, noise over signal is j times that phase.
     frames = 40
     part = target(range_m)
     part = dataclasses.replace(part.where(np.zeros(frames, int)), poses=frames, pose=np.arange(frames))
@@ -119,8 +119,8 @@ def test_phase_noise_of_an_echo_is_the_integral_of_its_range_correlated_density(
     assert ratio.imag.std() == pytest.approx(residual(range_m, noise, RADAR.sample_rate_hz, 256), rel=0.05)
 
 
-def test_many_echoes_keep_the_phase_noise_each_has_alone():
-    """In bands of delay: within a twentieth of the noise each echo would have by its own delay, where the bound is."""
+def test_many_echoes_have_the_phase_noise_of_their_own_delays():
+    """The synthesis groups echoes in bands of delay; the error is within its bound of a twentieth of the noise."""
     noise = PhaseNoise(-60.0)
     radar = dataclasses.replace(RADAR, phase_noise=noise)
     echoes = [target(range_m) for range_m in np.linspace(2.0, 6.0, 97)]
@@ -136,7 +136,7 @@ def test_many_echoes_keep_the_phase_noise_each_has_alone():
     assert np.linalg.norm(ours - exact) < 0.05 * np.linalg.norm(exact)
 
 
-def test_all_receivers_share_the_phase_noise_and_chirps_do_not():
+def test_receivers_share_the_phase_noise_and_chirps_do_not():
     radar = dataclasses.replace(RADAR, phase_noise=PhaseNoise())
     ratio = (received([target(4.0)], radar, 2, oscillator=np.random.default_rng(0)) / synthesize(target(4.0), radar)).imag
     np.testing.assert_allclose(ratio[:, :, :, 0], ratio[:, :, :, 3], atol=1e-3 * ratio.std())
@@ -144,7 +144,7 @@ def test_all_receivers_share_the_phase_noise_and_chirps_do_not():
     assert not np.allclose(ratio[0], ratio[1], atol=ratio.std())
 
 
-def test_phase_noise_comes_with_noise_only_and_repeats_itself():
+def test_phase_noise_needs_noise_and_repeats_with_the_seed():
     plate = rt.Scene([rt.Surface(rt_plate(), "metal", "plate")])
     quiet, loud = Radar.iwr1843(), dataclasses.replace(Radar.iwr1843(), phase_noise=PhaseNoise(-60.0))
     pose = np.eye(4)[None]

@@ -1,4 +1,4 @@
-"""CFAR: the false-alarm rate it promises, the textbook factors, and targets that hide each other."""
+"""CFAR: its false-alarm rate, the published threshold factors, and targets that mask each other."""
 
 import math
 
@@ -15,7 +15,7 @@ def test_single_look_cell_averaging_has_the_textbook_factor(cells, rate):
 
 
 @pytest.mark.parametrize(("cells", "rank"), [(16, 12), (24, 18), (32, 16)])
-def test_single_look_order_statistic_has_rohlings_false_alarm_rate(cells, rank):
+def test_single_look_ordered_statistic_has_rohlings_false_alarm_rate(cells, rank):
     factor = os_factor(cells, rank, 1e-4)
     rate = math.prod((cells - i) / (cells - i + factor) for i in range(rank))
     # The factor comes from 4000 midpoints; their error in the rate is under two per cent.
@@ -24,22 +24,22 @@ def test_single_look_order_statistic_has_rohlings_false_alarm_rate(cells, rank):
 
 @pytest.mark.parametrize("cfar", [ca_cfar, os_cfar])
 @pytest.mark.parametrize("looks", [1, 8])
-def test_false_alarms_come_at_the_rate_asked_for(cfar, looks):
+def test_false_alarm_rate_in_noise_is_the_requested_rate(cfar, looks):
     noise = np.random.default_rng(7).gamma(looks, 1 / looks, size=(200, 500))
     hits, threshold = cfar(noise, guard=(1, 2), training=(3, 4), false_alarm=1e-3, looks=looks, wrap=(True, False))
     assert hits.shape == threshold.shape == noise.shape
-    # 100 expected; cells share their training, so a little more than Poisson's spread: 5 sigma.
+    # 100 expected. Cells share training cells, so the spread exceeds Poisson's: 5 sigma.
     assert 50 < hits.sum() < 150
 
 
 @pytest.mark.parametrize("cfar", [ca_cfar, os_cfar])
-def test_the_threshold_follows_the_noise_level(cfar):
+def test_threshold_is_proportional_to_the_noise_level(cfar):
     noise = np.random.default_rng(8).gamma(8, 1 / 8, size=400)
     options = {"guard": 2, "training": 8, "false_alarm": 1e-4, "looks": 8}
     np.testing.assert_allclose(cfar(1e-9 * noise, **options)[1], 1e-9 * cfar(noise, **options)[1], rtol=1e-9)
 
 
-def test_ordered_statistic_sees_two_close_targets_that_mask_each_other_for_cell_averaging():
+def test_ordered_statistic_detects_two_close_targets_that_cell_averaging_masks():
     power = np.ones(200)
     power[[100, 106]] = 60.0
     options = {"guard": 2, "training": 8, "false_alarm": 1e-5, "looks": 1}
@@ -47,21 +47,20 @@ def test_ordered_statistic_sees_two_close_targets_that_mask_each_other_for_cell_
     assert os_cfar(power, **options)[0][[100, 106]].all()
 
 
-def test_circular_axes_take_their_noise_from_the_other_end():
+def test_circular_axes_take_training_cells_from_the_other_end():
     power = np.ones(64)
     power[60:] = 100.0
     options = {"guard": 0, "training": 4, "false_alarm": 1e-2}
     assert ca_cfar(power, wrap=(True,), **options)[1][0] > 10 * ca_cfar(power, wrap=(False,), **options)[1][0]
 
 
-def test_a_least_factor_bounds_the_threshold_from_below():
-    power = np.ones(64)
-    threshold = ca_cfar(power, guard=1, training=4, looks=10_000, least_factor=2.0)[1]
+def test_min_factor_bounds_the_threshold_from_below():
+    threshold = ca_cfar(np.ones(64), guard=1, training=4, looks=10_000, min_factor=2.0)[1]
     np.testing.assert_allclose(threshold, 2.0)
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ({"guard": 20, "training": 20}, "does not fit"),
         ({"guard": 1, "training": 0}, "training"),
@@ -70,7 +69,7 @@ def test_a_least_factor_bounds_the_threshold_from_below():
         ({"guard": 1, "training": 4, "looks": 0}, "looks"),
     ],
 )
-def test_impossible_windows_are_refused(options, said):
+def test_impossible_windows_are_refused(options, message):
     for cfar in (ca_cfar, os_cfar):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             cfar(np.ones(64), **options)

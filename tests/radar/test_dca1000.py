@@ -1,4 +1,4 @@
-"""The raw layout, against bytes written out by hand."""
+"""The DCA1000 raw layout, against bytes written by hand."""
 
 import dataclasses
 import struct
@@ -27,18 +27,18 @@ Q_FIRST = [-1000, -1001, 0, 1, -1010, -1011, 10, 11, -1100, -1101, 100, 101, -11
 
 
 @pytest.mark.parametrize(("swapped", "values"), [(False, I_FIRST), (True, Q_FIRST)])
-def test_bytes_are_the_two_lane_layout_in_both_orders(swapped, values):
+def test_bytes_follow_the_two_lane_layout_in_both_orders(swapped, values):
     expected = struct.pack("<16h", *values)
     assert dca1000.encode(IQ, 1.0, iq_swapped=swapped) == (expected, 0)
     np.testing.assert_array_equal(dca1000.decode(expected, SMALL, iq_swapped=swapped), IQ)
 
 
-def test_one_negative_count_is_two_bytes_low_byte_first():
+def test_counts_are_little_endian():
     data, _ = dca1000.encode(np.array([-2 + 258j, 0]).reshape(1, 1, 1, 1, 2), 1.0)
     assert data == bytes([0xFE, 0xFF, 0, 0, 0x02, 0x01, 0, 0])
 
 
-def test_real_sampling_is_one_value_per_sample():
+def test_real_sampling_has_one_value_per_sample():
     radar = dataclasses.replace(SMALL, real_sampling=True)
     data, clipped = dca1000.encode(IQ, 1.0, real_sampling=True)
     assert clipped == 0
@@ -53,7 +53,7 @@ def test_counts_beyond_16_bits_are_clipped_and_counted():
     assert struct.unpack("<8h", data) == (32767, -32768, 0, -32768, 32767, 0, 5, 32767)
 
 
-def test_every_int16_survives_the_round_trip():
+def test_every_int16_round_trips():
     counts = np.arange(-32768, 32768, dtype="<i2")
     radar = dataclasses.replace(SMALL, num_samples=32, num_chirps=256)
     iq = dca1000.decode(counts.tobytes(), radar)
@@ -62,7 +62,7 @@ def test_every_int16_survives_the_round_trip():
     assert dca1000.encode(iq * np.float32(scale), scale)[0] == counts.tobytes()
 
 
-def test_samples_that_cannot_be_written_are_refused():
+def test_invalid_samples_are_refused():
     with pytest.raises(RecordingError, match="NaN"):
         dca1000.encode(np.full((1, 1, 1, 1, 2), np.nan + 0j), 1.0)
     with pytest.raises(RecordingError, match="even"):

@@ -1,4 +1,4 @@
-"""The radar description: the paper's configuration table, the array, the timing, and what it refuses."""
+"""The radar: the paper's configuration table, array and timing, its description as YAML and JSON, and the antenna pattern."""
 
 import dataclasses
 import json
@@ -6,106 +6,139 @@ import json
 import numpy as np
 import pytest
 
-from radartwin.errors import InputError, MissingError
+from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 
 C = 299_792_458.0
+RADAR = Radar.iwr1843()
+TOO_LARGE = int("1" + "0" * 400)  # a JSON number beyond the range of a float
 
 
 def test_derived_quantities_match_the_papers_table():
-    radar = Radar.iwr1843()
-    assert radar.sampled_bandwidth_hz == pytest.approx(3.44e9, abs=5e6)
-    assert radar.range_resolution_m == pytest.approx(0.0436, abs=5e-5)
-    assert radar.unambiguous_range_m == pytest.approx(11.16, abs=5e-3)
-    assert radar.num_tx * radar.num_rx == 8
-    assert (radar.num_samples, radar.num_chirps, radar.frame_rate_hz) == (256, 16, 10.0)
+    assert RADAR.sampled_bandwidth_hz == pytest.approx(3.44e9, abs=5e6)
+    assert RADAR.range_resolution_m == pytest.approx(0.0436, abs=5e-5)
+    assert RADAR.unambiguous_range_m == pytest.approx(11.16, abs=5e-3)
+    assert RADAR.num_tx * RADAR.num_rx == 8
+    assert (RADAR.num_samples, RADAR.num_chirps, RADAR.frame_rate_hz) == (256, 16, 10.0)
+    assert dataclasses.replace(RADAR, real_sampling=True).unambiguous_range_m == pytest.approx(5.58, abs=5e-3)
 
 
-def test_velocity_limits_count_the_transmitters_turns():
-    radar = Radar.iwr1843()
+def test_velocity_limits_follow_from_the_chirp_interval_of_one_transmitter():
     wavelength = C / (77e9 + 3.4395e9 / 2)
-    # One transmitter fires every 2 x 64 us; half a turn between its chirps is a quarter wavelength of motion.
-    assert radar.max_velocity_mps == pytest.approx(wavelength / 4 / 128e-6, rel=1e-4)
-    assert radar.velocity_resolution_mps == pytest.approx(wavelength / 2 / (16 * 128e-6), rel=1e-4)
+    # One transmitter fires every 2 x 64 us. A phase of pi between its chirps is a quarter wavelength of motion.
+    assert RADAR.max_velocity_mps == pytest.approx(wavelength / 4 / 128e-6, rel=1e-4)
+    assert RADAR.velocity_resolution_mps == pytest.approx(wavelength / 2 / (16 * 128e-6), rel=1e-4)
 
 
-def test_real_sampling_halves_the_unambiguous_range():
-    radar = dataclasses.replace(Radar.iwr1843(), real_sampling=True)
-    assert radar.unambiguous_range_m == pytest.approx(5.58, abs=5e-3)
-
-
-def test_transmit_plus_receive_positions_are_a_half_wavelength_line_along_y():
-    radar = Radar.iwr1843()
-    assert radar.tx_positions.shape == (2, 3)
-    assert radar.rx_positions.shape == (4, 3)
-    line = np.array([t + r for t in radar.tx_positions for r in radar.rx_positions])
+def test_virtual_array_is_a_half_wavelength_line_along_y():
+    assert RADAR.tx_positions.shape == (2, 3)
+    assert RADAR.rx_positions.shape == (4, 3)
+    line = np.array([t + r for t in RADAR.tx_positions for r in RADAR.rx_positions])
     assert np.all(line[:, [0, 2]] == 0)
     np.testing.assert_allclose(np.diff(np.sort(line[:, 1])), C / 77e9 / 2, rtol=1e-9)
     assert line.mean() == pytest.approx(0, abs=1e-12)
-    np.testing.assert_array_equal(radar.virtual_positions, line)
-    np.testing.assert_allclose(np.diff(radar.rx_positions[:, 1]), C / 77e9 / 2, rtol=1e-9)
-    np.testing.assert_allclose(np.diff(radar.tx_positions[:, 1]), 2 * C / 77e9, rtol=1e-9)
+    np.testing.assert_array_equal(RADAR.virtual_positions, line)
+    np.testing.assert_allclose(np.diff(RADAR.rx_positions[:, 1]), C / 77e9 / 2, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(RADAR.tx_positions[:, 1]), 2 * C / 77e9, rtol=1e-9)
 
 
 def test_chirps_start_in_tdm_order():
-    times = Radar.iwr1843().chirp_times()
+    times = RADAR.chirp_times()
     assert times.shape == (16, 2)
     assert times[0, 0] == 0
     assert times[0, 1] == pytest.approx(64e-6)
     assert times[5, 1] == pytest.approx((2 * 5 + 1) * 64e-6)
 
 
-def test_description_survives_json():
-    radar = Radar.iwr1843(element="isotropic")
-    again = Radar.from_dict(json.loads(json.dumps(radar.to_dict())))
-    assert again == radar
-    assert hash(again) == hash(radar)
-
-
-def test_description_file_is_read_as_yaml_and_json(tmp_path):
-    radar = Radar.iwr1843()
-    (tmp_path / "r.json").write_text(json.dumps(radar.to_dict()))
-    lines = [f"{key}: {json.dumps(value)}" for key, value in radar.to_dict().items()]
-    # YAML 1.1 takes an exponent without sign for text.
-    text = "\n".join(lines).replace("77000000000.0", "77e9")
-    (tmp_path / "r.yaml").write_text(text)
-    assert Radar.from_file(tmp_path / "r.json") == radar
-    assert Radar.from_file(tmp_path / "r.yaml") == radar
+def test_description_round_trips_through_json_and_yaml(tmp_path):
+    (tmp_path / "r.json").write_text(json.dumps(RADAR.to_dict()))
+    lines = [f"{key}: {json.dumps(value)}" for key, value in RADAR.to_dict().items()]
+    # YAML 1.1 reads an exponent without a sign as text.
+    (tmp_path / "r.yaml").write_text("\n".join(lines).replace("77000000000.0", "77e9"))
+    for name in ("r.json", "r.yaml"):
+        radar = Radar.from_file(tmp_path / name)
+        assert radar == RADAR
+        assert hash(radar) == hash(RADAR)
 
 
 @pytest.mark.parametrize(
-    ("change", "named"),
+    ("change", "field"),
     [
+        ({"name": 5}, "name"),
         ({"start_frequency_hz": -1.0}, "start_frequency_hz"),
+        ({"start_frequency_hz": TOO_LARGE}, "start_frequency_hz"),
         ({"slope_hz_per_s": float("nan")}, "slope_hz_per_s"),
+        ({"slope_hz_per_s": True}, "slope_hz_per_s"),
         ({"num_samples": 0}, "num_samples"),
+        ({"num_samples": TOO_LARGE}, "num_samples"),
         ({"num_chirps": 1.5}, "num_chirps"),
         ({"element": "horn"}, "horn"),
+        ({"element": []}, "element"),
         ({"tx_positions_m": ()}, "tx_positions_m"),
+        ({"tx_positions_m": [[TOO_LARGE, 0, 0]]}, "tx_positions_m"),
         ({"rx_positions_m": ((0.0, 0.0),)}, "rx_positions_m"),
         ({"chirp_interval": 30e-6}, "chirp_interval"),
         ({"frame_rate_hz": 1000.0}, "frame_rate_hz"),
+        ({"real_sampling": "false"}, "real_sampling"),
+        ({"noise_figure_db": "quiet"}, "noise_figure_db"),
+        ({"transmit_power_dbm": TOO_LARGE}, "transmit_power_dbm"),
     ],
 )
-def test_an_impossible_radar_is_refused_by_name(change, named):
-    with pytest.raises(InputError, match=named) as caught:
-        dataclasses.replace(Radar.iwr1843(), **change)
-    assert "\n" not in str(caught.value)
+def test_invalid_field_is_named_with_the_file(tmp_path, change, field):
+    with pytest.raises(InputError, match=field):
+        dataclasses.replace(RADAR, **change)
+    path = tmp_path / "r.json"
+    path.write_text(json.dumps({**RADAR.to_dict(), **change}))
+    assert_refused(path, field)
 
 
-def test_unknown_and_missing_fields_are_named():
-    values = Radar.iwr1843().to_dict()
+def assert_refused(path, *words):
+    """The file is refused by one short line that names the file and contains the words."""
+    with pytest.raises(RecordingError) as caught:
+        Radar.from_file(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 400
+    for word in (path.name, *words):
+        assert word in message
+
+
+def test_numpy_numbers_are_accepted():
+    radar = dataclasses.replace(RADAR, slope_hz_per_s=np.float32(70e12), num_chirps=np.int64(8), noise_figure_db=15)
+    assert radar.num_chirps == 8
+
+
+def test_unknown_and_missing_fields_and_files_are_named(tmp_path):
+    values = RADAR.to_dict()
     with pytest.raises(InputError, match="colour"):
         Radar.from_dict({**values, "colour": "red"})
     values.pop("num_chirps")
     with pytest.raises(InputError, match="num_chirps"):
         Radar.from_dict(values)
-
-
-def test_a_missing_radar_file_is_named(tmp_path):
     with pytest.raises(MissingError, match=r"nothing\.cfg"):
         Radar.from_file(tmp_path / "nothing.cfg")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("r.yaml", "{1: 2, a: 3}", ("radar",)),
+        ("r.yaml", "[1, 2]", ("radar",)),
+        ("r.yaml", "radar: 5", ("radar",)),
+        ("r.yaml", "a: [1", ("line 1",)),
+        ("r.json", '{"name": 1' + "0" * 5000 + "}", ()),
+        ("r.json", "[" * 100_000, ()),
+        ("r.json", "{", ("line 1",)),
+        ("r.json", "[1]", ()),
+        ("r.json", "{}", ()),
+        ("r.txt", "channelCfg 15 5 0", (".cfg",)),
+    ],
+    ids=range(10),
+)
+def test_file_without_a_radar_is_refused(tmp_path, name, text, words):
+    (tmp_path / name).write_text(text)
+    assert_refused(tmp_path / name, *words)
 
 
 def _direction(azimuth_deg: float, elevation_deg: float) -> list[float]:
@@ -124,18 +157,17 @@ def test_antenna_has_the_published_beamwidths(azimuth, elevation, loss):
     assert boresight - gain == pytest.approx(loss, abs=0.01)
 
 
-def test_antenna_is_dark_behind_the_board_and_smooth_up_to_it():
+def test_antenna_gain_falls_smoothly_to_zero_at_the_board():
     angles = np.arange(0, 181, 0.5)
     gain = element_gain("iwr1843", [_direction(a, 0) for a in angles])
     assert np.all(gain[angles > 90] == 0)
     assert np.all(np.diff(gain) <= 1e-12)
-    # The steepest flank is the ground plane's, from a sixth of the amplitude to none over five degrees.
+    # The ground plane makes the steepest flank: from a sixth of the amplitude to zero over five degrees.
     assert np.abs(np.diff(gain)).max() < 0.05 * gain[0]
 
 
-def test_antenna_cannot_radiate_more_than_it_is_fed():
-    rng = np.random.default_rng(1)
-    directions = rng.normal(size=(200_000, 3))
+def test_antenna_radiates_less_power_than_its_input():
+    directions = np.random.default_rng(1).normal(size=(200_000, 3))
     assert np.mean(element_gain("iwr1843", directions) ** 2) < 1.0
     assert np.all(element_gain("isotropic", directions) == 1.0)
 

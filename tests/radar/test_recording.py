@@ -1,9 +1,11 @@
-"""Recordings on disk: the same bytes again, the scale, and every way in which files do not fit together."""
+"""Recordings on disk: identical bytes, the scale, and files that are damaged or do not belong together."""
 
 import dataclasses
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from radartwin.radar.recording import Recording
 
 RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=64, num_chirps=8)
 SHAPE = (3, 8, 2, 4, 64)
+TOO_LARGE = int("1" + "0" * 400)  # a JSON number beyond the range of a float
 
 
 def _noise(seed: int = 0, amplitude: float = 1e-5) -> NDArray[np.complex64]:
@@ -29,13 +32,13 @@ def _poses(frames: int) -> np.ndarray:
     return poses
 
 
-def test_loading_gives_counts_times_scale_and_saving_gives_the_same_bytes(tmp_path):
+def test_load_returns_counts_times_scale_and_save_writes_the_same_bytes(tmp_path):
     recording = Recording(_noise(), RADAR, _poses(3), provenance={"scene": "lab"})
     assert recording.save(tmp_path / "a") == 0
     described = json.loads((tmp_path / "a.json").read_text())
     counts = np.frombuffer((tmp_path / "a.bin").read_bytes(), "<i2").reshape(-1, 2, 2)
     loaded = Recording.load(tmp_path / "a")
-    # I0 I1 Q0 Q1, read here without the package.
+    # I0 I1 Q0 Q1, decoded here without the package.
     expected = (counts[:, 0] + 1j * counts[:, 1]).reshape(SHAPE) * described["scale"]
     np.testing.assert_allclose(loaded.iq, expected, rtol=1e-6)
     assert Radar.from_dict(described["radar"]) == RADAR
@@ -55,7 +58,7 @@ def test_without_a_hardware_model_the_peak_is_near_half_of_full_scale(tmp_path):
     assert np.abs(Recording.load(tmp_path / "a").iq - recording.iq).max() <= recording.scale
 
 
-def test_a_physical_scale_is_kept_and_clipping_counted(tmp_path):
+def test_given_scale_is_kept_and_clipped_values_are_counted(tmp_path):
     iq = _noise()
     clipped = int(np.count_nonzero(np.rint(np.stack([iq.real, iq.imag]).astype(np.float32) / 1e-9) > 32767))
     clipped += int(np.count_nonzero(np.rint(np.stack([iq.real, iq.imag]).astype(np.float32) / 1e-9) < -32768))
@@ -65,12 +68,12 @@ def test_a_physical_scale_is_kept_and_clipping_counted(tmp_path):
     assert json.loads((tmp_path / "a.json").read_text())["scale"] == 1e-9
 
 
-def test_silence_can_be_saved(tmp_path):
+def test_zeros_can_be_saved(tmp_path):
     Recording(np.zeros(SHAPE, np.complex64), RADAR).save(tmp_path / "a")
     assert np.all(Recording.load(tmp_path / "a").iq == 0)
 
 
-def test_swapped_order_reads_back_the_same_and_differs_on_disk(tmp_path):
+def test_swapped_order_changes_the_file_and_not_the_samples(tmp_path):
     Recording(_noise(), RADAR).save(tmp_path / "a")
     Recording(_noise(), RADAR).save(tmp_path / "b", iq_swapped=True)
     a, b = (np.frombuffer((tmp_path / f"{n}.bin").read_bytes(), "<i2").reshape(-1, 2, 2) for n in "ab")
@@ -80,7 +83,7 @@ def test_swapped_order_reads_back_the_same_and_differs_on_disk(tmp_path):
     np.testing.assert_array_equal(loaded.iq, Recording.load(tmp_path / "a").iq)
 
 
-def test_real_sampling_survives_the_disk(tmp_path):
+def test_real_samples_round_trip(tmp_path):
     radar = dataclasses.replace(RADAR, real_sampling=True)
     recording = Recording(_noise().real + 0j, radar)
     recording.save(tmp_path / "a")
@@ -88,23 +91,19 @@ def test_real_sampling_survives_the_disk(tmp_path):
     assert np.abs(Recording.load(tmp_path / "a").iq - recording.iq).max() <= recording.scale
 
 
-def test_names_with_dots_and_suffixes_lead_to_the_same_files(tmp_path):
+def test_name_with_dots_may_have_either_suffix_or_none(tmp_path):
     Recording(_noise(), RADAR).save(tmp_path / "run.0.5m")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.0.5m.bin", "run.0.5m.json"]
     for name in ("run.0.5m", "run.0.5m.bin", "run.0.5m.json"):
         assert Recording.load(tmp_path / name).num_frames == 3
 
 
-def test_the_bytes_are_the_same_in_another_process(tmp_path):
+def test_saved_bytes_are_the_same_in_another_process(tmp_path):
     script = f"""
-import dataclasses, sys
-import numpy as np
-from radartwin.radar.chirp import Radar
-from radartwin.radar.recording import Recording
-radar = dataclasses.replace(Radar.iwr1843(), num_samples=64, num_chirps=8)
-rng = np.random.default_rng(0)
-iq = (1e-5 * (rng.normal(size={SHAPE}) + 1j * rng.normal(size={SHAPE}))).astype(np.complex64)
-Recording(iq, radar).save(sys.argv[1])
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from test_recording import RADAR, Recording, _noise
+Recording(_noise(), RADAR).save(sys.argv[1])
 """
     subprocess.run([sys.executable, "-c", script, str(tmp_path / "other")], check=True, timeout=60)
     Recording(_noise(), RADAR).save(tmp_path / "here")
@@ -113,7 +112,7 @@ Recording(iq, radar).save(sys.argv[1])
 
 
 @pytest.mark.parametrize(
-    ("iq", "poses", "said"),
+    ("iq", "poses", "message"),
     [
         (np.zeros((0, 8, 2, 4, 64)), None, "zero frames"),
         (np.zeros((3, 8, 2, 4, 63)), None, "iq must be"),
@@ -122,62 +121,78 @@ Recording(iq, radar).save(sys.argv[1])
         (np.zeros(SHAPE), np.zeros((2, 4, 4)), "sensor_poses"),
     ],
 )
-def test_parts_that_do_not_fit_are_refused(iq, poses, said):
-    with pytest.raises(RecordingError, match=said):
+def test_samples_or_poses_of_another_shape_are_refused(iq, poses, message):
+    with pytest.raises(RecordingError, match=message):
         Recording(iq, RADAR, poses)
 
 
 def _edit_json(stem, **changes):
     path = stem.with_suffix(".json")
-    described = json.loads(path.read_text())
-    for key, value in changes.items():
-        if value is None:
-            described.pop(key)
-        else:
-            described[key] = value
-    path.write_text(json.dumps(described))
+    values = json.loads(path.read_text()) | changes
+    path.write_text(json.dumps({key: value for key, value in values.items() if value is not ...}))
 
 
-def _truncate(stem):
-    path = stem.with_suffix(".bin")
-    path.write_bytes(path.read_bytes()[:-100])
-
-
-def _other_radar(stem):
-    _edit_json(stem, radar=dataclasses.replace(RADAR, num_samples=100).to_dict())
+FILE_DAMAGE = [
+    (lambda s: os.truncate(s.with_suffix(".bin"), 1000), RecordingError, ("a.bin", "truncated")),
+    (lambda s: _edit_json(s, radar=dataclasses.replace(RADAR, num_samples=100).to_dict()), RecordingError, ("a.bin", "another radar")),
+    (lambda s: s.with_suffix(".bin").write_bytes(b""), RecordingError, ("a.bin", "zero frames")),
+    (lambda s: s.with_suffix(".json").unlink(), MissingError, ("a.json",)),
+    (lambda s: s.with_suffix(".bin").unlink(), MissingError, ("a.bin",)),
+    (lambda s: s.with_suffix(".json").write_text("{"), RecordingError, ("a.json: line 1",)),
+    (lambda s: s.with_suffix(".json").write_text("[]"), RecordingError, ("a.json",)),
+    (lambda s: s.with_suffix(".json").write_bytes(b"\xff\xfe\x00"), RecordingError, ("a.json",)),
+]
+VALUE_DAMAGE = [
+    ({"sensor_poses": np.full((1, 4, 4), np.nan).tolist()}, ("sensor_poses", "frame 0", "rigid")),
+    ({"sensor_poses": [np.eye(4).tolist(), (2 * np.eye(4)).tolist(), np.eye(4).tolist()]}, ("sensor_poses", "frame 1", "rigid")),
+    ({"sensor_poses": [np.diag([1.0, 1.0, -1.0, 1.0]).tolist()]}, ("sensor_poses", "rigid")),
+    ({"sensor_poses": [(np.eye(4) * 1e300).tolist()]}, ("sensor_poses", "rigid")),
+    ({"sensor_poses": "x"}, ("sensor_poses",)),
+    ({"sensor_poses": [[1, 2], [3]]}, ("sensor_poses",)),
+    ({"sensor_poses": [[1, 2]]}, ("sensor_poses",)),
+    ({"format": "radartwin recording 9"}, ("format", "recording 9")),
+    ({"format": 1}, ("format",)),
+    ({"iq_swapped": "false"}, ("iq_swapped",)),
+    ({"iq_swapped": 0}, ("iq_swapped",)),
+    ({"scale": ...}, ("scale",)),
+    ({"scale": -1.0}, ("scale",)),
+    ({"scale": 1e300}, ("scale",)),
+    ({"scale": 1e-300}, ("scale",)),
+    ({"scale": TOO_LARGE}, ("scale",)),
+    ({"scale": "1"}, ("scale",)),
+    ({"radar": ...}, ("radar",)),
+    ({"radar": {"name": "x"}}, ("radar",)),
+    ({"radar": 5}, ("radar", "mapping")),
+    ({"radar": [1]}, ("radar", "mapping")),
+    ({"frames": 2}, ("3 frames", "a.json says 2")),
+    ({"provenance": 5}, ("a.json",)),
+    ({"saturated": float("inf")}, ("a.json",)),
+]
 
 
 @pytest.mark.parametrize(
-    ("damage", "error", "said"),
+    ("damage", "error", "words"),
     [
-        (_truncate, RecordingError, r"a\.bin.*truncated"),
-        (_other_radar, RecordingError, r"a\.bin.*another radar"),
-        (lambda s: s.with_suffix(".bin").write_bytes(b""), RecordingError, r"a\.bin.*zero frames"),
-        (lambda s: s.with_suffix(".json").unlink(), MissingError, r"a\.json"),
-        (lambda s: s.with_suffix(".bin").unlink(), MissingError, r"a\.bin"),
-        (lambda s: s.with_suffix(".json").write_text("{"), RecordingError, r"a\.json: line 1"),
-        (lambda s: s.with_suffix(".json").write_text("[]"), RecordingError, r"a\.json"),
-        (lambda s: s.with_suffix(".json").write_bytes(b"\xff\xfe\x00"), RecordingError, r"a\.json"),
-        (lambda s: _edit_json(s, scale=None), RecordingError, r"a\.json.*scale"),
-        (lambda s: _edit_json(s, scale=-1.0), RecordingError, r"a\.json.*scale"),
-        (lambda s: _edit_json(s, radar=None), RecordingError, r"a\.json.*radar"),
-        (lambda s: _edit_json(s, radar={"name": "x"}), RecordingError, r"a\.json"),
-        (lambda s: _edit_json(s, radar=[1]), RecordingError, r"a\.json"),
-        (lambda s: _edit_json(s, frames=2), RecordingError, r"3 frames.*a\.json says 2"),
-        (lambda s: _edit_json(s, sensor_poses=[[1, 2]]), RecordingError, r"a\.json.*sensor_poses"),
+        *FILE_DAMAGE,
+        *((lambda s, change=change: _edit_json(s, **change), RecordingError, ("a.json", *words)) for change, words in VALUE_DAMAGE),
     ],
 )
-def test_damaged_files_are_one_line_that_names_them(tmp_path, damage, error, said):
+@pytest.mark.filterwarnings("error")
+def test_damaged_recording_is_refused_by_one_line_that_names_its_file(tmp_path, damage, error, words):
     stem = tmp_path / "a"
     Recording(_noise(), RADAR, _poses(3)).save(stem)
     damage(stem)
     for load in (Recording.load, load_capture):
-        with pytest.raises(error, match=said) as caught:
+        with pytest.raises(error) as caught:
             load(stem)
-        assert "\n" not in str(caught.value)
+        message = str(caught.value)
+        assert "\n" not in message
+        assert len(message) < 400
+        for word in words:
+            assert word in message
 
 
-def test_an_unwritable_place_is_named_and_nothing_is_left(tmp_path):
+def test_unwritable_folder_is_named_and_no_file_remains(tmp_path):
     (tmp_path / "file").write_text("not a folder")
     with pytest.raises(OutputError, match="file") as caught:
         Recording(_noise(), RADAR).save(tmp_path / "file" / "a")
@@ -185,7 +200,7 @@ def test_an_unwritable_place_is_named_and_nothing_is_left(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_failed_save_leaves_the_older_recording_whole(tmp_path):
+def test_failed_save_leaves_the_older_recording_unchanged(tmp_path):
     Recording(_noise(), RADAR).save(tmp_path / "a")
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
     broken = _noise()
@@ -195,7 +210,7 @@ def test_a_failed_save_leaves_the_older_recording_whole(tmp_path):
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
 
 
-def test_a_cube_stored_unsigned_is_read_signed(tmp_path):
+def test_unsigned_cube_is_read_as_signed_counts(tmp_path):
     rng = np.random.default_rng(3)
     counts = rng.integers(-500, 500, size=(2, *SHAPE[1:]))
     cube = (counts[0] % 65536) + 1j * (counts[1] % 65536)
@@ -204,7 +219,7 @@ def test_a_cube_stored_unsigned_is_read_signed(tmp_path):
     np.testing.assert_array_equal(loaded.iq[0], counts[0] + 1j * counts[1])
 
 
-def test_a_cube_needs_its_radar_and_must_fit_it(tmp_path):
+def test_cube_needs_a_radar_of_its_shape(tmp_path):
     np.save(tmp_path / "cube.npy", np.zeros((8, 8, 60), complex))
     with pytest.raises(RecordingError, match=r"cube\.npy.*radar"):
         load_capture(tmp_path / "cube.npy")
@@ -220,13 +235,13 @@ def test_a_cube_needs_its_radar_and_must_fit_it(tmp_path):
         load_capture(tmp_path / "none_left.npy", RADAR)
 
 
-def test_a_receive_filter_betrays_which_of_i_and_q_came_first(tmp_path):
+def test_order_of_i_and_q_follows_from_the_receive_filter(tmp_path):
     radar = dataclasses.replace(Radar.iwr1843(), num_chirps=64)
     rng = np.random.default_rng(5)
     shape = (1, 64, 2, 4, 256)
     spectrum = rng.normal(size=shape) + 1j * rng.normal(size=shape)
     spectrum[..., 231:] *= 0.3  # nothing above 0.9 fs
-    spectrum[:, :, :, :, 200] += 40.0  # an echo in the upper half, which must not mislead
+    spectrum[:, :, :, :, 200] += 40.0  # an echo in the upper half, which must not affect the decision
     samples = np.fft.ifft(spectrum, axis=-1) * 2000
     assert band_edge_db(samples[0]) > 5
     for swapped in (False, True):

@@ -1,0 +1,90 @@
+"""Reads the text files that describe radars, recordings and recording sets as plain values.
+
+A radar description is one of TI's two formats, or a .yaml or .json with the fields of `radartwin.radar.chirp.Radar`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from radartwin.errors import RecordingError
+from radartwin.io import untrusted_json, untrusted_yaml
+from radartwin.radar.ti_files import fields_from_cfg, fields_from_studio
+
+
+def read_fields(path: Path) -> dict[str, Any]:
+    """The fields of `Radar` from a radar description, whose format follows from its suffix.
+
+    Raises:
+        RecordingError: a malformed or unsupported file, or a mode other than time-division chirps of one profile.
+    """
+    match path.suffix:
+        case ".cfg":
+            source: str | dict[str, Any] = _read_text(path)
+        case ".json":
+            source = read_json(path)
+        case ".yaml" | ".yml":
+            source = _with_numbers(read_yaml(path, "radar fields"))
+        case suffix:
+            raise RecordingError(f"{path}: suffix {suffix!r} is unknown; give a .cfg, .mmwave.json, .yaml or .json")
+    try:
+        if isinstance(source, str):
+            return fields_from_cfg(source, path.stem)
+        if "mmWaveDevices" in source:
+            return fields_from_studio(source, path.stem.removesuffix(".mmwave"))
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    return source.get("radar", source)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object. Raises RecordingError, with the line of a syntax error."""
+    try:
+        values = untrusted_json.read(path)
+    except json.JSONDecodeError as error:
+        raise RecordingError(f"{path}: line {error.lineno}: {error.msg}; write valid JSON") from error
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path}: not a text file; give a JSON file") from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
+        raise RecordingError(f"{path}: unreadable value ({str(error).splitlines()[0]})") from error
+    if not isinstance(values, dict):
+        raise RecordingError(f"{path}: expected a JSON object, not {type(values).__name__}")
+    return values
+
+
+def read_yaml(path: Path, content: str) -> dict[str, Any]:
+    """A YAML mapping of `content`, which the error message names. Raises RecordingError, with the line of a syntax error."""
+    import yaml
+
+    try:
+        values = untrusted_yaml.load(_read_text(path))
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f"line {mark.line + 1}: " if mark is not None else ""
+        raise RecordingError(f"{path}: {line}{getattr(error, 'problem', None) or 'malformed YAML'}") from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
+        raise RecordingError(f"{path}: unreadable value ({str(error).splitlines()[0]})") from error
+    if not isinstance(values, dict):
+        raise RecordingError(f"{path}: expected a mapping of {content}, not {type(values).__name__}")
+    return values
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{path}: not a readable text file ({type(error).__name__}); write it as UTF-8") from error
+
+
+def _with_numbers(value: Any) -> Any:
+    """Text such as 77e9 as a number, because YAML 1.1 reads an exponent without a sign as text."""
+    if isinstance(value, dict):
+        return {key: _with_numbers(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_with_numbers(item) for item in value]
+    if isinstance(value, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+", value):
+        return float(value)
+    return value

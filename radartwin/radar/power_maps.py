@@ -1,0 +1,127 @@
+"""Power of a whole recording over range and time, Doppler or azimuth, averaged over frames in bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.errors import InputError
+from radartwin.radar.chirp import Radar
+from radartwin.radar.processing import azimuth_row, doppler_fft, range_axis, range_fft, steering, velocity_axis, window_weights
+
+Complex = NDArray[np.complexfloating]
+Real = NDArray[np.float64]
+
+_BLOCK_BYTES = 128 << 20  # padded spectra in memory at once
+
+
+@dataclass(frozen=True)
+class FftSettings:
+    """Settings of the range and Doppler transforms.
+
+    Attributes:
+        window: window over samples and over chirps.
+        padding: length of a transform over the number of samples or chirps.
+        static_removed: subtract the mean of each channel over all frames and chirps, so that moving echoes remain.
+    """
+
+    window: str = "hann"
+    padding: int = 2
+    static_removed: bool = False
+
+    def __post_init__(self) -> None:
+        if self.padding < 1:
+            raise InputError(f"padding {self.padding} must be at least 1, which adds no zeros")
+
+    def range_bins(self, radar: Radar) -> int:
+        return self.padding * radar.num_samples
+
+    def doppler_bins(self, radar: Radar) -> int:
+        """The single chirp of a frame has no Doppler and is not padded, so its bin is at zero velocity."""
+        return self.padding * radar.num_chirps if radar.num_chirps > 1 else 1
+
+
+@dataclass(frozen=True)
+class PowerMaps:
+    """Mean powers over channels and frames, in the square of the unit of the samples, with their axes.
+
+    range_time is (time, range), range_doppler (doppler, range), range_azimuth (azimuth, range). Time runs over frames,
+    or over the chirps of a single frame. A constant echo of amplitude a at rest has the power a^2 in each map.
+    """
+
+    range_m: Real
+    time_s: Real
+    velocity_mps: Real
+    azimuth_rad: Real
+    range_time: Real
+    range_doppler: Real
+    range_azimuth: Real
+
+
+def spectra(iq: Complex, radar: Radar, settings: FftSettings) -> Iterator[tuple[slice, Complex, Complex]]:
+    """Per block of frames: its frames, profiles (frame, chirp, tx, rx, range), spectra (frame, doppler, tx, rx, range)."""
+    frame_bytes = 8 * settings.padding**2 * int(np.prod(iq.shape[1:]))
+    step = max(1, _BLOCK_BYTES // frame_bytes)
+    static = _static(iq) if settings.static_removed else None
+    for start in range(0, len(iq), step):
+        frames = slice(start, min(start + step, len(iq)))
+        block = iq[frames] if static is None else iq[frames] - static
+        profiles, _ = range_fft(block, radar, window=settings.window, bins=settings.range_bins(radar))
+        doppler, _ = doppler_fft(profiles, radar, window=settings.window, bins=settings.doppler_bins(radar))
+        yield frames, profiles, doppler
+
+
+def power_maps(iq: Complex, radar: Radar, settings: FftSettings | None = None) -> PowerMaps:
+    """The three maps of a recording, with azimuth in steps of one degree.
+
+    Args:
+        iq: (frame, chirp, tx, rx, sample).
+    """
+    settings = settings or FftSettings()
+    azimuth_rad = np.radians(np.arange(-90.0, 91.0))
+    range_m = range_axis(radar, settings.range_bins(radar))
+    velocity_mps = velocity_axis(radar, settings.doppler_bins(radar))
+    row = azimuth_row(radar)
+    single = len(iq) == 1
+    range_time = np.zeros((radar.num_chirps if single else len(iq), len(range_m)))
+    range_doppler = np.zeros((len(velocity_mps), len(range_m)))
+    covariance = np.zeros((len(range_m), len(row), len(row)), dtype=np.complex128)
+    for frames, profiles, block in spectra(iq, radar, settings):
+        power = _power(profiles).mean(axis=(2, 3))
+        if single:
+            range_time[:] = power[0]
+        else:
+            range_time[frames] = power.mean(axis=1)
+        range_doppler += _power(block).mean(axis=(2, 3)).sum(axis=0)
+        # Bartlett power is a quadratic form, so the covariance of the channels gives every direction.
+        channels = block.reshape(-1, radar.num_tx * radar.num_rx, len(range_m))[:, row].transpose(2, 1, 0)
+        covariance += channels @ channels.conj().transpose(0, 2, 1)
+    weights = steering(radar, azimuth_rad)
+    range_azimuth = np.einsum("ca,rcd,da->ar", weights, covariance, weights.conj(), optimize=True).real
+    # By Parseval's theorem over the Doppler bins, a constant echo has its power in this map too.
+    bins_of_energy = len(iq) * len(velocity_mps) * float((window_weights(settings.window, radar.num_chirps) ** 2).sum())
+    return PowerMaps(
+        range_m=range_m,
+        time_s=np.arange(len(range_time), dtype=np.float64) * (radar.loop_interval_s if single else 1 / radar.frame_rate_hz),
+        velocity_mps=velocity_mps,
+        azimuth_rad=azimuth_rad,
+        range_time=range_time,
+        range_doppler=range_doppler / len(iq),
+        range_azimuth=range_azimuth / bins_of_energy,
+    )
+
+
+def _power(values: Complex) -> Real:
+    return values.real.astype(np.float64) ** 2 + values.imag.astype(np.float64) ** 2
+
+
+def _static(iq: Complex) -> Complex:
+    """Mean over frames and chirps of each channel and sample, (tx, rx, sample)."""
+    # The sum runs frame by frame, because a float64 copy of a long recording does not fit into memory.
+    total = np.zeros(iq.shape[2:], dtype=np.complex128)
+    for frame in iq:
+        total += frame.mean(axis=0, dtype=np.complex128)
+    return (total / len(iq)).astype(iq.dtype)

@@ -1,0 +1,141 @@
+"""The work of `radartwin process`: peaks.csv and up to three pictures of a recording, and the peak table to print.
+
+The pictures show power over range and time, Doppler or azimuth, in decibels over a fixed span below the strongest cell.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.errors import OutputError
+from radartwin.io import files
+from radartwin.plotting import style
+from radartwin.radar.captures import capture_name, load_capture
+from radartwin.radar.chirp import Radar
+from radartwin.radar.detection import Detector, Peaks, detect
+from radartwin.radar.power_maps import FftSettings, PowerMaps, power_maps
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+PEAKS_FILE = "peaks.csv"
+_DYNAMIC_RANGE_DB = 60.0
+
+
+def process_capture(
+    path: str | Path,
+    out: str | Path | None = None,
+    radar: Radar | str | Path | None = None,
+    *,
+    iq_swapped: bool | None = None,
+    settings: FftSettings | None = None,
+    detector: Detector | None = None,
+) -> pd.DataFrame:
+    """Detect the peaks of a recording, and write them with pictures of the recording.
+
+    Args:
+        path: a recording of this package (stem, .bin or .json), a mmWave Studio .bin, or a .npy cube.
+        out: folder for peaks.csv, range_time.png, range_doppler.png and range_azimuth.png; None writes nothing. One
+            chirp per frame gives no range_doppler.png, a single channel no range_azimuth.png.
+        radar: a Radar or the path of its file; only a .npy needs it.
+        iq_swapped: whether Q comes before I in a foreign capture; None decides from the data.
+        settings: settings of the transforms, including the removal of static echoes.
+        detector: settings of the detection.
+    Returns:
+        range_m, doppler_mps, azimuth_deg, power_db of every peak, strongest first; doppler_mps is NaN for one chirp
+        per frame, azimuth_deg for a single channel. The power is relative to the transmitted power, or to one squared
+        ADC count in a foreign capture.
+    Raises:
+        UserError: as load_capture, and OutputError if `out` cannot be written; then `out` has no new file.
+    """
+    recording = load_capture(path, radar, iq_swapped=iq_swapped)
+    settings, radar = settings or FftSettings(), recording.radar
+    maps = power_maps(recording.iq, radar, settings)
+    peaks = detect(recording.iq, radar, detector, settings, maps=maps)
+    table = peaks.table()
+    if out is None:
+        return table
+    in_counts = recording.provenance.get("unit") == "counts"
+    unit = "dB of one squared ADC count" if in_counts else "dB of transmitted power"
+    shown = {"range_time": True, "range_doppler": radar.num_chirps > 1, "range_azimuth": radar.num_tx * radar.num_rx > 1}
+    folder, temporary = files.make_folder(Path(out)), {}
+    try:
+        for name in (name for name, possible in shown.items() if possible):
+            target = folder / f"{name}.png"
+            temporary[target] = files.unfinished(target)
+            figure = _draw(maps, name, peaks, unit, title=f"{capture_name(path)}: {name.replace('_', '-')}")
+            # Without the version of matplotlib, every run writes the same bytes.
+            figure.savefig(temporary[target], format="png", dpi=150, metadata={"Software": None})
+        temporary[folder / PEAKS_FILE] = files.unfinished(folder / PEAKS_FILE)
+        table.to_csv(temporary[folder / PEAKS_FILE], index=False, float_format="%.6g", lineterminator="\n")
+        for target, unfinished in temporary.items():
+            unfinished.replace(target)
+    except OSError as error:
+        raise OutputError(f"cannot write {folder}: {error.strerror or error}; choose another output folder") from error
+    finally:
+        for unfinished in temporary.values():
+            with contextlib.suppress(OSError):
+                unfinished.unlink(missing_ok=True)
+    return table
+
+
+def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Figure:
+    """A map as a figure with range upwards; peaks are marked over Doppler and azimuth.
+
+    Args:
+        name: range_time, range_doppler or range_azimuth.
+        unit: unit of the colour bar, such as "dB of transmitted power".
+    """
+    import matplotlib
+
+    marks = None
+    if name == "range_time":
+        in_seconds = maps.time_s[-1] >= 1
+        across, label = maps.time_s * (1 if in_seconds else 1e3), f"time ({'s' if in_seconds else 'ms'})"
+        power = maps.range_time
+    elif name == "range_doppler":
+        across, label, power = maps.velocity_mps, "radial velocity (m/s), receding positive", maps.range_doppler
+        marks = peaks.velocity_mps
+    else:
+        # Positive azimuth is drawn on the left, because it is to the left of the radar.
+        across, label, power = np.degrees(maps.azimuth_rad[::-1]), "azimuth (degrees), left positive", maps.range_azimuth[::-1]
+        marks = np.degrees(peaks.azimuth_rad)
+    decibels, top = _in_decibels(power)
+    with matplotlib.rc_context(style.style()):
+        figure, axes = style.figure(height_in=4.6)
+        image = axes.imshow(
+            decibels.T,
+            origin="lower",
+            aspect="auto",
+            interpolation="nearest",
+            extent=(*_edges(across), *_edges(maps.range_m)),
+            vmin=top - _DYNAMIC_RANGE_DB,
+            vmax=top,
+            cmap=style.SEQUENTIAL,
+        )
+        if marks is not None and len(peaks):
+            axes.plot(marks, peaks.range_m, "o", mfc="none", mec="white", ms=6, mew=0.9, alpha=0.8)
+        axes.set(xlabel=label, ylabel="range (m)", title=title, xlim=_edges(across), ylim=_edges(maps.range_m))
+        figure.colorbar(image, ax=axes, label=f"power ({unit})")
+    return figure
+
+
+def _in_decibels(power: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Power in decibels, clipped at _DYNAMIC_RANGE_DB below its maximum, and that maximum."""
+    strongest = float(power.max())
+    if strongest <= 0:
+        return np.full(power.shape, -_DYNAMIC_RANGE_DB), 0.0
+    top = 10 * np.log10(strongest)
+    return 10 * np.log10(np.maximum(power, strongest * 10 ** (-_DYNAMIC_RANGE_DB / 10))), float(top)
+
+
+def _edges(axis: NDArray[np.float64]) -> tuple[float, float]:
+    """Outer edges of the first and last pixel of an evenly spaced axis, in its own direction."""
+    half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
+    return float(axis[0] - half), float(axis[-1] + half)
