@@ -12,7 +12,7 @@ from radartwin.config.trajectory import TrajectoryConfig
 if TYPE_CHECKING:
     from radartwin.radar.chirp import Radar
     from radartwin.scene.scene import Scene
-    from radartwin.scene.trajectories.file import Track
+    from radartwin.scene.trajectories.track import Track
 
 
 def read_course(config: TrajectoryConfig) -> Track:

@@ -1,34 +1,35 @@
-"""How far apart two materials are for the radar: the mean difference of their reflection in decibels over incidence.
+"""Electromagnetic distance between two materials: mean difference of their reflectivity in decibels over incidence.
 
-    L(theta) = 10 log10 mean over the sweep of (|te|^2 + |tm|^2)/2          reflectivity, not below FLOOR_DB
+    L(theta) = 10 log10 mean over the sweep of (|te|^2 + |tm|^2)/2          reflectivity, at least FLOOR_DB
     d(A, B)  = mean over theta = 0, 2, ..., 80 degrees of |L_A - L_B|
 
-The field is unpolarised (what a room's tilted surfaces present on average), the power is averaged over the sweep of the default radar,
-77 to 80.4 GHz, since one echo takes in all of it: single frequencies see the interference of a wall a millimetre thinner. Roughness is
-left out: it moves power from the mirror direction into others, it does not take it away. d is a metric up to materials that reflect alike.
+The field is unpolarised because the surfaces of a room have all orientations. The power is averaged over the sweep of the
+default radar, 77 to 80.4 GHz, because an echo contains the whole sweep; a single frequency would show interference fringes that
+change with a millimetre of wall thickness. Roughness is left out because it redistributes power and does not absorb it. d is a
+metric, except that it is 0 between different materials of equal reflectivity.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from radartwin.materials import Layered, permittivity, reflection
 from radartwin.materials.itu import P2040
-from radartwin.materials.layers import stack_reflection
+from radartwin.materials.layers import Layered, reflection, stack_reflection
+from radartwin.materials.permittivity_by_name import permittivity
 from radartwin.materials.varied import split
 
 INCIDENCE_DEG = np.arange(0.0, 81.0, 2.0)
 SWEEP_HZ = np.linspace(77e9, 80.44e9, 33)
-FLOOR_DB = -40.0  # below this a surface counts as not there: some 30 dB under plaster, the room's own diffuse level
+FLOOR_DB = -40.0  # weaker surfaces count as absent: about 30 dB below plaster, the level of a room's diffuse echoes
 
 
 def reflectivity_db(
     material: str | Layered, frequency_hz: np.ndarray | float = SWEEP_HZ, incidence_deg: np.ndarray = INCIDENCE_DEG
 ) -> np.ndarray:
-    """Unpolarised reflectivity averaged over the frequencies, dB, one per angle, shape of `incidence_deg`, at least FLOOR_DB.
+    """Unpolarised reflectivity averaged over the frequencies, dB, at least FLOOR_DB, shape of `incidence_deg`.
 
     Raises:
-        MaterialError: unknown material, or one without values at these frequencies.
+        MaterialError: unknown material, or a material without values at these frequencies.
 
     >>> float(np.round(reflectivity_db("metal", 77e9, np.array([0.0]))[0], 1) + 0)
     0.0
@@ -38,7 +39,7 @@ def reflectivity_db(
 
 
 def distance_db(first: str | Layered, second: str | Layered, frequency_hz: np.ndarray | float = SWEEP_HZ) -> float:
-    """Electromagnetic distance of two materials, dB: see the module.
+    """Electromagnetic distance of two materials, dB, as defined at the top of this module.
 
     >>> distance_db("glass", "glass")
     0.0
@@ -46,26 +47,30 @@ def distance_db(first: str | Layered, second: str | Layered, frequency_hz: np.nd
     return float(np.mean(np.abs(reflectivity_db(first, frequency_hz) - reflectivity_db(second, frequency_hz))))
 
 
-def closest(permittivity_there: complex, among: tuple[str, ...], frequency_hz: np.ndarray | float = SWEEP_HZ) -> tuple[str, float]:
-    """The material whose half-space reflects most like one of a given permittivity, and their distance in dB.
+def closest(target: complex, among: tuple[str, ...], frequency_hz: np.ndarray | float = SWEEP_HZ) -> tuple[str, float]:
+    """The material whose half-space reflects most like a half-space of a given permittivity, and their distance in dB.
 
     Args:
-        permittivity_there: eta' - j eta'', constant over the frequencies.
-        among: names of materials; the first of equals is taken.
+        target: permittivity eta' - j eta'', constant over the frequencies.
+        among: names of materials; of equally close materials the first is returned.
     """
     cosine, frequency = _grid(frequency_hz, INCIDENCE_DEG)
-    wanted = _level(*stack_reflection([], [], np.full(frequency.shape, permittivity_there), cosine, frequency))
-    distances = {name: float(np.mean(np.abs(reflectivity_db(name, frequency_hz) - wanted))) for name in among}
+    level = _level(*stack_reflection([], [], np.full(frequency.shape, target), cosine, frequency))
+    distances = {name: float(np.mean(np.abs(reflectivity_db(name, frequency_hz) - level))) for name in among}
     best = min(distances, key=lambda name: distances[name])
     return best, distances[best]
 
 
 def in_range(name: str, frequency_hz: float = 77e9) -> bool:
-    """Whether a plain material has values of its own at a frequency, without a stand-in."""
+    """Whether a plain material has measured values at a frequency, so that no stand-in replaces it.
+
+    Raises:
+        MaterialError: a plastic or liquid without values at this frequency.
+    """
     base = split(name)[0]
     if base in P2040:
         return any(fit.low_ghz * 1e9 <= frequency_hz <= fit.high_ghz * 1e9 for fit in P2040[base])
-    permittivity(name, frequency_hz)  # refuses what has no values there
+    permittivity(name, frequency_hz)
     return True
 
 

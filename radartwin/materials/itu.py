@@ -1,9 +1,9 @@
 """Building materials and ground of ITU-R P.2040-4: real permittivity and conductivity against frequency.
 
 Symbols: eta' = a f^b -> real permittivity, sigma = c f^d -> conductivity (S/m), f in GHz.
-Ref: ITU-R P.2040-4 (09/2025), table 3: fits to published measurements, each valid between two frequencies. Where several rows of one
-material overlap, the first one listed is taken. A material outside its fits is never extrapolated: it is refused, or evaluated through
-the stand-in named in STAND_INS, with a warning.
+Ref: ITU-R P.2040-4 (09/2025), table 3: fits to published measurements, each valid between two frequencies. Where rows of one material
+overlap, the first row listed counts. No fit is extrapolated: outside its fits a material is replaced by its stand-in of STAND_INS, with a
+warning, or refused if it has none.
 """
 
 import warnings
@@ -17,7 +17,7 @@ from radartwin.errors import MaterialError
 
 @dataclass(frozen=True)
 class Fit:
-    """One row of the table: coefficients and the range they were fitted in (GHz)."""
+    """One row of the table: coefficients and the frequency range of the fit (GHz)."""
 
     a: float
     b: float
@@ -59,11 +59,11 @@ P2040 = {
     "wet_ground": (Fit(30.0, -0.4, 0.15, 1.30, 1, 10),),
 }  # fmt: skip
 
-# The row that reaches 77 GHz and comes closest to the material's own reflection at normal incidence: that at the ends of its fits,
-# interpolated in log frequency where there is one on either side (differences in dB: brick -0.6, clear acrylic 0.0 with more loss,
-# plywood 1.0, marble -0.8, vinyl tile 0.1, carpet tile -0.5, asphalt 0.3). Ground is fitted to 10 GHz only, long before its water
-# relaxes: very dry ground as it is there (-0.7); medium dry and wet as its grains (3.0) with 15 and 30 % of water by volume at 77 GHz,
-# averaged in refractive index (4.0 - j 1.3 and 4.9 - j 3.0; 0.9 and -0.1).
+# Each stand-in is the row with values at 77 GHz whose reflection at normal incidence is closest to the material's own reflection at the
+# ends of its fits, interpolated in log frequency if fits end on both sides. The differences in dB are: brick -0.6, clear acrylic 0.0 (with
+# more loss), plywood 1.0, marble -0.8, vinyl tile 0.1, carpet tile -0.5, asphalt 0.3. The fits of ground end at 10 GHz, far below the
+# relaxation of water. Very dry ground keeps its value at 10 GHz (-0.7 dB). Medium dry and wet ground are grains (3.0) with 15 and 30 %
+# water by volume, averaged in refractive index at 77 GHz (4.0 - j 1.3 and 4.9 - j 3.0; 0.9 and -0.1 dB).
 STAND_INS = {
     "brick": "floorboard",
     "clear_acrylic": "chipboard",
@@ -81,7 +81,7 @@ _warned: set[tuple[str, str]] = set()
 
 
 class StandInWarning(UserWarning):
-    """A material is evaluated as another one, because its own fit does not reach the frequency."""
+    """Another material replaces this one because its own fit does not reach the frequency."""
 
 
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
@@ -93,9 +93,9 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     Returns:
         complex, shape (...,).
     Raises:
-        MaterialError: unknown name, or a frequency outside every fit that could stand in.
+        MaterialError: unknown name, or a frequency outside the material's fits and those of its stand-in.
     Warns:
-        StandInWarning: a stand-in is taken, naming both materials; once per material and process, unless a filter asks for all.
+        StandInWarning: a stand-in replaces the material; once per material and process, unless a warning filter asks for all.
 
     >>> complex(np.round(permittivity("glass", 77e9), 3))
     (6.31-0.283j)
@@ -111,7 +111,7 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
             low, high = float(frequency_ghz.min()), float(frequency_ghz.max())
             raise MaterialError(
                 f"material {name!r} is fitted {_ranges(name)} in ITU-R P.2040-4 and has no stand-in at {low:g} to {high:g} GHz; "
-                "give Layered with a material that has values there"
+                "choose a material with values there"
             )
         _warn(name, stand_in)
     real = fit.a * frequency_ghz**fit.b
@@ -120,7 +120,7 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
 
 
 def _fit(name: str, frequency_ghz: np.ndarray) -> Fit | None:
-    """The first row that holds at all these frequencies."""
+    """The first row that is valid at all these frequencies."""
     low, high = float(frequency_ghz.min()), float(frequency_ghz.max())
     return next((fit for fit in P2040[name] if fit.low_ghz <= low and high <= fit.high_ghz), None)
 
@@ -130,7 +130,7 @@ def _ranges(name: str) -> str:
 
 
 def _warn(name: str, stand_in: str) -> None:
-    """Say it once. Python's own "once" forgets whenever any library touches the filters, and repeats per calling line."""
+    """Warn once per process. Python's "once" filter repeats after any change of the filters, and per calling line."""
     action = next(
         (
             action

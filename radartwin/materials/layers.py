@@ -1,19 +1,24 @@
-"""Layered slabs: what a plane wave sees of a wall or of a bottle, and what passes. Ref: ITU-R P.2040-4, section 2.2.2.
+"""Reflection and transmission of layered walls and bottles for plane waves. Ref: ITU-R P.2040-4, section 2.2.2.
 
 Symbols: R_e, R_m, T_e, T_m -> te, tm (electric field perpendicular / parallel to the plane of incidence), theta_0 -> incidence,
-eta -> permittivity. Time convention exp(+j omega t), so that loss is eta' - j eta''. The sign of tm is that of the
-electric field's component along the reflected parallel unit vector e_r = k_r x s, with e_i = k_i x s before: a perfect conductor
-has te = -1, tm = +1, and at normal incidence tm = -te. Transmitted fields keep their unit vectors: without a stack, both are one.
+eta -> permittivity. The time convention is exp(+j omega t), so a lossy medium has eta' - j eta''. The sign of tm refers to the
+component of the electric field along the unit vector e_r = k_r x s of the reflected wave, with e_i = k_i x s for the incident
+wave: a perfect conductor has te = -1 and tm = +1, and at normal incidence tm = -te. Transmitted fields keep their unit vectors:
+without a stack both coefficients are 1.
 """
 
 import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import MaterialError
+from radartwin.materials.permittivity_by_name import check_name, permittivity
+from radartwin.materials.plastics import EMPTY
+from radartwin.materials.roughness import ament, ament_transmitted
 
 
 @dataclass(frozen=True)
@@ -22,15 +27,13 @@ class Layered:
 
     Attributes:
         layers: (material name, thickness in metres), the outermost first.
-        backing: what lies behind without end: "air" or a material name.
+        backing: the half-space behind the last layer: "air" or a material name.
     """
 
     layers: tuple[tuple[str, float], ...]
     backing: str = "air"
 
     def __init__(self, layers: Sequence[tuple[str, float]], backing: str = "air"):
-        from radartwin.materials import check_name
-
         checked = []
         for entry in layers:
             if not isinstance(entry, Sequence) or isinstance(entry, str) or len(entry) != 2:
@@ -45,6 +48,72 @@ class Layered:
         object.__setattr__(self, "backing", backing)
 
 
+def reflection(
+    material: str | Layered, cos_incidence: np.ndarray, frequency_hz: np.ndarray, roughness_m: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Complex (te, tm) reflection seen from air, under exp(+j omega t).
+
+    Args:
+        material: a name (half-space) or a stack.
+        cos_incidence: cosine of the angle from the normal, broadcastable with `frequency_hz`.
+        frequency_hz: frequencies at which the materials are evaluated.
+        roughness_m: rms height; multiplies both coefficients by Ament's factor.
+    Raises:
+        MaterialError: unknown material, or a material without values at these frequencies.
+    """
+    stack = material if isinstance(material, Layered) else Layered([], backing=material)
+    frequency_hz = np.asarray(frequency_hz, float)
+    te, tm = stack_reflection(
+        [permittivity(name, frequency_hz) for name, _ in stack.layers],
+        [thickness for _, thickness in stack.layers],
+        permittivity(stack.backing, frequency_hz),
+        cos_incidence,
+        frequency_hz,
+    )
+    if roughness_m:
+        loss = ament(roughness_m, cos_incidence, 2 * np.pi * frequency_hz / SPEED_OF_LIGHT)
+        te, tm = te * loss, tm * loss
+    return te, tm
+
+
+def transmission(
+    material: str | Layered, cos_incidence: np.ndarray, frequency_hz: np.ndarray, roughness_m: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Complex (te, tm) of one passage through a wall between air and air: field behind the wall over field in front of it.
+
+    Both fields refer to the same point of the wall's plane: where the ray enters, and straight behind that point along the
+    normal. A wall of thickness d therefore adds the phase of the coefficient and removes k d cos_incidence from the air path.
+
+    Args:
+        material: a stack, of which only the layers count because air is behind it, or a plain name. A half-space transmits
+            nothing, except air and vacuum.
+        cos_incidence, frequency_hz: as for `reflection`.
+        roughness_m: rms height of each of the two faces, which are independent; see `roughness.ament_transmitted`.
+    Returns:
+        (te, tm), complex, of the broadcast shape; at normal incidence they are equal.
+    Raises:
+        MaterialError: unknown material, or a material without values at these frequencies.
+
+    >>> te, tm = transmission(Layered([("pet", 0.5e-3)]), np.array(1.0), np.array(77e9))
+    >>> bool(np.isclose(te, tm)), float(np.round(20 * np.log10(abs(te)), 1))
+    (True, -1.2)
+    """
+    frequency_hz, cos_incidence = np.asarray(frequency_hz, float), np.asarray(cos_incidence, float)
+    shape = np.broadcast_shapes(cos_incidence.shape, frequency_hz.shape)
+    stack = material if isinstance(material, Layered) else Layered([], backing=material)
+    if not isinstance(material, Layered) and material not in EMPTY:
+        permittivity(material, frequency_hz)  # raises the errors that `reflection` raises
+        return np.zeros(shape, complex), np.zeros(shape, complex)
+    eta = [permittivity(name, frequency_hz) for name, _ in stack.layers]
+    te, tm = stack_transmission(eta, [thickness for _, thickness in stack.layers], cos_incidence, frequency_hz)
+    if roughness_m and stack.layers:
+        wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
+        for face in (eta[0], eta[-1]):
+            loss = ament_transmitted(roughness_m, cos_incidence, wavenumber, face)
+            te, tm = te * loss, tm * loss
+    return te, tm
+
+
 def stack_reflection(
     permittivities: Sequence[np.ndarray],
     thicknesses_m: Sequence[float],
@@ -52,10 +121,7 @@ def stack_reflection(
     cos_incidence: np.ndarray,
     frequency_hz: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Complex (te, tm) of a stack, seen from air.
-
-    Evaluated from the backing outwards, one interface after the other, in terms that only ever contain decaying
-    exponentials (a lossy 15 cm wall neither overflows nor loses digits).
+    """Complex (te, tm) reflection of a stack, seen from air.
 
     Args:
         permittivities: one complex array per layer, outermost first, broadcastable with `cos_incidence`.
@@ -72,8 +138,8 @@ def stack_reflection(
     >>> complex(np.round(te, 6)), complex(np.round(tm, 6))
     ((-0.333333+0j), (0.333333+0j))
     """
-    te, tm, _, _ = _stack(permittivities, thicknesses_m, backing, cos_incidence, frequency_hz)
-    return te, tm
+    stack = _stack(permittivities, thicknesses_m, backing, cos_incidence, frequency_hz)
+    return stack.reflected_te, stack.reflected_tm
 
 
 def stack_transmission(
@@ -82,17 +148,26 @@ def stack_transmission(
     cos_incidence: np.ndarray,
     frequency_hz: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Complex (te, tm) that a stack between air and air lets through: field just behind it over field just before it.
+    """Complex (te, tm) transmission of a stack between air and air: field just behind the stack over field just before it.
 
-    Arguments and errors as for `stack_reflection`. A wave that goes straight through a stack of thickness d and on to L has the phase
-    k (L - d cos_incidence) and the coefficient's own; without layers the coefficient is one.
+    Arguments and errors are those of `stack_reflection`. A wave that crosses a stack of thickness d on a path of length L has
+    the phase k (L - d cos_incidence) plus the coefficient's phase; without layers the coefficient is 1.
 
     >>> te, _ = stack_transmission([np.array(4.0 + 0j)], [299792458 / 77e9 / 4], np.array(1.0), np.array(77e9))  # half a wave thick
     >>> complex(np.round(te, 6) + 0)
     (-1+0j)
     """
-    _, _, te, tm = _stack(permittivities, thicknesses_m, np.array(1.0 + 0j), cos_incidence, frequency_hz)
-    return te, tm
+    stack = _stack(permittivities, thicknesses_m, np.array(1.0 + 0j), cos_incidence, frequency_hz)
+    return stack.transmitted_te, stack.transmitted_tm
+
+
+class _Coefficients(NamedTuple):
+    """Coefficients of a stack; TM as ratios of the electric field's parallel component."""
+
+    reflected_te: np.ndarray
+    reflected_tm: np.ndarray
+    transmitted_te: np.ndarray
+    transmitted_tm: np.ndarray
 
 
 def _stack(
@@ -101,14 +176,17 @@ def _stack(
     backing: np.ndarray,
     cos_incidence: np.ndarray,
     frequency_hz: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Reflection (te, tm) and transmission (te, tm) of a stack; TM in ratios of the electric field's parallel component."""
+) -> _Coefficients:
+    """Coefficients of a stack, built up from the backing outwards, one interface after the other.
+
+    Only decaying exponentials occur, so a lossy wall of any thickness neither overflows nor loses digits.
+    """
     k0 = 2 * np.pi * np.asarray(frequency_hz, float) / SPEED_OF_LIGHT
     sin2 = 1 - np.asarray(cos_incidence, float) ** 2
     media = [np.ones_like(sin2) + 0j, *[np.asarray(p) + 0j for p in permittivities], np.asarray(backing) + 0j]
     if any(np.any(m.imag > 1e-9) for m in media):
-        raise MaterialError("a permittivity with gain (positive imaginary part under exp(+j omega t))")
-    # Principal root has Re > 0; with eta'' >= 0 its imaginary part is <= 0, a wave decaying inwards.
+        raise MaterialError("a permittivity has gain (positive imaginary part under exp(+j omega t)); give eta' - j eta'' with eta'' >= 0")
+    # The principal root has Re > 0; with eta'' >= 0 its imaginary part is <= 0: the wave decays inwards.
     kz = [np.asarray(cos_incidence) + 0j, *[np.sqrt(m - sin2) for m in media[1:]]]
     index = [np.sqrt(m) for m in media]
     te = tm = np.zeros(())
@@ -120,12 +198,11 @@ def _stack(
         r_tm = (media[inner] * kz[outer] - media[outer] * kz[inner]) / denominator
         t_te = 1 + r_te
         t_tm = 2 * index[inner] * index[outer] * kz[outer] / denominator
-        if inner == len(media) - 1:  # the last interface has nothing behind it
+        if inner == len(media) - 1:  # the last interface has no layer behind it
             te, tm, through_te, through_tm = r_te, r_tm, t_te, t_tm
             continue
         once = np.exp(-1j * k0 * kz[inner] * thicknesses_m[inner - 1])
         te, through_te = (r_te + te * once**2) / (1 + r_te * te * once**2), t_te * once * through_te / (1 + r_te * te * once**2)
         tm, through_tm = (r_tm + tm * once**2) / (1 + r_tm * tm * once**2), t_tm * once * through_tm / (1 + r_tm * tm * once**2)
     shape = np.broadcast_shapes(np.shape(te), np.shape(sin2), np.shape(k0))
-    te, tm, through_te, through_tm = (np.broadcast_to(c, shape) for c in (te, tm, through_te, through_tm))
-    return te, tm, through_te, through_tm
+    return _Coefficients(*(np.broadcast_to(c, shape) for c in (te, tm, through_te, through_tm)))

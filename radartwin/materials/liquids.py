@@ -1,14 +1,14 @@
-"""Liquids: complex permittivity of what bottles hold, time convention exp(+j omega t).
+"""Complex permittivity of the liquids in bottles, time convention exp(+j omega t).
 
-Water is the double-Debye model of H. Liebe, G. Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659, with gamma the
-relaxation frequencies in GHz: eps = eps_0 - f [(eps_0 - eps_1)/(f - j gamma_1) + (eps_1 - eps_2)/(f - j gamma_2)].
-Ethanol is the triple-Debye fit of J. Kindt, C. Schmuttenmaer, J. Phys. Chem. 100 (1996) 10373, at 25 C.
+Water follows the double-Debye model of H. Liebe, G. Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659, with the
+relaxation frequencies gamma in GHz: eps = eps_0 - f [(eps_0 - eps_1)/(f - j gamma_1) + (eps_1 - eps_2)/(f - j gamma_2)].
+Ethanol follows the triple-Debye fit of J. Kindt, C. Schmuttenmaer, J. Phys. Chem. 100 (1996) 10373, at 25 C.
 
-Everything else is a mixture by H. Looyenga, Physica 31 (1965) 401: the cube roots of the permittivities average over the volume
-fractions. It is symmetric in its phases, exact to second order in their contrast, and its surface reflects within 0.2 dB of Hanai's law
-for oil drops in water up to a quarter of oil. The fractions are the rounded make-up of an ordinary product; dissolved and suspended solids
-count as a dry dielectric of 2.7. Salt is left out: at 77 GHz its conduction (1.0 in eps'' for 3 %) moves the reflection by 0.1 to 0.3 dB,
-as the recipe's own uncertainty of some 10 % of eps does.
+All other liquids are mixtures by the law of H. Looyenga, Physica 31 (1965) 401: the cube root of the permittivity is the average of the
+cube roots over the volume fractions. The law is symmetric in its phases and exact to second order in their contrast. For oil drops in
+water, up to a quarter of oil, the reflection of the surface differs from Hanai's law by less than 0.2 dB. The fractions are the rounded
+composition of an ordinary product; dissolved and suspended solids count as a dry dielectric of 2.7. Salt is left out: its conduction
+at 77 GHz (1.0 in eps'' for 3 %) changes the reflection by 0.1 to 0.3 dB, no more than the uncertainty of the recipe, about 10 % of eps.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from radartwin.materials import plastics
 TEMPERATURE_C = 20.0
 SOLIDS = 2.7 * (1 - 0.02j)  # dry sugar, starch and protein: 2.5 to 3 (S. Nelson, IEEE Trans. Electr. Insul. 26 (1991) 845)
 
-# Volume fractions; water takes what is left.
+# Volume fractions; the rest is water.
 RECIPES = {
     "mouthwash": {"ethanol": 0.22},  # 21.6 % by volume on the label of the classic antiseptic kind
     "detergent": {"oil": 0.25, "ethanol": 0.03},  # hand dishwashing: 15 to 30 % surfactants (label classes of EC 648/2004), a solvent
@@ -33,9 +33,9 @@ def permittivity(name: str, frequency_hz: np.ndarray | float, temperature_c: flo
     """Complex relative permittivity eta' - j eta'' of a liquid of NAMES, shape of `frequency_hz`.
 
     Args:
-        temperature_c: of its water; ethanol and oil are taken as they are at room temperature.
+        temperature_c: of the water; ethanol and oil keep their values at room temperature.
     Raises:
-        MaterialError: a frequency or temperature outside the models.
+        MaterialError: a frequency or temperature outside the range of a model.
 
     >>> complex(np.round(permittivity("mustard", 77e9), 1))
     (8.1-12.4j)
@@ -63,10 +63,10 @@ def looyenga(phases: list[tuple[float, np.ndarray]]) -> np.ndarray:
 
 
 def water(frequency_hz: np.ndarray | float, temperature_c: float = TEMPERATURE_C) -> np.ndarray:
-    """Complex relative permittivity of pure water, eta' - j eta''; the model holds to 1 THz.
+    """Complex relative permittivity of pure water, eta' - j eta'', up to 1 THz.
 
     Raises:
-        MaterialError: a frequency above it, or a temperature at which it is not liquid.
+        MaterialError: a frequency above 1 THz, or a temperature outside 0 to 100 C.
 
     >>> complex(np.round(water(77e9), 1))
     (8.8-15.9j)
@@ -84,7 +84,7 @@ def water(frequency_hz: np.ndarray | float, temperature_c: float = TEMPERATURE_C
 
 
 def ethanol(frequency_hz: np.ndarray | float) -> np.ndarray:
-    """Complex relative permittivity of ethanol at 25 C, to 1 THz.
+    """Complex relative permittivity of ethanol at 25 C, up to 1 THz.
 
     >>> complex(np.round(ethanol(77e9), 1))
     (3.1-1j)

@@ -1,14 +1,13 @@
-"""What the 23 categories of MINC are made of at 77 GHz: one table, `MINC`, from category to material.
+"""The table `MINC`: from each of the 23 categories of MINC to a material at 77 GHz.
 
 Categories: S. Bell, P. Upchurch, N. Snavely, K. Bala, Material Recognition in the Wild with the Materials in Context Database, CVPR 2015.
-Materials: rows of ITU-R P.2040-4 and the plastics and liquids of this package, as half-spaces or as the build-up such a surface commonly
-has. Where common build-ups differ, the one nearest to the others in `distance_db` is taken and the note says how far they lie.
+Materials: rows of ITU-R P.2040-4 and the plastics and liquids of this package, as half-spaces or as the common build-up of such a surface.
+Where common build-ups differ, the table has the one nearest to the others in `distance_db`, and the note gives their distances.
 
-Frequency policy. A P.2040 row is used inside its fitted range (`radartwin.materials.itu.P2040`; concrete, plasterboard, wood, glass,
-ceiling board, chipboard and metal from 1 to 100 GHz, floorboard from 50) and never extrapolated. Brick, marble and carpet tile end at 40
-to 60 GHz: they keep their own name here, so that a radar below takes their own fit, and at 77 GHz `itu.STAND_INS` puts the closest row in
-their place with a StandInWarning. `Row.stand_in` counts both kinds, at a given frequency. Above 100 GHz rows with a second fit go on;
-plastics and oil have values from 10 to 100 GHz and are refused beyond.
+Frequencies: a P.2040 row is used inside its fitted range only (concrete, plasterboard, wood, glass, ceiling board, chipboard and metal
+from 1 to 100 GHz, floorboard from 50). The fits of brick, marble and carpet tile end at 40 to 60 GHz. These categories keep their own
+material here, so that a radar at a lower frequency uses the material's own fit; at 77 GHz `itu.STAND_INS` replaces it with a
+StandInWarning. Above 100 GHz only rows with a second fit have values. Plastics and oil have values from 10 to 100 GHz.
 """
 
 from __future__ import annotations
@@ -16,9 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from radartwin.errors import MaterialError
-from radartwin.materials import Layered, roughness_m
 from radartwin.materials.distance import distance_db, in_range
 from radartwin.materials.itu import P2040
+from radartwin.materials.layers import Layered
+from radartwin.materials.roughness import roughness_m
 
 FREQUENCY_HZ = 77e9
 
@@ -29,12 +29,12 @@ class Row:
 
     Attributes:
         material: half-space or stack.
-        proxy: the rows stand for something that they are not, at any frequency.
-        source: where the build-up or the permittivity comes from.
-        note: what it leaves open.
-        texture: the class of `radartwin.materials.roughness.CLASSES` whose height it takes.
-        uncertain: the category does not say what the radar meets (what is under the paint, how thick the plastic is), and common
-            build-ups lie more than 2.5 dB away.
+        proxy: the material is a substitute at every frequency, because no row describes the category itself.
+        source: of the build-up or the permittivity.
+        note: the remaining uncertainty.
+        texture: the class of `radartwin.materials.roughness.CLASSES` that gives the roughness.
+        uncertain: the category does not determine the build-up (under the paint, thickness of the plastic), and common build-ups differ
+            by more than 2.5 dB.
     """
 
     material: str | Layered
@@ -50,10 +50,13 @@ class Row:
         return roughness_m(self.texture)
 
     def stand_in(self, frequency_hz: float = FREQUENCY_HZ, exact: bool = False) -> bool:
-        """Whether any of its rows stands for something it is not, by choice or because its fit ends below this frequency, or the build-up
-        is uncertain; `exact`: somebody said which it is."""
-        guessed = self.uncertain and not exact
-        return self.proxy or guessed or not all(in_range(name, frequency_hz) for name in names_in(self.material))
+        """Whether the material is a substitute: by choice, because a fit ends below this frequency, or because the build-up is uncertain.
+
+        Args:
+            exact: the build-up is known, so it is not uncertain.
+        """
+        unknown = self.uncertain and not exact
+        return self.proxy or unknown or not all(in_range(name, frequency_hz) for name in names_in(self.material))
 
 
 def names_in(material: str | Layered) -> tuple[str, ...]:
@@ -63,14 +66,14 @@ def names_in(material: str | Layered) -> tuple[str, ...]:
 
 _BOARD_ON_STUDS = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
 _BUILDING = "building practice (EN 520 board of 12.5 mm, studs of 75 mm)"
-# What a named material is commonly built as, where a category does not say.
+# The common build-up of a plain material, for labels that name the material instead of a category.
 BUILD_UPS: dict[str, Layered] = {
     "plasterboard": _BOARD_ON_STUDS,
     "ceiling_board": Layered([("ceiling_board", 0.015)]),  # EN 13964 mineral tiles of 15 to 19 mm, a void above
     "chipboard": Layered([("chipboard", 0.018)]),  # EN 312 furniture board
     "floorboard": Layered([("floorboard", 0.008)], backing="concrete"),  # EN 13329 laminate on a slab
 }
-COVERED = ("painted", "wallpaper")  # categories that say what covers a wall, not what it is built of
+COVERED = ("painted", "wallpaper")  # categories of the finish of a wall, not of its build-up
 _ACCONEER = "60 GHz values of docs/pcr_tech/radar_principles, Acconeer (Clear BSD)"
 
 MINC: dict[str, Row] = {
@@ -93,8 +96,8 @@ MINC: dict[str, Row] = {
         "0.9 to 2 mm on foam lie 1.6 to 8.0 dB away, and further from each other: half a wave inside is 1.2 mm", "leather"),
     "metal": Row("metal", False, "P.2040-4 metal, 1 to 100 GHz", "painted or not: paint of 0.1 mm changes nothing", "metal"),
     "mirror": Row(Layered([("glass", 0.004)], backing="metal"), False, "EN 1036: silvered float glass of 4 mm", "", "mirror"),
-    "other": Row("concrete", True, "nobody knows: the P.2040-4 row nearest to the ROOM categories in the mean (3.1 dB)",
-        "computed, see `least_wrong`; people, plants, food, water and sky do not count", "painted"),
+    "other": Row("concrete", True, "unknown material: the P.2040-4 row with the least mean distance to the ROOM categories (3.1 dB)",
+        "computed by `least_wrong`; people, plants, food, water and sky do not count", "painted"),
     "painted": Row(_BOARD_ON_STUDS, False, f"plasterboard wall, {_BUILDING}",
         "plaster on masonry lies 0.4 dB away, bare painted concrete 2.9 dB, ceiling board 5.7 dB: uncertain unless named",
         "painted", True),
@@ -106,7 +109,7 @@ MINC: dict[str, Row] = {
     "polishedstone": Row("marble", False, "P.2040-4 marble, 1 to 60 GHz", "at 77 GHz glass stands in", "polishedstone"),
     "skin": Row("detergent", True, "6.6 - j 9.5 at 77 GHz, dry skin (S. Gabriel et al. 1996, extrapolated)",
         "the mixture of liquids nearest to it: 7.1 - j 9.0", "skin"),
-    "sky": Row("glass", True, "what a scan indoors sees as sky is a window pane", "as glass", "glass"),
+    "sky": Row("glass", True, "indoors, sky in a scan is a window pane", "as glass", "glass"),
     "stone": Row("concrete", True, "granite 5 to 6, limestone 7, sandstone 4 to 5; concrete 5.2", "rough-hewn", "stone"),
     "tile": Row(Layered([("glass", 0.008)], backing="concrete"), True, "fired clay 5 to 6.5 of 8 mm (EN 14411) on a slab; glass 6.3",
         "on plasterboard 0.2 dB away", "tile"),
@@ -123,7 +126,7 @@ ROOM = tuple(category for category in CATEGORIES if category not in NOT_OF_A_ROO
 
 
 def least_wrong(frequency_hz: float = FREQUENCY_HZ) -> str:
-    """The P.2040 row in range whose mean distance to the ROOM categories is least: what `other` is taken for."""
+    """The P.2040 row in range with the least mean distance to the ROOM categories: the material of `other`."""
     rows = [name for name in P2040 if in_range(name, frequency_hz)]
     return min(rows, key=lambda name: sum(distance_db(name, MINC[category].material) for category in ROOM))
 
@@ -132,8 +135,8 @@ def row(category: str) -> Row:
     """The row of a category.
 
     Raises:
-        MaterialError: not one of the 23; names outside them go through `radartwin.materials.names.resolve`.
+        MaterialError: not one of the 23 categories; `radartwin.materials.names.resolve` takes other names.
     """
     if category not in MINC:
-        raise MaterialError(f"{category!r} is not a MINC category; known: {', '.join(CATEGORIES)}")
+        raise MaterialError(f"{category!r} is not a MINC category; choose from {', '.join(CATEGORIES)}")
     return MINC[category]

@@ -1,24 +1,25 @@
-"""Names of materials that neither MINC nor P.2040 has: each goes to the electromagnetically closest row, none to a default.
+"""Names of materials outside MINC and P.2040: each resolves to the electromagnetically closest row, and no name gets a default.
 
-Two declared tables. SYNONYMS are other words for what a row is (drywall, steel), or a thing whose build-up a row is (whiteboard).
-PERMITTIVITY holds materials of their own; they take the P.2040 row in range, or air, whose half-space reflects most like
-theirs (`distance.closest`), so that porcelain becomes glass by its 6.0, not by its name. A name in none of them is refused.
+Two tables exist. SYNONYMS lists other words for a row (drywall, steel). PERMITTIVITY lists further materials; each resolves to the P.2040
+row in range, or air, whose half-space reflects most alike (`distance.closest`). Porcelain, for example, becomes glass because its
+permittivity is 6.0. A name in neither table is refused.
 
 Sources of PERMITTIVITY, real part and loss tangent at 60 to 100 GHz: [L] J. Lamb, Int. J. Infrared and Millimeter Waves 17 (1996) 1997;
-[A] 60 GHz values of docs/pcr_tech/radar_principles, Acconeer; [D] data sheets and handbooks of the material at microwaves, where loss is
-the less certain figure (it hardly moves the reflection below 0.1).
+[A] 60 GHz values of docs/pcr_tech/radar_principles, Acconeer; [D] data sheets and handbooks at microwave frequencies. The loss tangents of
+[D] are less certain, but a loss tangent below 0.1 hardly changes the reflection.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from radartwin.errors import MaterialError
-from radartwin.materials import MATERIAL_NAMES, Layered
 from radartwin.materials.distance import SWEEP_HZ, closest, in_range
 from radartwin.materials.itu import P2040
+from radartwin.materials.layers import Layered
 from radartwin.materials.minc import CATEGORIES, MINC, row
+from radartwin.materials.permittivity_by_name import MATERIAL_NAMES
 
 SYNONYMS = {
     "metal": "steel stainless_steel sheet_metal iron aluminium aluminum copper brass bronze chrome zinc tin tinplate gold silver lead",
@@ -77,14 +78,14 @@ _SPELLINGS = {"fiberglass": "fibreglass", "teflon": "ptfe", "styrofoam": "foam",
 
 @dataclass(frozen=True)
 class Resolved:
-    """What a name stands for.
+    """The material of a name.
 
     Attributes:
         name: as given, in lower case with underscores.
         material: half-space or stack.
-        category: the MINC category it is, or is taken for; None for a plain material.
-        stand_in: the material stands for something it is not at 77 GHz.
-        why: one phrase.
+        category: the MINC category of the name; None for a plain material.
+        stand_in: the material is a substitute at 77 GHz.
+        why: the rule that applied, in one phrase.
     """
 
     name: str
@@ -95,10 +96,10 @@ class Resolved:
 
 
 def resolve(name: str) -> Resolved:
-    """A name of anybody's to a material of ours.
+    """The material of a name, in any spelling with spaces, hyphens or capitals.
 
     Raises:
-        MaterialError: a name nobody knows, with all that are known.
+        MaterialError: an unknown name; the message lists the known names.
 
     >>> resolve("Porcelain").material, resolve("drywall").category
     ('glass', 'painted')
@@ -110,20 +111,20 @@ def resolve(name: str) -> Resolved:
     if plain in MATERIAL_NAMES:
         return Resolved(plain, plain, None, not in_range(plain), "a material")
     if plain in _ROW_OF:
-        known = _ROW_OF[plain]
-        found = resolve(known)
-        return Resolved(plain, found.material, found.category, found.stand_in, f"another word for {known}")
+        synonym = _ROW_OF[plain]
+        return replace(resolve(synonym), name=plain, why=f"another word for {synonym}")
     if plain in PERMITTIVITY:
         real, loss = PERMITTIVITY[plain]
         material, distance = closest(real * (1 - 1j * loss), ("air", *(n for n in P2040 if in_range(n))), SWEEP_HZ)
         return Resolved(plain, material, None, True, f"permittivity {real:g}, {distance:.1f} dB from {material}")
-    raise MaterialError(f"nobody knows the material {name!r}; known: {', '.join(known_names())}")
+    raise MaterialError(f"unknown material {name!r}; known: {', '.join(known_names())}")
 
 
 def mentioned(words: str) -> Resolved | None:
-    """The known material that somebody's own words speak of, None where they speak of none.
+    """The known material that a free text mentions, or None.
 
-    The most exact one: a material before a category, then the longest name, then the last, which in English is the thing itself.
+    Of several materials, a plain material comes before a category, then the longest name, then the last name, because an English compound
+    ends with its head noun.
 
     >>> mentioned("white acoustic ceiling tiles").material, mentioned("lacquered sheet steel").category, mentioned("unobtainium")
     ('ceiling_board', 'metal', None)
@@ -146,5 +147,5 @@ def _is_known(name: str) -> bool:
 
 
 def known_names() -> tuple[str, ...]:
-    """Every name `resolve` takes, MINC first."""
+    """Every name that `resolve` accepts, MINC categories first."""
     return (*CATEGORIES, *sorted({*MATERIAL_NAMES, *_ROW_OF, *PERMITTIVITY, *_SPELLINGS} - set(CATEGORIES)))

@@ -1,13 +1,13 @@
-"""Rough surfaces: what they take from the coherent field, and how rough things are.
+"""Rough surfaces: the loss of the coherent field, and the rms height of each class of surface.
 
 Symbols: sigma_h -> rms height, theta -> angle of incidence; rho_s = exp(-2 (k sigma_h cos theta)^2) on the field.
 Ref: W. S. Ament, Proc. IRE 41 (1953) 142: the mean of exp(2 j k h cos theta) over Gaussian heights h.
 
-Where it holds: slopes gentle on the scale of a wavelength (correlation length above it), no shadowing (away from grazing), Gaussian
-heights. Up to a height of lambda/(16 cos theta), 0.24 mm at 77 GHz and normal incidence, other height distributions of the same rms
-give the same to 0.25 dB. At the Rayleigh criterion, lambda/(8 cos theta) or 0.49 mm, the loss is 10.7 dB and they already differ by
-several dB; beyond it the factor only says that the coherent part no longer counts (measured surfaces keep more: A. Miller, R. Brown,
-E. Vegh, IEE Proc. H 131 (1984) 114), and the power is diffuse whatever its exact value.
+The factor is valid for gentle slopes (correlation length above a wavelength), without shadowing (away from grazing incidence), and for
+Gaussian heights. Up to an rms height of lambda/(16 cos theta), 0.24 mm at 77 GHz and normal incidence, other height distributions give
+the same loss to 0.25 dB. At the Rayleigh criterion, lambda/(8 cos theta) or 0.49 mm, the loss is 10.7 dB and the distributions differ by
+several dB. Beyond the criterion the coherent part is negligible and the power is diffuse; measured surfaces keep more coherent power
+than the factor (A. Miller, R. Brown, E. Vegh, IEE Proc. H 131 (1984) 114).
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from radartwin.errors import MaterialError
 
 
 class Roughness(NamedTuple):
-    """Rms height and correlation length of a surface, metres, and where they come from."""
+    """Rms height and correlation length of a surface, metres, and their source."""
 
     height_m: float
     correlation_m: float
@@ -33,8 +33,8 @@ _MOULDED = "moulded or coated: texture of the mould, 5 to 25 um (VDI 3400)"
 _WOVEN = "half of an upholstery yarn of 0.5 to 1 mm"
 _PILE = "upper end of the paper's range: pile, leaves and strands of millimetres"
 
-# What stands for a class of surface. Literature spreads by a factor of two or three about most of these heights, and the coherent loss
-# in dB with its square: a study that rests on one of them has to vary it.
+# Roughness of each class of surface. Published heights differ by a factor of two or three from most of these values, and the coherent
+# loss in dB grows with the square of the height, so a study that depends on a height has to vary it.
 CLASSES = {
     "metal": Roughness(0.1e-3, 20e-3, _PAPER),
     "concrete": Roughness(0.3e-3, 5e-3, _PAPER),
@@ -78,7 +78,7 @@ CLASSES = {
 
 
 def roughness_m(name: str) -> float:
-    """Rms height, metres, of a class of surfaces or a material. Only catalogues and label maps ask; plain materials are smooth.
+    """Rms height, metres, of a class of surfaces. Catalogue objects and labels use it; a plain material name alone is smooth.
 
     Raises:
         MaterialError: no such class.
@@ -87,12 +87,12 @@ def roughness_m(name: str) -> float:
     0.0001
     """
     if name not in CLASSES:
-        raise MaterialError(f"no roughness is known for {name!r}; known: {', '.join(sorted(CLASSES))}")
+        raise MaterialError(f"no roughness class {name!r}; choose from {', '.join(sorted(CLASSES))}")
     return CLASSES[name].height_m
 
 
 def rayleigh_limit_m(cos_incidence: np.ndarray | float, wavelength_m: float) -> np.ndarray:
-    """Rms height from which a surface counts as rough: lambda/(8 cos theta), a quarter of a cycle between heights one sigma apart."""
+    """Rms height above which a surface counts as rough: lambda/(8 cos theta), a phase of a quarter cycle per sigma of height."""
     return wavelength_m / (8 * np.asarray(cos_incidence, float))
 
 
@@ -108,10 +108,10 @@ def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.
 def ament_transmitted(
     roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray, permittivity: np.ndarray | complex
 ) -> np.ndarray:
-    """Factor on the coherent field that passes one rough face into or out of a medium, shape of `cos_incidence`.
+    """Factor on the coherent field that crosses one rough face into or out of a medium, shape of `cos_incidence`.
 
-    The phase screen of the same surface: a height h changes the way by h (k_z inside - k_z outside), where reflection has 2 h k_z, so that
-    exp(-(1/2) (sigma_h (k_z' - k_z))^2) stands in the place of Ament's factor. It is much the milder of the two.
+    A height h shifts the phase by h (k_z inside - k_z outside), where reflection shifts it by 2 h k_z. Ament's factor therefore becomes
+    exp(-(1/2) (sigma_h (k_z' - k_z))^2), a much smaller loss.
     """
     cosine = np.asarray(cos_incidence, float)
     inside = np.real(np.sqrt(np.asarray(permittivity) + 0j - (1 - cosine**2)))

@@ -1,6 +1,7 @@
-"""A material of its own: a named one with its permittivity a little off, as every board and bottle is.
+"""Names of materials with factors on their permittivity, for the spread between samples of one material.
 
-It is a name too, `plasterboard~1.0500~0.8000`: the real part of plasterboard times 1.05, its loss times 0.8. So it goes wherever names go.
+`plasterboard~1.0500~0.8000` has 1.05 times the real part and 0.8 times the loss of plasterboard. The factors are part of the
+name, so a varied material can stand wherever a material name can.
 """
 
 from __future__ import annotations
@@ -13,20 +14,20 @@ _MARK = "~"
 
 
 def varied(name: str, real: float, loss: float) -> str:
-    """The name of a material with factors on its real permittivity and on its loss, to four digits; it may be varied already.
+    """The name of a material with factors on its real permittivity and its loss, to four decimals; factors of `name` multiply.
 
     >>> varied("glass", 1.05, 0.8)
     'glass~1.0500~0.8000'
     """
-    base, before, lost = split(name)
-    return f"{base}{_MARK}{before * real:.4f}{_MARK}{lost * loss:.4f}"
+    base, real_before, loss_before = split(name)
+    return f"{base}{_MARK}{real_before * real:.4f}{_MARK}{loss_before * loss:.4f}"
 
 
 def split(name: str) -> tuple[str, float, float]:
-    """Name, factor of the real part and factor of the loss; both 1 for a plain name.
+    """Name, factor on the real part and factor on the loss; both are 1 for a plain name.
 
     Raises:
-        MaterialError: factors that are not two numbers above zero, at least zero for the loss.
+        MaterialError: not two numbers, a factor on the real part that is not positive, or a negative factor on the loss.
     """
     base, *factors = str(name).split(_MARK)
     if not factors:
@@ -36,5 +37,7 @@ def split(name: str) -> tuple[str, float, float]:
     except ValueError:
         real = loss = math.nan
     if not (0 < real < math.inf and 0 <= loss < math.inf):
-        raise MaterialError(f"material {name!r}: after the name come two factors, of permittivity and loss: {base}{_MARK}1.05{_MARK}0.8")
+        raise MaterialError(
+            f"material {name!r} is not a name with two factors, of permittivity and loss; write for example {base}{_MARK}1.05{_MARK}0.8"
+        )
     return base, real, loss

@@ -1,1 +1,1 @@
-"""What is in the room: surfaces and scenes, procedural rooms, canonical objects, trajectories, a page to look at them."""
+"""Surfaces and scenes, procedural rooms, objects and their layouts, trajectories, and a 3D page of a scene."""

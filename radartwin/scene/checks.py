@@ -1,4 +1,4 @@
-"""What a mesh must be to be simulated: finite, not empty, of plausible size; and whether a point is inside a solid."""
+"""Checks of a mesh before simulation (finite, not empty, plausible size), and whether a point is inside a solid."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import trimesh
 
 from radartwin.errors import MeshError
 
-MAX_EXTENT_M = 100.0  # beyond this a "room" is a unit mistake; the radar itself folds at 11 m
+MAX_EXTENT_M = 100.0  # a larger "room" is a mistake of units; the default radar's range folds at 11 m
 
 
 def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
-    """Refuse what cannot be simulated.
+    """Refuse a mesh that cannot be simulated.
 
     Args:
-        where: how the message names the mesh.
+        where: the name of the mesh in messages.
     Raises:
-        MeshError: not a triangle mesh, empty, indices out of range, NaN or infinite vertices, an extent over 100 m.
+        MeshError: not a triangle mesh, empty, indices out of range, NaN or infinite vertices, an extent over 100 m or of zero.
     """
     if not isinstance(mesh, trimesh.Trimesh):
         raise MeshError(f"{where}: expected a trimesh.Trimesh, got {type(mesh).__name__}")
@@ -24,12 +24,11 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
     if len(vertices) == 0 or len(faces) == 0:
         raise MeshError(f"{where}: the mesh is empty ({len(vertices)} vertices, {len(faces)} faces)")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise MeshError(f"{where}: a face names vertex {int(faces.max())} of a mesh with {len(vertices)} vertices")
+        raise MeshError(f"{where}: a face refers to vertex {int(faces.max())} of a mesh with {len(vertices)} vertices; export it again")
     bad = ~np.isfinite(vertices).all(axis=1)
     if bad.any():
         raise MeshError(f"{where}: {int(bad.sum())} of {len(vertices)} vertices are NaN or infinite; repair or export it again")
-    used = vertices[faces.reshape(-1)]
-    extent = float(np.ptp(used, axis=0).max())
+    extent = float(np.ptp(vertices[faces.reshape(-1)], axis=0).max())
     if extent > MAX_EXTENT_M:
         raise MeshError(f"{where} spans {extent:.4g} m, over the limit of {MAX_EXTENT_M:.0f} m; {unit_hint(extent)}")
     if extent == 0:
@@ -37,7 +36,7 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
 
 
 def unit_hint(extent: float) -> str:
-    """The unit that would make an over-large extent plausible, as a question."""
+    """A question that suggests the unit in which an extent over the limit would be plausible."""
     if extent / 1000 <= MAX_EXTENT_M and extent / 1000 >= 0.5:
         return "is it in millimetres? Scale it by 0.001 to metres (radartwin reconstruct --unit mm)"
     if extent / 100 <= MAX_EXTENT_M:
@@ -45,38 +44,38 @@ def unit_hint(extent: float) -> str:
     return "units should be metres; is it in millimetres or micrometres?"
 
 
-def inside_solid(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
-    """Which points lie inside a watertight mesh of positive volume.
+def welded(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """A copy in which vertices at one position are one vertex: sharp normals and texture seams no longer open the mesh."""
+    out = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    out.merge_vertices(merge_tex=True, merge_norm=True)
+    return out
 
-    Uses the generalised winding number (van Oosterom and Strackee 1983, solid angle of a triangle), which needs no ray
-    direction and so has no special cases on edges.
+
+def inside_solid(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
+    """Whether each point lies inside a watertight mesh of positive volume.
+
+    The test is the generalised winding number (van Oosterom and Strackee 1983, solid angle of a triangle). It casts no ray, so
+    edges are no special case.
 
     Args:
         points: (N, 3).
     Returns:
-        (N,) bool; all False for an open mesh, or one whose normals point inwards.
+        (N,) bool; all False for an open mesh and for a mesh whose normals point inwards.
 
     >>> box = trimesh.creation.box((2, 2, 2))
     >>> inside_solid(box, np.array([[0, 0, 0], [0, 0, 1.5]])).tolist()
     [True, False]
     """
+    from radartwin.scene.pairs import winding_number  # compiled, so imported only where needed
+
     points = np.asarray(points, dtype=np.float64)
     inside = np.zeros(len(points), dtype=bool)
     low, high = mesh.bounds
     near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
     if near.size == 0:
         return inside
-    # Vertices doubled for sharp normals or texture seams must not open the solid.
-    solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    solid.merge_vertices(merge_tex=True, merge_norm=True)
-    if not solid.is_watertight or solid.volume <= 0:
-        return inside
-    inside[near] = winding_number(np.asarray(solid.triangles), points[near]) > 0.5
+    solid = welded(mesh)
+    if solid.is_watertight and solid.volume > 0:
+        triangles = np.ascontiguousarray(solid.triangles, dtype=np.float64)
+        inside[near] = winding_number(triangles, np.ascontiguousarray(points[near])) > 0.5
     return inside
-
-
-def winding_number(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """How often triangles (T, 3, 3) wrap around points (N, 3): (N,), 1 inside an outward solid, 0 outside."""
-    from radartwin.scene.pairs import winding
-
-    return winding(np.ascontiguousarray(triangles, dtype=np.float64), np.ascontiguousarray(points, dtype=np.float64))

@@ -1,4 +1,4 @@
-"""What a .glb says it holds, judged before anything is unpacked: a kilobyte of it can ask for all the memory there is.
+"""Size limits of a .glb and its pictures, checked before unpacking, because a file of a kilobyte can unpack to all memory.
 
 Ref: Khronos glTF 2.0, sections 3.6.2 (accessors; one without a buffer view is zeros), 3.5.2 (the node tree) and 4.4 (the
 binary container).
@@ -13,8 +13,8 @@ from typing import IO, Any
 from radartwin.errors import MeshError
 from radartwin.io import untrusted_json
 
-MAX_INSTANCES = 1_000_000  # meshes put into the scene by nodes
-MAX_BYTES = 16 << 30  # of all meshes as they stand in the scene
+MAX_INSTANCES = 1_000_000  # meshes placed by nodes
+MAX_BYTES = 16 << 30  # of all placed meshes
 MAX_PIXELS = 1_000_000_000  # of all textures; 3 GB of colours
 PICTURES = ("image", "baseColorTexture", "emissiveTexture", "normalTexture", "occlusionTexture", "metallicRoughnessTexture")
 SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of a component
@@ -23,40 +23,39 @@ _JSON = 0x4E4F534A
 
 
 def check_glb(stream: IO[bytes], label: str) -> None:
-    """Refuse what no scan is; leave everything else, damage included, to the reader. The stream ends where it was.
+    """Refuse a .glb that unpacks to far more than its size; damage is left to the reader. The position of the stream is restored.
 
     Raises:
-        MeshError: arrays larger than the file they are in, nodes in a circle, or more copies of meshes than memory holds.
+        MeshError: arrays far larger than the file, nodes in a circle, or too many copies of meshes.
     """
     start = stream.tell()
     length = stream.seek(0, 2) - start
     stream.seek(start)
     try:
         document = _document(stream)
-        asked = _asked(document)
+        stored, placed, instances = _sizes(document)
     except (ValueError, LookupError, TypeError, AttributeError, struct.error, RecursionError):
-        return  # not readable as glTF, which the reader says
+        return  # not valid glTF; the reader reports it
     finally:
         stream.seek(start)
-    stored, scene, instances = asked
-    if stored > 64 * length or scene > MAX_BYTES:
-        raise MeshError(f"{label} is {length:,} bytes and would unpack to {max(stored, scene):,}; export it again, or in parts")
+    if stored > 64 * length or placed > MAX_BYTES:
+        raise MeshError(f"{label} is {length:,} bytes and would unpack to {max(stored, placed):,}; export it again, or in parts")
     if instances > MAX_INSTANCES:
-        raise MeshError(f"{label} puts meshes in more than {MAX_INSTANCES:,} places, or in a circle; export it again")
+        raise MeshError(f"{label} places more than {MAX_INSTANCES:,} meshes, or has nodes in a circle; export it again")
 
 
 def check_pictures(materials: Iterable[Any], label: str) -> None:
-    """Refuse textures that memory does not hold, judged by their heads: a picture of one colour is a thousandth of its pixels.
+    """Refuse textures over the limit of pixels; the size comes from the picture's header, before decompression.
 
     Raises:
-        MeshError: naming how many pixels there are.
+        MeshError: more than MAX_PIXELS in all.
     """
     from PIL.Image import Image
 
-    found = {
+    pictures = {
         id(picture): picture for material in materials for name in PICTURES if isinstance(picture := getattr(material, name, None), Image)
     }
-    pixels = sum(picture.width * picture.height for picture in found.values())
+    pixels = sum(picture.width * picture.height for picture in pictures.values())
     if pixels > MAX_PIXELS:
         raise MeshError(f"{label} has textures of {pixels:,} pixels, over the limit of {MAX_PIXELS:,}; export it with smaller ones")
 
@@ -68,28 +67,29 @@ def _document(stream: IO[bytes]) -> dict[str, Any]:
     return untrusted_json.load(stream.read(length))
 
 
-def _asked(document: dict[str, Any]) -> tuple[int, int, int]:
-    """Bytes of all accessors, bytes of the meshes as nodes place them, and how often nodes place one."""
+def _sizes(document: dict[str, Any]) -> tuple[int, int, int]:
+    """Bytes of all accessors, bytes of all placed meshes, and number of placed meshes."""
     accessors = [_bytes(accessor) for accessor in document.get("accessors", [])]
     meshes = []
     for mesh in document.get("meshes", []):
         used = [index for part in mesh["primitives"] for index in (*part["attributes"].values(), part.get("indices")) if index is not None]
         meshes.append(sum(accessors[index] for index in used))
-    nodes, placed = document.get("nodes", []), dict[int, tuple[int, int]]()
+    nodes, known = document.get("nodes", []), dict[int, tuple[int, int]]()
 
-    def below(index: int, above: frozenset[int]) -> tuple[int, int]:
-        if index in above:
+    def subtree(index: int, ancestors: frozenset[int]) -> tuple[int, int]:
+        """Bytes and number of meshes placed by a node and the nodes below it."""
+        if index in ancestors:
             return 0, MAX_INSTANCES + 1
-        if index not in placed:
+        if index not in known:
             node = nodes[index]
             total = (meshes[node["mesh"]], 1) if "mesh" in node else (0, 0)
             for child in node.get("children", []):
-                found = below(child, above | {index})
-                total = (total[0] + found[0], total[1] + found[1])
-            placed[index] = total
-        return placed[index]
+                size, count = subtree(child, ancestors | {index})
+                total = (total[0] + size, total[1] + count)
+            known[index] = total
+        return known[index]
 
-    roots = [below(root, frozenset()) for scene in document.get("scenes", []) for root in scene.get("nodes", [])]
+    roots = [subtree(root, frozenset()) for scene in document.get("scenes", []) for root in scene.get("nodes", [])]
     return sum(accessors), sum(size for size, _ in roots), sum(count for _, count in roots)
 
 

@@ -1,4 +1,4 @@
-"""Compiled loops over pairs of points, segments and triangles."""
+"""Compiled loops over pairs of points, line segments and triangles."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from radartwin.compiled import compiled
 
 
 @compiled
-def winding(triangles, points):
-    """How often triangles (T, 3, 3) wrap around points (N, 3). Van Oosterom and Strackee 1983: solid angle of a triangle."""
+def winding_number(triangles, points):
+    """Winding number (N,) of triangles (T, 3, 3) around points (N, 3): 1 inside a solid with outward normals, 0 outside.
+
+    It is the sum of the triangles' solid angles (van Oosterom and Strackee 1983) over 4 pi.
+    """
     out = np.zeros(len(points))
     for n in range(len(points)):
         total = 0.0
@@ -31,10 +34,10 @@ def winding(triangles, points):
 
 @compiled
 def crossing(starts, ends, triangles, segment, share):
-    """Where segments (S, 3) to (S, 3) pass through triangles (T, 3, 3). Moeller and Trumbore 1997.
+    """Crossings of line segments (S, 3) to (S, 3) with triangles (T, 3, 3). Moeller and Trumbore 1997.
 
-    Writes the segment's index and the share of its length into `segment` (N,) and `share` (N,), as many as they hold, in order of
-    segments; returns how many there are.
+    Writes the segment's index into `segment` (N,) and the share of its length into `share` (N,), in order of segments. At most N
+    crossings are written; the return value counts all of them.
     """
     count = 0
     for s in range(len(starts)):

@@ -1,6 +1,6 @@
-"""Patterns of surfaces as arrays: grain, joints, weave, mottling. Each tiles without a seam.
+"""Patterns of surfaces as arrays: grain, joints, weave, mottling. Each pattern repeats without a seam.
 
-Every function takes (rng, (h, w), metres per pixel, colours (K, 3) in 0..1) and returns (h, w, 3) in 0..1, row 0 on top.
+Every pattern takes (rng, (h, w), metres per pixel, colours (K, 3) in 0..1) and returns (h, w, 3) in 0..1, row 0 at the top.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ def rgb(value: int) -> tuple[float, float, float]:
 
 
 def noise(rng: np.random.Generator, shape: Shape, across_px: float, along_px: float | None = None) -> np.ndarray:
-    """Periodic Gaussian noise of unit deviation, (h, w).
+    """Periodic Gaussian noise of unit standard deviation, (h, w).
 
     Args:
-        across_px: length over which it changes, along a row; along_px: down a column, the same unless given.
+        across_px: correlation length along a row. along_px: down a column; `across_px` by default.
     """
     rows, columns = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])[None]
     along_px = across_px if along_px is None else along_px
@@ -29,28 +29,28 @@ def noise(rng: np.random.Generator, shape: Shape, across_px: float, along_px: fl
 
 
 def mixed(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """(h, w, 3) between two colours, share (h, w) of the second."""
+    """(h, w, 3) mix of two colours with the share (h, w) of the second."""
     share = np.clip(share, 0, 1)[..., None]
     return first * (1 - share) + second * share
 
 
 def shaded(colour: np.ndarray, tone: np.ndarray) -> np.ndarray:
-    """(h, w, 3) of a colour, or of a picture, brightened by 1 + tone."""
+    """(h, w, 3): a colour or a picture, brightened by the factor 1 + tone (h, w)."""
     return colour * (1 + tone[..., None])
 
 
 def grid(shape: Shape, pixel_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Metres to the right (1, w) and down (h, 1) of each pixel's middle."""
+    """Metres to the right (1, w) and down (h, 1) of each pixel's centre."""
     return (np.arange(shape[1])[None] + 0.5) * pixel_m, (np.arange(shape[0])[:, None] + 0.5) * pixel_m
 
 
 def joints(position_m: np.ndarray, pitch_m: float, width_m: float) -> np.ndarray:
-    """Whether a position lies in a joint: one at every multiple of the pitch."""
+    """Whether a position lies in a joint; joints lie at the multiples of the pitch."""
     return (position_m + width_m / 2) % pitch_m < width_m
 
 
 def wood(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Grain that runs down the columns."""
+    """Wood grain along the columns."""
     drift = noise(rng, shape, 0.08 / pixel_m, 0.9 / pixel_m)
     rings = 0.5 + 0.5 * np.sin(2 * np.pi * (3 * drift + 0.15 * noise(rng, shape, 0.01 / pixel_m, 0.2 / pixel_m)))
     fibre = noise(rng, shape, 1.5, 0.06 / pixel_m)
@@ -58,7 +58,7 @@ def wood(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.nda
 
 
 def planks(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray, width_m: float = 0.12) -> np.ndarray:
-    """Floor boards down the columns, their ends staggered by rows."""
+    """Floor boards along the columns with staggered ends."""
     right, down = grid(shape, pixel_m)
     board = (right / width_m).astype(int)
     count = int(board.max()) + 1
@@ -71,12 +71,12 @@ def planks(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.n
 
 
 def long_planks(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Narrow floor boards along the rows, as on a court."""
+    """Narrow floor boards of a sports court, along the rows."""
     return planks(rng, (shape[1], shape[0]), pixel_m, colours, 0.08).transpose(1, 0, 2)
 
 
 def panelling(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Veneered panels of 0.6 x 1.2 m with open joints, each cut from its own leaf."""
+    """Veneered panels of 0.6 x 1.2 m with open joints."""
     right, down = grid(shape, pixel_m)
     column, row = (right / 0.6).astype(int), (down / 1.2).astype(int)
     leaf = wood(rng, shape, pixel_m, colours)
@@ -88,13 +88,13 @@ def panelling(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: n
 
 
 def plaster(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Paint from a roller: faint bands down the wall and fine stipple."""
+    """Rolled paint: faint vertical bands and fine stipple."""
     bands = noise(rng, shape, 0.12 / pixel_m, 0.5 / pixel_m)
     return shaded(colours[0], 0.012 * bands + 0.008 * noise(rng, shape, 1.5) + np.zeros(shape))
 
 
 def concrete(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Cloudy grey with pores."""
+    """Concrete: grey clouds with pores."""
     clouds = 0.35 + 0.2 * noise(rng, shape, 0.35 / pixel_m) + 0.1 * noise(rng, shape, 0.05 / pixel_m)
     image = shaded(mixed(colours[0], colours[1], clouds), 0.03 * noise(rng, shape, 1.2))
     pores = noise(rng, shape, 2.0) > 2.7
@@ -102,7 +102,7 @@ def concrete(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np
 
 
 def painted_concrete(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """A painted hard wall: clouds and scuffs, faint."""
+    """A painted hard wall with faint clouds and scuffs."""
     clouds = 0.3 + 0.25 * noise(rng, shape, 0.4 / pixel_m)
     image = shaded(mixed(colours[0], colours[1], clouds), 0.01 * noise(rng, shape, 1.5))
     scuffs = noise(rng, shape, 0.03 / pixel_m, 0.008 / pixel_m) > 3.0
@@ -160,25 +160,25 @@ def glass(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.nd
 
 
 def fabric(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Plain weave of two yarns, 6 mm to the pair."""
+    """Plain weave of two yarns with a period of 6 mm."""
     right, down = grid(shape, pixel_m)
     weave = np.sign(np.sin(2 * np.pi * right / 0.006) * np.sin(2 * np.pi * down / 0.006))
     return shaded(mixed(colours[0], colours[1], 0.4 + 0.3 * weave + 0.1 * noise(rng, shape, 2)), 0.05 * noise(rng, shape, 8))
 
 
 def leather(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Grain as creases between cells, with worn patches."""
+    """Leather: creases between cells, with worn patches."""
     creases = np.exp(-np.abs(noise(rng, shape, 0.008 / pixel_m)) * 5)
     return shaded(mixed(colours[0], colours[1], 0.7 * creases), 0.07 * noise(rng, shape, 0.08 / pixel_m))
 
 
 def plastic(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """One colour, a trace of texture."""
+    """One colour with a trace of texture."""
     return shaded(colours[0], 0.012 * noise(rng, shape, 2) + 0.01 * noise(rng, shape, 0.1 / pixel_m))
 
 
 def cardboard(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Corrugated board: flutes show through, a strip of tape runs across."""
+    """Corrugated board with visible flutes and a strip of tape."""
     right, down = grid(shape, pixel_m)
     image = shaded(colours[0], 0.02 * np.sin(2 * np.pi * right / 0.008) + 0.03 * noise(rng, shape, 0.05 / pixel_m))
     tape = np.abs(down - shape[0] * pixel_m / 2) < 0.025
@@ -186,14 +186,14 @@ def cardboard(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: n
 
 
 def foliage(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Leaves over leaves: light edges and midribs on dark green."""
+    """Leaves with light edges and midribs on dark green."""
     layers = noise(rng, shape, 0.05 / pixel_m, 0.09 / pixel_m)
     ribs = np.exp(-np.abs(np.sin(4 * layers)) * 6)
     return shaded(mixed(colours[0], colours[1], 0.3 + 0.2 * layers + 0.3 * ribs), 0.1 * noise(rng, shape, 4))
 
 
 def monitor(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """A screen: dark bezel, a coloured desktop, windows with lines of text."""
+    """A screen with a dark bezel, a coloured desktop and windows with lines of text."""
     image = np.broadcast_to(colours[0], (*shape, 3)).copy()
     h, w = shape
     inside = (slice(round(0.05 * h), round(0.95 * h)), slice(round(0.03 * w), round(0.97 * w)))
@@ -207,7 +207,7 @@ def monitor(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.
 
 
 def poster(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """A sheet with a heading, a picture of coloured shapes and lines of print."""
+    """A sheet with a heading, a picture of coloured shapes and lines of text."""
     h, w = shape
     image = np.broadcast_to(colours[0], (*shape, 3)).copy()
     image[round(0.05 * h) : round(0.13 * h), round(0.1 * w) : round(0.9 * w)] = colours[2]
@@ -221,7 +221,7 @@ def poster(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.n
 
 
 def label(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """A can's label: a coloured upper half, a medallion across the middle, a name and small print; bare metal at both seams."""
+    """A can's label: coloured upper half, medallion, name and small print; bare metal at both seams."""
     right, down = grid(shape, pixel_m)
     width, height = shape[1] * pixel_m, shape[0] * pixel_m
     image = np.where((down < 0.5 * height)[..., None], colours[1], colours[0]) * np.ones((*shape, 3))

@@ -1,9 +1,8 @@
-"""A scene on the disk: `scene.glb` and `manifest.json` in one folder.
+"""Surfaces in a scene folder: `scene.glb` and `manifest.json`.
 
-`scene.glb` holds the geometry in world coordinates, z up (one mesh per surface, float32, so positions round-trip to about
-1 um at 10 m); `manifest.json` says what each mesh is: name, material, roughness, role and provenance. The manifest
-carries the SHA-256 of the geometry it describes and is written last, so a folder that was interrupted or edited by
-halves is refused instead of being mislabelled.
+`scene.glb` holds the geometry in world coordinates, z up, one mesh per surface, as float32 (an error of about 1 um at 10 m).
+`manifest.json` lists name, material, roughness, role and provenance of each mesh and the SHA-256 of `scene.glb`. It is written last,
+so the checksum detects a folder whose writing was interrupted or whose geometry was replaced.
 """
 
 from __future__ import annotations
@@ -25,22 +24,23 @@ from radartwin.io.files import write_atomically
 from radartwin.materials import Layered
 from radartwin.scene.checks import check_mesh
 from radartwin.scene.mesh_file import read_meshes
-from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.surface import Surface
 
 FORMAT, VERSION = "radartwin-scene", 1
 GEOMETRY, MANIFEST = "scene.glb", "manifest.json"
-UV_STEPS = 2**17  # of texture coordinates: glTF counts v from the top, and 1 - v of such a number is exact in float32 up to 64 repeats
+# Texture coordinates are rounded to multiples of 1/UV_STEPS: glTF stores 1 - v, which is then exact in float32 up to 64 repeats.
+UV_STEPS = 2**17
 
 
-def save_scene(scene: Scene, folder: Path) -> Path:
-    """See `Scene.save`."""
-    if not scene.surfaces:
+def write_scene(surfaces: Sequence[Surface], provenance: Mapping[str, Any], folder: Path) -> Path:
+    """Write a scene folder, see `Scene.save`."""
+    if not surfaces:
         raise SceneError("the scene has no surfaces, so there is nothing to save")
     out = trimesh.Scene()
     entries = []
-    for index, surface in enumerate(scene.surfaces):
+    for index, surface in enumerate(surfaces):
         key = f"s{index:05d}"
-        mesh = _stored(surface.mesh)
+        mesh = _with_vertex_visual(surface.mesh)
         out.add_geometry(mesh, node_name=key, geom_name=key)
         entries.append(
             {
@@ -59,47 +59,46 @@ def save_scene(scene: Scene, folder: Path) -> Path:
         "version": VERSION,
         "units": "m",
         "up": "z",
-        "geometry": "scene.glb",
+        "geometry": GEOMETRY,
         "sha256": hashlib.sha256(glb).hexdigest(),
-        "provenance": dict(scene.provenance),
+        "provenance": dict(provenance),
         "surfaces": entries,
     }
     text = json.dumps(manifest, indent=1, allow_nan=False) + "\n"
-    write_atomically(folder / "scene.glb", glb)
-    write_atomically(folder / "manifest.json", text.encode())
+    write_atomically(folder / GEOMETRY, glb)
+    write_atomically(folder / MANIFEST, text.encode())
     return folder
 
 
 def scene_folder(path: Path) -> Path | None:
-    """The scene folder that a path means, itself or that of the part it names; None for a mesh, which carries no labels."""
+    """The scene folder of a path to the folder or to one of its two files; None for a plain mesh."""
     if path.name == MANIFEST or (path.name == GEOMETRY and (path.parent / MANIFEST).exists()):
         return path.parent
     return path if path.is_dir() else None
 
 
-def load_scene(path: Path, material: str | Layered | None = None) -> Scene:
-    """See `Scene.load`."""
+def read_scene(path: Path, material: str | Layered | None = None) -> tuple[list[Surface], dict[str, Any]]:
+    """Surfaces and provenance of a scene folder or a plain mesh, see `Scene.load`."""
     if not path.exists():
         raise MissingError(f"scene {path} is not there; give a scene folder or a .glb, .ply or .obj file")
     folder = scene_folder(path)
-    if folder is not None:
-        path = folder
-        if material is not None:
-            raise SceneError(f"scene {path} carries its own materials; relabel it through a material source instead of material=")
-        return _load_folder(path)
-    return _load_plain(path, material)
+    if folder is None:
+        return _read_plain(path, material)
+    if material is not None:
+        raise SceneError(f"scene {folder} carries its own materials; relabel it through a material source instead of material=")
+    return _read_folder(folder)
 
 
-def _stored(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """A mesh as glTF holds it: with its texture, or with colours by vertex; colours by face are spread to the vertices."""
+def _with_vertex_visual(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh with a texture or vertex colours, which glTF can store; face colours become vertex colours."""
     visual: Any = mesh.visual
     if visual.kind == "texture":
-        kept = TextureVisuals(uv=np.rint(visual.uv * UV_STEPS) / UV_STEPS, material=visual.material)
+        stored = TextureVisuals(uv=np.rint(visual.uv * UV_STEPS) / UV_STEPS, material=visual.material)
     elif visual.kind in ("vertex", "face"):
-        kept = ColorVisuals(vertex_colors=visual.vertex_colors)
+        stored = ColorVisuals(vertex_colors=visual.vertex_colors)
     else:
-        kept = None
-    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.vertex_normals, visual=kept, process=False)
+        stored = None
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.vertex_normals, visual=stored, process=False)
 
 
 def material_to_json(material: str | Layered) -> str | dict[str, Any]:
@@ -125,45 +124,42 @@ def material_from_json(value: Any) -> str | Layered:
     return Layered(layers=layers, backing=backing)
 
 
-def _load_folder(folder: Path) -> Scene:
-    for part in ("manifest.json", "scene.glb"):
+def _read_folder(folder: Path) -> tuple[list[Surface], dict[str, Any]]:
+    for part in (MANIFEST, GEOMETRY):
         if not (folder / part).is_file():
             raise MissingError(f"scene folder {folder} has no {part}; write it with Scene.save or radartwin reconstruct")
-    glb = (folder / "scene.glb").read_bytes()
+    glb = (folder / GEOMETRY).read_bytes()
+    manifest = _manifest(folder / MANIFEST)
+    if manifest.get("sha256") != hashlib.sha256(glb).hexdigest():
+        raise SceneError(f"{folder / GEOMETRY} is not the geometry that {MANIFEST} describes; save the scene again")
+    meshes = read_meshes(io.BytesIO(glb), "glb", folder / GEOMETRY)
+    surfaces = []
+    for entry in manifest["surfaces"]:
+        missing = [key for key in ("geometry", "material") if key not in entry]
+        if missing or str(entry["geometry"]) not in meshes:
+            what = f"without {missing[0]}" if missing else f"with geometry {entry['geometry']!r}, which {GEOMETRY} lacks"
+            raise SceneError(f"{folder / MANIFEST} has a surface {what}; save the scene again")
+        options = {key: entry[key] for key in ("name", "roughness_m", "role", "provenance") if key in entry}
+        surfaces.append(Surface(meshes[str(entry["geometry"])], material_from_json(entry["material"]), **options))
+    return surfaces, manifest.get("provenance", {})
+
+
+def _manifest(path: Path) -> dict[str, Any]:
     try:
-        manifest = untrusted_json.read(folder / "manifest.json")
-        entries: Sequence[Mapping[str, Any]] = manifest["surfaces"]
+        manifest = untrusted_json.read(path)
+        entries = manifest["surfaces"]
         if manifest["format"] != FORMAT or manifest["version"] != VERSION:
             raise KeyError("format")
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise TypeError("surfaces")
-        if not all(isinstance(told.get("provenance", {}), dict) for told in (manifest, *entries)):
+        if not all(isinstance(holder.get("provenance", {}), dict) for holder in (manifest, *entries)):
             raise TypeError("provenance")
     except (ValueError, KeyError, TypeError) as error:
-        raise SceneError(f"{folder / 'manifest.json'} is not a {FORMAT} version {VERSION} manifest; save the scene again") from error
-    if manifest.get("sha256") != hashlib.sha256(glb).hexdigest():
-        raise SceneError(f"{folder / 'scene.glb'} is not the geometry its manifest.json describes; save the scene again")
-    meshes = read_meshes(io.BytesIO(glb), "glb", folder / "scene.glb")
-    surfaces = []
-    for entry in entries:
-        missing = [key for key in ("geometry", "material") if key not in entry]
-        if missing or str(entry["geometry"]) not in meshes:
-            what = f"without {missing[0]}" if missing else f"naming geometry {entry['geometry']!r} that scene.glb lacks"
-            raise SceneError(f"{folder / 'manifest.json'} has a surface {what}; save the scene again")
-        surfaces.append(
-            Surface(
-                meshes[str(entry["geometry"])],
-                material_from_json(entry["material"]),
-                entry.get("name", ""),
-                entry.get("roughness_m", 0.0),
-                entry.get("role", "auto"),
-                entry.get("provenance", {}),
-            )
-        )
-    return Scene(surfaces, manifest.get("provenance", {}))
+        raise SceneError(f"{path} is not a {FORMAT} version {VERSION} manifest; save the scene again") from error
+    return manifest
 
 
-def _load_plain(path: Path, material: str | Layered | None) -> Scene:
+def _read_plain(path: Path, material: str | Layered | None) -> tuple[list[Surface], dict[str, Any]]:
     meshes = read_meshes(path)
     for name, mesh in meshes.items():
         check_mesh(mesh, f"{path}" if len(meshes) == 1 else f"{path}, mesh '{name}'")
@@ -174,4 +170,4 @@ def _load_plain(path: Path, material: str | Layered | None) -> Scene:
             f"{path} carries no material labels; make it a scene with radartwin reconstruct {path} --out FOLDER --material NAME "
             "(in Python, Scene.load takes one material for all of it)"
         )
-    return Scene([Surface(mesh, material, name) for name, mesh in meshes.items()], {"source": path.name})
+    return [Surface(mesh, material, name) for name, mesh in meshes.items()], {"source": path.name}

@@ -1,7 +1,8 @@
-"""What things look like: procedural bitmaps by name, and meshes that wear them at their true size.
+"""Appearance of surfaces: procedural bitmaps by name, and meshes textured with them at true size.
 
-A `Look` is a pattern, its colours and the length its bitmap covers; the bitmap repeats without a seam. Coordinates are metres on the
-surface over that length, by the side of a box that a face turns to. The same name and seed give the same pixels.
+A `Look` is a pattern with its colours and the size in metres of its bitmap, which repeats without a seam. Texture coordinates are
+the metres on the surface over that size; each face is projected onto the side of a box that it faces. The same name and seed give the
+same pixels.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from radartwin.scene import patterns
 if TYPE_CHECKING:
     from trimesh.visual.material import PBRMaterial
 
-PIXEL_M = 0.004  # of a bitmap, unless its pattern is finer; a phone's colour pixel at 4 m is 3 mm
+PIXEL_M = 0.004  # default pixel size; a phone's colour pixel at 4 m is 3 mm
 
 
 class Look(NamedTuple):
@@ -28,12 +29,12 @@ class Look(NamedTuple):
 
     Attributes:
         draw: (rng, (h, w), metres per pixel, colours) -> (h, w, 3) floats in 0..1.
-        colours: 0xRRGGBB, first the main one.
-        width_m, height_m: what the bitmap covers; the pattern repeats after it.
-        metallic: of the renderer's material.
+        colours: 0xRRGGBB, the main colour first.
+        width_m, height_m: size of the bitmap, which is the period of the pattern.
+        metallic: metallic factor of the rendered material.
         pixel_m: metres per pixel.
-        fits: made to be stretched over one side of a thing: screens, posters.
-        wraps: a label, stretched from end to end of a can and repeated around its axis; the ends take its bottom row.
+        fits: the bitmap is stretched over one side of an object: screens, posters.
+        wraps: the bitmap is a label, stretched over the height of a can and repeated around its axis; the ends get its bottom row.
     """
 
     draw: Callable[[np.random.Generator, tuple[int, int], float, np.ndarray], np.ndarray]
@@ -55,7 +56,6 @@ LOOKS: dict[str, Look] = {
     "court_floor": Look(patterns.long_planks, (0xDDB980, 0xBB9256), 2.4, 0.96),
     "plaster": Look(patterns.plaster, (0xE9E4D8,), 1.6, 1.6),
     "white_plaster": Look(patterns.plaster, (0xF2F1EC,), 1.6, 1.6),
-    "blue_plaster": Look(patterns.plaster, (0x9FB4C4,), 1.6, 1.6),
     "concrete": Look(patterns.concrete, (0x9C9A95, 0x6E6C68), 2.4, 2.4),
     "painted_concrete": Look(patterns.painted_concrete, (0xF0EFEA, 0xD8D6CE), 2.4, 2.4),
     "brick": Look(patterns.brick, (0x9A4B36, 0xBEB6A8), 0.9, 0.6, pixel_m=0.0025),
@@ -92,14 +92,12 @@ LOOKS: dict[str, Look] = {
 
 @lru_cache(maxsize=128)
 def bitmap(name: str, seed: int = 0) -> np.ndarray:
-    """(h, w, 3) uint8 of a look, read-only; row 0 is the top.
+    """(h, w, 3) uint8 bitmap of a look, read-only, row 0 at the top.
 
     Raises:
         SceneError: no such look.
     """
-    if name not in LOOKS:
-        raise SceneError(f"there is no texture {name!r}; choose {', '.join(sorted(LOOKS))}")
-    look = LOOKS[name]
+    look = _look(name)
     shape = (round(look.height_m / look.pixel_m), round(look.width_m / look.pixel_m))
     rng = np.random.default_rng(np.random.SeedSequence([seed, *name.encode()]))
     colours = np.array([patterns.rgb(c) for c in look.colours])
@@ -110,47 +108,53 @@ def bitmap(name: str, seed: int = 0) -> np.ndarray:
 
 
 def textured(mesh: trimesh.Trimesh, name: str, seed: int = 0, fit: bool = False) -> trimesh.Trimesh:
-    """A copy of a mesh that wears a look.
+    """A copy of a mesh with the texture of a look.
 
-    Vertices are doubled where their faces turn to different sides of a box, and nowhere else; faces keep their order and winding.
+    Vertices are doubled only where their faces are projected onto different sides of a box; faces keep their order and winding.
 
     Args:
-        fit: stretch one bitmap over each side of the mesh instead of repeating it at its size: screens, posters.
+        fit: stretch one bitmap over each side of the mesh instead of repeating it: screens, posters.
+    Raises:
+        SceneError: no such look.
     """
-    look = LOOKS.get(name)
-    if look is None:
-        raise SceneError(f"there is no texture {name!r}; choose {', '.join(sorted(LOOKS))}")
+    look = _look(name)
     if look.wraps:
-        return _wrapped(mesh, _material(name, seed), look.width_m)
-    return _wearing(mesh, _material(name, seed), (look.width_m, look.height_m), fit)
+        return _with_label(mesh, _material(name, seed), look.width_m)
+    return _box_projected(mesh, _material(name, seed), (look.width_m, look.height_m), fit)
+
+
+def _look(name: str) -> Look:
+    if name not in LOOKS:
+        raise SceneError(f"there is no texture {name!r}; choose {', '.join(sorted(LOOKS))}")
+    return LOOKS[name]
 
 
 def with_image(mesh: trimesh.Trimesh, image: np.ndarray, corner: np.ndarray, along: np.ndarray, up: np.ndarray) -> trimesh.Trimesh:
-    """A copy of a flat mesh with one picture over all of it.
+    """A copy of a flat mesh covered by one picture.
 
     Args:
         image: (h, w, 3) uint8, row 0 at the top.
-        corner: (3,) where the picture's lower left corner lies; along, up: (3,) its edges, in metres.
+        corner: (3,) position of the picture's lower left corner. along, up: (3,) its edges, in metres.
     """
     offset = np.asarray(mesh.vertices) - corner
     uv = np.stack([offset @ along / (along @ along), offset @ up / (up @ up)], axis=1)
-    return _dressed(mesh.vertices, mesh.faces, mesh.vertex_normals, uv, _pbr(image, 0.0))
+    return _textured(mesh.vertices, mesh.faces, mesh.vertex_normals, uv, _pbr(image, 0.0))
 
 
 def picture(canvas: np.ndarray) -> np.ndarray:
-    """(h, w, 3) floats in 0..1 as the uint8 that `with_image` takes."""
+    """(h, w, 3) floats in 0..1 as uint8, for `with_image`."""
     return np.rint(255 * np.clip(canvas, 0, 1)).astype(np.uint8)
 
 
 def tiled(name: str, size_m: tuple[float, float], pixel_m: float, seed: int = 0) -> np.ndarray:
-    """(h, w, 3) floats: a look repeated over a rectangle (width, height), to draw on."""
+    """(h, w, 3) floats in 0..1: a look repeated over a rectangle (width, height)."""
     look, tile = LOOKS[name], bitmap(name, seed)
     columns = ((np.arange(round(size_m[0] / pixel_m)) + 0.5) * pixel_m % look.width_m / look.width_m * tile.shape[1]).astype(int)
     rows = ((np.arange(round(size_m[1] / pixel_m)) + 0.5) * pixel_m % look.height_m / look.height_m * tile.shape[0]).astype(int)
     return tile[rows[:, None], columns[None, :]] / 255.0
 
 
-def _wearing(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[float, float], fit: bool) -> trimesh.Trimesh:
+def _box_projected(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[float, float], fit: bool) -> trimesh.Trimesh:
     faces, vertices, normals = np.asarray(mesh.faces), np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
     side = np.argmax(np.abs(mesh.face_normals) - [0, 0, 1e-6], axis=1)
     key, index = np.unique(np.stack([faces.ravel(), np.repeat(side, 3)], axis=1), axis=0, return_inverse=True)
@@ -163,35 +167,35 @@ def _wearing(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[float, 
         corner = np.take_along_axis(np.broadcast_to(low, points.shape), plane, axis=1)
         extent = np.take_along_axis(np.broadcast_to(high - low, points.shape), plane, axis=1)
         uv = (flat - corner) / np.maximum(extent, 1e-9)
-        # A picture reads from left to right as seen from outside.
+        # From outside, the picture must read from left to right.
         outward = np.take_along_axis(normals[vertex], side[:, None], axis=1)[:, 0]
-        turned = np.where(side == 1, outward > 0, outward < 0)
-        uv[turned, 0] = 1 - uv[turned, 0]
+        mirrored = np.where(side == 1, outward > 0, outward < 0)
+        uv[mirrored, 0] = 1 - uv[mirrored, 0]
     else:
         uv = flat / size_m
-    if len(key) == len(vertices):  # nothing doubled: keep the order of vertices
+    if len(key) == len(vertices):  # no vertex is doubled: keep the order
         order = np.argsort(vertex)
-        return _dressed(vertices, faces, normals, uv[order], material)
-    return _dressed(points, index.reshape(-1, 3), normals[vertex], uv, material)
+        return _textured(vertices, faces, normals, uv[order], material)
+    return _textured(points, index.reshape(-1, 3), normals[vertex], uv, material)
 
 
-def _wrapped(mesh: trimesh.Trimesh, material: PBRMaterial, width_m: float) -> trimesh.Trimesh:
-    """A body about z in a label; vertices are doubled along the label's seam and where the ends begin."""
+def _with_label(mesh: trimesh.Trimesh, material: PBRMaterial, width_m: float) -> trimesh.Trimesh:
+    """A body around z with a label; vertices are doubled along the label's seam and at the rims of the ends."""
     faces, vertices, normals = np.asarray(mesh.faces), np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
     low, high = np.asarray(mesh.bounds)
     repeats = max(1, round(np.pi * float((high - low)[:2].max()) / width_m))
     turn = np.arctan2(vertices[:, 1], vertices[:, 0])[faces] / (2 * np.pi) % 1.0
-    over = (np.ptp(turn, axis=1, keepdims=True) > 0.5) & (turn < 0.5)  # a face across the seam goes on beyond one turn
+    over = (np.ptp(turn, axis=1, keepdims=True) > 0.5) & (turn < 0.5)  # a face across the seam continues beyond one turn
     end = np.repeat(np.abs(mesh.face_normals[:, 2:]) > 0.5, 3, axis=1)
     key, index = np.unique(np.stack([faces.ravel(), over.ravel(), end.ravel()], axis=1), axis=0, return_inverse=True)
     vertex, over, end = key.T
     points = vertices[vertex]
     u = repeats * (np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) % 1.0 + over)
     v = np.where(end, 0.0, (points[:, 2] - low[2]) / (high - low)[2])
-    return _dressed(points, index.reshape(-1, 3), normals[vertex], np.stack([u, v], axis=1), material)
+    return _textured(points, index.reshape(-1, 3), normals[vertex], np.stack([u, v], axis=1), material)
 
 
-def _dressed(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndarray, material: PBRMaterial) -> trimesh.Trimesh:
+def _textured(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndarray, material: PBRMaterial) -> trimesh.Trimesh:
     visual = TextureVisuals(uv=uv, material=material)
     return trimesh.Trimesh(np.array(vertices), np.array(faces), vertex_normals=np.array(normals), visual=visual, process=False)
 

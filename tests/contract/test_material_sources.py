@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from displaced import displaced
 
 from radartwin.errors import ConfigError, LabelError, MaterialError, MissingError, SceneError
 from radartwin.label.answers import Answer
@@ -9,7 +10,6 @@ from radartwin.label.sources import SOURCES, MaterialSource, material_source
 from radartwin.materials import Layered
 from radartwin.materials.minc import MINC
 from radartwin.scene import objects, rooms
-from radartwin.scene.scan import as_scanned
 from radartwin.scene.scene import Scene, Surface
 
 
@@ -156,7 +156,7 @@ def test_random_needs_true_categories_and_something_to_draw(scene):
 
 
 def test_true_materials_of_a_scan_come_from_what_it_lies_on(scene):
-    scanned = as_scanned(scene, np.random.default_rng(0), offset_m=0.01, unscanned=())
+    scanned = displaced(scene, np.random.default_rng(0))
     blind = Scene([s.replaced(name=f"x{k}", material="concrete", provenance={"planar": True}) for k, s in enumerate(scanned)])
     known = material_source("true", scene=scene)(blind)
     for found, true in zip(known, scene, strict=True):

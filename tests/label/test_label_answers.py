@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from displaced import displaced
 
 from radartwin.errors import LabelError, MissingError, SceneError
 from radartwin.label.answers import Answer, interior, material_of, read_answer, schema
@@ -39,7 +40,6 @@ from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.frames import Frames, scan_digest
 from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.scene import objects, rooms
-from radartwin.scene.scan import as_scanned
 from radartwin.scene.scene import Scene, Surface
 from radartwin.testbed.scanner import scan
 
@@ -180,7 +180,7 @@ def test_a_place_survives_the_disk_to_the_centimetre() -> None:
 
 def test_surfaces_of_a_rescan_find_their_place() -> None:
     lab = rooms.lab(detail="cluttered")
-    scanned = as_scanned(lab, np.random.default_rng(3), offset_m=0.02, tilt_deg=0.3)
+    scanned = displaced(lab, np.random.default_rng(3), offset_m=0.02, tilt_deg=0.3)
     found = matches([place_of(s.mesh) for s in scanned], [place_of(s.mesh) for s in lab])
     assert all(match is not None for match in found)
     assert [lab.surfaces[match[0]].name for match in found if match] == list(scanned.names)
@@ -198,7 +198,7 @@ def test_recorded_answers_go_by_question_first_and_by_place_then(tmp_path: Path)
     assert [r.answer.material for r in Recorded(records).by_place([q.place for q in known])] == materials  # type: ignore[union-attr]
     same = list(Recorded(records).answers(known))
     assert all(found.key == question.key for question, found in same)
-    rescan = questions(as_scanned(lab, np.random.default_rng(1), unscanned=()), views=1, only=[0, 2, 8])
+    rescan = questions(displaced(lab, np.random.default_rng(1)), views=1, only=[0, 2, 8])
     moved = dict(Recorded(records).answers(rescan))
     assert [found.answer.material for found in moved.values()] == materials
     assert all(found.key != question.key for question, found in moved.items())

@@ -1,4 +1,4 @@
-"""Arguments of the wrong kind, as a typing error in a notebook makes them: a ValueError that names the argument."""
+"""Arguments of the wrong type raise an error that names the argument."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ POSE[0, 0, 3] = -1.0
         ({"rays_per_wavelength2": np.nan}, "rays_per_wavelength2"),
     ],
 )
-def test_simulate_names_the_argument_that_is_wrong(change, word):
+def test_simulate_names_the_wrong_argument(change, word):
     arguments = {"scene": SCENE, "radar": rt.Radar.iwr1843(), "sensor_poses": POSE} | change
     with pytest.raises(InputError, match=word) as caught:
         rt.simulate(**arguments)
@@ -59,16 +59,16 @@ def test_simulate_names_the_argument_that_is_wrong(change, word):
         ({"roughness_m": np.inf}, "roughness_m"),
     ],
 )
-def test_a_surface_names_the_field_that_is_wrong(change, word):
+def test_a_surface_names_the_wrong_field(change, word):
     with pytest.raises(InputError, match=word):
         rt.Surface(**({"mesh": BOX, "material": "metal"} | change))
 
 
-def test_a_stack_of_a_backing_alone_is_a_half_space():
+def test_a_stack_without_layers_is_a_half_space():
     assert rt.Surface(BOX, Layered([], backing="concrete")).material == Layered([], backing="concrete")
 
 
 @pytest.mark.parametrize("layers", [[5], ["ab"], [("wood",)], [("wood", "x")], [("wood", True)], [("wood", np.nan)]])
-def test_a_layer_that_is_none_is_refused(layers):
+def test_an_invalid_layer_is_refused(layers):
     with pytest.raises(MaterialError, match="Layered"):
         Layered(layers)

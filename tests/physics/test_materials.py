@@ -1,4 +1,4 @@
-"""Reflection against transfer matrices written here, published values and the reference tables."""
+"""Reflection and transmission against transfer matrices, published values and reference tables."""
 
 import csv
 import subprocess
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radartwin.errors import MaterialError
-from radartwin.materials import Layered, liquids, permittivity, reflection, roughness_m, transmission
+from radartwin.materials import MATERIAL_NAMES, Layered, liquids, permittivity, reflection, roughness_m, transmission
 from radartwin.materials.itu import P2040, STAND_INS
 from radartwin.materials.layers import stack_reflection, stack_transmission
 from radartwin.materials.roughness import CLASSES, ament, ament_transmitted, rayleigh_limit_m
@@ -19,7 +19,7 @@ C = 299_792_458.0
 
 
 def transfer_matrix(layers, backing, angle, frequency, parallel):
-    """Characteristic matrices of Abeles, an independent road to the same stack (Born & Wolf, section 1.6)."""
+    """Reflection and transmission by Abeles' characteristic matrices, an independent method (Born & Wolf, section 1.6)."""
     k0 = 2 * np.pi * frequency / C
     sine = np.sin(angle)
 
@@ -62,7 +62,7 @@ SHELLS = [
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0, 89.0])
 @pytest.mark.parametrize("stack", SHELLS)
 def test_transmission_matches_characteristic_matrices(stack, angle_deg):
-    """Tangential fields on both sides are in the ratio of the parallel components, for both sides are air."""
+    """The ratio of the tangential fields equals that of the parallel components because both sides are air."""
     f = 78e9
     layers = [(complex(permittivity(name, f)), d) for name, d in stack]
     te, tm = transmission(Layered(stack), np.cos(np.radians(angle_deg)), np.array(f))
@@ -70,8 +70,8 @@ def test_transmission_matches_characteristic_matrices(stack, angle_deg):
     assert tm == pytest.approx(transfer_matrix(layers, 1.0, np.radians(angle_deg), f, True)[1], rel=1e-8)
 
 
-def test_lossless_stacks_pass_on_what_they_do_not_reflect():
-    """|R|^2 + |T|^2 = 1 at every angle, in both polarisations; lossy ones keep some."""
+def test_lossless_stacks_conserve_power():
+    """|R|^2 + |T|^2 is 1 at every angle in both polarisations, and less than 1 for lossy stacks."""
     cosine, f = np.cos(np.radians(np.linspace(0, 89.9, 181)))[:, None], np.linspace(77e9, 80.44e9, 7)
     for layers in ([(3.0, 1.1e-3)], [(6.31, 0.004), (1.0, 0.016), (6.31, 0.004)], [(2.9, 5e-4), (9.0, 2e-3), (2.31, 1e-3)]):
         eta, depth = [np.array(e + 0j) for e, _ in layers], [d for _, d in layers]
@@ -85,8 +85,8 @@ def test_lossless_stacks_pass_on_what_they_do_not_reflect():
             assert (np.abs(r) ** 2 + np.abs(t) ** 2 < 1).all()
 
 
-def test_slab_closed_form():
-    """Airy's sum over the passes through one slab: r (1 - q^2)/(1 - r^2 q^2) and (1 - r^2) q/(1 - r^2 q^2)."""
+def test_slab_matches_the_airy_closed_form():
+    """The sum over the passes through one slab: r (1 - q^2)/(1 - r^2 q^2) and (1 - r^2) q/(1 - r^2 q^2)."""
     f, depth, eta, cosine = 77e9, 0.9e-3, complex(permittivity("pet", 77e9)), np.cos(np.radians(40.0))
     inside = np.sqrt(eta - 1 + cosine**2)
     q = np.exp(-2j * np.pi * f / C * depth * inside)
@@ -96,8 +96,8 @@ def test_slab_closed_form():
         assert transmission(wall, cosine, np.array(f))[which] == pytest.approx((1 - r**2) * q / (1 - r**2 * q**2), rel=1e-9)
 
 
-def test_what_passes_half_spaces_and_nothing():
-    """A half-space is never left; a layer of air adds its own phase; roughness takes less from what passes than from what returns."""
+def test_transmission_of_half_spaces_air_and_rough_walls():
+    """A half-space transmits nothing, a layer of air adds its phase, and roughness reduces transmission less than reflection."""
     assert transmission("concrete", np.array([0.5, 1.0]), np.array(77e9)) == pytest.approx(np.zeros((2, 2)))
     te, tm = transmission(Layered([("air", 1e-3)]), np.array(0.5), np.array(77e9))
     assert te == pytest.approx(np.exp(-2j * np.pi * 77e9 / C * 1e-3 * 0.5))
@@ -107,7 +107,7 @@ def test_what_passes_half_spaces_and_nothing():
     assert ament(2e-4, np.array(1.0), 2 * np.pi * 77e9 / C) < rough / smooth < 1
 
 
-def test_thick_lossy_wall_neither_overflows_nor_differs_from_its_half_space():
+def test_thick_lossy_wall_equals_its_half_space():
     te, _ = reflection(Layered([("concrete", 5.0)]), np.array(1.0), np.array(77e9))
     assert te == pytest.approx(reflection("concrete", np.array(1.0), np.array(77e9))[0], abs=1e-9)
 
@@ -118,13 +118,13 @@ def test_metal_is_a_mirror_in_both_polarisations():
     assert np.allclose(tm, 1, atol=1e-2)
 
 
-def test_reference_slabs(shared_data):
-    """Normal incidence, mean power over the sweep; within 0.05 dB of the independent table (its thickness step is exact)."""
+def test_slabs_match_the_reference_table(shared_data):
+    """Normal incidence: slabs within 0.05 dB of the independent table, half-spaces within 0.02 dB."""
     path = shared_data.parent / "reference" / "slab_reflection_77GHz.csv"
     checked = 0
     for row in csv.DictReader(path.read_text().splitlines()):
         name = row["material"].replace(" ", "_")
-        if name in ("brick", "plywood", "marble"):  # the table extrapolates these fits; this project does not
+        if name in ("brick", "plywood", "marble"):  # the table extrapolates these fits
             continue
         te, _ = reflection(Layered([(name, float(row["d_mm"]) / 1e3)]), np.array(1.0), np.array(77e9))
         assert 20 * np.log10(abs(te)) == pytest.approx(float(row["slab77_dB"]), abs=0.05), row
@@ -134,12 +134,11 @@ def test_reference_slabs(shared_data):
     assert checked >= 7
 
 
-def test_water_is_liebe_at_20_degrees():
-    """8.8 - j15.9 at 77 GHz."""
+def test_water_at_20_degrees_matches_liebe():
     assert complex(permittivity("water", 77e9)) == pytest.approx(8.8 - 15.9j, abs=0.06)
 
 
-def test_filled_bottle_walls():
+def test_bottle_walls_match_published_levels():
     """A 1 mm PET wall over the sweep: -15 dB empty, -3.6 dB before water; 0.5 mm: -6.4 and -11.3."""
     f = np.linspace(77e9, 80.44e9, 64)
     for thickness, backing, expected in ((1e-3, "air", -15.0), (1e-3, "water", -3.6), (5e-4, "air", -6.4), (5e-4, "water", -11.3)):
@@ -154,8 +153,8 @@ def test_ament_loss_matches_reference(shared_data):
         assert 20 * np.log10(factor) == pytest.approx(float(row["loss_dB"]), rel=1e-3)
 
 
-def test_ament_is_the_mean_over_gaussian_heights_within_its_range():
-    """Up to a sixteenth of a wave other height distributions agree to 0.25 dB; at the Rayleigh criterion the loss is 10.7 dB."""
+def test_ament_factor_is_the_mean_over_gaussian_heights():
+    """Up to a sixteenth of a wavelength other height distributions agree to 0.25 dB; at the Rayleigh criterion the loss is 10.7 dB."""
     k = 2 * np.pi * 77e9 / C
     wavelength = C / 77e9
     assert rayleigh_limit_m(0.5, wavelength) == pytest.approx(0.974e-3, rel=1e-3)
@@ -174,8 +173,8 @@ def test_ament_is_the_mean_over_gaussian_heights_within_its_range():
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 40.0, 70.0])
-def test_a_rough_face_dims_what_passes_as_the_mean_over_gaussian_heights(angle_deg):
-    """A height moves the boundary: the way inside, refracted by Snell's law, in place of the way outside."""
+def test_rough_transmission_is_the_mean_over_gaussian_heights(angle_deg):
+    """A height moves the boundary, so a path inside, refracted by Snell's law, replaces a path outside."""
     k, sigma, index = 2 * np.pi * 77e9 / C, 0.3e-3, 2.0
     outside = np.radians(angle_deg)
     inside = np.arcsin(np.sin(outside) / index)
@@ -188,8 +187,7 @@ def test_a_rough_face_dims_what_passes_as_the_mean_over_gaussian_heights(angle_d
     assert abs(rough / smooth) == pytest.approx(float(ament_transmitted(sigma, np.cos(outside), k, glass)) ** 2)  # two faces
 
 
-def test_roughness_classes():
-    """Every row of P.2040 and every material of MINC with a surface has a height below the Rayleigh criterion's order and a source."""
+def test_every_material_has_a_roughness_class_with_a_source():
     minc = "brick carpet ceramic fabric foliage food glass hair leather metal mirror painted paper plastic polishedstone skin stone"
     for name in (*minc.split(), "tile", "wallpaper", "water", "wood", *P2040):
         assert 0 <= roughness_m(name) <= 5e-3
@@ -198,11 +196,11 @@ def test_roughness_classes():
     with pytest.raises(MaterialError, match="marzipan"):
         roughness_m("marzipan")
     te, _ = reflection("metal", np.array(1.0), np.array(77e9))
-    assert abs(te) > 0.999  # plain names are smooth, whatever the class
+    assert abs(te) > 0.999  # a plain name is smooth
 
 
 def test_tabulated_rows_are_those_of_the_recommendation():
-    """Spot values of table 3 at the ends of its rows: real part and conductivity."""
+    """Real part and conductivity of table 3 at the ends of its rows."""
     for name, ghz, real, conductivity in (
         ("concrete", 1, 5.24, 0.0462), ("brick", 10, 3.91, 0.0344), ("glass", 77, 6.31, 1.211), ("plasterboard", 100, 2.73, 0.6433),
         ("wood", 10, 1.99, 0.0555), ("metal", 77, 1.0, 1e7), ("marble", 60, 7.074, 0.2439), ("floorboard", 77, 3.66, 1.560),
@@ -225,27 +223,27 @@ def test_material_outside_its_fit_warns_with_both_names(name, stand_in):
 
 
 def test_stand_ins_are_the_closest_rows():
-    """No row that reaches 77 GHz comes nearer in reflection to where the material's own rows end."""
+    """No row with values at 77 GHz is closer to the material's reflection at the ends of its own fits."""
 
-    def mirrors(eta):
+    def fresnel(eta):
         return abs((1 - np.sqrt(eta)) / (1 + np.sqrt(eta)))
 
-    at_77 = {name: mirrors(complex(permittivity(name, 77e9))) for name in P2040 if name not in STAND_INS}
+    at_77 = {name: fresnel(complex(permittivity(name, 77e9))) for name in P2040 if name not in STAND_INS}
     for name, stand_in in STAND_INS.items():
         wet = {"medium_dry_ground": 0.15, "wet_ground": 0.30}.get(name)
         if wet:
-            own = mirrors(((1 - wet) * np.sqrt(3.0) + wet * np.sqrt(8.8 - 15.9j)) ** 2)
+            own = fresnel(((1 - wet) * np.sqrt(3.0) + wet * np.sqrt(8.8 - 15.9j)) ** 2)
         else:
             ends = sorted({end for fit in P2040[name] for end in (fit.low_ghz, fit.high_ghz)})
             sides = [end for end in (max((e for e in ends if e < 77), default=None), min((e for e in ends if e > 77), default=None)) if end]
-            own = np.interp(np.log(77), np.log(sides), [mirrors(complex(permittivity(name, end * 1e9))) for end in sides])
+            own = np.interp(np.log(77), np.log(sides), [fresnel(complex(permittivity(name, end * 1e9))) for end in sides])
         distance = {row: abs(np.log(value / own)) for row, value in at_77.items()}
         assert min(distance, key=lambda row: distance[row]) == stand_in, name
         assert 20 * distance[stand_in] / np.log(10) < 1.1
 
 
-def test_stand_in_is_said_once_in_a_process():
-    """Whatever the calling line, the frequency, and the libraries that touch the filters in between."""
+def test_stand_in_warns_once_per_process():
+    """The calling line, the frequency and changes of the warning filters make no difference."""
     code = (
         "import warnings, numpy as np\n"
         "from radartwin.materials import reflection, permittivity\n"
@@ -268,15 +266,14 @@ def test_frequency_outside_every_fit_is_refused_with_the_range():
         permittivity("metal", np.array([99e9, 101e9]))
 
 
-def test_liquids_are_bounded_by_their_parts():
-    """Mixtures lie between water and what is in them; warm water is past more of its relaxation; models refuse what they do not cover."""
+def test_mixtures_lie_between_their_phases_and_match_hanai():
     water = complex(permittivity("water", 77e9))
     for name in liquids.RECIPES:
         eta = complex(permittivity(name, 77e9))
         assert 2.4 < eta.real < water.real
         assert 0 < -eta.imag < -water.imag
     assert liquids.looyenga([(1.0, np.array(water))]) == pytest.approx(water)
-    # Hanai's law for drops in water, by its differential form: add the oil a thousandth at a time as a dilute suspension
+    # Hanai's law for drops in water in its differential form: add the oil in small steps, each a dilute suspension.
     oil, steps = complex(permittivity("oil", 77e9)), 2000
     mixed = water
     for step in range(steps):
@@ -292,14 +289,12 @@ def test_liquids_are_bounded_by_their_parts():
         permittivity("ethanol", 2e12)
 
 
-def test_unknown_material_names_the_nearest():
+def test_an_unknown_material_suggests_the_most_similar_name():
     with pytest.raises(MaterialError, match=r"plasterbord.*plasterboard"):
         Layered([("plasterbord", 0.01)])
 
 
-def test_no_energy_is_created_by_any_tabulated_surface():
-    from radartwin.materials import MATERIAL_NAMES
-
+def test_no_tabulated_surface_reflects_more_than_all_power():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         table = build([(name, 0.0) for name in MATERIAL_NAMES], 77e9, 80.44e9)
@@ -307,8 +302,8 @@ def test_no_energy_is_created_by_any_tabulated_surface():
     assert (np.abs(table.tm) <= 1 + 1e-9).all()
 
 
-def test_sweep_nodes_interpolate_a_double_wall():
-    """Few nodes carry 3.44 GHz of a stud wall's interference to -50 dB; a half-space takes one."""
+def test_sweep_nodes_interpolate_a_double_wall_to_50_db():
+    """A half-space needs one node over the 3.44 GHz sweep."""
     wall = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
     table = build([(wall, 0.0)], 77e9, 80.44e9)
     f = np.linspace(77e9, 80.44e9, 101)

@@ -1,4 +1,4 @@
-"""Overlaps are found and measured, contact is not one, and a path through a surface names frame and surface."""
+"""Depth of overlaps, contact, crossings of a path with a surface, and heights below a point."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import trimesh
 
 from radartwin.errors import PoseError, SceneError
 from radartwin.scene import objects
-from radartwin.scene.checks import winding_number
 from radartwin.scene.collision import check_path, first_crossing, overlap_m, top_below
+from radartwin.scene.pairs import winding_number
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 
@@ -35,13 +35,13 @@ OVERLAPS = {
 
 
 @pytest.mark.parametrize(("a", "b", "depth"), OVERLAPS.values(), ids=OVERLAPS)
-def test_overlap_is_the_narrowest_side_of_what_both_occupy(a, b, depth):
+def test_overlap_is_the_shortest_side_of_the_common_box(a, b, depth):
     tolerance = 0.04 * depth + 1e-6  # the facets of a can, a sphere
     assert overlap_m(a, b) == pytest.approx(depth, abs=tolerance)
     assert overlap_m(b, a) == pytest.approx(depth, abs=tolerance)
 
 
-def test_overlap_does_not_depend_on_where_and_how_things_lie():
+def test_overlap_does_not_depend_on_the_pose():
     turn = np.array(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 0, 1], [0.3, 2, 1]))
     turn[:3, 3] += [10, -5, 3]
     a, b = UNIT.copy().apply_transform(turn), objects.box([0.97, 0.2, 0.2], [2, 0.8, 0.8]).apply_transform(turn)
@@ -53,10 +53,11 @@ def test_winding_number_is_one_inside_and_zero_outside():
     points = np.random.default_rng(0).normal(size=(200, 3))
     radius = np.linalg.norm(points, axis=1)
     clear = np.abs(radius - 1) > 0.02
-    assert np.allclose(winding_number(ball.triangles, points)[clear], (radius < 1)[clear], atol=1e-9)
+    number = winding_number(np.ascontiguousarray(ball.triangles), points)
+    assert np.allclose(number[clear], (radius < 1)[clear], atol=1e-9)
 
 
-def test_first_crossing_is_the_first_segment_through():
+def test_first_crossing_is_the_first_segment_through_the_mesh():
     x = np.linspace(0, 2, 21) + 0.05
     path = np.stack([x, np.full(21, 1.0), np.full(21, 0.4)], axis=1)
     assert first_crossing(path[:-1], path[1:], wall(1.0)) == 9

@@ -1,4 +1,4 @@
-"""The procedural lab: its shell is closed, nothing overlaps, the bench stands clear, scans are reproducible."""
+"""The procedural lab: closed shell, no overlaps, a clear bench, nested detail levels."""
 
 import itertools
 
@@ -8,7 +8,6 @@ import trimesh
 
 from radartwin.errors import SceneError
 from radartwin.scene import rooms
-from radartwin.scene.scan import as_scanned
 from radartwin.scene.scene import Scene
 
 
@@ -106,39 +105,6 @@ def test_support_ends_under_the_object_and_clears_the_floor():
     scene = rooms.support(np.array([2.5, 0, 0.95]))
     assert np.allclose(scene.bounds, [[2.35, -0.15, rooms.GAP], [2.65, 0.15, 0.95]])
     assert {s.kind for s in scene} == {"object"}
-
-
-def test_scan_displaces_surfaces_rigidly_by_the_stated_amount():
-    room = rooms.lab((6, 5, 2.8), "shell")
-    offsets, tilts = [], []
-    for seed in range(60):
-        for true, seen in zip(room, as_scanned(room, np.random.default_rng(seed)), strict=True):
-            normal, turned = true.mesh.face_normals[0], seen.mesh.face_normals[0]
-            offsets.append((seen.mesh.vertices - true.mesh.vertices).mean(axis=0) @ normal)
-            tilts.append(np.degrees(np.arccos(np.clip(normal @ turned, -1, 1))))
-            assert np.allclose(true.mesh.edges_unique_length, seen.mesh.edges_unique_length)
-    # 480 draws: the standard deviation of a standard deviation is 3.2 %, so 10 % is three of them.
-    assert np.std(offsets) == pytest.approx(0.01, rel=0.1)
-    assert np.sqrt(np.mean(np.square(tilts)) / 2) == pytest.approx(0.2, rel=0.1)  # two axes
-
-
-def test_scan_is_reproducible_misses_clutter_and_leaves_the_target():
-    target = rooms.support(np.array([2.5, 0, 0.95]))
-    room = rooms.lab(detail="cluttered") + target
-    first, second, other = (as_scanned(room, np.random.default_rng(s)) for s in (1, 1, 2))
-    assert first.names == room.without(rooms.CLUTTER).names
-    for a, b in zip(first, second, strict=True):
-        assert np.array_equal(a.mesh.vertices, b.mesh.vertices)
-    assert not np.array_equal(first.surfaces[0].mesh.vertices, other.surfaces[0].mesh.vertices)
-    assert all(a.mesh is b.mesh for a, b in zip(first.only("object"), target, strict=True))
-    fewer = as_scanned(room, np.random.default_rng(1), unscanned=("shelf",))
-    assert np.array_equal(fewer.surfaces[0].mesh.vertices, first.surfaces[0].mesh.vertices)
-
-
-def test_scan_without_error_is_the_truth():
-    room = rooms.lab()
-    seen = as_scanned(room, np.random.default_rng(0), offset_m=0, tilt_deg=0)
-    assert all(np.allclose(a.mesh.vertices, b.mesh.vertices) for a, b in zip(room, seen, strict=True))
 
 
 def test_empty_is_free_space():

@@ -1,4 +1,4 @@
-"""Poses follow the conventions: x forward, y left, z up; rigid; speeds and turns as asked."""
+"""Computed poses are rigid, follow the axis conventions, and have the given speeds and turns."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_look_at_points_the_boresight_and_stays_level(target):
     assert pose[2, 2] > 0
 
 
-def test_looking_along_world_x_is_the_world_frame():
+def test_look_at_along_world_x_gives_the_world_axes():
     assert np.allclose(trajectory.look_at([0, 0, 0], [1, 0, 0]), np.eye(4))
 
 
@@ -37,7 +37,7 @@ def test_look_at_works_straight_up_and_refuses_no_direction():
         trajectory.look_at([1, 1, 1], [1, 1, 1])
 
 
-def test_turntable_turns_once_in_its_period_about_its_place():
+def test_turntable_completes_a_revolution_in_its_period_about_its_position():
     poses = trajectory.turntable([2.0, 0.0, 0.9], 251, 10.0, 25.0, start_rad=np.pi)
     assert_rigid(poses)
     assert np.allclose(poses[:, :3, 3], [2.0, 0.0, 0.9])

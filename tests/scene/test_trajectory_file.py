@@ -1,11 +1,12 @@
-"""Trajectories of files arrive in the sensor's axes and at the radar's frames, or are refused with the line that is wrong."""
+"""Trajectories from files: formats, interpolation, axes, and refusals that name the line."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from radartwin.errors import MissingError, PoseError
-from radartwin.scene.trajectories.file import OPTICAL, Track, parse_track, read_track
+from radartwin.scene.trajectories.file import parse_track, read_track
+from radartwin.scene.trajectories.track import OPTICAL, Track
 from radartwin.scene.trajectories.trajectory import look_at, pose
 
 TUM = "# t x y z qx qy qz qw\n0.0 0 0 0.4 0 0 0 1\n0.5 0.1 0 0.4 0 0 0.3826834 0.9238795\n1.0 0.2 0 0.4 0 0 0.7071068 0.7071068\n"
@@ -30,7 +31,7 @@ def test_csv_columns_are_found_by_name_in_any_order(tmp_path):
     assert np.allclose(read_track(path).poses[0, :3, 0], [0, 1, 0])
 
 
-def test_frames_lie_on_lines_and_shortest_turns_between_the_poses():
+def test_frames_interpolate_positions_linearly_and_rotations_along_the_shortest_arc():
     poses = parse_track(TUM, "run", csv=False).frames(10.0)
     assert poses.shape == (11, 4, 4)
     assert np.allclose(poses[:, 0, 3], 0.02 * np.arange(11))
@@ -38,10 +39,10 @@ def test_frames_lie_on_lines_and_shortest_turns_between_the_poses():
     assert np.allclose(yaw, 9 * np.arange(11), atol=1e-4)
 
 
-def test_nothing_is_extrapolated():
+def test_times_outside_the_track_are_refused():
     track = parse_track(TUM, "run", csv=False)
     assert track.frames(10.0, 11).shape == (11, 4, 4)
-    with pytest.raises(PoseError, match="holds 11 frames at 10 Hz and 12"):
+    with pytest.raises(PoseError, match="holds 11 frames at 10 Hz, not 12"):
         track.frames(10.0, 12)
     with pytest.raises(PoseError, match="covers 0 to 1 s"):
         track.at([-0.1])
@@ -49,7 +50,7 @@ def test_nothing_is_extrapolated():
         track.at([0.5, 1.2])
 
 
-def test_a_cameras_axes_become_the_sensors():
+def test_camera_axes_are_converted_to_sensor_axes():
     want = look_at([1, 2, 0.4], [3, 5, 0.4])
     camera = want.copy()
     camera[:3, :3] = np.stack([-want[:3, 1], -want[:3, 2], want[:3, 0]], axis=1)  # x right, y down, z forward
@@ -60,7 +61,7 @@ def test_a_cameras_axes_become_the_sensors():
         track.from_axes("camera")  # type: ignore[arg-type]
 
 
-def test_a_mount_moves_with_what_carries_it():
+def test_a_mounted_sensor_moves_with_its_body():
     body = np.stack([np.eye(4), pose([0, 0, 0], Rotation.from_euler("z", 90, degrees=True).as_matrix())])
     radar = Track(np.array([0.0, 1.0]), body).mounted(pose([0.3, 0, 0.1]))
     assert np.allclose(radar.poses[:, :3, 3], [[0.3, 0, 0.1], [0, 0.3, 0.1]])
@@ -73,8 +74,8 @@ WRONG = {
     "a word": (LINE + "1 0 0 x 0 0 0 1\n", "line 2: 8 numbers"),
     "seven numbers": (LINE + "1 0 0 0 0 0 1\n", "line 2: 8 numbers"),
     "nan": (LINE + "1 0 nan 0 0 0 0 1\n", "line 2: NaN"),
-    "the same time": (LINE + "1 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n", "line 3: its time repeats"),
-    "back in time": (LINE + "# between\n-1 0 0 0 0 0 0 1\n", "line 3: its time goes back"),
+    "the same time": (LINE + "1 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n", "line 3: its time 1 s repeats"),
+    "back in time": (LINE + "# between\n-1 0 0 0 0 0 0 1\n", "line 3: its time -1 s goes back"),
     "a quaternion too long": (LINE + "1 0 0 0.4 0 0 0 2\n", "line 2: a quaternion of length 2"),
     "a quaternion of nothing": (LINE + "1 0 0 0.4 0 0 0 0\n", "length 0"),
     "millimetres far": (LINE + "500 900000 0 400 0 0 0 1\n", "millimetres"),
@@ -84,7 +85,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("text", "word"), WRONG.values(), ids=WRONG)
-def test_a_wrong_file_names_its_line(text, word, tmp_path):
+def test_an_invalid_file_is_refused_with_its_line(text, word, tmp_path):
     path = tmp_path / "run.tum"
     path.write_text(text)
     with pytest.raises(PoseError, match=word) as caught:
@@ -93,7 +94,7 @@ def test_a_wrong_file_names_its_line(text, word, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_no_text_or_not_there_is_said(tmp_path):
+def test_missing_binary_and_incomplete_files_are_refused(tmp_path):
     with pytest.raises(MissingError, match="TUM or CSV"):
         read_track(tmp_path / "none.txt")
     (tmp_path / "picture.txt").write_bytes(bytes(range(128, 256)))

@@ -1,11 +1,12 @@
-"""ROS bags, written by rosbags itself, give the poses that were put in; wrong topics and frames list what there is."""
+"""ROS bags written by rosbags give the written poses; unknown topics and frames are refused with the existing ones."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from radartwin.errors import PoseError
-from radartwin.scene.trajectories.file import OPTICAL, read_track
+from radartwin.scene.trajectories.file import read_track
+from radartwin.scene.trajectories.track import OPTICAL
 
 rosbags = pytest.importorskip("rosbags", reason="rosbags is not installed; pip install 'radartwin[ros]'")
 
@@ -14,7 +15,7 @@ ODOMETRY, POSE, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "
 
 
 class Bag:
-    """A bag being written, ROS 1 or ROS 2, with messages made of plain numbers."""
+    """A writer of a ROS 1 or ROS 2 bag that takes plain numbers."""
 
     def __init__(self, path, version):
         from rosbags.rosbag1 import Writer as Writer1
@@ -67,16 +68,16 @@ class Bag:
         self.write(topic, TF, self.type(TF)([message]), time)
 
 
-def turned(degrees):
+def yaw(degrees):
     return Rotation.from_euler("z", degrees, degrees=True).as_quat()
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_odometry_is_read_as_it_was_written(tmp_path, version):
+def test_odometry_is_read_as_written(tmp_path, version):
     path = tmp_path / ("run.bag" if version == 1 else "run")
     with Bag(path, version) as bag:
         for time in TIMES:
-            bag.odometry("/odom", time, (0.2 * time, 0, 0.1), turned(90 * time))
+            bag.odometry("/odom", time, (0.2 * time, 0, 0.1), yaw(90 * time))
     track = read_track(path)
     assert np.allclose(track.times_s, TIMES)
     assert np.allclose(track.poses[:, 0, 3], 0.2 * TIMES)
@@ -84,25 +85,25 @@ def test_odometry_is_read_as_it_was_written(tmp_path, version):
     assert track.frames(10.0).shape == (11, 4, 4)
 
 
-def test_stamped_poses_by_topic_and_a_bag_of_several_lists_them(tmp_path):
+def test_a_topic_selects_its_poses_and_without_one_the_topics_are_listed(tmp_path):
     with Bag(tmp_path / "run", 2) as bag:
         for time in TIMES:
-            bag.odometry("/odom", time, (0, 0, 0), turned(0))
-            bag.stamped("/mocap/radar", time, (1, 0.1 * time, 0.4), turned(0))
+            bag.odometry("/odom", time, (0, 0, 0), yaw(0))
+            bag.stamped("/mocap/radar", time, (1, 0.1 * time, 0.4), yaw(0))
     assert np.allclose(read_track(tmp_path / "run", topic="/mocap/radar").poses[-1, :3, 3], [1, 0.1, 0.4])
     for topic in (None, "/odometry"):
         with pytest.raises(PoseError, match=r"/mocap/radar \(geometry_msgs/PoseStamped\), /odom \(nav_msgs/Odometry\)"):
             read_track(tmp_path / "run", topic=topic)
 
 
-def test_transforms_are_chained_and_optical_frames_turned(tmp_path):
+def test_transforms_are_chained_and_optical_frames_converted(tmp_path):
     with Bag(tmp_path / "run", 2) as bag:
-        bag.transform("/tf_static", 0.0, "base_link", "radar_link", (0.3, 0, 0.4), turned(0))
+        bag.transform("/tf_static", 0.0, "base_link", "radar_link", (0.3, 0, 0.4), yaw(0))
         optical = Rotation.from_matrix(np.linalg.inv(OPTICAL)).as_quat()  # a camera that looks along the radar's x
         bag.transform("/tf_static", 0.0, "radar_link", "camera_optical_frame", (0, 0, 0), optical)
         for time in TIMES:
-            bag.transform("/tf", time, "odom", "base_link", (time, 0, 0), turned(90))
-            bag.transform("/tf", time, "map", "odom", (0, 5, 0), turned(0))
+            bag.transform("/tf", time, "odom", "base_link", (time, 0, 0), yaw(90))
+            bag.transform("/tf", time, "map", "odom", (0, 5, 0), yaw(0))
     track = read_track(tmp_path / "run", topic="/tf", frame="radar_link")
     assert np.allclose(track.poses[:, :3, 3], [(t, 5.3, 0.4) for t in TIMES])
     assert np.allclose(track.poses[0, :3, 0], [0, 1, 0])
@@ -114,7 +115,7 @@ def test_transforms_are_chained_and_optical_frames_turned(tmp_path):
             read_track(tmp_path / "run", topic="/tf", frame=frame)
 
 
-def test_what_is_no_bag_or_has_no_poses_is_said(tmp_path):
+def test_invalid_and_short_bags_are_refused(tmp_path):
     (tmp_path / "run.bag").write_bytes(b"#ROSBAG V2.0\nnothing more")
     with pytest.raises(PoseError, match="ROS bag"):
         read_track(tmp_path / "run.bag")
@@ -122,6 +123,6 @@ def test_what_is_no_bag_or_has_no_poses_is_said(tmp_path):
     with pytest.raises(PoseError, match="ROS bag"):
         read_track(tmp_path / "folder")
     with Bag(tmp_path / "short", 2) as bag:
-        bag.stamped("/pose", 0.0, (0, 0, 0), turned(0))
+        bag.stamped("/pose", 0.0, (0, 0, 0), yaw(0))
     with pytest.raises(PoseError, match="at least two"):
         read_track(tmp_path / "short")

@@ -1,7 +1,7 @@
-"""Trajectories of ROS 1 and ROS 2 bags, through rosbags (the extra `ros`): odometry, stamped poses, transforms.
+"""Trajectories of ROS 1 and ROS 2 bags, read by rosbags (the extra `ros`): odometry, stamped poses, transforms.
 
-Poses are of the body that a topic tells of, whose axes are x forward, y left, z up (REP 103); those of a frame whose name ends in
-`_optical` or `_optical_frame` are a camera's and are turned. Where the radar sits on the body is the caller's: `Track.mounted`.
+A topic gives the poses of one body, whose axes are x forward, y left, z up (REP 103). Poses of a frame whose name ends in `_optical`
+or `_optical_frame` have camera axes and are converted. The caller adds the radar's place on the body with `Track.mounted`.
 """
 
 from __future__ import annotations
@@ -13,21 +13,20 @@ from typing import Any
 import numpy as np
 
 from radartwin.errors import BackendError, PoseError
-from radartwin.scene.trajectories.file import Track, from_quaternions
+from radartwin.scene.trajectories.track import Track, from_quaternions, pose_matrices
 
 ODOMETRY, POSE, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
 
 
 def read_bag(path: str | Path, topic: str | None = None, frame: str | None = None) -> Track:
-    """The track of a bag.
+    """The track in a bag.
 
     Args:
-        topic: of Odometry or PoseStamped; /tf for transforms. The only one of the bag unless given.
-        frame: for transforms: the frame whose poses are wanted, in the root of its tree (map, odom, world), or in another parent by
-            "CHILD@PARENT".
+        topic: of Odometry or PoseStamped, or /tf for transforms. By default the bag's only such topic.
+        frame: for transforms: the frame to follow, in the root of its tree (map, odom, world), or in another parent as "CHILD@PARENT".
     Raises:
         BackendError: rosbags is not installed.
-        PoseError: not a bag, no such topic (the message lists those it has), no such frame, or poses that are none.
+        PoseError: not a bag, an unknown topic or frame (the message lists the existing ones), or invalid poses.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -39,26 +38,25 @@ def read_bag(path: str | Path, topic: str | None = None, frame: str | None = Non
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             kinds = {c.topic: c.msgtype for c in reader.connections}
-            topic = _choose(topic, kinds, path)
-            wanted = [c for c in reader.connections if c.topic == topic or (kinds[topic] == TF and c.msgtype == TF)]
-            messages = [(stamp, reader.deserialize(data, c.msgtype)) for c, stamp, data in reader.messages(wanted)]
+            topic = _choose_topic(topic, kinds, path)
+            connections = [c for c in reader.connections if c.topic == topic or (kinds[topic] == TF and c.msgtype == TF)]
+            messages = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages(connections)]
+    except PoseError:
+        raise
     except (AnyReaderError, OSError, ValueError, KeyError) as error:
-        if isinstance(error, PoseError):
-            raise
         text = " ".join(str(error).split())[:160]
         raise PoseError(f"{path} cannot be read as a ROS bag ({text}); give a .bag, a .mcap or the folder of a ROS 2 bag") from error
     source = f"{path}, topic {topic}"
     if kinds[topic] == TF:
-        return _from_transforms((m for _, m in messages), frame, source)
+        return _from_transforms(messages, frame, source)
     if frame:
-        raise PoseError(f"{source} tells of one body, so frame={frame} is not read; leave it out, or choose topic /tf")
-    return _from_poses([m for _, m in messages], kinds[topic], source)
+        raise PoseError(f"{source} describes one body, so frame={frame} has no effect; leave it out, or choose topic /tf")
+    return _from_poses(messages, kinds[topic], source)
 
 
-def _choose(topic: str | None, kinds: dict[str, str], path: Path) -> str:
-    usable = {name for name, kind in kinds.items() if kind in (ODOMETRY, POSE)} or {
-        n for n, kind in kinds.items() if kind == TF and n == "/tf"
-    }
+def _choose_topic(topic: str | None, kinds: dict[str, str], path: Path) -> str:
+    usable = {name for name, kind in kinds.items() if kind in (ODOMETRY, POSE)}
+    usable = usable or {name for name, kind in kinds.items() if kind == TF and name == "/tf"}
     listed = ", ".join(f"{name} ({kind.replace('/msg/', '/')})" for name, kind in sorted(kinds.items())) or "no topics"
     if topic is None:
         if len(usable) != 1:
@@ -75,16 +73,13 @@ def _from_poses(messages: list[Any], kind: str, source: str) -> Track:
     if len(messages) < 2:
         raise PoseError(f"{source} holds {len(messages)} poses; a trajectory needs at least two")
     poses = [m.pose.pose if kind == ODOMETRY else m.pose for m in messages]
-    track = Track(
-        np.array([_seconds(m) for m in messages]),
-        _matrices(((p.position, p.orientation) for p in poses), source),
-        source,
-    )
-    return track.from_axes("optical" if kind == ODOMETRY and _optical(messages[0].child_frame_id) else "sensor")
+    matrices = _matrices(((p.position, p.orientation) for p in poses), source)
+    track = Track(np.array([_seconds(m) for m in messages]), matrices, source)
+    return track.from_axes("optical" if kind == ODOMETRY and _is_optical(messages[0].child_frame_id) else "sensor")
 
 
 def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) -> Track:
-    """Poses of a frame in the root of its tree, or in the parent given; at the times of the most frequent transform between them."""
+    """Poses of a frame in the root of its tree or in the given parent, at the times of the most frequent transform between them."""
     edges: dict[str, tuple[str, list[Any]]] = {}
     for message in messages:
         for transform in message.transforms:
@@ -93,44 +88,44 @@ def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) ->
     listed = ", ".join(f"{child} (in {parent})" for child, (parent, _) in sorted(edges.items())) or "none"
     child, _, root = (frame or "").lstrip("/").partition("@")
     if child not in edges:
-        asked = f"has no frame {child}" if child else "needs frame= to say whose poses are wanted"
-        raise PoseError(f"{source} {asked}; its frames: {listed}")
-    chain: list[Track | np.ndarray] = []
+        problem = f"has no frame {child}" if child else "needs frame=, the frame to follow"
+        raise PoseError(f"{source} {problem}; its frames: {listed}")
+    links: list[Track | np.ndarray] = []
     at, seen = child, {child}
     while at in edges and at != root:
         parent, transforms = edges[at]
         poses = _matrices(((t.transform.translation, t.transform.rotation) for t in transforms), source)
-        chain.append(Track(np.array([_seconds(t) for t in transforms]), poses, f"{source}, frame {at}") if len(poses) > 1 else poses[0])
+        links.append(Track(np.array([_seconds(t) for t in transforms]), poses, f"{source}, frame {at}") if len(poses) > 1 else poses[0])
         if parent in seen:
             raise PoseError(f"{source}: the frames of {child} form a ring; its frames: {listed}")
         at = parent
         seen.add(parent)
     if root and at != root:
-        raise PoseError(f"{source}: frame {child} does not hang below {root}; its frames: {listed}")
-    moving = [link for link in chain if isinstance(link, Track)]
+        raise PoseError(f"{source}: frame {child} is not below {root} in the tree; its frames: {listed}")
+    moving = [link for link in links if isinstance(link, Track)]
     if not moving:
         raise PoseError(f"{source}: frame {child} does not move in {at}; choose another frame: {listed}")
     times = max(moving, key=lambda link: len(link.times_s)).times_s
     times = times[(times >= max(m.times_s[0] for m in moving)) & (times <= min(m.times_s[-1] for m in moving))]
     if len(times) < 2:
-        raise PoseError(f"{source}: the transforms between {child} and {at} share less than two moments")
+        raise PoseError(
+            f"{source}: the transforms between {child} and {at} share less than two times; choose another frame: {listed}"
+        )
     poses = np.eye(4)
-    for link in reversed(chain):
+    for link in reversed(links):
         poses = poses @ (link.at(times) if isinstance(link, Track) else link)
-    return Track(times, poses, f"{source}, frame {child} in {at}").from_axes("optical" if _optical(child) else "sensor")
+    return Track(times, poses, f"{source}, frame {child} in {at}").from_axes("optical" if _is_optical(child) else "sensor")
 
 
 def _matrices(pairs: Iterable[tuple[Any, Any]], source: str) -> np.ndarray:
     """(N, 4, 4) of (position, quaternion) messages."""
     values = np.array([[p.x, p.y, p.z, q.x, q.y, q.z, q.w] for p, q in pairs], dtype=np.float64).reshape(-1, 7)
-    out = np.repeat(np.eye(4)[None], len(values), axis=0)
-    out[:, :3, :3], out[:, :3, 3] = from_quaternions(values[:, 3:], source), values[:, :3]
-    return out
+    return pose_matrices(values[:, :3], from_quaternions(values[:, 3:], lambda k: f"{source}, pose {k}"))
 
 
 def _seconds(message: Any) -> float:
     return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
 
 
-def _optical(frame: str) -> bool:
+def _is_optical(frame: str) -> bool:
     return frame.endswith(("_optical", "_optical_frame"))

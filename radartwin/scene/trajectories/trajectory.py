@@ -1,7 +1,7 @@
-"""Poses and motion: 4x4 float64 transforms, sensor- or object-to-world.
+"""Computed poses and motion: (4, 4) float64 transforms, sensor- or object-to-world.
 
-Sensor frame: x forward (boresight), y left, z up. Object poses carry a mesh given in its own frame (origin on the axis
-of rotation) to the world: vertices_world = pose @ vertices.
+Sensor frame: x forward (boresight), y left, z up. An object pose transforms a mesh from its own frame (origin on the axis of rotation)
+to the world: vertices_world = pose @ vertices.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from radartwin.errors import PoseError
 
 
 def pose(position: ArrayLike, rotation: np.ndarray | None = None) -> np.ndarray:
-    """(4, 4) from a position (3,) and a rotation (3, 3), identity unless given."""
+    """(4, 4) of a position (3,) and a rotation (3, 3), identity by default."""
     out = np.eye(4)
     out[:3, 3] = np.asarray(position, dtype=np.float64)
     if rotation is not None:
@@ -39,7 +39,7 @@ def look_at(position: ArrayLike, target: ArrayLike) -> np.ndarray:
         raise PoseError(f"look_at: position and target are both {position.tolist()}; the sensor needs a direction")
     forward = forward / distance
     left = np.cross([0.0, 0.0, 1.0], forward)
-    if np.linalg.norm(left) < 1e-9:  # straight up or down: any level direction will do, take world y
+    if np.linalg.norm(left) < 1e-9:  # straight up or down: every level direction is valid, choose world y
         left = np.array([0.0, 1.0, 0.0])
     left = left / np.linalg.norm(left)
     return pose(position, np.stack([forward, left, np.cross(forward, left)], axis=1))
@@ -57,11 +57,11 @@ def turntable(
     seconds_per_revolution: float = 25.0,
     start_rad: float = 0.0,
 ) -> np.ndarray:
-    """Object poses (F, 4, 4) turning counter-clockwise seen from above about the vertical through `position`.
+    """Object poses (F, 4, 4) that turn counter-clockwise, seen from above, about the vertical through `position`.
 
     Args:
-        position: (3,), where the object's own origin stands; its own +x starts at azimuth `start_rad` in the world.
-        seconds_per_revolution: negative turns clockwise.
+        position: (3,) of the object's origin; its +x axis starts at azimuth `start_rad` in the world.
+        seconds_per_revolution: a negative value turns clockwise.
     """
     if not (frame_rate_hz > 0 and seconds_per_revolution):
         raise PoseError("turntable: frame_rate_hz must be positive and seconds_per_revolution not zero")
@@ -74,11 +74,11 @@ def turntable(
 
 
 def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -> np.ndarray:
-    """Poses (F, 4, 4) shifted evenly from `start` by `length_m` along `direction`, orientation kept.
+    """Poses (F, 4, 4) at equal steps from `start` over `length_m` along `direction`, with constant orientation.
 
     Args:
         start: (4, 4) pose of the first frame, of a sensor or an object.
-        direction: (3,) in the world, any length but zero.
+        direction: (3,) in the world, of any non-zero length.
     """
     direction = np.asarray(direction, dtype=np.float64)
     if not np.linalg.norm(direction) > 0:
@@ -90,13 +90,13 @@ def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -
 
 
 def depth_sweep(start: np.ndarray, length_m: float = 1.0, speed_mps: float = 0.2, frame_rate_hz: float = 10.0) -> np.ndarray:
-    """Sensor poses (F, 4, 4) driving forward along the boresight of `start` (negative length: backing off)."""
+    """Sensor poses (F, 4, 4) of a drive along the boresight of `start`; a negative length drives backwards."""
     start = np.asarray(start, dtype=np.float64)
     return sweep(start, start[:3, 0], length_m, speed_mps, frame_rate_hz)
 
 
 def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 0.24, frame_rate_hz: float = 10.0) -> np.ndarray:
-    """Sensor poses (F, 4, 4) driving to the left past `middle`, half the length before it and half behind."""
+    """Sensor poses (F, 4, 4) of a drive to the left, centred on `middle`."""
     middle = np.asarray(middle, dtype=np.float64)
     out = sweep(middle, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
     out[:, :3, 3] += middle[:3, 3] - out[:, :3, 3].mean(axis=0)
@@ -104,7 +104,7 @@ def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 
 
 
 def sweep(start: ArrayLike, direction: ArrayLike, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
-    """Constant speed from `start` along a world direction: frame f is at f * speed / rate, the last within one step of the full length."""
+    """Poses (F, 4, 4) at constant speed along a world direction: frame f is at f * speed / rate, the last less than a step from the end."""
     if not (speed_mps > 0 and rate_hz > 0 and length_m):
         raise PoseError("sweep: speed_mps and frame_rate_hz must be positive and length_m not zero")
     step = speed_mps / rate_hz
@@ -119,13 +119,13 @@ def _count(frames: int) -> int:
 
 
 def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
-    """Refuse a sensor that is not between floor and ceiling.
+    """Refuse a sensor below the floor or above the ceiling.
 
     Args:
         poses: (F, 4, 4) sensor-to-world.
-        ceiling_m: infinite where nothing closes the room.
+        ceiling_m: infinite for a room without a ceiling.
     Raises:
-        PoseError: naming the first such frame and its height.
+        PoseError: naming the first wrong frame and its height.
     """
     z = np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4)[:, 2, 3]
     out = (z <= floor_m) | (z >= ceiling_m)
@@ -135,15 +135,15 @@ def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
         top = f"to {ceiling_m:.3g} m" if np.isfinite(ceiling_m) else "up and has no ceiling"
         raise PoseError(
             f"the sensor at frame {frame} is {where}: z = {z[frame]:.3g} m, and the room reaches from {floor_m:.3g} {top}; "
-            "is z up, and are the poses in the axes that are said (sensor or optical)?"
+            "is z up, and do the poses have the given axes (sensor or optical)?"
         )
 
 
 def check_speed(poses: np.ndarray, frame_rate_hz: float, limit_mps: float, what: str = "the sensor") -> None:
-    """Warn, once for all frames, of a speed that the radar's Doppler folds.
+    """Warn once if the speed of any frame exceeds the radar's unambiguous Doppler speed.
 
     Args:
-        limit_mps: the speed at which Doppler folds, `Radar.max_velocity_mps`.
+        limit_mps: the unambiguous speed, `Radar.max_velocity_mps`.
     """
     speed = np.linalg.norm(np.diff(np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4)[:, :3, 3], axis=0), axis=1) * frame_rate_hz
     if speed.size and speed.max() > limit_mps:

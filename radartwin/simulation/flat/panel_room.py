@@ -13,7 +13,7 @@ import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
-from radartwin.scene.scene import OBJECT_EXTENT_M, Surface
+from radartwin.scene.surface import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import OTHER_LABEL, Antennas, TraceOptions, unpack_labels

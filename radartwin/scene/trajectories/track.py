@@ -1,0 +1,151 @@
+"""Timed poses of a sensor, and their interpolation at the frames of a radar."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radartwin.errors import PoseError
+from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
+
+Axes = Literal["sensor", "optical"]
+
+MAX_SPEED_MPS = 30.0  # a higher speed is a mistake of units; a car at 100 km/h is slower
+MAX_STEP_S = 3600.0  # a longer step between two poses is a clock in units other than seconds
+UNIT_TOLERANCE = 1e-2  # on the length of a quaternion; four decimals leave an error of 1e-4
+# Columns: z (forward), -x (left) and -y (up) of a camera in its own axes. REP 103, suffix _optical.
+OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Timed poses of the sensor (x forward, y left, z up) in the world (z up), metres and seconds.
+
+    Attributes:
+        times_s: (N,) increasing seconds.
+        poses: (N, 4, 4) sensor-to-world.
+        source: name of the track in messages.
+    Raises:
+        PoseError: fewer than two poses, times that do not increase, values that are not finite or not in metres and seconds.
+    """
+
+    times_s: np.ndarray
+    poses: np.ndarray
+    source: str = "trajectory"
+
+    def __post_init__(self) -> None:
+        times, poses = np.asarray(self.times_s, dtype=np.float64), np.asarray(self.poses, dtype=np.float64)
+        if len(times) < 2 or poses.shape != (len(times), 4, 4):
+            raise PoseError(f"{self.source}: {len(times)} poses; a trajectory needs at least two")
+        check_samples(times, poses.reshape(len(times), 16), lambda k: f"{self.source}: pose {k}")
+        steps = np.diff(times)
+        if steps.max() > MAX_STEP_S:
+            raise PoseError(f"{self.source}: {steps.max():.4g} s between two poses; times must be seconds (are they in nanoseconds?)")
+        extent = float(np.ptp(poses[:, :3, 3], axis=0).max())
+        if extent > MAX_EXTENT_M:
+            hint = unit_hint(extent).partition(" (")[0]
+            raise PoseError(f"{self.source} spans {extent:.4g} m, over the limit of {MAX_EXTENT_M:.0f} m; {hint}")
+        speed = float((np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1) / steps).max())
+        if speed > MAX_SPEED_MPS:
+            raise PoseError(
+                f"{self.source} moves at {speed:.4g} m/s; are units millimetres or milliseconds? Convert to metres and seconds"
+            )
+        object.__setattr__(self, "times_s", times)
+        object.__setattr__(self, "poses", poses)
+
+    @property
+    def duration_s(self) -> float:
+        return float(self.times_s[-1] - self.times_s[0])
+
+    def at(self, times_s: np.ndarray | Sequence[float]) -> np.ndarray:
+        """Poses (F, 4, 4) at given times: positions interpolated linearly, rotations along the shortest arc.
+
+        Raises:
+            PoseError: a time before the first or after the last pose.
+        """
+        from scipy.spatial.transform import Rotation, Slerp
+
+        times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
+        slack = 1e-9 * max(1.0, abs(self.times_s[-1]))
+        first, last = self.times_s[0], self.times_s[-1]
+        if not times.size or times.min() < first - slack or times.max() > last + slack or not np.isfinite(times).all():
+            wanted = f"{times.min():.9g} to {times.max():.9g} s" if times.size else "no times"
+            raise PoseError(f"{self.source} covers {first:.9g} to {last:.9g} s, not {wanted}; request fewer frames")
+        times = times.clip(first, last)
+        positions = np.stack([np.interp(times, self.times_s, self.poses[:, axis, 3]) for axis in range(3)], axis=1)
+        rotations = Slerp(self.times_s, Rotation.from_matrix(self.poses[:, :3, :3]))(times).as_matrix()
+        return pose_matrices(positions, rotations)
+
+    def frames(self, rate_hz: float, frames: int | None = None, start_s: float = 0.0) -> np.ndarray:
+        """Poses (F, 4, 4) at the frames of a radar: `start_s` after the first pose, then every 1/rate_hz.
+
+        Args:
+            frames: number of frames; by default as many as the track covers.
+        Raises:
+            PoseError: a rate that is not positive, a start outside the track, or more frames than the track covers.
+        """
+        if not (np.isfinite(rate_hz) and rate_hz > 0) or not 0 <= start_s <= self.duration_s:
+            raise PoseError(f"{self.source}: frames at {rate_hz} Hz from {start_s} s of {self.duration_s:.4g} s; give a rate above zero")
+        covered = int(np.floor((self.duration_s - start_s) * rate_hz + 1e-6)) + 1
+        if frames is not None and not 1 <= frames <= covered:
+            raise PoseError(f"{self.source} holds {covered} frames at {rate_hz:g} Hz, not {frames}; request fewer frames")
+        count = covered if frames is None else frames
+        return self.at(np.minimum(self.times_s[0] + start_s + np.arange(count) / rate_hz, self.times_s[-1]))
+
+    def mounted(self, mount: np.ndarray) -> Track:
+        """The track of a sensor on this moving body; `mount` (4, 4) is the sensor's pose in the body's frame."""
+        return replace(self, poses=self.poses @ np.asarray(mount, dtype=np.float64))
+
+    def from_axes(self, axes: Axes) -> Track:
+        """The same motion with poses in the sensor's axes; "optical" means camera axes (x right, y down, z forward)."""
+        if axes not in ("sensor", "optical"):
+            raise PoseError(f"{self.source}: axes {axes!r}; choose sensor (x forward, y left, z up) or optical (z forward, y down)")
+        if axes == "sensor":
+            return self
+        poses = self.poses.copy()
+        poses[:, :3, :3] = self.poses[:, :3, :3] @ OPTICAL
+        return replace(self, poses=poses)
+
+
+def pose_matrices(positions: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+    """(N, 4, 4) of positions (N, 3) and rotations (N, 3, 3)."""
+    out = np.repeat(np.eye(4)[None], len(positions), axis=0)
+    out[:, :3, :3], out[:, :3, 3] = rotations, positions
+    return out
+
+
+def from_quaternions(quaternions: np.ndarray, place: Callable[[int], str]) -> np.ndarray:
+    """Rotations (N, 3, 3) of quaternions (N, 4) in the order x y z w.
+
+    Args:
+        place: the place of the k-th pose in messages, such as a file and its line.
+    Raises:
+        PoseError: a quaternion whose length is not one.
+    """
+    from scipy.spatial.transform import Rotation
+
+    length = np.asarray(np.linalg.norm(quaternions, axis=1))
+    if (wrong := ~(np.abs(length - 1) < UNIT_TOLERANCE)).any():
+        at = _first(wrong)
+        raise PoseError(f"{place(at)}: a quaternion of length {length[at]:.4g}; it must be one, in the order qx qy qz qw")
+    return Rotation.from_quat(quaternions).as_matrix()
+
+
+def check_samples(times_s: np.ndarray, values: np.ndarray, place: Callable[[int], str]) -> None:
+    """Refuse values (N, M) or times (N,) that are not finite, and times that do not increase; `place` names the k-th pose."""
+    bad = ~np.isfinite(times_s) | ~np.isfinite(values).all(axis=1)
+    if bad.any():
+        raise PoseError(f"{place(_first(bad))}: NaN or infinity; repair or drop the pose")
+    steps = np.diff(times_s)
+    if (steps <= 0).any():
+        at = _first(steps <= 0)
+        problem = "repeats the time of" if steps[at] == 0 else "goes back behind"
+        raise PoseError(f"{place(at + 1)}: its time {times_s[at + 1]:.9g} s {problem} the pose before; sort the poses and drop doubles")
+
+
+def _first(mask: ArrayLike) -> int:
+    return int(np.argmax(mask))
