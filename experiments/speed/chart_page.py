@@ -1,7 +1,8 @@
-"""The chart of speed against accuracy as one page for a browser: axes to choose from, details under the pointer, no network."""
+"""The chart of speed against accuracy as one interactive page: choose both axes, zoom, read every value of a point. It works offline."""
 
 from __future__ import annotations
 
+import html
 import json
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,150 +11,119 @@ from experiments.speed.chart import LOOKS
 from experiments.speed.methods import DEFAULT, OURS
 from experiments.speed.pareto import front
 
+Row = Mapping[str, Any]
 COSTS = {
-    "seconds_frame": "processor-seconds a frame", "wall_s_frame": "wall-clock seconds a frame", "memory_mib": "memory above idle (MiB)",
-    "rays": "rays a frame",
+    "seconds_frame": "processor seconds per frame", "wall_s_frame": "wall seconds per frame", "memory_mib": "memory above idle (MiB)",
+    "rays": "rays per frame",
 }  # fmt: skip
 ERRORS = {
     "profile_error_db": "error of the range profile (dB)", "signal_error": "error of the signal",
-    "free_error_db": "error of the range profile after one gain (dB)", "feature_error": "error of the features (spreads)",
-    "recognition_error": "not recognised (share)",
+    "free_error_db": "error of the range profile after one gain (dB)", "feature_error": "error of the features (standard deviations)",
+    "recognition_error": "share not recognised",
 }  # fmt: skip
-TOLD = ("setup_s", "frames timed", "offset_db", "n")
+DETAILS = {"setup_s": "set-up (s)", "frames timed": "frames timed", "offset_db": "level offset (dB)", "n": "rounds"}
+LOWEST = dict.fromkeys(COSTS, 1e-4) | dict.fromkeys(ERRORS, 1e-3)  # smaller values are drawn here, because both axes are logarithmic
+COLUMNS, PANEL_HEIGHT_PX = 2, 420
+PLOT_ID = "chart"
 
 
-def page(rows: Sequence[Mapping[str, Any]]) -> str:
+def page(rows: Sequence[Row]) -> str:
     """The page, from the rows of the table."""
     measured = [row for row in rows if not row["claim"]]
-    panels = []
-    for name in dict.fromkeys(row["problem"] for row in measured):
-        mine = [row for row in measured if row["problem"] == name]
-        panels.append(
-            {"title": mine[0]["title"], "truth": mine[0]["domain"], "points": [_point(row) for row in mine], "fronts": _fronts(mine)}
-        )
-    families = {row["family"]: LOOKS[row["family"]][1] for row in measured}
-    content = {
-        "panels": panels,
-        "costs": COSTS,
-        "errors": ERRORS,
-        "families": families,
-        "machine": measured[0]["machine"] if measured else "",
-    }
-    data = json.dumps(content).replace("<", "\\u003c")
-    return _PAGE.replace("/*DATA*/", data)
+    figure, series = _figure(measured)
+    views = {f"{cost} {error}": _view(series, cost, error) for cost in COSTS for error in ERRORS}
+    figure.update_layout(height=(2 + len(series)) * PANEL_HEIGHT_PX // COLUMNS)
+    parts = {
+        "MACHINE": html.escape(measured[0]["machine"] if measured else "no machine"),
+        "COSTS": _options(COSTS), "ERRORS": _options(ERRORS),
+        "VIEWS": json.dumps(views).replace("<", "\\u003c"),
+        "PLOT": figure.to_html(full_html=False, include_plotlyjs=True, div_id=PLOT_ID, config={"responsive": True, "displaylogo": False}),
+    }  # fmt: skip
+    text = _PAGE
+    for name, part in parts.items():
+        text = text.replace(f"/*{name}*/", part, 1)
+    return text
 
 
-def _point(row: Mapping[str, Any]) -> dict[str, Any]:
-    kept = {key: row[key] for key in (*COSTS, *ERRORS, *TOLD)}
-    default = (row["family"], row["setting"]) == (OURS, DEFAULT)
-    name = f"{row['family']}, {row['setting']}"
-    return kept | {"name": name, "colour": LOOKS[row["family"]][1], "default": default, "exact": bool(row["exact"])}
+def _figure(measured: Sequence[Row]) -> tuple[Any, list[list[list[Row]]]]:
+    """The figure without data, and the rows of its traces: per problem those of the front, then those of each family."""
+    from plotly.subplots import make_subplots
+
+    problems = list(dict.fromkeys(row["problem"] for row in measured))
+    by_problem = [[row for row in measured if row["problem"] == problem] for problem in problems]
+    titles = [f"{html.escape(mine[0]['title'])}<br><sub>answer: {html.escape(mine[0]['domain'])}</sub>" for mine in by_problem]
+    figure = make_subplots(rows=-(-len(problems) // COLUMNS) or 1, cols=COLUMNS, subplot_titles=titles, vertical_spacing=0.12)
+    series, named = [], set()
+    for number, mine in enumerate(by_problem):
+        place = {"row": number // COLUMNS + 1, "col": number % COLUMNS + 1}
+        figure.add_scatter(mode="lines", line={"shape": "hv", "color": "#999"}, hoverinfo="skip", showlegend=False, **place)
+        series.append([mine])
+        for family in dict.fromkeys(row["family"] for row in mine):
+            some = [row for row in mine if row["family"] == family]
+            symbols = ["star" if _is_default(row) else "circle-open" if row["exact"] else "circle" for row in some]
+            figure.add_scatter(
+                mode="markers", name=family, legendgroup=family, showlegend=family not in named, hovertext=[_details(row) for row in some],
+                hoverinfo="text", **place,
+                marker={
+                    "color": LOOKS[family][1], "symbol": symbols, "opacity": 1, "size": [14 if _is_default(row) else 9 for row in some],
+                },
+            )  # fmt: skip
+            named.add(family)
+            series[-1].append(some)
+    figure.update_xaxes(type="log").update_yaxes(type="log")
+    figure.update_layout(template="plotly_white", legend={"orientation": "h", "y": 1.08}, margin={"t": 110, "r": 20})
+    return figure, series
 
 
-def _fronts(mine: Sequence[Mapping[str, Any]]) -> dict[str, list[int]]:
-    """Indices on the front of each pair of axes; what has no figure or knows the answer is on none."""
-    found = {}
-    for cost in COSTS:
-        for error in ERRORS:
-            real = [i for i, row in enumerate(mine) if not row["exact"] and row[cost] and row[error] is not None]
-            marks = front([(mine[i][cost], mine[i][error]) for i in real])
-            found[f"{cost} {error}"] = [i for i, on in zip(real, marks, strict=True) if on]
-    return found
+def _view(series: Sequence[Sequence[Sequence[Row]]], cost: str, error: str) -> list[Any]:
+    """What Plotly.update takes to show one pair of axes: the coordinates of every trace, and the titles of the axes."""
+    coordinates = []
+    for mine, *families in series:
+        compared = sorted((row for row in mine if not row["exact"] and row[cost] and row[error] is not None), key=lambda row: row[cost])
+        best = front([(row[cost], row[error]) for row in compared])
+        coordinates.append(_places([row for row, on in zip(compared, best, strict=True) if on], cost, error))
+        coordinates += [_places(some, cost, error) for some in families]
+    axes = {f"{axis}axis{number or ''}.title.text": text for number in (0, *range(2, len(series) + 1)) for axis, text in
+            (("x", COSTS[cost]), ("y", ERRORS[error]))}  # fmt: skip
+    return [{"x": [x for x, _ in coordinates], "y": [y for _, y in coordinates]}, axes]
+
+
+def _places(rows: Sequence[Row], cost: str, error: str) -> tuple[list[float | None], list[float | None]]:
+    x, y = ([None if row[name] is None else max(row[name], LOWEST[name]) for row in rows] for name in (cost, error))
+    return x, y
+
+
+def _is_default(row: Row) -> bool:
+    return (row["family"], row["setting"]) == (OURS, DEFAULT)
+
+
+def _details(row: Row) -> str:
+    """Every value of a point, as text for its label."""
+    lines = [f"<b>{html.escape(row['family'])}, {html.escape(row['setting'])}</b>"]
+    for name, words in (COSTS | ERRORS | DETAILS).items():
+        lines.append(f"{words}: {'not measured' if row[name] is None else format(row[name], '.3g')}")
+    return "<br>".join(lines)
+
+
+def _options(names: Mapping[str, str]) -> str:
+    return "".join(f'<option value="{name}">{html.escape(words)}</option>' for name, words in names.items())
 
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>Speed against accuracy</title>
-<style>
-body { font: 14px/1.45 system-ui, sans-serif; margin: 1.5rem auto; max-width: 84rem; padding: 0 1rem; color: #1b1b1b; }
-main { display: grid; grid-template-columns: repeat(auto-fit, minmax(25rem, 1fr)); gap: 1rem; }
-h2 { font-size: 14px; margin: 0; } svg { width: 100%; height: auto; } label { margin-right: 1.2rem; }
-#told { position: fixed; background: #fffffff2; border: 1px solid #888; padding: .4rem .6rem; font-size: 12px; }
-#told { pointer-events: none; display: none; }
-.muted { color: #666; font-size: 12px; } text { font: 10px system-ui, sans-serif; fill: #444; } .grid { stroke: #eee; }
-</style></head><body>
+<style>body { font: 14px/1.45 system-ui, sans-serif; margin: 1.5rem auto; max-width: 84rem; padding: 0 1rem; color: #1b1b1b; }</style>
+</head><body>
 <h1>Speed against accuracy</h1>
-<p>Fast is left, accurate is down. The line is the front: nothing is cheaper and more accurate. The star is the default; a hollow mark
-knows the exact answer and is on no front. <span class="muted" id="machine"></span></p>
-<p><label>across <select id="cost"></select></label><label>up <select id="error"></select></label></p>
-<p id="families"></p><main id="panels"></main><div id="told"></div>
+<p>Left is fast, low is accurate. The line joins the methods that no other method beats on both axes. The star is the default. A
+hollow mark is a method that knows the exact answer; it is on no line. Times belong to this machine: /*MACHINE*/.</p>
+<p><label>horizontal axis <select id="cost">/*COSTS*/</select></label>
+<label>vertical axis <select id="error">/*ERRORS*/</select></label></p>
+/*PLOT*/
 <script>
-const data = /*DATA*/;
-const W = 420, H = 300, M = {l: 52, r: 16, t: 8, b: 36};
-const make = (name, attributes, parent, text) => {
-  const one = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const key in attributes) one.setAttribute(key, attributes[key]);
-  if (text !== undefined) one.textContent = text;
-  return parent.appendChild(one);
-};
-const pick = (id, options) => {
-  const list = document.getElementById(id);
-  for (const key in options) list.add(new Option(options[key], key));
-  list.onchange = draw;
-};
-const number = v => v === null || v === undefined || v === "" ? "not measured" : typeof v === "number" ? +v.toPrecision(3) : v;
-const axis = (values, least) => {
-  const known = values.filter(v => v !== null && v !== "" && v > 0);
-  const low = Math.floor(Math.log10(Math.max(Math.min(...known), least))), high = Math.ceil(Math.log10(Math.max(...known)) + 1e-9);
-  return known.length ? [low, Math.max(high, low + 1)] : null;
-};
-function draw() {
-  const cost = document.getElementById("cost").value, error = document.getElementById("error").value;
-  const all = data.panels.flatMap(p => p.points), home = document.getElementById("panels");
-  const xs = axis(all.map(p => p[cost]), 1e-4), ys = axis(all.map(p => p[error]), 1e-3);
-  home.replaceChildren();
-  if (!xs || !ys) { home.textContent = "Nothing is measured on these axes yet."; return; }
-  const x = v => M.l + (Math.log10(Math.max(v, 10 ** xs[0])) - xs[0]) / (xs[1] - xs[0]) * (W - M.l - M.r);
-  const y = v => H - M.b - (Math.log10(Math.max(v, 10 ** ys[0])) - ys[0]) / (ys[1] - ys[0]) * (H - M.t - M.b);
-  for (const panel of data.panels.filter(p => p.points.some(q => q[cost] && q[error] !== null && q[error] !== ""))) {
-    const box = home.appendChild(document.createElement("section"));
-    box.innerHTML = "<h2></h2><div class=muted></div>";
-    box.children[0].textContent = panel.title;
-    box.children[1].textContent = "answer: " + panel.truth;
-    const svg = make("svg", {viewBox: `0 0 ${W} ${H}`, role: "img"}, box);
-    for (let k = xs[0]; k <= xs[1]; k++) {
-      make("line", {x1: x(10 ** k), x2: x(10 ** k), y1: M.t, y2: H - M.b, class: "grid"}, svg);
-      make("text", {x: x(10 ** k), y: H - M.b + 14, "text-anchor": "middle"}, svg, Math.abs(k) > 3 ? "1e" + k : 10 ** k);
-    }
-    for (let k = ys[0]; k <= ys[1]; k++) {
-      make("line", {x1: M.l, x2: W - M.r, y1: y(10 ** k), y2: y(10 ** k), class: "grid"}, svg);
-      make("text", {x: M.l - 6, y: y(10 ** k) + 3, "text-anchor": "end"}, svg, 10 ** k);
-    }
-    make("text", {x: (W + M.l) / 2, y: H - 6, "text-anchor": "middle"}, svg, data.costs[cost]);
-    make("text", {transform: `translate(12 ${H / 2}) rotate(-90)`, "text-anchor": "middle"}, svg, data.errors[error]);
-    const on = panel.fronts[cost + " " + error].map(i => panel.points[i]).sort((a, b) => a[cost] - b[cost] || b[error] - a[error]);
-    if (on.length) {
-      let way = `M${x(on[0][cost])} ${M.t}`;
-      for (const p of on) way += ` H${x(p[cost])} V${y(p[error])}`;
-      make("path", {d: way + ` H${W - M.r}`, fill: "none", stroke: "#999"}, svg);
-    }
-    for (const p of panel.points.filter(p => p[cost] && p[error] !== null && p[error] !== "")) {
-      const at = {cx: x(p[cost]), cy: y(p[error]), r: 4.5, fill: p.exact ? "white" : p.colour, stroke: p.colour};
-      const mark = p.default
-        ? make("path", {d: star(at.cx, at.cy, 9), fill: p.colour, stroke: "black"}, svg)
-        : make("circle", at, svg);
-      if (p.default) make("text", {x: at.cx + 10, y: at.cy + 3}, svg, "default");
-      mark.onmousemove = event => {
-        const told = document.getElementById("told"), lines = [p.name];
-        for (const key in data.costs) lines.push(data.costs[key] + ": " + number(p[key]));
-        for (const key in data.errors) lines.push(data.errors[key] + ": " + number(p[key]));
-        lines.push("set-up, s: " + number(p.setup_s), "frames timed: " + p["frames timed"] + ", rounds: " + p.n);
-        told.innerText = lines.join("\\n");
-        told.style.cssText = `display:block;left:${Math.min(event.clientX + 14, innerWidth - 320)}px;top:${event.clientY + 14}px`;
-      };
-      mark.onmouseleave = () => document.getElementById("told").style.display = "none";
-    }
-  }
-}
-const star = (x, y, r) => "M" + Array.from({length: 10}, (_, i) => {
-  const a = Math.PI * (i / 5 - 0.5), s = i % 2 ? 0.42 * r : r;
-  return (x + s * Math.cos(a)).toFixed(1) + " " + (y + s * Math.sin(a)).toFixed(1);
-}).join("L") + "Z";
-document.getElementById("machine").textContent = data.machine;
-for (const name in data.families) {
-  const mark = document.getElementById("families").appendChild(document.createElement("label"));
-  mark.textContent = "\u25cf " + name;
-  mark.style.color = data.families[name];
-}
-pick("cost", data.costs); pick("error", data.errors); draw();
+const views = /*VIEWS*/;
+const show = () => Plotly.update("chart", ...views[cost.value + " " + error.value]);
+const cost = document.getElementById("cost"), error = document.getElementById("error");
+cost.onchange = error.onchange = show;
+show().then(() => { document.body.dataset.ready = "yes"; });
 </script></body></html>
 """

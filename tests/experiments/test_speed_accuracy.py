@@ -197,16 +197,20 @@ def test_a_run_is_of_its_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     assert run_key(config) != here
 
 
-def test_the_page_holds_every_point_and_loads_nothing() -> None:
+def test_the_interactive_chart_shows_every_point_on_every_pair_of_axes() -> None:
     rows = rows_of(measured(POINTS, "table", [0.1] * 3, 5.0), measured(OURS, "</script>", [2.0] * 3, 5.0))
     text = chart_page.page(rows)
-    assert not re.search(r"(src|href)=|https?://(?!www\.w3\.org/2000/svg)", text)
-    data = json.loads(re.search(r"const data = (.*);\n", text).group(1))  # type: ignore[union-attr]
-    assert text.count("</script>") == 1
-    (panel,) = data["panels"]
-    assert [point["name"] for point in panel["points"]] == ["this tracer, default", "points, table", "this tracer, </script>"]
-    assert panel["fronts"]["seconds_frame profile_error_db"] == [0, 1]
-    assert panel["fronts"]["seconds_frame feature_error"] == []
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=", text), "the page loads nothing"
+    assert "this tracer, </script>" not in text
+    views = json.loads(re.search(r"const views = (.*);\n", text).group(1))  # type: ignore[union-attr]
+    assert set(views) == {f"{cost} {error}" for cost in chart_page.COSTS for error in chart_page.ERRORS}
+    coordinates, axes = views["seconds_frame profile_error_db"]
+    best, tracer, points = zip(coordinates["x"], coordinates["y"], strict=True)
+    assert best == ([0.1, 1.0], [5.0, 1.0])
+    assert tracer == ([1.0, 2.0], [1.0, 5.0])
+    assert points == ([0.1], [5.0])
+    assert axes["xaxis.title.text"] == chart_page.COSTS["seconds_frame"]
+    assert views["seconds_frame feature_error"][0]["y"] == [[], [None, None], [None]]
 
 
 def test_the_chart_shows_every_point() -> None:
