@@ -50,7 +50,7 @@ clean:
 	rm -rf $(VENV) outputs dist build .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# All that the radartwin command needs, and nothing more.
+# All that the radartwin command needs in a checkout, and nothing more.
 setup: llvm
 setup-test: $(VENV)/.ready-test
 
@@ -59,12 +59,12 @@ llvm: $(VENV)/.ready
 
 $(VENV)/.ready-test: $(VENV)/.ready
 	@echo "setting up: test dependencies"
-	@$(PIP) -e '.[test]'
+	@$(PIP) -e '.[study,test]'
 	@touch $@
 
 $(VENV)/.ready: $(PY) pyproject.toml constraints.txt
 	@echo "setting up: pinned dependencies, about 1 GB, one to three minutes"
-	@$(PIP) -e .
+	@$(PIP) -e '.[study]'
 	@touch $@
 
 # The first Python that runs and is of a supported version; a name on the PATH may be a shim of one that is not there.

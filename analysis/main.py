@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,6 +17,8 @@ from radartwin.plotting import style
 from radartwin.runs.experiment import Result, Table, declared
 from radartwin.store.products import Counts
 
+STUDY_PACKAGES = ("miepython", "plotly")  # the extra `study` of pyproject.toml
+
 
 def tables(profile: str, only: list[str] | None, output: Path) -> int:
     """Compute or read back each table, write it in every format with its figures, then write the report; the exit status.
@@ -25,6 +28,8 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
     stop every table.
     """
     registry.check(only or [])
+    if absent := [name for name in STUDY_PACKAGES if importlib.util.find_spec(name) is None]:
+        raise MissingError(f"radartwin tables needs {' and '.join(absent)}; run pip install -c constraints.txt -e '.[study]'")
     for name in index.FORMS:  # a damaged file stops the work before the first run
         index.read(output, name)
     for part in ("tables", "figures", "report"):
