@@ -1,7 +1,7 @@
-"""Triangles as the tracer needs them: split at sharp edges, with vertex normals, material indices and one BVH.
+"""Triangles for the tracer: vertex normals, smooth patches, surface indices and the Mitsuba scene.
 
-A tessellated can is a can again once a hit knows its vertex normals: edges between faces that differ by less than 30
-degrees are smooth, all others stay sharp even where vertices are shared.
+Edges between faces whose normals differ by less than 30 degrees are smooth, so that a tessellated can is traced as a curved surface. Other
+edges stay sharp even if the faces share vertices.
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ class Geometry:
     """Merged triangles of several surfaces.
 
     Attributes:
-        corners: (F, 3, 3) float64, positions of each face's corners in metres.
-        normals: (F, 3, 3) float64, unit vertex normals of each face's corners.
-        surface: (F,) int, index of the surface each face came from.
-        patch: (F,) int, faces that are joined across smooth edges share one; by default every face is its own.
-        hollow_m: (F,) mean width, 2 V/A, of the closed and outward mesh a face is part of; zero on open ones and rooms, and by default.
+        corners: (F, 3, 3) float64, corners of each face, metres.
+        normals: (F, 3, 3) float64, unit vertex normals at the corners.
+        surface: (F,) int, index of the surface of each face.
+        patch: (F,) int, number of the smooth patch of each face; by default every face is a patch.
+        hollow_m: (F,) mean width 2 V/A of the mesh if it is closed and faces outwards; zero for open meshes, rooms and by default.
     """
 
     corners: np.ndarray
@@ -46,19 +46,19 @@ class Geometry:
 
     @property
     def extent_m(self) -> float:
-        """Largest absolute coordinate, which sets the float32 resolution of a hit."""
+        """Largest absolute coordinate, metres; it decides the float32 resolution of a hit."""
         return float(np.abs(self.corners).max(initial=1e-3))
 
     @property
     def curved(self) -> bool:
-        """Whether any facet bends between its corners."""
+        """Whether the vertex normals of any facet differ."""
         if self._curved is None:
             self._curved = bool(np.ptp(self.normals, axis=1).max(initial=0.0) > 1e-6)
         return self._curved
 
     @property
     def convex(self) -> bool:
-        """Whether all of it is one closed body that no line enters twice."""
+        """Whether the geometry is one closed convex body."""
         if not len(self.corners) or not (self.hollow_m > 0).all() or np.ptp(self.surface):
             return False
         if self._convex is None:
@@ -71,19 +71,21 @@ class Geometry:
 
     @property
     def grid_shift(self) -> tuple[float, float]:
-        """Offset of a tube grid in cells: none on flat targets, whose edges then fall between tubes. A quarter on curved ones: what error
-        remains repeats from tube to tube, and its first harmonic goes as cos(2 pi offset) about the specular point
-        (spheres of 1.5 to 10 cm at one tube per square wavelength: at most 0.22 dB, against 0.35 at no offset and 0.43 at a half)."""
+        """Offset of a tube grid in cells: 0 on flat targets, so that their edges fall between tubes; 0.25 on curved targets.
+
+        On a curved target the error repeats from tube to tube, and its first harmonic varies as cos(2 pi offset) about the specular point.
+        Spheres of 1.5 to 10 cm have errors up to 0.22 dB at one tube per square wavelength; offset 0 gives 0.35 dB and 0.5 gives 0.43 dB.
+        """
         return (0.25, 0.25) if self.curved else (0.0, 0.0)
 
     @property
     def centre(self) -> np.ndarray:
-        """(3,) middle of the bounding box."""
+        """(3,) centre of the bounding box."""
         points = self.corners.reshape(-1, 3)
         return (points.min(0) + points.max(0)) / 2
 
     def hull_points(self) -> np.ndarray:
-        """(V, 3) points whose bounding box in any view holds the whole geometry."""
+        """(V, 3) points whose bounding box in any view contains the whole geometry."""
         if self._hull is None:
             self._hull = self._hull_points()
         return self._hull
@@ -96,7 +98,7 @@ class Geometry:
 
         try:
             return points[ConvexHull(points).vertices]
-        except QhullError:  # flat geometry has no volume and is its own hull
+        except QhullError:  # a flat geometry has no convex hull with a volume
             return points[:: max(1, len(points) // limit)] if len(points) > 10 * limit else points
 
     def scene(self) -> Any:
@@ -110,14 +112,14 @@ class Geometry:
             parameters["vertex_positions"] = self.corners.astype(np.float32).ravel()
             parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
             parameters.update()
-            # otherwise Embree lets rays through along the edge that two triangles share; OptiX is watertight as it is
+            # without the option, rays pass Embree along shared edges of triangles; OptiX is watertight
             watertight = {} if "cuda" in (mi.variant() or "") else {"embree_use_robust_intersections": True}
             self._scene = mi.load_dict({"type": "scene", **watertight, "geometry": mesh})
         return self._scene
 
 
 def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
-    """(F, 3, 3) corner normals: area- and angle-free sums would favour slivers, so corners weigh by their angle."""
+    """(F, 3, 3) corner normals, averaged over smooth edges with the corner angle as weight, so that slivers count little."""
     faces = np.asarray(mesh.faces)
     face_normals = np.asarray(mesh.face_normals)
     count = len(faces)
@@ -128,7 +130,7 @@ def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
         pairs, edges = pairs[smooth], np.asarray(mesh.face_adjacency_edges)[smooth]
         links = []
         for end in range(2):
-            # the corner of each of the two faces that sits on this end of the shared edge
+            # in each of the two faces, the corner at this end of the shared edge
             corner = [3 * pairs[:, side] + np.argmax(faces[pairs[:, side]] == edges[:, end : end + 1], axis=1) for side in range(2)]
             links.append(np.stack(corner, axis=1))
         link = np.concatenate(links)
@@ -143,7 +145,7 @@ def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
-    """(F,) number of the smooth patch each face is part of."""
+    """(F,) number of the smooth patch of each face."""
     pairs, count = np.asarray(mesh.face_adjacency), len(mesh.faces)
     if not len(pairs):
         return np.arange(count)
@@ -153,12 +155,12 @@ def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def subset(geometry: Geometry, keep: np.ndarray) -> Geometry:
-    """The faces (F,) of a mask."""
+    """The faces selected by a mask (F,)."""
     return Geometry(geometry.corners[keep], geometry.normals[keep], geometry.surface[keep], hollow_m=geometry.hollow_m[keep])
 
 
 def _hollow_m(mesh: trimesh.Trimesh) -> float:
-    """Mean width of a closed mesh, metres; zero of one that is open or faces inwards."""
+    """Mean width of a closed mesh that faces outwards, metres; otherwise zero."""
     if not mesh.is_watertight:
         return 0.0
     corners = np.asarray(mesh.triangles, float)
@@ -167,10 +169,10 @@ def _hollow_m(mesh: trimesh.Trimesh) -> float:
 
 
 def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
-    """Merge surfaces into one geometry; the meshes themselves are not changed.
+    """Merge surfaces into one geometry without changing the meshes.
 
-    Faces without area and doubled faces of one mesh are dropped, vertices closer than 0.1 um are one. Open meshes reflect on both sides. A
-    mesh far from the origin keeps the float32 resolution of its coordinates, 8 um at 100 m.
+    Faces without area and duplicate faces of a mesh are dropped; vertices closer than 0.1 um are merged. Open meshes reflect on both sides.
+    The tracer resolves coordinates to float32, 8 um at 100 m from the origin.
 
     Args:
         meshes: one per surface, in one common frame, metres.
@@ -178,10 +180,10 @@ def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
     corners, normals, surface, patch, hollow = [], [], [], [], []
     for index, mesh in enumerate(meshes):
         clean = trimesh.Trimesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces), process=False)
-        clean.merge_vertices(digits_vertex=7)  # closer than 0.1 um is the same point: rounding, not shape
+        clean.merge_vertices(digits_vertex=7)
         clean.update_faces(clean.unique_faces() & (clean.area_faces > 1e-14))
         if not clean.is_winding_consistent:
-            trimesh.repair.fix_winding(clean)  # smooth normals are averages, and neighbours that face apart would cancel
+            trimesh.repair.fix_winding(clean)  # the normals of neighbours with opposite winding would cancel in the average
         if not len(clean.faces):
             continue
         corners.append(np.asarray(clean.triangles, float))

@@ -1,4 +1,4 @@
-"""What a tracer hands to the synthesis: propagation paths per pose, free of antennas, waveform timing and noise."""
+"""Propagation paths, the interface between tracers and synthesis, without antennas, waveform timing or noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -8,20 +8,20 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Propagation paths of F poses, seen from the sensor. Not to be written to: caches share them.
+    """Propagation paths of F poses in the sensor frame. Do not write to the arrays, because caches share them.
 
     Attributes:
         poses: F.
         pose: (N,) index of the pose, ascending.
         bounces: (N,) number of reflections.
-        amplitude: (N, Q) complex at the Q frequency nodes, without the propagation phase; the path adds
-            amplitude(f) exp(+j 2 pi f L/c) between isotropic antennas, |amplitude|^2 received over transmitted power.
-        frequencies_hz: (Q,) nodes; between them amplitudes follow their interpolating polynomial.
-        length_in_m, length_out_m: (N,) transmitter to last hit, unfolded, and last hit to receiver, metres.
+        amplitude: (N, Q) complex at Q frequency nodes, without the propagation phase. Between isotropic antennas the path adds
+            amplitude(f) exp(+j 2 pi f L/c); |amplitude|^2 is received over transmitted power.
+        frequencies_hz: (Q,) nodes; between them the amplitude follows the interpolating polynomial.
+        length_in_m, length_out_m: (N,) metres from the transmitter to the last hit (unfolded), and from there to the receiver.
         departure, arrival: (N, 3) unit vectors in the sensor frame from the sensor towards first and last hit.
-        rate_mps: (N,) growth of length_in + length_out, m/s.
-        mirror: (N, 3, 3) in the sensor frame, or None. With it a path is a straight line from the transmitter's image: its length between
-            elements at t and r is |L arrival + mirror t - r|, L the total length; without, the hits stay where they are.
+        rate_mps: (N,) rate of change of length_in + length_out, m/s.
+        mirror: (N, 3, 3) in the sensor frame, or None. With a mirror, the path is a straight line from the transmitter's image, and its
+            length between elements at t and r is |L arrival + mirror t - r| with the total length L. Without, the hits are fixed points.
     """
 
     poses: int
@@ -45,7 +45,7 @@ class Paths:
         return self.length_in_m + self.length_out_m
 
     def where(self, keep: np.ndarray | slice) -> "Paths":
-        """The chosen paths, by mask, index or slice."""
+        """The paths selected by mask, indices or slice."""
         chosen = {f.name: getattr(self, f.name) for f in fields(self)}
         for name, value in chosen.items():
             if name not in ("poses", "frequencies_hz") and value is not None:
@@ -53,7 +53,7 @@ class Paths:
         return Paths(**chosen)
 
     def frames(self, start: int, stop: int) -> "Paths":
-        """The poses from `start` to before `stop`, counted from zero again."""
+        """The paths of poses from `start` to before `stop`, renumbered from zero."""
         low, high = np.searchsorted(self.pose, (start, stop))
         chosen = self.where(slice(low, high))
         return replace(chosen, poses=stop - start, pose=chosen.pose - start)

@@ -7,8 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from radartwin.errors import PoseError
 
-MOMENT = 1e-4  # of a frame: what velocities are taken over
-_RIGID = 1e-4  # tolerated departure of R R^T from the identity: poses that came through float32 or a text file
+MOMENT = 1e-4  # of a frame, time step of velocities
+AT_REST = 1e-12  # largest change of a pose that counts as no motion
+_RIGID = 1e-4  # tolerated deviation of R R^T from the identity, for poses rounded to float32 or text
 
 
 def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
@@ -27,7 +28,7 @@ def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
         raise PoseError(f"{what} must have shape (F, 4, 4), not {poses.shape}")
     if len(poses) == 0:
         raise PoseError(f"{what} holds zero frames; give at least one pose")
-    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # beyond 1 it is no rotation anyway
+    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; entries beyond 1 are no rotation
     off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
     wrong = (off > _RIGID) | (np.linalg.det(rotation) < 0) | (np.abs(poses[:, 3] - (0, 0, 0, 1)) > 1e-9).any(axis=1)
     if (bad := np.flatnonzero(wrong | ~np.isfinite(poses).all(axis=(1, 2)))).size:
@@ -39,10 +40,12 @@ def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
 
 
 def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frames: int) -> tuple[dict[str, np.ndarray], int]:
-    """Checked object poses by surface name, all of one length with the sensor's, and that length.
+    """Checked object poses by surface name, repeated to the number of frames, and this number.
 
     Args:
-        frames: sensor poses given; one pose, of the sensor or of an object, holds for all frames.
+        names: surfaces of the scene. frames: number of sensor poses. A single pose of the sensor or of an object holds for all frames.
+    Raises:
+        PoseError: wrong poses, an unknown surface, or different numbers of frames.
     """
     if motion is not None and not isinstance(motion, Mapping):
         raise PoseError(f"motion must map surface names to poses (F, 4, 4), not be a {type(motion).__name__}")
@@ -58,8 +61,13 @@ def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frame
 
 
 def repeated(poses: np.ndarray, frames: int) -> np.ndarray:
-    """The poses, a single one repeated for every frame."""
+    """The poses; a single pose is repeated for every frame."""
     return poses if len(poses) == frames else np.repeat(poses, frames, axis=0)
+
+
+def at_rest(*poses: np.ndarray) -> bool:
+    """Whether none of the pose sequences (F, 4, 4) moves."""
+    return all(bool((np.abs(sequence - sequence[:1]) < AT_REST).all()) for sequence in poses)
 
 
 def inverse(poses: np.ndarray) -> np.ndarray:
@@ -73,7 +81,7 @@ def inverse(poses: np.ndarray) -> np.ndarray:
 
 
 def _advanced(poses: np.ndarray, share: float) -> np.ndarray:
-    """Poses a share of a frame later; rotations along their geodesic, the last frame as the one before it."""
+    """Poses after a share of the frame period, rotated along the geodesic. The last frame moves like the frame before."""
     if len(poses) == 1:
         return poses
     following = np.concatenate([poses[1:], poses[-1:]])
@@ -87,13 +95,14 @@ def _advanced(poses: np.ndarray, share: float) -> np.ndarray:
 
 
 def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sensor poses in a group's own frame, and the velocity of the sensor's origin there.
+    """Sensor poses in the frame of a moving group, and the velocity of the sensor's origin there.
+
+    In this frame the group rests, so that only the sensor's motion changes a path.
 
     Args:
         sensor, group: (F, 4, 4) to world; None for a group at rest in the world.
     Returns:
-        poses (F, 4, 4) and velocity (F, 3) m/s, at frame starts; in the group's frame the group stands still, so that
-        a path changes only through the sensor's motion, whatever turns or slides.
+        poses (F, 4, 4) and velocity (F, 3) m/s, at frame starts.
     """
     (sensor, group_now), (sensor_later, group_later) = moments(sensor, np.eye(4)[None] if group is None else group)
     now, later = inverse(group_now) @ sensor, inverse(group_later) @ sensor_later
@@ -101,5 +110,5 @@ def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float)
 
 
 def moments(*poses: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """Poses (F, 4, 4) of several things at frame starts, and MOMENT of a frame later."""
+    """Several pose sequences (F, 4, 4) at frame starts, and MOMENT of a frame later."""
     return poses, tuple(_advanced(one, MOMENT) for one in poses)

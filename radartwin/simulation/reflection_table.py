@@ -1,8 +1,8 @@
-"""Reflection coefficients of a scene's materials, tabulated over the angle for the tracer's kernels.
+"""Reflection coefficients of a scene's materials, tabulated over the angle of incidence for the tracer's kernels.
 
-A table is evaluated at a few frequencies of the sweep (Chebyshev nodes); amplitudes between them are their interpolating
-polynomial. A half-space or a metal needs one node, a wall of 12 mm plasterboard, whose reflection moves by 4 dB within the
-sweep, needs a handful: as many as bring the interpolation error below TOLERANCE.
+A table has a few frequency nodes (Chebyshev nodes of the sweep); between them, coefficients follow the interpolating polynomial. The
+number of nodes is the smallest that brings the interpolation error below TOLERANCE. A half-space or a metal needs one node; 12 mm
+plasterboard, whose reflection changes by 4 dB within the sweep, needs several.
 """
 
 from collections.abc import Sequence
@@ -19,10 +19,12 @@ _NODE_COUNTS = (1, 3, 5, 8, 12)
 
 @dataclass(frozen=True)
 class ReflectionTable:
-    """Attributes:
-    te, tm: (S, COSINES, Q) complex, per surface, cosine of incidence from 0 to 1, and frequency node.
-    frequencies_hz: (Q,) nodes.
-    surfaces: (material, roughness_m) of each; without them nothing is taken for a shell.
+    """Reflection of S surfaces at Q frequencies.
+
+    Attributes:
+        te, tm: (S, COSINES, Q) complex, by cosine of incidence from 0 to 1.
+        frequencies_hz: (Q,) nodes.
+        surfaces: (material, roughness_m) of each surface, which the tracer needs to recognise shells.
     """
 
     te: np.ndarray
@@ -31,13 +33,13 @@ class ReflectionTable:
     surfaces: tuple[tuple[str | Layered, float], ...] = ()
 
     def envelope(self) -> "ReflectionTable":
-        """The largest magnitudes over the sweep, at one node in its middle: for finding what could matter."""
+        """The largest magnitudes over the sweep at a single node, to find tubes that can matter."""
         te, tm = (np.abs(c).max(axis=2, keepdims=True).astype(complex) for c in (self.te, self.tm))
         return ReflectionTable(-te, tm, self.frequencies_hz.mean(keepdims=True))
 
 
 def chebyshev_nodes(low_hz: float, high_hz: float, count: int) -> np.ndarray:
-    """(count,) Chebyshev nodes of an interval, ascending; one node is its middle."""
+    """(count,) Chebyshev nodes of an interval, ascending; a single node is the middle."""
     angle = (2 * np.arange(count)[::-1] + 1) * np.pi / (2 * count)
     return (low_hz + high_hz) / 2 + (high_hz - low_hz) / 2 * np.cos(angle)
 
@@ -59,20 +61,20 @@ def lagrange_basis(nodes_hz: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray
 
 
 def grid_of_cosines() -> np.ndarray:
-    """(COSINES,) cosines of incidence at which tables stand."""
+    """(COSINES,) cosines of incidence of a table."""
     cosines = np.linspace(0, 1, COSINES)
-    cosines[0] = 1e-6  # grazing limit, where TM turns over
+    cosines[0] = 1e-6  # grazing limit, where TM reflection changes sign
     return cosines
 
 
 def build(surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float | None = None) -> ReflectionTable:
-    """Tabulate surfaces given as (material, roughness_m).
+    """Tabulate the reflection of surfaces.
 
     Args:
-        surfaces: one entry per surface of a geometry.
-        low_hz, high_hz: the sweep; without an upper end, a single frequency.
+        surfaces: (material, roughness_m) per surface of a geometry.
+        low_hz, high_hz: the sweep; without `high_hz`, a single frequency.
     Raises:
-        MaterialError: a material unknown or without values at these frequencies.
+        MaterialError: unknown material, or no values at these frequencies.
     """
     cosines = grid_of_cosines()
     distinct = list(dict.fromkeys(surfaces))
@@ -89,7 +91,7 @@ def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np
 
 
 def _nodes(distinct: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float) -> np.ndarray:
-    """The fewest nodes whose polynomial is within TOLERANCE of every material, at sixteen angles over the sweep."""
+    """The smallest set of nodes with an interpolation error below TOLERANCE for every material, at sixteen angles."""
     fine = np.linspace(low_hz, high_hz, 48)
     cosines = np.linspace(0.06, 1, 16)
     truth = [np.stack(_evaluate(entry, cosines, fine)) for entry in distinct]

@@ -1,6 +1,5 @@
-"""Scene, radar and poses to a recording: the library's main road."""
+"""Simulation of a recording: from scene, radar and poses to IQ samples."""
 
-import numbers
 from collections.abc import Mapping
 from dataclasses import asdict
 
@@ -12,13 +11,15 @@ from radartwin.radar.recording import Recording
 from radartwin.scene.scene import Scene
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.backend import Backend, resolve
-from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.backends.mitsuba import MitsubaBackend
+from radartwin.simulation.backends.trace_settings import TraceSettings
+from radartwin.simulation.checks import check_positive, check_whole
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.signal.synthesis import FRAMES_PER_BLOCK, received, thermal_noise
+from radartwin.simulation.signal.synthesis import FRAMES_PER_BLOCK, check_elements, received, thermal_noise
 
 MAX_RAYS = 200_000_000  # per pose: some minutes of tracing
-MAX_DENSITY = 10_000  # seven million tubes on a 10 cm plate
-LEAST_AREA_M2 = 1e-14  # of a face that counts
+MAX_DENSITY = 10_000  # tubes per square wavelength: seven million tubes on a 10 cm plate
+MIN_AREA_M2 = 1e-14  # faces with less area do not reflect
 
 
 def simulate(
@@ -36,25 +37,25 @@ def simulate(
     simulator: str | Backend = "mitsuba",
     elements: str = "exact",
 ) -> Recording:
-    """Raw FMCW samples of a scene as the radar would record them.
+    """Raw FMCW samples of a scene, as the radar would record them.
 
     Args:
-        scene: surfaces in world coordinates, those named in `motion` in their own.
+        scene: surfaces in world coordinates; surfaces named in `motion` in their own frames.
         radar: waveform, array, element pattern and noise figure.
         sensor_poses: (F, 4, 4) sensor-to-world at frame starts, or one pose for all frames.
         motion: object-to-world poses (F, 4, 4) by surface name.
         max_bounces: reflections per path, at least 1.
-        rays: tubes per pose over the sphere (over the object where there is no room); None takes the width rule.
-        noise: add thermal noise by the radar's noise figure and transmit power, and its oscillator's where it has phase noise.
-        seed: root of the noise; the same seed gives the same bytes.
+        rays: tubes per pose over the sphere (over the object if there is no room); None: the tracer's width rule.
+        noise: add thermal noise by the radar's noise figure and transmit power, and phase noise if the radar has it.
+        seed: root seed of the noise; the same seed gives the same bytes.
         rays_per_wavelength2: tubes per square wavelength on objects.
         variant: "auto", "llvm" or "cuda".
-        simulator: a name, or a configured `backend(name, ...)`; bounces, rays and variant are read by "mitsuba" alone.
-        elements: "exact" distances over each antenna element, "planar" waves across the array, or "auto": planar where it is as good.
+        simulator: a name, or a configured `backend(name, ...)`. Only "mitsuba" reads max_bounces, rays, rays_per_wavelength2 and variant.
+        elements: "exact" distances to each antenna element, "planar" waves across the array, or "auto": planar if its error is small.
     Returns:
         A Recording, iq (F, chirps, tx, rx, samples) in amplitude units.
     Raises:
-        PoseError, SceneError, MaterialError, InputError, BackendError: one line that names what is wrong.
+        PoseError, SceneError, MaterialError, InputError, BackendError: the argument, what is wrong with it, and the remedy.
 
     >>> import trimesh
     >>> from radartwin.scene.scene import Surface
@@ -64,9 +65,8 @@ def simulate(
     >>> simulate(Scene([Surface(plate, "metal", "plate")]), Radar.iwr1843(), pose[None]).iq.shape
     (1, 16, 2, 4, 256)
     """
-    _check_whole("seed", seed, 0)
-    if elements not in ("exact", "planar", "auto"):
-        raise InputError(f"elements must be exact, planar or auto, not {elements!r}")
+    check_whole("seed", seed, 0)
+    check_elements(elements)
     settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
     tracer = resolve(simulator, settings)
     parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings, tracer)
@@ -96,31 +96,30 @@ def trace_paths(
     settings: TraceSettings,
     tracer: Backend | None = None,
 ) -> tuple[list[Paths], np.ndarray]:
-    """Check the input and trace it: (parts, each of all or of one pose; (F, 4, 4) sensor poses). Without a `tracer`, by tubes."""
+    """Check the input and trace it.
+
+    Args:
+        tracer: None: Mitsuba with `settings`.
+    Returns:
+        parts, each of all poses or of one pose, and the sensor poses (F, 4, 4).
+    Raises:
+        as `simulate`.
+    """
     for name, value, kind in (("scene", scene, Scene), ("radar", radar, Radar)):
         if not isinstance(value, kind):
             raise InputError(f"{name} must be a radartwin.{kind.__name__}, not {type(value).__name__}")
     settings = tracer.settings if isinstance(tracer, MitsubaBackend) else settings
-    _check_whole("max_bounces", settings.max_bounces, 1)
+    check_whole("max_bounces", settings.max_bounces, 1)
     if settings.rays is not None:
-        _check_whole("rays", settings.rays, 1)
-        if settings.rays > MAX_RAYS:
-            raise InputError(f"rays must be at most {MAX_RAYS:_}, not {settings.rays!r}")
-    density = settings.rays_per_wavelength2
-    if isinstance(density, bool) or not isinstance(density, numbers.Real) or not 0 < density <= MAX_DENSITY:
-        raise InputError(f"rays_per_wavelength2 must be a number above zero and at most {MAX_DENSITY:_}, not {density!r}")
+        check_whole("rays", settings.rays, 1, MAX_RAYS)
+    check_positive("rays_per_wavelength2", settings.rays_per_wavelength2, MAX_DENSITY)
     sensor = poses_module.check_poses(sensor_poses, "sensor_poses")
     moving, frames = poses_module.check_motion(motion, set(scene.names), len(sensor))
     sensor = poses_module.repeated(sensor, frames)
     Scene(s for s in scene.surfaces if s.name not in moving).check_sensor(np.unique(sensor[:, :3, 3], axis=0))
     for name, poses in moving.items():
-        inside = (poses_module.inverse(poses) @ sensor)[:, :3, 3]
-        Scene(s for s in scene.surfaces if s.name == name).check_sensor(inside)
-    scene = Scene(s for s in scene.surfaces if (s.mesh.area_faces > LEAST_AREA_M2).any())  # no area, no echo
+        relative = (poses_module.inverse(poses) @ sensor)[:, :3, 3]
+        Scene(s for s in scene.surfaces if s.name == name).check_sensor(relative)
+    scene = Scene(s for s in scene.surfaces if (s.mesh.area_faces > MIN_AREA_M2).any())
     moving = {name: poses for name, poses in moving.items() if name in scene.names}
     return (tracer or MitsubaBackend(settings)).paths(scene, radar, sensor, moving), sensor
-
-
-def _check_whole(name: str, value: object, least: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < least:
-        raise InputError(f"{name} must be a whole number of at least {least}, not {value!r}")

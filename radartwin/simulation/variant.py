@@ -1,7 +1,7 @@
-"""Which Mitsuba variant runs here, and the LLVM library a CPU variant needs.
+"""Choice of the Mitsuba variant and of the LLVM library for CPU variants.
 
-Dr.Jit compiles CPU kernels with the system's LLVM. Version 14 is refused by it, and 15 and 16 abort the whole process while
-compiling (no instruction selection for fmaximum), so the library is chosen here, before Dr.Jit loads one.
+Dr.Jit compiles CPU kernels with the system's LLVM. It refuses version 14, and versions 15 and 16 abort the whole process (no instruction
+selection for fmaximum). This module therefore chooses the library before Dr.Jit loads one.
 """
 
 import argparse
@@ -44,7 +44,7 @@ def llvm_version(library: Path) -> int | None:
 
 
 def find_llvm() -> Path | None:
-    """The newest usable LLVM library on this machine, or None. An explicit DRJIT_LIBLLVM_PATH is looked at alone."""
+    """The newest usable LLVM library on this machine, or None. If DRJIT_LIBLLVM_PATH is set, only this library counts."""
     explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
     if explicit:
         candidates = [Path(explicit)]
@@ -56,7 +56,7 @@ def find_llvm() -> Path | None:
 
 
 def has_cuda() -> bool:
-    """Whether an NVIDIA driver answers and lists a device."""
+    """Whether nvidia-smi lists a GPU."""
     if shutil.which("nvidia-smi") is None:
         return False
     answer = subprocess.run(["nvidia-smi", "-L"], capture_output=True, text=True, check=False)
@@ -64,20 +64,20 @@ def has_cuda() -> bool:
 
 
 @functools.cache
-def activate(preference: str = "auto", light: str = "rgb") -> str:
-    """Set the Mitsuba variant, once per process, and return its name. From then on the process keeps the memory it frees.
+def activate(preference: str = "auto", color: str = "rgb") -> str:
+    """Set the Mitsuba variant of this process and return its name. From then on, the process does not return freed memory to the system.
 
     Args:
-        preference: "auto" (CUDA where a device is found, else LLVM), "llvm" or "cuda".
-        light: how the variant represents it: "rgb", or what another program needs.
+        preference: "auto" (CUDA if a GPU is found, else LLVM), "llvm" or "cuda".
+        color: colour mode of the variant, e.g. "rgb".
     Raises:
-        BackendError: no device for "cuda"; no LLVM of at least version 17 for the CPU.
+        BackendError: no GPU for "cuda"; no LLVM of at least version 17 for the CPU; another variant is already active.
     """
     if preference not in ("auto", "llvm", "cuda"):
         raise BackendError(f"simulator variant {preference!r} is not one of auto, llvm, cuda")
     cuda = preference == "cuda" or (preference == "auto" and has_cuda())
     if preference == "cuda" and not has_cuda():
-        raise BackendError("simulator variant 'cuda': no NVIDIA device answers nvidia-smi; use variant llvm or auto")
+        raise BackendError("simulator variant 'cuda': nvidia-smi lists no GPU; use variant llvm or auto")
     if not cuda:
         library = find_llvm()
         if library is None:
@@ -87,16 +87,16 @@ def activate(preference: str = "auto", light: str = "rgb") -> str:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
     import mitsuba as mi
 
-    name = f"{'cuda' if cuda else 'llvm'}_ad_{light}"
+    name = f"{'cuda' if cuda else 'llvm'}_ad_{color}"
     if mi.variant() is not None and mi.variant() != name:
-        raise BackendError(f"Mitsuba already runs as {mi.variant()!r} in this process; {name!r} needs a process of its own")
+        raise BackendError(f"Mitsuba variant {mi.variant()!r} is active in this process; use a new process for {name!r}")
     mi.set_variant(name)
     memory.keep_freed()
     return name
 
 
 def ensure_llvm() -> int:
-    """Install LLVM where this may be done without a question, else say what to type. Returns an exit status."""
+    """Install LLVM if this needs no password, else print the command to type. Returns an exit status."""
     if has_cuda() or find_llvm() is not None:
         return 0
     prefix = [] if os.geteuid() == 0 else ["sudo", "-n"]

@@ -230,7 +230,7 @@ SIGNAL_FAULTS = (
     *_in(
         "simulation/signal/synthesis",
         f"{SYNTHESIS} {RECEIVER}",
-        ("synthesize", "2 * np.pi * reach", "np.pi * reach", "the Doppler shift is halved"),
+        ("_motion_terms", "2 * np.pi * reach", "np.pi * reach", "the Doppler shift is halved"),
         ("thermal_noise", "received / transmitted / 2", "received / transmitted", "noise is 3 dB high"),
         (
             "synthesize",

@@ -7,7 +7,7 @@ import pytest
 
 import radartwin as rt
 from radartwin.scene import objects
-from radartwin.simulation.aspects import ASPECTS, LEAST, Aspects, needed
+from radartwin.simulation.aspects import ASPECTS, MIN_ASPECTS, Aspects, needed
 
 K = 2 * np.pi * 77e9 / 299792458.0
 
@@ -22,7 +22,7 @@ def test_points_on_a_turn(reach_m):
     assert error.max() < 0.01
 
 
-@pytest.mark.parametrize(("reach_m", "expected"), [(0.01, LEAST), (0.048, 512), (0.075, 832), (0.12, 1280)])
+@pytest.mark.parametrize(("reach_m", "expected"), [(0.01, MIN_ASPECTS), (0.048, 512), (0.075, 832), (0.12, 1280)])
 def test_as_many_aspects_as_the_reach_needs(reach_m, expected):
     """The count holds a point at the reach to a hundredth: the window's own error."""
     assert needed([rt.Surface(objects.sphere(reach_m), "metal")]) == expected

@@ -22,7 +22,7 @@ from radartwin.simulation.flat.legs import DIRECT, SHARE, Legs
 from radartwin.simulation.flat.panel_room import PanelRoom
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import outstanding
+from radartwin.simulation.pruning import strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
@@ -132,7 +132,7 @@ def group_paths(
         firsts.append(hits.first_m[chosen])
         crosses.append((out_leg != back_leg)[row[chosen]])
     kept = []
-    for part, first, cross, mask in zip(parts, firsts, crosses, outstanding(parts, radar, prune), strict=True):
+    for part, first, cross, mask in zip(parts, firsts, crosses, strong_masks(parts, radar, prune), strict=True):
         keep = np.flatnonzero(mask)
         keep = keep[np.argsort(part.pose[keep], kind="stable")]
         kept.append(_both_ways(part.where(keep), first[keep], cross[keep]))

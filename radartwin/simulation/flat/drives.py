@@ -17,9 +17,11 @@ import numpy as np
 from radartwin.compiled import compiled, shared_out
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
-from radartwin.simulation import geometry, pruning, variant
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation.backends.mitsuba import PRUNE, MitsubaBackend, TraceSettings, reflection
+from radartwin.simulation import pruning, variant
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, StaticScene, Surroundings, target
+from radartwin.simulation.backends.trace_settings import TraceSettings
+from radartwin.simulation.backends.tube_paths import PRUNE
 from radartwin.simulation.paths import Paths
 
 SPACING_M = 0.04  # between places along a track
@@ -150,19 +152,19 @@ class Drives:
         self._things, self._small = (
             MitsubaBackend(replace(settings, coupled_rays_per_wavelength2=tubes)) for tubes in (OVER_ROOM, CLUTTER_OVER_ROOM)
         )
-        self._still = self._backend.still(list(surfaces), radar) if len(surfaces) else None
+        self._still = StaticScene.build(list(surfaces), radar) if len(surfaces) else None
 
     def room(self, poses: np.ndarray) -> list[Paths]:
         """What the room alone returns to a drive through `poses` (F, 4, 4)."""
         if self._still is None:
             return []
         if (poses == poses[0]).all():
-            return self._backend.static_paths_once(self._still, self._radar, poses[:1])
+            return self._backend.cached_static_paths(self._still, self._radar, poses[:1])
         rate = self._radar.frame_rate_hz
         velocity = poses_module.relative(poses, None, rate)[1]
         bounces = self._backend.settings.max_bounces
         images = self._still.room.paths(poses, velocity, self._radar, bounces, PRUNE, self._scouted)
-        return [images, *self._clutter.seen(poses, rate), *self._backend.scattered(self._still, self._radar, poses)]
+        return [images, *self._clutter.seen(poses, rate), *self._backend.diffuse_paths(self._still, self._radar, poses)]
 
     @cached_property
     def _scouted(self):
@@ -178,8 +180,8 @@ class Drives:
         loudest = float(pruning.level(singles, self._radar).max(initial=0.0))
 
         def traced(some: np.ndarray) -> list[Paths]:
-            parts = self._small.small_things(still, self._radar, some, PAIRS * loudest)
-            return [pruning.pruned([part], self._radar, CLUTTER_PRUNE)[0] for part in parts]
+            parts = self._small.object_paths(still, self._radar, some, PAIRS * loudest)
+            return [pruning.pruned(part, self._radar, CLUTTER_PRUNE) for part in parts]
 
         return self._track(traced)
 
@@ -214,7 +216,8 @@ class Drives:
         self, backend: MitsubaBackend, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool,
         aside: np.ndarray | None,
     ) -> list[Paths]:  # fmt: skip
-        built, table = geometry.build([s.mesh for s in surfaces]), reflection(list(surfaces), self._radar)
+        group = target(list(surfaces), self._radar)
+        built = group.geometry
         frames = max(len(sensor), len(poses))
         sensor, poses = poses_module.repeated(sensor, frames), poses_module.repeated(poses, frames)
         centres = poses[:, :3, :3] @ built.centre + poses[:, :3, 3]
@@ -227,5 +230,5 @@ class Drives:
         occluder = None if self._still is None else self._still.geometry
         room = self._beside if coupled else None
         return backend.group_paths(
-            built, table, room, occluder, self._radar, sensor, poses, ball=None if wanders else ball, prune=THING_PRUNE
+            group, Surroundings(room, occluder), self._radar, sensor, poses, ball=None if wanders else ball, prune=THING_PRUNE
         )

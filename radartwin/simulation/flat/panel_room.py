@@ -169,7 +169,7 @@ class PanelRoom:
         pruner = Pruner(radar, prune, len(poses))
         pose, which = np.nonzero(single)
         one, over = self._evaluated(pose, which, prepared, poses, velocity, radar, 0.0)
-        keep = pruner.worth(one)
+        keep = pruner.mask(one)
         parts, overs = [one.where(keep)], [over[keep]]
         active &= prepared.order > 1
         active |= active[:, prepared.reverse] & (prepared.order > 1)
@@ -182,7 +182,7 @@ class PanelRoom:
             overs.append(over)
         every, over = Paths.concatenate(parts), np.concatenate(overs)
         over = over[np.argsort(np.concatenate([part.pose for part in parts]), kind="stable")]
-        keep = pruner.worth(every)
+        keep = pruner.mask(every)
         return every.where(keep), prepared.chain[over[keep]], known
 
     def _evaluated(

@@ -1,24 +1,95 @@
-"""The compiled half of the synthesis: spread paths over a grid of delays, transform it, and put the chirps together.
+"""Compiled kernels of the synthesis: spread paths over a grid of delays, transform the grid, and form the chirps.
 
-A task is a range of paths of one frame with a grid of its own, so that no two threads write to the same place and sums have a fixed
-order; large frames are several tasks. Geometry, phases and grids are double precision, the transform and what follows it single (1e-7 of
-the frame's strongest echo). Arrays per channel count transmitters first.
+A task is a range of paths of one frame with its own grid, so that no two threads write to the same cell and sums have a fixed order. Large
+frames are split into several tasks. Geometry, phases and grids have double precision; the transform and the chirps have single precision
+(1e-7 of the frame's strongest echo). Channels are ordered by transmitter, then receiver.
 """
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from radartwin.compiled import compiled, innermost
 
 TAPS = 6  # of the spreading kernel
-PAD = TAPS + 2  # cells beyond the grid that a kernel at its end reaches
-_BLOCK = 8  # rows turned at once, for the cache
-_EARLY = TAPS // 2 - 1  # the first tap lies this many cells before the one left of the point
-_SMALL = 1e-4  # below it, three terms of the Bessel functions' series are exact
+PAD = TAPS + 2  # cells beyond the grid for a kernel at its end
+_BLOCK = 8  # rows transposed at once, for the processor's cache
+_TAPS_BEFORE = TAPS // 2 - 1  # taps before the cell to the left of a point
+_SMALL = 1e-4  # for smaller arguments, three terms of the Bessel functions' series are exact
+
+
+class PathArrays(NamedTuple):
+    """Paths of all tasks.
+
+    Attributes:
+        length_in, length_out, departure, arrival: as in `Paths`. mirror: (N, 3, 3), or (0, 3, 3) if the hits are fixed points.
+        drift: (N,) change of length in the middle of the frame, metres. motion: (N,) argument of the Bessel functions.
+        amplitude: (N, Q) coefficients of Q polynomials over the band.
+    """
+
+    length_in: Any
+    length_out: Any
+    departure: Any
+    arrival: Any
+    mirror: Any
+    drift: Any
+    motion: Any
+    amplitude: Any
+
+
+class Elements(NamedTuple):
+    """Antenna elements: tx, rx: (T, 3) and (R, 3) metres; planar: whether all elements see a path in the same direction."""
+
+    tx: Any
+    rx: Any
+    planar: Any
+
+
+class GridScale(NamedTuple):
+    """How path lengths map to phases and grid cells.
+
+    Attributes:
+        cycles_per_m: phase per metre of path at the middle of the sweep. cells_per_m: grid cells per metre of path.
+        terms: number of Chebyshev terms of the motion.
+        kernel: (degree + 1, TAPS) polynomials of the taps in the point's position between two cells, highest power first.
+        least: weights with a smaller magnitude are skipped.
+    """
+
+    cycles_per_m: Any
+    cells_per_m: Any
+    terms: Any
+    kernel: Any
+    least: Any
+
+
+class Grid(NamedTuple):
+    """Real and imaginary part, (tasks, channels x terms x Q, cells + PAD)."""
+
+    re: Any
+    im: Any
+
+
+class Workspace(NamedTuple):
+    """Preallocated arrays of `spread`."""
+
+    weight_re: Any
+    weight_im: Any
+    orders: Any
+    taps: Any
+    used: Any
+    received: Any
+
+
+class Turn(NamedTuple):
+    """Cosine and sine, (cells,) single precision, of one turn over the grid."""
+
+    cosine: Any
+    sine: Any
 
 
 @compiled
 def _turn(cycles):
-    """Cosine and sine of 2 pi cycles, to 1e-11: Taylor series of half the angle, which is at most a right one."""
+    """Cosine and sine of 2 pi cycles, to 1e-11, by the Taylor series of half the angle, which is at most pi/2."""
     half = np.pi * (cycles - np.floor(cycles + 0.5))
     z = half * half
     sine = 1 - z * (1 / 156) * (1 - z * (1 / 210))
@@ -59,8 +130,7 @@ def bessel(argument, out):
 
 @innermost
 def _element_distance(length, direction, position, planar):
-    """Distance from an antenna element to the point `length` along `direction` of the phase centre, to full precision, or as the
-    element's place along the direction would have it."""
+    """Distance from an antenna element to the point at `length` along `direction` from the phase centre; `planar`: of a plane wave."""
     along = direction[0] * position[0] + direction[1] * position[1] + direction[2] * position[2]
     if planar:
         return length - along
@@ -71,7 +141,7 @@ def _element_distance(length, direction, position, planar):
 
 @innermost
 def _image_distance(length, direction, mirror, transmitter, receiver, planar):
-    """Distance to a receiver from the image of a transmitter, whose array is mirrored at `length` along `direction`."""
+    """Distance from the mirror image of a transmitter to a receiver; the image of the phase centre is at `length` along `direction`."""
     x, y, z = -receiver[0], -receiver[1], -receiver[2]
     for i in range(3):
         x += mirror[0, i] * transmitter[i]
@@ -85,7 +155,7 @@ def _image_distance(length, direction, mirror, transmitter, receiver, planar):
 
 @innermost
 def _motion(w, amplitude, weight_re, weight_im, orders):
-    """Weights of the Chebyshev terms k of the frame and q of the band, (2 - [k=0]) j^k J_k(w) amplitude_q, at k Q + q."""
+    """Weights (2 - [k=0]) j^k J_k(w) amplitude_q of motion term k and band term q, at index k Q + q."""
     bessel(w, orders)
     nodes = len(amplitude)
     for k in range(len(orders)):
@@ -101,45 +171,39 @@ def _motion(w, amplitude, weight_re, weight_im, orders):
 
 
 @compiled
-def spread(
-    first, last, starts, length_in, length_out, departure, arrival, mirror, drift, motion, amplitude, tx, rx, planar, cycles_per_m,
-    cells_per_m, terms, kernel, least, grid_re, grid_im,
-):  # fmt: skip
-    """Fill the grids of tasks first..last, (tasks, channels x terms x Q, cells + PAD), which are zero.
+def spread(first, last, starts, paths, elements, scale, grid):
+    """Add the paths of tasks first..last to their grids, which are zero.
 
     Args:
-        starts: (tasks + 1,) the first path of each task. mirror: (N, 3, 3), or (0, 3, 3) where hits stay in their places.
-        drift: (N,) metres each path is longer in the middle of the frame. motion: (N,) argument of the Bessel functions.
-        amplitude: (N, Q) coefficients over the band. tx, rx: element positions. planar: one direction for all.
-        cycles_per_m: phase at the middle of the sweep. cells_per_m: grid cells per metre of path.
-        kernel: (degree + 1, TAPS) polynomials of the taps in the point's place between two cells, highest power first.
-        least: weights below it are left out.
+        starts: (tasks + 1,) the first path of each task. paths: PathArrays. elements: Elements. scale: GridScale. grid: Grid.
     """
-    rows = terms * amplitude.shape[1]
-    _spread(
-        first, last, starts, length_in, length_out, departure, arrival, mirror, drift, motion, amplitude, tx, rx, planar, cycles_per_m,
-        cells_per_m, rows, kernel, least, grid_re, grid_im,
-        np.empty(rows), np.empty(rows), np.empty(terms), np.empty(TAPS), np.empty(rows, np.int64), np.empty((3, len(rx))),
-    )  # fmt: skip
+    terms, rows = scale.terms, scale.terms * paths.amplitude.shape[1]
+    room = Workspace(
+        np.empty(rows), np.empty(rows), np.empty(terms), np.empty(TAPS), np.empty(rows, np.int64), np.empty((3, len(elements.rx)))
+    )
+    _spread(first, last, starts, paths, elements, scale, grid, room)
 
 
 @innermost
-def _spread(
-    first, last, starts, length_in, length_out, departure, arrival, mirror, drift, motion, amplitude, tx, rx, planar, cycles_per_m,
-    cells_per_m, rows, kernel, least, grid_re, grid_im,
-    weight_re, weight_im, orders, taps, kept, received,
-):  # fmt: skip
-    """`spread` with room to work in."""
+def _spread(first, last, starts, paths, elements, scale, grid, room):
+    """`spread` with preallocated workspace."""
+    length_in, length_out, departure, arrival, mirror = paths.length_in, paths.length_out, paths.departure, paths.arrival, paths.mirror
+    drift, motion, amplitude = paths.drift, paths.motion, paths.amplitude
+    tx, rx, planar = elements.tx, elements.rx, elements.planar
+    cycles_per_m, cells_per_m, kernel, least = scale.cycles_per_m, scale.cells_per_m, scale.kernel, scale.least
+    grid_re, grid_im = grid.re, grid.im
+    weight_re, weight_im, orders, taps, used = room.weight_re, room.weight_im, room.orders, room.taps, room.used
+    rows = len(weight_re)
     cells = grid_re.shape[2] - PAD
     mirrored = len(mirror) > 0
-    rx_m, rx_re, rx_im = received[0], received[1], received[2]
+    rx_m, rx_re, rx_im = room.received[0], room.received[1], room.received[2]
     for task in range(first, last):
         for p in range(starts[task], starts[task + 1]):
             _motion(motion[p], amplitude[p], weight_re, weight_im, orders)
             count = 0
             for b in range(rows):
                 if weight_re[b] * weight_re[b] + weight_im[b] * weight_im[b] > least * least:
-                    kept[count] = b
+                    used[count] = b
                     count += 1
             for r in range(len(rx) if not mirrored else 0):
                 rx_m[r] = _element_distance(length_out[p], arrival[p], rx[r], planar)
@@ -165,7 +229,7 @@ def _spread(
                     turn_re, turn_im = tx_re * rx_re[r] - tx_im * rx_im[r], tx_re * rx_im[r] + tx_im * rx_re[r]
                     row = (t * len(rx) + r) * rows
                     for j in range(count):
-                        b = kept[j]
+                        b = used[j]
                         re = weight_re[b] * turn_re - weight_im[b] * turn_im
                         im = weight_re[b] * turn_im + weight_im[b] * turn_re
                         for i in range(TAPS):
@@ -175,7 +239,7 @@ def _spread(
 
 @compiled
 def _gather(task, stop, grid, out):
-    """Sum the grids of tasks task..stop, fold their ends, and lay cells before rows: (cells x rows,) single precision."""
+    """Sum the grids of tasks task..stop, fold their ends, and transpose them to (cells x rows,) in single precision."""
     rows, cells = grid.shape[1], grid.shape[2] - PAD
     lines = np.empty((_BLOCK, cells))
     for low in range(0, rows, _BLOCK):
@@ -186,11 +250,11 @@ def _gather(task, stop, grid, out):
             for one in range(task, stop):
                 source = grid[one, low + b]
                 for m in range(cells):
-                    line[m] += source[m + _EARLY]
-                for m in range(_EARLY):
-                    line[cells - _EARLY + m] += source[m]
-                for m in range(PAD - _EARLY):
-                    line[m] += source[cells + _EARLY + m]
+                    line[m] += source[m + _TAPS_BEFORE]
+                for m in range(_TAPS_BEFORE):
+                    line[cells - _TAPS_BEFORE + m] += source[m]
+                for m in range(PAD - _TAPS_BEFORE):
+                    line[m] += source[cells + _TAPS_BEFORE + m]
         for m in range(cells):
             for b in range(count):
                 out[m * rows + low + b] = lines[b, m]
@@ -198,8 +262,13 @@ def _gather(task, stop, grid, out):
 
 @compiled
 def transform(re, im, other_re, other_im, rows, cosine, sine):
-    """sum_m x[m] exp(+j 2 pi m n/M) along the first axis of (M, rows) flat arrays, by Stockham's radix-4 passes with one of radix 2 where
-    needed; returns the pair of arrays that holds the result. cosine, sine: (M,) of 2 pi m/M, M a power of two."""
+    """sum_m x[m] exp(+j 2 pi m n/M) along the first axis of flat (M, rows) arrays, by Stockham passes of radix 4 and 2.
+
+    Args:
+        re, im: input, overwritten. other_re, other_im: workspace. cosine, sine: (M,) of 2 pi m/M; M is a power of two.
+    Returns:
+        the pair of arrays with the result.
+    """
     size = len(cosine)
     n, stride, turns = size, rows, 1
     while n >= 4:
@@ -235,16 +304,15 @@ def transform(re, im, other_re, other_im, rows, cosine, sine):
 
 
 @compiled
-def finish(first, last, tasks, grid_re, grid_im, cosine, sine, band, slow, iq):
+def finish(first, last, tasks, grid, turn, band, slow, iq):
     """Add the grids of frames first..last to their IQ, (F, C, T, R, N).
 
     Args:
-        tasks: (F + 1,) the first task of each frame.
-        cosine, sine: (cells,) single precision, of one turn over the grid.
-        band: (Q, N) single precision, polynomials over the samples times the correction of the kernel.
+        tasks: (F + 1,) the first task of each frame. grid: Grid. turn: Turn.
+        band: (Q, N) single precision, polynomials over the samples times the kernel correction.
         slow: (T, C, terms, N) single precision, the Chebyshev polynomials of f tau.
     """
-    rows, cells = grid_re.shape[1], grid_re.shape[2] - PAD
+    rows, cells = grid.re.shape[1], grid.re.shape[2] - PAD
     nodes, samples = band.shape
     num_tx, num_chirps, terms = slow.shape[:3]
     num_rx = iq.shape[3]
@@ -252,13 +320,13 @@ def finish(first, last, tasks, grid_re, grid_im, cosine, sine, band, slow, iq):
     other_re, other_im = np.empty_like(re), np.empty_like(im)
     term_re, term_im = np.empty((terms, samples), np.float32), np.empty((terms, samples), np.float32)
     sum_re, sum_im = np.empty(samples, np.float32), np.empty(samples, np.float32)
-    wrap = samples // 2  # the sample at the middle of the sweep is the transform's zero
+    wrap = samples // 2  # the middle sample of the sweep has index zero in the transform
     for frame in range(first, last):
         if tasks[frame] == tasks[frame + 1]:
             continue
-        _gather(tasks[frame], tasks[frame + 1], grid_re, re)
-        _gather(tasks[frame], tasks[frame + 1], grid_im, im)
-        got_re, got_im = transform(re, im, other_re, other_im, rows, cosine, sine)
+        _gather(tasks[frame], tasks[frame + 1], grid.re, re)
+        _gather(tasks[frame], tasks[frame + 1], grid.im, im)
+        got_re, got_im = transform(re, im, other_re, other_im, rows, turn.cosine, turn.sine)
         for t in range(num_tx):
             for r in range(num_rx):
                 row = (t * num_rx + r) * terms * nodes

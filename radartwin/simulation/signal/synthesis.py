@@ -1,15 +1,15 @@
-"""Paths to IQ: gridding in delay and one FFT instead of a sum over paths, chirps and samples.
+"""IQ samples from paths by gridding in delay and an FFT, in place of a sum over paths, chirps and samples.
 
 For transmitter t, receiver r, loop c and sample n the signal is
 
     s[c, t, r, n] = sum_p a_p(f_n) exp(+j 2 pi f_n (L_p,t,r + v_p tau)/c),   f_n = f0 + S n/fs,   tau = t_c,t + n/fs - t_mid
 
-with L_p,t,r the distance over the elements, by way of the hits or from the transmitter's image (radartwin.simulation.paths), and v_p the
-rate of the path. Motion is separated by the Jacobi-Anger expansion exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), w = 2 pi v X/c,
-x = f_n tau/X: a frame needs as many transforms as |w| is radians large, plus a few, however many chirps it has. The sum over delays is a
-type-1 non-uniform FFT with the exponential-of-semicircle kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41
-(2019) C479, on a grid of twice the samples or more.
-Equal inputs give equal bytes, on any number of cores. The loops are in radartwin.simulation.signal.gridding.
+with v_p the rate of the path and L_p,t,r its length between the elements, over its hits or from the transmitter's image (see
+radartwin.simulation.paths). The Jacobi-Anger expansion exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), w = 2 pi v X/c, x = f_n tau/X,
+separates the motion. The number of transforms per frame is |w| in radians plus a few, independent of the number of chirps. The sum over
+delays is a type-1 non-uniform FFT with the exponential-of-semicircle kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci.
+Comput. 41 (2019) C479, on a grid of at least twice the samples. Equal inputs give equal bytes on any number of cores. The loops are in
+radartwin.simulation.signal.gridding.
 """
 
 import functools
@@ -29,20 +29,20 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal import gridding
 
 ELEMENTS = ("exact", "planar", "auto")
-PLANAR_PHASE = 0.01  # radians, largest error of the planar array that "auto" takes; 0.57 degrees, the iwr1843's beyond 1.93 m
+PLANAR_PHASE = 0.01  # radians, largest phase error of planar elements under "auto"; the iwr1843 has less beyond 1.93 m
 _SHAPE = 2.30 * gridding.TAPS
-_DEGREE = gridding.TAPS + 1  # of the polynomials that stand for the kernel: 1e-6 of its peak, a further degree changes nothing
+_DEGREE = gridding.TAPS + 1  # of the polynomials that approximate the kernel to 1e-6 of its peak
 _BESSEL_TAIL = 1e-5
-FRAMES_PER_BLOCK = 256  # bounds the noise processes
-DELAY_BAND = 0.1  # relative; phase noise grows with delay, so it is off by a twentieth at most
-_LEAST = 3e-6  # of the amplitudes' root mean square: terms of a path below it add less than the kernel's error
+FRAMES_PER_BLOCK = 256  # limits the memory of the noise processes
+DELAY_BAND = 0.1  # relative width; phase noise grows with delay, so its error is at most a twentieth
+_LEAST = 3e-6  # of the root mean square amplitude: weaker terms of a path add less than the kernel's error
 _PATHS_PER_TASK = 8192
 _TASKS_PER_FRAME = 16
-_PATHS_AT_ONCE = 500_000  # of parts that are put together: a frame's transforms cost as much as a thousand paths
-_GRID_BYTES = 64_000_000  # of the frames in work
-_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str], list[tuple[np.ndarray, float]]]] = weakref.WeakKeyDictionary()
-
-_whole_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str], np.ndarray]] = weakref.WeakKeyDictionary()
+_PATHS_AT_ONCE = 500_000  # parts are concatenated up to this size, because the transforms of a frame take as long as a thousand paths
+_GRID_BYTES = 64_000_000  # limits the grids in memory
+_signals_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str, bool], list[tuple[np.ndarray, float]]]] = (
+    weakref.WeakKeyDictionary()
+)
 
 
 def _kernel(x: np.ndarray) -> np.ndarray:
@@ -62,14 +62,14 @@ def _kernel_transform(samples: int, grid: int) -> np.ndarray:
 
 @functools.cache
 def _kernel_polynomials() -> np.ndarray:
-    """(degree + 1, TAPS) of each tap in the place of the point between two cells, highest power first."""
+    """(degree + 1, TAPS) polynomials of the taps in the point's position between two cells, highest power first."""
     place = (1 + np.polynomial.chebyshev.chebpts1(4 * _DEGREE)) / 2
     taps = _kernel(place[:, None] - np.arange(gridding.TAPS) + gridding.TAPS // 2 - 1)
     return np.ascontiguousarray(np.polyfit(place, taps, _DEGREE))
 
 
 def _terms(largest: float) -> int:
-    """Chebyshev terms of exp(j w x) for |w| up to `largest`."""
+    """Number of Chebyshev terms of exp(j w x) for |w| up to `largest`."""
     if largest < _BESSEL_TAIL:
         return 1
     count = int(largest) + 1
@@ -90,8 +90,11 @@ def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
 
 
 def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """The amplitudes' polynomial over the band in Chebyshev polynomials, which most need few of: (N, Q') coefficients, of at least `least`
-    for some path, and (Q', samples) polynomials."""
+    """The amplitudes over the band as Chebyshev series, without the highest terms below `least` for all paths.
+
+    Returns:
+        (N, Q') coefficients and (Q', samples) polynomials.
+    """
     middle = (nodes_hz.min() + nodes_hz.max()) / 2
     half = (nodes_hz.max() - nodes_hz.min()) / 2 or 1.0
     at_nodes, over_band = (np.polynomial.chebyshev.chebvander((f - middle) / half, len(nodes_hz) - 1) for f in (nodes_hz, frequency_hz))
@@ -101,29 +104,33 @@ def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray,
     return np.ascontiguousarray(coefficients[:, :count]), over_band.T[:count]
 
 
+def check_elements(elements: str) -> None:
+    """Raises InputError for an unknown choice of antenna element distances."""
+    if elements not in ELEMENTS:
+        raise InputError(f"elements must be one of {', '.join(ELEMENTS)}, not {elements!r}")
+
+
 def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.ndarray | None = None) -> np.ndarray:
-    """IQ of all poses, one frame each.
+    """IQ of all poses, one frame per pose.
 
     Args:
         paths: of F poses, ascending in pose.
         radar: T transmitters, R receivers, C loops, N samples.
-        elements: "exact" distances to every antenna element; "planar": each path leaves and arrives along one direction, for
-            comparison (it is at most a seventh cheaper: places on the grid and phases are each element's own in both); "auto": planar
-            where no path's phase is off by more than PLANAR_PHASE.
-        out: (F, C, T, R, N) complex to add to, in place of zeros.
+        elements: "exact" distances to every antenna element; "planar": each path leaves and arrives along one direction, for comparison (it
+            takes at most a seventh less time); "auto": planar if no path's phase error exceeds PLANAR_PHASE.
+        out: (F, C, T, R, N) complex array to add to; None: zeros.
     Returns:
-        complex64 (or `out`) (F, C, T, R, N), amplitude units: |.|^2 is received over transmitted power.
+        complex64 (or `out`) (F, C, T, R, N) in amplitude units: |.|^2 is received over transmitted power.
     Raises:
         InputError: an unknown choice of elements, an `out` of another shape, or paths that are not finite.
     """
-    if elements not in ELEMENTS:
-        raise InputError(f"elements must be one of {', '.join(ELEMENTS)}, not {elements!r}")
+    check_elements(elements)
     shape = (paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
     iq = np.zeros(shape, np.complex64) if out is None else out
     if iq.shape != shape:
         raise InputError(f"out must have shape {shape}, not {iq.shape}")
     if not (np.isfinite(paths.amplitude).all() and np.isfinite(paths.length_m).all() and np.isfinite(paths.rate_mps).all()):
-        raise InputError("paths hold amplitudes, lengths or rates that are not finite")
+        raise InputError("paths hold amplitudes, lengths or rates that are not finite; correct the simulator that made them")
     gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
     if radar.if_filter is not None:
         gain = gain * radar.if_filter.gain(radar.slope_hz_per_s / SPEED_OF_LIGHT * paths.length_m, radar.band_hz)
@@ -134,26 +141,22 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     cells = max(16, 1 << (2 * samples - 1).bit_length())
     fast_time = np.arange(samples) / radar.sample_rate_hz
     frequency = radar.start_frequency_hz + radar.slope_hz_per_s * fast_time
-    chirp_start = radar.chirp_times()
-    middle = (chirp_start.max() + fast_time[-1]) / 2
-    # frequency times time from the middle of the frame, (C, T, N) cycles per (m/s) of path rate and light second
-    moving = frequency * (chirp_start[:, :, None] + fast_time - middle)
-    reach = float(np.abs(moving).max()) or 1.0
-    motion = 2 * np.pi * reach / SPEED_OF_LIGHT * paths.rate_mps
-    terms = _terms(float(np.abs(motion).max(initial=0.0)))
-    slow = _chebyshev(moving / reach, terms)
+    drift, motion, slow = _motion_terms(paths.rate_mps, radar, frequency, fast_time)
+    terms = slow.shape[2]
     amplitude, polynomials = _band(amplitude.astype(complex), paths.frequencies_hz, frequency, least)
     band = (polynomials / _kernel_transform(samples, cells)).astype(np.float32)
-    turn = 2 * np.pi * np.arange(cells) / cells
-    cosine, sine = np.cos(turn).astype(np.float32), np.sin(turn).astype(np.float32)
-    tables = (
+    angle = 2 * np.pi * np.arange(cells) / cells
+    turn = gridding.Turn(np.cos(angle).astype(np.float32), np.sin(angle).astype(np.float32))
+    arrays = gridding.PathArrays(
         np.ascontiguousarray(paths.length_in_m, float), np.ascontiguousarray(paths.length_out_m, float),
         np.ascontiguousarray(paths.departure, float), np.ascontiguousarray(paths.arrival, float),
-        np.zeros((0, 3, 3)) if paths.mirror is None else np.ascontiguousarray(paths.mirror, float),
-        paths.rate_mps * middle, motion, amplitude, radar.tx_positions, radar.rx_positions, planar,
+        np.zeros((0, 3, 3)) if paths.mirror is None else np.ascontiguousarray(paths.mirror, float), drift, motion, amplitude,
+    )  # fmt: skip
+    scale = gridding.GridScale(
         (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT,
         radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells, terms, _kernel_polynomials(), least,
     )  # fmt: skip
+    antennas = gridding.Elements(radar.tx_positions, radar.rx_positions, planar)
     rows = radar.num_tx * radar.num_rx * terms * len(band)
     starts, tasks = _tasks(np.searchsorted(paths.pose, np.arange(paths.poses + 1)))
     at_once = max(_TASKS_PER_FRAME, _GRID_BYTES // (16 * rows * (cells + gridding.PAD)))
@@ -161,16 +164,29 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     while first < paths.poses:
         last = int(np.searchsorted(tasks, tasks[first] + at_once, side="right")) - 1
         low, high = tasks[first], tasks[last]
-        grid = np.zeros((2, high - low, rows, cells + gridding.PAD))
-        shared_out(gridding.spread, int(high - low), starts[low : high + 1], *tables, *grid)
-        shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, *grid, cosine, sine, band, slow, iq[first:last])
+        grid = gridding.Grid(*np.zeros((2, high - low, rows, cells + gridding.PAD)))
+        shared_out(gridding.spread, int(high - low), starts[low : high + 1], arrays, antennas, scale, grid)
+        shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, grid, turn, band, slow, iq[first:last])
         first = last
     return iq
 
 
+def _motion_terms(
+    rate_mps: np.ndarray, radar: Radar, frequency: np.ndarray, fast_time: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Length change at mid-frame (N,), argument of the Bessel functions (N,), Chebyshev polynomials (T, C, terms, samples)."""
+    chirp_start = radar.chirp_times()
+    middle = (chirp_start.max() + fast_time[-1]) / 2
+    # frequency times time from the middle of the frame, (C, T, samples): cycles per (m/s) of path rate and light second
+    moving = frequency * (chirp_start[:, :, None] + fast_time - middle)
+    reach = float(np.abs(moving).max()) or 1.0
+    motion = 2 * np.pi * reach / SPEED_OF_LIGHT * rate_mps
+    terms = _terms(float(np.abs(motion).max(initial=0.0)))
+    return rate_mps * middle, motion, _chebyshev(moving / reach, terms)
+
+
 def planar_phase(paths: Paths, radar: Radar) -> float:
-    """Bound on the phase error of planar elements over all paths, radians: k p^2/(2 L) of the outermost element at either end, or of
-    both for images."""
+    """Upper limit of the phase error of planar elements, radians: k p^2/(2 L) of the outermost element, summed over both ends."""
     if not len(paths):
         return 0.0
     wavenumber = 2 * np.pi * (radar.start_frequency_hz + radar.sampled_bandwidth_hz) / SPEED_OF_LIGHT
@@ -182,8 +198,10 @@ def planar_phase(paths: Paths, radar: Radar) -> float:
 
 
 def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ranges of paths that are spread together: (tasks + 1,) first paths, and (F + 1,) first tasks of the frames with paths edges[f] to
-    edges[f + 1]. They depend on the paths alone."""
+    """Split frames into tasks: (tasks + 1,) the first path of each task and (F + 1,) the first task of each frame.
+
+    Frame f has the paths edges[f] to edges[f + 1]. The split does not depend on the number of cores.
+    """
     counts = np.diff(edges)
     pieces = np.clip(-(-counts // _PATHS_PER_TASK), np.minimum(counts, 1), _TASKS_PER_FRAME)
     tasks = np.concatenate([[0], np.cumsum(pieces)])
@@ -196,7 +214,7 @@ def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator) -> np.ndarray:
-    """Complex receiver noise in amplitude units, complex64: k T0 fs F over the transmitted power, T0 = 290 K.
+    """Complex receiver noise in amplitude units, complex64: power k T0 fs F over the transmitted power, T0 = 290 K.
 
     >>> bool(thermal_noise((4, 2), Radar.iwr1843(), np.random.default_rng(0)).std() > 0)
     True
@@ -211,10 +229,10 @@ def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator
 def received(
     parts: Sequence[Paths], radar: Radar, frames: int, *, elements: str = "exact", oscillator: np.random.Generator | None = None
 ) -> np.ndarray:
-    """IQ of all parts together, with the oscillator's phase noise where there is a generator for it and radar.phase_noise.
+    """IQ of all parts together, with phase noise if `oscillator` is given and the radar has phase noise.
 
-    An echo of delay tau is turned by 1 + j phi(t; tau), to first order in the phase (a few milliradians). Echoes whose delays are within
-    DELAY_BAND of one another share the phase at their middle, so that every path is synthesised once.
+    To first order in the phase phi (a few milliradians), phase noise multiplies an echo of delay tau by 1 + j phi(t; tau). Echoes whose
+    delays differ by less than DELAY_BAND share the phase of their mean delay, so that each path is synthesised once.
 
     Args:
         parts: each of F poses, or of one pose that holds for all frames.
@@ -224,65 +242,57 @@ def received(
     """
     out = np.zeros((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
     parts = [part for part in parts if len(part)]
+    resting, moving = ([part for part in parts if (part.poses == frames) == moves] for moves in (False, True))
     if oscillator is None or radar.phase_noise is None or not parts:
-        for part in parts:
-            if part.poses != frames:
-                out += _resting(part, radar, elements)
-        for alike in _alike([part for part in parts if part.poses == frames]):
+        for part in resting:
+            out += _resting_signals(part, radar, elements, by_delay=False)[0][0]
+        for alike in _alike(moving):
             size = max(1, frames * _PATHS_AT_ONCE // sum(len(part) for part in alike))
             for start in range(0, frames, size):
                 some = [part.frames(start, min(start + size, frames)) for part in alike]
                 synthesize(some[0] if len(some) == 1 else Paths.concatenate(some), radar, elements=elements, out=out[start : start + size])
         return out
     longest = max(float(part.length_m.max()) for part in parts)
-    still = [
-        (signal, 2 * length / longest - 1) for part in parts if part.poses != frames for signal, length in _still(part, radar, elements)
-    ]
+    resting_signals = [signal for part in resting for signal in _resting_signals(part, radar, elements, by_delay=True)]
     for start in range(0, frames, FRAMES_PER_BLOCK):
         block = out[start : start + FRAMES_PER_BLOCK]
         shape = (len(block), radar.num_chirps, radar.num_tx, 1, radar.num_samples)
         processes = radar.phase_noise.processes(
             shape[0] * shape[1] * shape[2], radar.num_samples, radar.sample_rate_hz, longest / SPEED_OF_LIGHT, oscillator
         ).astype(np.float32)
-        moving = (
-            (synthesize(one, radar, elements=elements), 2 * length / longest - 1)
-            for part in parts
-            if part.poses == frames
-            for one, length in _bands(part.frames(start, start + len(block)))
+        moving_signals = (
+            (synthesize(band, radar, elements=elements), length)
+            for part in moving
+            for band, length in _delay_bands(part.frames(start, start + len(block)))
         )
-        for signal, u in itertools.chain(still, moving):
-            phase = np.polynomial.chebyshev.chebvander(u, len(processes) - 1).astype(np.float32) @ processes.reshape(len(processes), -1)
+        for signal, length in itertools.chain(resting_signals, moving_signals):
+            basis = np.polynomial.chebyshev.chebvander(2 * length / longest - 1, len(processes) - 1).astype(np.float32)
+            phase = basis @ processes.reshape(len(processes), -1)
             block += signal * (1 + np.complex64(1j) * phase.reshape(shape))
     return out
 
 
 def _alike(parts: Sequence[Paths]) -> list[list[Paths]]:
-    """Parts that can be synthesised as one."""
+    """The parts in groups that can be concatenated."""
     groups: dict[tuple[bytes, bool], list[Paths]] = {}
     for part in parts:
         groups.setdefault((part.frequencies_hz.tobytes(), part.mirror is None), []).append(part)
     return list(groups.values())
 
 
-def _resting(part: Paths, radar: Radar, elements: str) -> np.ndarray:
-    """The signal of what rests as a whole, remembered as `_still` does."""
-    known = _whole_of_part.setdefault(part, {})
-    if (radar, elements) not in known:
-        known[radar, elements] = synthesize(part, radar, elements=elements)
-    return known[radar, elements]
+def _resting_signals(part: Paths, radar: Radar, elements: str, by_delay: bool) -> list[tuple[np.ndarray, float]]:
+    """Signal of a resting part, whole or by delay band, with its mean length; cached while the part exists."""
+    cached = _signals_of_part.setdefault(part, {})
+    key = (radar, elements, by_delay)
+    if key not in cached:
+        bands = _delay_bands(part) if by_delay else [(part, 0.0)]
+        cached[key] = [(synthesize(band, radar, elements=elements), length) for band, length in bands]
+    return cached[key]
 
 
-def _still(part: Paths, radar: Radar, elements: str) -> list[tuple[np.ndarray, float]]:
-    """Signals of what rests, by bands of delay, with their lengths; remembered as long as the part is, for the recordings that share it."""
-    known = _of_part.setdefault(part, {})
-    if (radar, elements) not in known:
-        known[radar, elements] = [(synthesize(one, radar, elements=elements), length) for one, length in _bands(part)]
-    return known[radar, elements]
-
-
-def _bands(part: Paths) -> Iterator[tuple[Paths, float]]:
-    """The part by bands of delay, each with the length in its middle, metres."""
+def _delay_bands(part: Paths) -> Iterator[tuple[Paths, float]]:
+    """The paths by delay band, each with its mean length in metres."""
     band = np.floor(np.log(np.maximum(part.length_m, 1e-6)) / DELAY_BAND).astype(np.int64)
-    for one in np.unique(band).tolist():
-        chosen = part.where(band == one)
+    for index in np.unique(band).tolist():
+        chosen = part.where(band == index)
         yield chosen, float(chosen.length_m.min() + chosen.length_m.max()) / 2
