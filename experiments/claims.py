@@ -7,6 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from numpy.typing import ArrayLike
+
+from experiments import statistics
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.store.digest import spec_digest
@@ -68,3 +71,19 @@ def told(keys: Iterable[str]) -> str:
     if len(unique) <= SHOWN_KEYS:
         return " ".join(key[:8] for key in unique)
     return f"{len(unique)} recordings {spec_digest(unique)[:8]}"
+
+
+class RowList(list[dict[str, Any]]):
+    """The rows of one table."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        self.config = config
+
+    def add(self, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> None:
+        """Append one row; arguments as `row`."""
+        self.append(row(self.config, case, metric, found, keys, claim))
+
+    def add_mean(self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE) -> None:
+        """Append the mean of the samples with its bootstrap interval."""
+        self.add(case, metric, statistics.mean(samples, self.config.profile.resamples, self.config.seed), keys, claim)

@@ -55,6 +55,19 @@ def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
     return Estimate(value, low, high, len(samples))
 
 
+def exact(value: float, n: int) -> Estimate:
+    """A value without an interval, from n items."""
+    return Estimate(float(value), float(value), float(value), n)
+
+
+def resampled(value: float, drawn: ArrayLike, n: int) -> Estimate:
+    """A value of n items, with the 2.5 % and 97.5 % quantiles of its finite resampled values as its interval, widened to hold it."""
+    drawn = np.asarray(drawn, float)
+    drawn = drawn[np.isfinite(drawn)]
+    low, high = np.quantile(drawn, [0.025, 0.975]) if len(drawn) else (value, value)
+    return Estimate(value, min(float(low), value), max(float(high), value), n)
+
+
 def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
     """Rank correlation over items, with a bootstrap over items and the exact p of all (or 9,999 drawn) pairings.
 
@@ -76,6 +89,11 @@ def pearson(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alte
     """
     first, second = _pair(first, second)
     return _correlation(first, second, lambda x: x, resamples, seed, alternative)
+
+
+def correlation(first: NDArray, second: NDArray) -> float:
+    """Pearson correlation without an interval; 0 if either is constant."""
+    return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0
 
 
 def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) -> Estimate:

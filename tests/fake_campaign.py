@@ -1,17 +1,17 @@
-"""A small campaign without a simulator: point echoes whose modulation, level and neighbours depend on the object, in both domains.
+"""A campaign without a simulator: point echoes whose modulation, level and room echoes depend on the object, in both domains.
 
-The measured domain differs by gain, noise, clutter and a little of each object's own signature, so that what transfers and what does not is
-known beforehand.
+The measured domain differs in gain, noise, room echoes and slightly in each object's signature, so that a test knows which properties of
+an object transfer between the domains.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from experiments.campaign.cases import Case, Motion
+from radartwin.features.log import Nominal
 from radartwin.features.processed import MAX_RANGE_M, Processed
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import range_axis, velocity_axis
@@ -20,19 +20,17 @@ from radartwin.store.digest import spec_digest
 
 LEVEL = {"metal": 1.0, "ceramic": 0.3, "plastic": 0.12}
 MODULATION = {"symmetric": 0.05, "faceted": 0.9, "asymmetric": 0.5}
-OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # of the room's echoes from the target, in a window that moves with it
-
-
-@dataclass(frozen=True)
-class FakeLog:
-    frame_rate_hz: float
-    distance_m: np.ndarray
-    angle_rad: np.ndarray | None = None
+OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # of the room's echoes from the target
 
 
 class FakeCampaign:
-    """`signature` 0 makes all objects alike, so that nothing can be told; `gap` is how far the measured objects are from their twins; a
-    measured turntable turns `turns` times.
+    """A recording source with the interface of experiments.campaign.source.
+
+    Args:
+        frames: of a drive, or of one revolution.
+        signature: strength of the differences between objects; 0 makes all objects alike.
+        gap: distance of the measured objects from their twins.
+        turns: revolutions of a measured turntable.
     """
 
     def __init__(
@@ -56,13 +54,13 @@ class FakeCampaign:
         ]  # fmt: skip
         return [case for case in found if all(getattr(case, name) == value for name, value in chosen.items() if value is not None)]
 
-    def log(self, case: Case, domain: str = "measured") -> FakeLog:
+    def log(self, case: Case, domain: str = "measured") -> Nominal:
         frames = self.frames * (self.turns if domain == "measured" and case.motion == "turntable" else 1)
         angle = 2 * np.pi * np.arange(frames) / self.frames
         distance = np.full(frames, case.distance_m + 0.3)
         if case.motion != "turntable":
-            return FakeLog(10.0, distance + 0.05 * np.linspace(-1, 1, self.frames) ** 2, None)
-        return FakeLog(self.frames / 25.0, distance, angle)
+            return Nominal(10.0, distance + 0.05 * np.linspace(-1, 1, self.frames) ** 2, None)
+        return Nominal(self.frames / 25.0, distance, angle)
 
     def prepare(self, wanted, materials=None) -> None: ...
 

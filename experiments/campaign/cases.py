@@ -1,4 +1,4 @@
-"""What is recorded in a campaign: objects, distances, motions, rooms and repetitions, and the log that goes with each recording."""
+"""The cases of a campaign: which object is recorded where, at which distance and on which motion, and the log of each recording."""
 
 from __future__ import annotations
 
@@ -15,26 +15,31 @@ from radartwin.scene.trajectories import trajectory
 if TYPE_CHECKING:
     from radartwin.config.study import CampaignConfig
 
+MEASURED, TWIN, VOID = "measured", "twin", "void"
+DOMAINS = (MEASURED, TWIN, VOID)
+COMPARED = (MEASURED, TWIN)
+LABELS = {MEASURED: "measured", TWIN: "simulated"}  # of domains in tables and figures
+
 Motion = Literal["turntable", "radial", "diagonal", "depth", "lateral"]
-RAIL: tuple[Motion, ...] = ("radial", "diagonal")
-ROVER: tuple[Motion, ...] = ("depth", "lateral")
+RAIL: tuple[Motion, ...] = ("radial", "diagonal")  # the target moves along a rail
+ROVER: tuple[Motion, ...] = ("depth", "lateral")  # the radar moves on a rover
 REFLECTOR = "corner_reflector"
-BENCH_ROOM = "lab"  # of turntable and rail
+BENCH_ROOM = "lab"  # room of turntable and rail
 RATE_HZ = 10.0
-TURN_S = 25.0
-BENCH_HEIGHT_M = 1.0  # of the radar before the lab's bench
+TURN_S = 25.0  # period of the turntable
+BENCH_HEIGHT_M = 1.0  # of the radar in front of the lab's bench
 SPEED_MPS = 0.2
 RAIL_M, RAIL_START_M = 0.6, 1.0
 DEPTH_M, LATERAL_M, LATERAL_MPS = 1.0, 1.2, 0.24
-_TRAVEL = {  # metres and metres per second
+_TRAVEL = {  # length in metres, speed in metres per second
     **dict.fromkeys(RAIL, (RAIL_M, SPEED_MPS)), "depth": (DEPTH_M, SPEED_MPS), "lateral": (LATERAL_M, LATERAL_MPS),
 }  # fmt: skip
-FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x looks back at the radar
+FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x points to the radar
 
 
 @dataclass(frozen=True, order=True)
 class Case:
-    """One recording; `distance_m` is from the radar to the target's axis at the start, of a drive past it at its nearest."""
+    """One recording. `distance_m` is the distance from the radar to the target's axis at the start, or the smallest in a lateral drive."""
 
     object: str
     room: str
@@ -49,12 +54,12 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """What experimenter and twin agree on.
+    """The nominal motion of a recording: the twin simulates it, the measured recording deviates from it.
 
     Attributes:
-        frame_rate_hz: of the recording.
-        sensor_poses: (F, 4, 4) or (1, 4, 4) to world, nominal. target_poses: (F, 4, 4) or (1, 4, 4), of the object's own frame.
-        distance_m: (F,) from the radar to the target's axis, level. angle_rad: (F,) of the turntable, or None.
+        sensor_poses: (F, 4, 4) or (1, 4, 4), radar to world.
+        target_poses: (F, 4, 4) or (1, 4, 4), object to world.
+        angle_rad: (F,) of the turntable, or None without a turntable.
     """
 
     frame_rate_hz: float
@@ -68,20 +73,21 @@ class Log:
 
     @property
     def distance_m(self) -> np.ndarray:
+        """(F,) horizontal distance from the radar to the target's axis."""
         away = np.linalg.norm(self.target_poses[:, :2, 3] - self.sensor_poses[:, :2, 3], axis=1)
         return np.repeat(away, self.frames) if len(away) == 1 else away
 
 
 def planned(config: CampaignConfig, measured: bool) -> list[Case]:
-    """Every recording of a campaign, the quick ones first. The twin repeats nothing.
+    """All recordings of a campaign, turntables first. Only measured recordings are repeated.
 
     Raises:
-        ConfigError: an object or room that there is not.
+        ConfigError: an unknown object.
     """
     known = catalogue()
     for name in (*config.turntable_objects, *config.rover_objects):
         if name not in known:
-            raise ConfigError(f"profile.campaign: there is no object {name!r}; choose {', '.join(known)}")
+            raise ConfigError(f"profile.campaign: unknown object {name!r}; choose {', '.join(known)}")
     cases = []
     for name in config.turntable_objects or list(known):
         distances = config.reflector_distances_m if name == REFLECTOR else config.turntable_distances_m
@@ -93,40 +99,40 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
             for distance in config.rover_distances_m:
                 for name in config.rover_objects or [entry.name for entry in known.values() if entry.rover]:
                     cases.append(Case(name, room, motion, distance))
-    repeats: dict[str, int] = {"turntable": 1, **dict.fromkeys(RAIL, config.rail_repeats), **dict.fromkeys(ROVER, config.rover_repeats)}
     if not measured:
         return cases
 
-    def times(case: Case) -> int:
-        again = case.motion == "turntable" and case.object == REFLECTOR
-        return config.reflector_repeats if again else repeats[case.motion]
+    def repeats(case: Case) -> int:
+        if case.motion == "turntable":
+            return config.reflector_repeats if case.object == REFLECTOR else 1
+        return config.rail_repeats if case.motion in RAIL else config.rover_repeats
 
-    return [replace(case, repetition=number) for case in cases for number in range(times(case))]
+    return [replace(case, repetition=number) for case in cases for number in range(repeats(case))]
 
 
 def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
-    """The nominal course of a recording of the campaign; the twin's turntable turns once."""
+    """The log of a planned recording. The twin's turntable makes one revolution."""
     if case.motion == "turntable":
         return course(case, config.frames_per_turn / TURN_S, config.frames_per_turn * (config.turns if measured else 1))
     every = config.rover_every if case.motion in ROVER else 1
     length, speed = _TRAVEL[case.motion]
-    whole = int(np.floor(length * RATE_HZ / speed + 1e-9))  # as trajectory.sweep counts
+    whole = int(np.floor(length * RATE_HZ / speed + 1e-9))  # number of frames as in trajectory.sweep
     return course(case, RATE_HZ / every, len(range(0, whole, every)))
 
 
 def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driven: np.ndarray | None = None) -> Log:
-    """The nominal course of a recording of so many frames; what goes along rests once it has gone its way.
+    """The log of a recording of `frames` frames. Radar or target rests after it has covered the length of the motion.
 
     Args:
-        turn_s: of one revolution of the turntable.
-        driven: (F, 4, 4) where a rover's radar went, in any world; None goes straight on at the motion's speed.
+        turn_s: period of the turntable.
+        driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None moves straight at the motion's speed.
     """
     known = catalogue().get(case.object)
     aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
     if case.motion in ROVER:
         bench = rooms.bench(case.room)
-        start, way = _rover_start(case.motion, bench.sensor_pose)
-        poses = _straight(start, way, case.motion, rate_hz, frames)
+        start, direction = _rover_start(case.motion, bench.sensor_pose)
+        poses = _straight(start, direction, case.motion, rate_hz, frames)
         if driven is not None:
             poses = start @ np.linalg.inv(driven[0]) @ driven
         return Log(rate_hz, poses, trajectory.pose(bench.target_position(case.distance_m) - aim, FACING)[None])
@@ -136,24 +142,24 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
         angle = 2 * np.pi * np.arange(frames) / (rate_hz * turn_s)
         return Log(rate_hz, sensor, trajectory.turntable(at, frames, rate_hz, turn_s, np.pi), angle)
     angle = np.radians(45.0 if case.motion == "diagonal" else 0.0)
-    way = sensor[0, :3, 0] * np.cos(angle) + sensor[0, :3, 1] * np.sin(angle)
-    return Log(rate_hz, sensor, _straight(trajectory.pose(at, FACING), way, case.motion, rate_hz, frames))
+    direction = sensor[0, :3, 0] * np.cos(angle) + sensor[0, :3, 1] * np.sin(angle)
+    return Log(rate_hz, sensor, _straight(trajectory.pose(at, FACING), direction, case.motion, rate_hz, frames))
 
 
 def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where a drive starts, and its way: past the target, or away from it, as from the nearest stand-off there is no room towards it."""
+    """(start pose, direction) of a drive. A depth drive moves away from the target because it starts at the nearest distance."""
     if motion == "lateral":
         return trajectory.lateral_sweep(middle, LATERAL_M, LATERAL_MPS, RATE_HZ)[0], middle[:3, 1]
     return middle, -middle[:3, 0]
 
 
-def _straight(start: np.ndarray, way: np.ndarray, motion: Motion, rate_hz: float, frames: int) -> np.ndarray:
+def _straight(start: np.ndarray, direction: np.ndarray, motion: Motion, rate_hz: float, frames: int) -> np.ndarray:
     length, speed = _TRAVEL[motion]
     moving = min(frames, int(np.floor(length * rate_hz / speed + 1e-9)) + 1)
-    poses = trajectory.rail(start, way, speed / rate_hz * (moving - 1), moving)
+    poses = trajectory.rail(start, direction, speed / rate_hz * (moving - 1), moving)
     return np.concatenate([poses, np.repeat(poses[-1:], frames - moving, axis=0)])
 
 
 def stand_top(nominal: Log) -> np.ndarray:
-    """(3,) where the middle of the stand's top is at the start, just below the object."""
+    """(3,) centre of the stand's top at the start, just below the object."""
     return nominal.target_poses[0, :3, 3] - [0, 0, rooms.GAP]

@@ -1,4 +1,4 @@
-"""Figures of the rover: range-time panels measured beside simulated, and the rank correlation of every feature by family."""
+"""Figures of the rover tables: range-time panels, rank correlations by feature family, agreement along each factor."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.campaign.cases import COMPARED, LABELS, MEASURED
+from experiments.drawing import range_map
 from experiments.rover import drive_features
 from experiments.rover.drive_features import Drives, Place
-from experiments.turntable.rotations import DOMAINS, LABELS, MEASURED
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.scene.objects.catalogue import catalogue
@@ -16,25 +17,25 @@ from radartwin.scene.objects.catalogue import catalogue
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHOWN = ("corner_reflector", "can_211_400", "mug", "mustard")  # one of each class, and the reflector
-DEPTH_DB = 50.0
+SHOWN = ("corner_reflector", "can_211_400", "mug", "mustard")  # one object of each class and the reflector
+SPAN_DB = 50.0
 
 
 def panels_figure(drives: dict[str, Drives]) -> Figure:
-    """Range over time of some objects at the first place of a depth drive, or of any, each domain against its own brightest cell."""
+    """Range over time of up to four objects at one place, each panel relative to its brightest cell; depth drives are preferred."""
     where = drive_features.places(drives[MEASURED])
     place = next((one for one in where if one[1] == "depth"), where[0])
     here = drive_features.objects(drives[MEASURED], place)
     names = [name for name in SHOWN if name in here] or here[:4]
-    drawing, panels = figure(len(DOMAINS), len(names), width_in=PAGE_WIDTH_IN, height_in=3.6, sharex=True, sharey=True, squeeze=False)
-    for line, domain in zip(panels, DOMAINS, strict=True):
+    drawing, panels = figure(len(COMPARED), len(names), width_in=PAGE_WIDTH_IN, height_in=3.6, sharex=True, sharey=True, squeeze=False)
+    for line, domain in zip(panels, COMPARED, strict=True):
         for panel, name in zip(line, names, strict=True):
             one = drives[domain][name, place][0]
             inside = (one.range_m >= NEAR_M) & (one.range_m <= FAR_M)
             level = 10 * np.log10(np.maximum(one.power[:, inside] / one.power[:, inside].max(), 1e-12))
             end = len(level) / one.frame_rate_hz
             extent = (0, end, float(one.range_m[inside][0]), float(one.range_m[inside][-1]))
-            panel.imshow(level.T, origin="lower", aspect="auto", extent=extent, vmin=-DEPTH_DB, vmax=0, interpolation="nearest")
+            range_map(panel, level, extent, 0, SPAN_DB)
             panel.plot((np.arange(len(level)) + 0.5) / one.frame_rate_hz, one.track_m, color="white", lw=0.8, ls=":")
             if domain == MEASURED:
                 panel.set_title(catalogue()[name].label, fontsize=8)
@@ -47,7 +48,7 @@ def panels_figure(drives: dict[str, Drives]) -> Figure:
 
 
 def correlation_figure(found: list[tuple[Place, str, float]]) -> Figure:
-    """Rank correlation over objects of every feature and place, by family, a panel per room and motion."""
+    """Rank correlation over objects of every (place, feature family, correlation), one panel per room and motion."""
     groups = sorted({(place[0], place[1]) for place, _, _ in found})
     families = list(dict.fromkeys(family for _, family, _ in found))
     drawing, panels = figure(1, max(len(groups), 1), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True, squeeze=False)
@@ -65,7 +66,7 @@ def correlation_figure(found: list[tuple[Place, str, float]]) -> Figure:
 
 
 def slices_figure(slices: dict[tuple[str, str], np.ndarray]) -> Figure:
-    """How far features agree along each factor: rank correlations over objects and distances, signs of the change between rooms."""
+    """Histograms of the agreement along each factor: rank correlations over objects and distances, signs of the change between rooms."""
     motions = list(dict.fromkeys(motion for motion, _ in slices))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=2.4, sharey=True, squeeze=False)
     for panel, motion in zip(panels[0], motions, strict=True):

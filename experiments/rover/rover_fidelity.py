@@ -1,11 +1,11 @@
 """Along trajectories: does the simulated signal follow the measured one as the rover drives, and do features order objects alike?
 
-For every object, distance and room, a simulated drive is brought to the measured one's start by the correlation of their target energies;
-then compared: the tracked range over the frames that overlap (Pearson), the mean normalised range profile (Pearson of amplitudes, 0.3 to
-5.5 m), and the radial velocity from Doppler against the log's range rate. At each room, motion and distance: Spearman over objects of every
-feature, and the share of these that is positive, with the exact binomial p that the paper gives (features are related, so that it is
-smaller than independent ones would earn); the sign of metal less plastic brightness in both domains; and by how much the simulation
-separates the two more, in decibels. Paper: signal fidelity along trajectories.
+For every object, distance and room, the start of the simulated drive is aligned with the measured one by the correlation of their target
+energies. The table then compares the tracked range over the common frames (Pearson), the mean normalised range profile (Pearson of
+amplitudes, 0.3 to 5.5 m), and the radial velocity from Doppler with the log's range rate. At each room, motion and distance it gives the
+Spearman correlation over objects of every feature, and the share of positive correlations with the paper's exact binomial p. That p is too
+small because features depend on one another. For metal and plastic it gives the sign of the brightness difference in both domains, and the
+ratio of the differences in decibels. Paper: signal fidelity along trajectories.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import statistics
-from experiments.claims import NONE, Claim, row
-from experiments.recognition.readings import Campaign
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN
+from experiments.campaign.source import RecordingSource
+from experiments.claims import NONE, Claim, RowList
 from experiments.rover import drive_features
 from experiments.rover.drive_features import Drive, Drives, Place
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
-from experiments.turntable.rotations import DOMAINS, LABELS, MEASURED, TWIN
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features.align import overlap, start_offset
@@ -51,10 +52,12 @@ AGREE = {
     "atrium": Claim("more features order objects alike than chance allows", "78 %, p 1.5e-5", above=0.5, p_below=0.05),
     "squash_court": Claim("more features order objects alike than chance allows", "63 %, p 0.014", above=0.5, p_below=0.05),
 }
-SIGNS = Claim("metal over plastic has the same sign in both domains", "9 of 9", above=0.5, p_below=0.05, least=5)  # five of five is p 0.03
+SIGNS = Claim(
+    "metal over plastic has the same sign in both domains", "9 of 9", above=0.5, p_below=0.05, least=5
+)  # the p of five of five is 0.03
 SEPARATES = Claim("the simulation separates metal from plastic more", "about 25:1", above=1.0)
 RELIABLE = Claim("the multipath share is the most reliable feature", "first", above=1 - 1e-9, least=1)
-SHARE = "multipath_share"
+MULTIPATH = "multipath_share"
 
 
 @dataclass(frozen=True)
@@ -67,30 +70,29 @@ class Agreement:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign.campaign import Campaign as Recorded
+    """The table of the configured campaign."""
+    return score(config, Campaign(config, store, progress), progress)
 
-    return score(config, Recorded(config, store, progress), progress)
 
-
-def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
+def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
     """Rows per room, motion and distance, and over all of them."""
-    drives = drive_features.read(campaign, progress)
+    drives = drive_features.read(source, progress)
     found = agreements(drives)
-    rows = [*_signal_rows(config, drives), *_feature_rows(config, drives, found), *_material_rows(config, drives)]
-    figures = {
-        "rover_panels": lambda: panels_figure(drives),
-        "rover_feature_correlations": lambda: correlation_figure(
-            [(one.place, drive_features.family(one.feature), one.rho) for one in found]
-        ),
-    }
+    rows = RowList(config)
+    for place in drive_features.places(drives[MEASURED]):
+        _add_signals(rows, drives, place)
+    _add_shares(rows, drives, found)
+    _add_reliability(rows, drives, found)
+    _add_materials(rows, drives)
+    families = [(one.place, drive_features.family(one.feature), one.rho) for one in found]
+    figures = {"rover_panels": lambda: panels_figure(drives), "rover_feature_correlations": lambda: correlation_figure(families)}
     shares = [r for r in rows if r["metric"] == "share of features that order objects alike"]
     metrics = {f"share_alike_{r['room']}_{r['motion']}": r["value"] for r in shares}
-    every = [one.key for domain in DOMAINS for some in drives[domain].values() for one in some]
-    return Result(TABLE.name, rows, figures, metrics, every)
+    return Result("rover_fidelity", rows, figures, metrics, drive_features.keys(drives))
 
 
 def agreements(drives: dict[str, Drives]) -> list[Agreement]:
-    """Of every feature that varies, at every place with three objects or more."""
+    """One agreement per place with three objects or more and per feature that varies in both domains."""
     found = []
     for place in drive_features.places(drives[MEASURED]):
         names = drive_features.objects(drives[MEASURED], place)
@@ -105,110 +107,102 @@ def agreements(drives: dict[str, Drives]) -> list[Agreement]:
     return found
 
 
-def _case(place: Place | None, label: str, room: str = "all", motion: str = "all") -> dict[str, Any]:
-    if place is None:
-        return {"room": room, "motion": motion, "distance_m": None, "case": label}
-    return {"room": place[0], "motion": place[1], "distance_m": place[2], "case": label}
+def _at(place: Place, label: str, of: str = "both") -> dict[str, Any]:
+    """The case of a row about one place."""
+    return {"room": place[0], "motion": place[1], "distance_m": place[2], "case": label, "of": of}
+
+
+def _over(label: str, room: str = "all", motion: str = "all") -> dict[str, Any]:
+    """The case of a row about several places."""
+    return {"room": room, "motion": motion, "distance_m": None, "case": label, "of": "both"}
 
 
 def aligned(first: Drive, second: Drive) -> tuple[NDArray, NDArray]:
-    """Tracked ranges of two drives over the frames in which the same happens."""
+    """Tracked ranges of two drives over their common frames, after the start offset is removed."""
     try:
         late = start_offset(first.energy, second.energy, max_frames=max(1, len(first.energy) // 4)).frames
-    except InputError:  # a target whose energy does not vary, or that drowns in noise: they start together by the log
+    except InputError:  # the target's energy does not vary or is below the noise: keep the logged start
         late = 0
     return overlap(first.track_m, second.track_m, late)
 
 
-def _signal_rows(config: Config, drives: dict[str, Drives]) -> list[dict[str, Any]]:
-    """Track, profile and velocity, per place over objects; profiles also by class of material."""
-    rows = []
-    seeds = config.profile.resamples, config.seed
-    for place in drive_features.places(drives[MEASURED]):
-        names = drive_features.objects(drives[MEASURED], place)
-        tracks, profiles, velocities = [], defaultdict(list), defaultdict(list)
-        for name in names:
-            twin = drives[TWIN][name, place][0]
-            for one in drives[MEASURED][name, place]:
-                tracks.append(_pearson(*aligned(one, twin)))
-                kind = catalogue()[name].material_class
-                profiles[kind].append(profile_correlation(one.profile, twin.profile, one.range_m))
-            for domain in DOMAINS:
-                for one in drives[domain][name, place]:
-                    if one.velocity_mps is not None:
-                        error = one.velocity_mps - range_rate(one.nominal_m, one.frame_rate_hz)
-                        velocities[domain].append(float(np.sqrt(np.mean(error**2))))
-        source = drive_features.keys(drives, names, [place])
-        if place[1] == "depth":
-            found = statistics.mean(tracks, *seeds)
-            rows.append(row(config, {**_case(place, "all objects"), "of": "both"}, "track correlation", found, source, OVERLAYS))
-        for kind, values in profiles.items():
-            claim = PLACED if kind == "metal" and place[1] == "depth" else NONE
-            found = statistics.mean(values, *seeds)
-            rows.append(row(config, {**_case(place, kind), "of": "both"}, "range-profile correlation", found, source, claim))
-        for domain, values in velocities.items():
-            case = {**_case(place, "all objects"), "of": LABELS[domain]}
-            rows.append(row(config, case, "velocity error, rms (m/s)", statistics.mean(values, *seeds), source))
-    return rows
+def _add_signals(rows: RowList, drives: dict[str, Drives], place: Place) -> None:
+    """Track, profile and velocity at one place over objects; profiles by material class."""
+    names = drive_features.objects(drives[MEASURED], place)
+    tracks, profiles, velocities = [], defaultdict(list), defaultdict(list)
+    for name in names:
+        twin = drives[TWIN][name, place][0]
+        for one in drives[MEASURED][name, place]:
+            tracks.append(statistics.correlation(*aligned(one, twin)))
+            profiles[catalogue()[name].material_class].append(profile_correlation(one.profile, twin.profile, one.range_m))
+        for domain in COMPARED:
+            for one in drives[domain][name, place]:
+                if one.velocity_mps is not None:
+                    error = one.velocity_mps - range_rate(one.nominal_m, one.frame_rate_hz)
+                    velocities[domain].append(float(np.sqrt(np.mean(error**2))))
+    keys = drive_features.keys(drives, names, [place])
+    if place[1] == "depth":
+        rows.add_mean(_at(place, "all objects"), "track correlation", tracks, keys, OVERLAYS)
+    for kind, values in profiles.items():
+        claim = PLACED if kind == "metal" and place[1] == "depth" else NONE
+        rows.add_mean(_at(place, kind), "range-profile correlation", values, keys, claim)
+    for domain, values in velocities.items():
+        rows.add_mean(_at(place, "all objects", LABELS[domain]), "velocity error, rms (m/s)", values, keys)
 
 
-def _feature_rows(config: Config, drives: dict[str, Drives], found: list[Agreement]) -> list[dict[str, Any]]:
-    """Shares of positive rank correlations per room and motion, families' means, and how the multipath share stands among all."""
-    rows = []
+def _add_shares(rows: RowList, drives: dict[str, Drives], found: list[Agreement]) -> None:
+    """Share of positive rank correlations per room and motion, and the mean of each feature family."""
     groups: dict[tuple[str, str], list[Agreement]] = defaultdict(list)
     for one in found:
         groups[one.place[0], one.place[1]].append(one)
     for (room, motion), some in groups.items():
-        where = sorted({one.place for one in some})
-        source = drive_features.keys(drives, catalogue(), where)
+        keys = drive_features.keys(drives, chosen={one.place for one in some})
         alike = statistics.share(sum(one.rho > 0 for one in some), len(some))
         claim = AGREE.get(room, NONE) if motion == "depth" else NONE
-        case = {**_case(None, "all features", room, motion), "of": "both"}
-        rows.append(row(config, case, "share of features that order objects alike", alike, source, claim))
+        rows.add(_over("all features", room, motion), "share of features that order objects alike", alike, keys, claim)
         families = defaultdict(list)
         for one in some:
             families[drive_features.family(one.feature)].append(one.rho)
         for name, values in families.items():
-            mean = statistics.mean(values, config.profile.resamples, config.seed)
-            rows.append(row(config, {**_case(None, name, room, motion), "of": "both"}, "order of objects, mean", mean, source))
+            rows.add_mean(_over(name, room, motion), "order of objects, mean", values, keys)
+
+
+def _add_reliability(rows: RowList, drives: dict[str, Drives], found: list[Agreement]) -> None:
+    """Share of features whose mean rank correlation does not exceed that of the multipath share."""
     means = {f: np.mean([one.rho for one in found if one.feature == f]) for f in {one.feature for one in found}}
-    if SHARE in means and len(means) > 1:
-        beaten = float(np.mean([means[SHARE] >= value for f, value in means.items() if f != SHARE]))
-        source = drive_features.keys(drives, catalogue(), {one.place for one in found})
-        case = {**_case(None, "multipath share"), "of": "both"}
-        rows.append(
-            row(config, case, "share of features less reliable", Estimate(beaten, beaten, beaten, len(means) - 1), source, RELIABLE)
-        )
-    return rows
+    if MULTIPATH in means and len(means) > 1:
+        beaten = float(np.mean([means[MULTIPATH] >= value for f, value in means.items() if f != MULTIPATH]))
+        keys = drive_features.keys(drives, chosen={one.place for one in found})
+        rows.add(_over("multipath share"), "share of features less reliable", statistics.exact(beaten, len(means) - 1), keys, RELIABLE)
 
 
-def _material_rows(config: Config, drives: dict[str, Drives]) -> list[dict[str, Any]]:
-    """Metal less plastic per place and domain, the share of places where the signs agree, and the ratio of the separations."""
-    rows, gaps, source = [], [], []
+def _add_materials(rows: RowList, drives: dict[str, Drives]) -> None:
+    """Metal minus plastic per place and domain, the share of places where the signs agree, and the ratio of the differences."""
+    label, gaps, keys = "metal less plastic", [], []
     known = catalogue()
     for place in drive_features.places(drives[MEASURED]):
         names = drive_features.objects(drives[MEASURED], place)
         metal, plastic = ([name for name in names if known[name].material_class == kind] for kind in ("metal", "plastic"))
         if not (metal and plastic):
             continue
-        apart = {domain: _brightness(drives[domain], metal, place) - _brightness(drives[domain], plastic, place) for domain in DOMAINS}
         used = drive_features.keys(drives, [*metal, *plastic], [place])
-        for domain, value in apart.items():
-            case = {**_case(place, "metal less plastic"), "of": LABELS[domain]}
-            rows.append(row(config, case, "brightness (dB)", Estimate(value, value, value, len(metal) + len(plastic)), used))
-        gaps.append((apart[MEASURED], apart[TWIN]))
-        source += used
+        gaps.append([_brightness(drives[domain], metal, place) - _brightness(drives[domain], plastic, place) for domain in COMPARED])
+        for domain, gap in zip(COMPARED, gaps[-1], strict=True):
+            rows.add(_at(place, label, LABELS[domain]), "brightness (dB)", statistics.exact(gap, len(metal) + len(plastic)), used)
+        keys += used
     if gaps:
         pairs = np.array(gaps)
         signs = statistics.share(int(np.sum(np.sign(pairs[:, 0]) == np.sign(pairs[:, 1]))), len(pairs))
-        rows.append(row(config, {**_case(None, "metal less plastic"), "of": "both"}, "share of places with one sign", signs, source, SIGNS))
-        ratio = _ratio(pairs, config.profile.resamples, config.seed)
-        rows.append(row(config, {**_case(None, "metal less plastic"), "of": "both"}, "simulated over measured", ratio, source, SEPARATES))
-    return rows
+        rows.add(_over(label), "share of places with one sign", signs, keys, SIGNS)
+        ratio = _ratio(pairs, rows.config.profile.resamples, rows.config.seed)
+        rows.add(_over(label), "simulated over measured", ratio, keys, SEPARATES)
 
 
 def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
-    """Mean simulated over mean measured separation, places drawn anew; without a bound where a draw's measured one is not above zero."""
+    """Mean simulated over mean measured difference of (places, 2), with a bootstrap over places.
+
+    A draw whose mean measured difference is not above zero counts as infinite.
+    """
     value = float(pairs[:, 1].mean() / pairs[:, 0].mean()) if pairs[:, 0].mean() > 0 else float("nan")
     drawn = pairs[np.random.default_rng(seed).integers(len(pairs), size=(resamples, len(pairs)))].mean(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -218,8 +212,3 @@ def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
 
 def _brightness(drives: Drives, names: list[str], place: Place) -> float:
     return float(np.mean([np.mean([one.values["brightness_db"] for one in drives[name, place]]) for name in names]))
-
-
-def _pearson(first: NDArray, second: NDArray) -> float:
-    """0 where one of the two does not move."""
-    return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0

@@ -1,22 +1,23 @@
-"""Environment ablation: is a range profile more like the measured one when the room is simulated too?
+"""Environment ablation: is a simulated range profile closer to the measured one if the simulation includes the room?
 
-A corner reflector turns in front of the radar at each distance. Measured: the campaign's recordings of it, from the testbed the room with
-its clutter, layers and imperfect radar. Simulated twice: object and stand alone (void), and with the twin's room (as scanned, with the
-configured materials). Compared: mean range profiles by Pearson correlation, and the share of energy that arrives from beyond the target.
-Paper: environment ablation, void against reconstructed scene, -0.24 against +0.42 at 2 m and about 75 % of the energy beyond the target.
+A corner reflector turns in front of the radar at each distance. The measured recordings come from the campaign. There are two simulations:
+object and stand alone (void), and object and stand in the twin's room (as scanned, with the configured materials). The table compares mean
+range profiles by their Pearson correlation with the measured one, and the share of energy that arrives from beyond the target.
+Paper: environment ablation, void -0.24 and reconstructed scene +0.42 at 2 m, and about 75 % of the energy beyond the target.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import statistics
-from experiments.claims import NONE, Claim, row
-from experiments.recognition.readings import Campaign
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.source import RecordingSource
+from experiments.claims import NONE, Claim, RowList
+from experiments.drawing import error_bars, range_map
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.log import angles
@@ -39,158 +40,153 @@ TABLE = Table(
 )
 
 TARGET, ROOM_NAME = "corner_reflector", "lab"
-DOMAINS = {"measured": "measured", "room": "twin", "void": "void"}  # of the table, and of the campaign
-PAPER_DISTANCE_M = 2.0  # where the paper gives figures
+SIDES = {"measured": "measured", "room": "twin", "void": "void"}  # side of the table: domain of the campaign
+PAPER_DISTANCE_M = 2.0  # distance of the paper's figures
 ROOM = Claim(paper="+0.42")
 CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.0)
 WIDENS = Claim("the gain widens with distance", "above 0", above=0.0)
 BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", above=0.5)
-# "essentially uncorrelated or weakly anti-correlated", taken as a bound on the interval
+# the paper's "essentially uncorrelated or weakly anti-correlated", as a bound on the interval
 UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", below=0.1)
 SCALES = {"amplitude": "amplitude", "db": "decibels"}
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """One recording: its mean range profile (B,), and the power of its first turn (F, B) over range_m (B,)."""
+class Profiles:
+    """One recording: its mean range profile (B,), and the power of its first revolution (F, B) over range_m (B,)."""
 
     key: str
-    profile: np.ndarray
-    turn: np.ndarray
+    mean: np.ndarray
+    revolution: np.ndarray
     range_m: np.ndarray
 
 
-Recordings = Mapping[tuple[str, float], Sequence[Shown]]  # by domain of the table and distance
+Recordings = Mapping[tuple[str, float], Sequence[Profiles]]  # by side and distance
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign.campaign import Campaign as Recorded
-
+    """The table of the configured campaign. Raises ConfigError for settings that the table does not use."""
     check(config)
-    return score(config, Recorded(config, store, progress), progress)
+    return score(config, Campaign(config, store, progress), progress)
 
 
 def check(config: Config) -> None:
-    """Refuse what would not be read, before anything is simulated. Raises ConfigError."""
-    for key, value, read in (
+    """Refuse settings that the table would ignore, before anything is simulated. Raises ConfigError."""
+    for key, value, used in (
         ("scene", config.scene.name, ROOM_NAME),
         ("scene.target", config.scene.target, TARGET),
         ("trajectory", config.trajectory.kind, "turntable"),
     ):
-        if value != read:
-            raise ConfigError(
-                f"{key}={value} is not read by experiment=environment, which scores the campaign's {key}={read}; leave it out"
-            )
+        if value != used:
+            raise ConfigError(f"{key}={value} is not read by experiment=environment, which always has {key}={used}; leave it out")
 
 
-def score(config: Config, campaign: Campaign, progress: Progress) -> Result:
-    """Rows hold both scales of the correlation at every distance, and the energy shares.
+def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
+    """Rows per distance: correlations on both scales, and energy shares.
 
     Raises:
         ConfigError: the campaign has no such recordings.
     """
-    recordings = read(config, campaign, progress)
+    recordings = read(config, source, progress)
     distances = sorted({distance for _, distance in recordings})
-    source, last = config.materials.source, distances[-1]
-    labels = {"measured": f"measured ({config.measured.provider})", "room": f"room ({source})", "void": "void"}
-    labels = {domain: label for domain, label in labels.items() if (domain, last) in recordings}
-    rows = _rows(config, recordings, distances, labels)
+    last = distances[-1]
+    labels = {"measured": f"measured ({config.measured.provider})", "room": f"room ({config.materials.source})", "void": "void"}
+    labels = {side: label for side, label in labels.items() if (side, last) in recordings}
+    rows = RowList(config)
+    gains: dict[tuple[str, float], np.ndarray] = {}
+    for distance in distances:
+        _add_correlations(rows, recordings, distance, labels, gains)
+        for side, label in labels.items():
+            shares = [beyond_target_share(one.mean, one.range_m, distance) for one in recordings[side, distance]]
+            claim = BEYOND if distance == PAPER_DISTANCE_M and side == "measured" else NONE
+            case = {"distance_m": distance, "case": label, "scale": "power"}
+            rows.add_mean(case, "energy share beyond the target", shares, _keys(recordings, [side], distance), claim)
+    _add_gain_changes(rows, recordings, labels, gains)
     figures: dict[str, Callable[[], Figure]] = {
-        "environment_range_time": lambda: _range_time_figure({d: recordings[d, last][0] for d in labels}, last, labels),
+        "environment_range_time": lambda: _range_time_figure({side: recordings[side, last][0] for side in labels}, last, labels),
         "environment_correlation": lambda: _correlation_figure(rows, distances, labels),
     }
     metrics = {
-        f"correlation_{domain}_{one['scale']}_{last:g}m": one["value"]
-        for domain, label in labels.items()
+        f"correlation_{side}_{one['scale']}_{last:g}m": one["value"]
+        for side, label in labels.items()
         for one in rows
         if one["metric"] == "profile correlation" and one["case"] == label and one["distance_m"] == last
     }
-    return Result(TABLE.name, rows, figures, metrics, [one.key for some in recordings.values() for one in some])
+    return Result("environment", rows, figures, metrics, [one.key for some in recordings.values() for one in some])
 
 
-def read(config: Config, campaign: Campaign, progress: Progress) -> Recordings:
-    """The reflector's turns by domain and distance, at the configured distances (none: all) that both domains have."""
-    domains = [domain for domain in DOMAINS if not (domain == "room" and config.materials.source == "void")]
-    turning = {"motion": "turntable", "room": ROOM_NAME, "object": TARGET}
-    cases = [(domain, case) for domain in domains for case in campaign.cases(DOMAINS[domain], **turning)]
-    found = {case.distance_m for _, case in cases}
-    chosen = set(config.experiment.distances_m) or found
-    common = [d for d in chosen if all(any(other == domain and case.distance_m == d for other, case in cases) for domain in domains)]
-    if missing := sorted(chosen - set(common)):
-        have = ", ".join(f"{distance:g}" for distance in sorted(found)) or "none"
+def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
+    """The reflector's recordings by side and distance, at the configured distances or at all. Every side must have each of them."""
+    sides = [side for side in SIDES if not (side == "room" and config.materials.source == "void")]
+    cases = [(side, case) for side in sides for case in source.cases(SIDES[side], motion="turntable", room=ROOM_NAME, object=TARGET)]
+    recorded = {side: {case.distance_m for other, case in cases if other == side} for side in sides}
+    shared = set.intersection(*recorded.values())
+    chosen = set(config.experiment.distances_m) or set.union(*recorded.values())
+    if missing := sorted(chosen - shared):
+        have = ", ".join(f"{distance:g}" for distance in sorted(set.union(*recorded.values()))) or "none"
         raise ConfigError(f"experiment.distances_m: the campaign has no turning {TARGET} at {missing[0]:g} m; it has {have}")
-    if not common:
+    if not chosen:
         raise ConfigError(f"the campaign has no turning {TARGET} that is both measured and simulated")
-    out: dict[tuple[str, float], list[Shown]] = {}
-    wanted = [(domain, case) for domain, case in cases if case.distance_m in common]
-    campaign.prepare([(DOMAINS[domain], case) for domain, case in wanted])
-    for domain, case in progress.over(wanted, "environment recordings"):
-        key, processed = campaign.processed(DOMAINS[domain], case)
-        turned = angles(campaign.log(case, DOMAINS[domain]), processed.num_frames)
-        turn = processed.power[turned < turned[0] + 2 * np.pi - 1e-9]
-        shown = Shown(key, processed.power.mean(axis=0, dtype=float), turn, processed.range_m)
-        out.setdefault((domain, case.distance_m), []).append(shown)
-    return out
+    wanted = [(side, case) for side, case in cases if case.distance_m in chosen]
+    source.prepare([(SIDES[side], case) for side, case in wanted])
+    found: dict[tuple[str, float], list[Profiles]] = {}
+    for side, case in progress.over(wanted, "environment recordings"):
+        key, processed = source.processed(SIDES[side], case)
+        angle = angles(source.log(case, SIDES[side]), processed.num_frames)
+        revolution = processed.power[angle < angle[0] + 2 * np.pi - 1e-9]
+        profiles = Profiles(key, processed.power.mean(axis=0, dtype=float), revolution, processed.range_m)
+        found.setdefault((side, case.distance_m), []).append(profiles)
+    return found
 
 
-def _rows(config: Config, recordings: Recordings, distances: list[float], labels: dict[str, str]) -> list[dict[str, Any]]:
-    """Table rows: per distance and scale void, room and their difference; per distance the energy share in each domain."""
-    rows: list[dict[str, Any]] = []
-    gains: dict[tuple[str, float], np.ndarray] = {}
+def _keys(recordings: Recordings, sides: Sequence[str], *distances: float) -> list[str]:
+    return [one.key for distance in distances for side in sides for one in recordings[side, distance]]
 
-    def add(where: tuple[float, str, str], metric: str, samples: Sequence[float] | np.ndarray, sources: Iterable, claim: Claim = NONE):
-        """One row at (distance, case, scale); `sources` are the (domain, distance) whose recordings it comes from."""
-        found = statistics.mean(samples, config.profile.resamples, config.seed)
-        case: dict[str, Any] = dict(zip(("distance_m", "case", "scale"), where, strict=True))
-        rows.append(row(config, case, metric, found, [one.key for source in sources for one in recordings[source]], claim))
 
-    for distance in distances:
-        reported = distance == PAPER_DISTANCE_M
-        sources = {domain: [("measured", distance), (domain, distance)] for domain in labels}
-        for scale in SCALES:
-            score = {
-                domain: _correlations(recordings["measured", distance], recordings[domain, distance][0], scale)
-                for domain in labels
-                if domain != "measured"
-            }
-            for domain, claim in (("void", UNCORRELATED), ("room", ROOM)):
-                if domain in score:
-                    where = (distance, labels[domain], scale)
-                    add(where, "profile correlation", score[domain], sources[domain], claim if reported else NONE)
-            if "room" in score:
-                gains[scale, distance] = score["room"] - score["void"]
-                where = (distance, f"{labels['room']} - void", scale)
-                add(where, "gain in correlation", gains[scale, distance], [(domain, distance) for domain in labels], CLOSER)
-        for domain, label in labels.items():
-            shares = [beyond_target_share(one.profile, one.range_m, distance) for one in recordings[domain, distance]]
-            claim = BEYOND if reported and domain == "measured" else NONE
-            add((distance, label, "power"), "energy share beyond the target", shares, [(domain, distance)], claim)
+def _add_correlations(
+    rows: RowList, recordings: Recordings, distance: float, labels: dict[str, str], gains: dict[tuple[str, float], np.ndarray]
+) -> None:
+    """Correlation of void and room with the measured profiles on each scale, and the gain of the room, also kept in `gains`."""
+    for scale in SCALES:
+        correlations = {}
+        for side, claim in (("void", UNCORRELATED), ("room", ROOM)):
+            if side in labels:
+                twin = recordings[side, distance][0]
+                correlations[side] = np.array([
+                    profile_correlation(twin.mean, one.mean, one.range_m, scale) for one in recordings["measured", distance]
+                ])  # fmt: skip
+                case = {"distance_m": distance, "case": labels[side], "scale": scale}
+                claim = claim if distance == PAPER_DISTANCE_M else NONE
+                rows.add_mean(case, "profile correlation", correlations[side], _keys(recordings, ["measured", side], distance), claim)
+        if "room" in labels:
+            gains[scale, distance] = correlations["room"] - correlations["void"]
+            case = {"distance_m": distance, "case": f"{labels['room']} - void", "scale": scale}
+            rows.add_mean(case, "gain in correlation", gains[scale, distance], _keys(recordings, list(labels), distance), CLOSER)
+
+
+def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, str], gains: Mapping[tuple[str, float], np.ndarray]) -> None:
+    """Gain of the room at the largest distance minus the gain at the smallest, if there are several distances."""
+    distances = [distance for _, distance in gains]
+    if not gains or min(distances) == max(distances):
+        return
     near, far = min(distances), max(distances)
-    if gains and near < far:
-        for scale in SCALES:
-            count = min(len(gains[scale, near]), len(gains[scale, far]))
-            change = gains[scale, far][:count] - gains[scale, near][:count]
-            where = (far, f"gain at {far:g} m - at {near:g} m", scale)
-            add(where, "change of gain", change, [(domain, distance) for distance in (near, far) for domain in labels], WIDENS)
-    return rows
+    for scale in SCALES:
+        count = min(len(gains[scale, near]), len(gains[scale, far]))
+        change = gains[scale, far][:count] - gains[scale, near][:count]
+        case = {"distance_m": far, "case": f"gain at {far:g} m - at {near:g} m", "scale": scale}
+        rows.add_mean(case, "change of gain", change, _keys(recordings, list(labels), near, far), WIDENS)
 
 
-def _correlations(measured: Sequence[Shown], simulated: Shown, scale: str) -> np.ndarray:
-    """Of each measured profile with the simulated one."""
-    return np.array([profile_correlation(simulated.profile, one.profile, one.range_m, scale) for one in measured])
-
-
-def _range_time_figure(shown: dict[str, Shown], distance: float, labels: dict[str, str]) -> Figure:
-    """Range-time maps of a turn at one distance, measured first, on one scale."""
+def _range_time_figure(shown: dict[str, Profiles], distance: float, labels: dict[str, str]) -> Figure:
+    """Range over the angle of a revolution at one distance, the measured map first, on one scale."""
     drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, sharex=True)
     axis = shown["measured"].range_m
     inside = (axis >= NEAR_M) & (axis <= FAR_M)
-    top = max(10 * np.log10(one.turn[:, inside].max()) for one in shown.values())
-    for panel, (domain, one) in zip(panels, shown.items(), strict=True):
-        level = 10 * np.log10(np.maximum(one.turn[:, inside], 1e-30))
-        extent = (0, 360, float(axis[inside][0]), float(axis[inside][-1]))
-        panel.imshow(level.T, origin="lower", aspect="auto", extent=extent, vmin=top - 70, vmax=top, interpolation="nearest")
-        panel.set(title=labels[domain], xlabel="turntable angle (deg)", xticks=[0, 90, 180, 270, 360])
+    top = max(10 * np.log10(one.revolution[:, inside].max()) for one in shown.values())
+    for panel, (side, one) in zip(panels, shown.items(), strict=True):
+        level = 10 * np.log10(np.maximum(one.revolution[:, inside], 1e-30))
+        range_map(panel, level, (0, 360, float(axis[inside][0]), float(axis[inside][-1])), top, 70)
+        panel.set(title=labels[side], xlabel="turntable angle (deg)", xticks=[0, 90, 180, 270, 360])
     line = {"arrowstyle": "-", "color": "white"}
     panels[0].annotate("reflector", (15, distance), (25, distance - 0.6), color="white", fontsize=7, arrowprops=line)
     panels[0].set_ylabel("range (m)")
@@ -198,19 +194,17 @@ def _range_time_figure(shown: dict[str, Shown], distance: float, labels: dict[st
     return drawing
 
 
-def _correlation_figure(rows: list[dict], distances: list[float], labels: dict[str, str]) -> Figure:
+def _correlation_figure(rows: Sequence[dict[str, Any]], distances: list[float], labels: dict[str, str]) -> Figure:
     """Correlation with the measured profile against distance, one panel per scale."""
     drawing, panels = figure(1, len(SCALES), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True)
-    looks = {"void": (PALETTE[1], "s"), "room": (PALETTE[0], "o")}
+    styles = {"void": (PALETTE[1], "s"), "room": (PALETTE[0], "o")}
     found = {(r["case"], r["scale"], r["distance_m"]): r for r in rows if r["metric"] == "profile correlation"}
     for panel, scale in zip(panels, SCALES, strict=True):
-        for domain, label in labels.items():
-            if domain == "measured":
-                continue
-            chosen = [found[label, scale, distance] for distance in distances]
-            value, low, high = (np.array([row[column] for row in chosen]) for column in ("value", "low", "high"))
-            colour, marker = looks[domain]
-            panel.errorbar(distances, value, yerr=[value - low, high - value], color=colour, marker=marker, ms=4, capsize=2, label=label)
+        for side, label in labels.items():
+            if side != "measured":
+                value, errors = error_bars(found[label, scale, distance] for distance in distances)
+                colour, marker = styles[side]
+                panel.errorbar(distances, value, yerr=errors, color=colour, marker=marker, ms=4, capsize=2, label=label)
         panel.axhline(0, color="0.6", lw=0.6)
         panel.set(title=f"profiles in {SCALES[scale]}", xlabel="distance of the reflector (m)", ylim=(-0.5, 1.05))
     panels[0].set_ylabel("correlation with measured profile")

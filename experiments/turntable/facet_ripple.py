@@ -1,9 +1,9 @@
-"""What a tessellated can adds that a round one has not: ripple at as many cycles per turn as it has facets.
+"""Facet ripple: a tessellated can modulates its echo at as many cycles per revolution as it has facets; a smooth can does not.
 
-A can of FACETS flat facets and the same mesh with its facets curved through the vertex normals, each seen from all around at a distance in
-the far field and at one metre. Both look the same after one facet's turn, so ASPECTS_PER_FACET aspects of one facet are those of a whole
-turn: 2048. Ripple is the harmonic ratio of the band about FACETS cycles. Paper, disentangled fidelity, shape: high-frequency facet ripple
-of about 128 cycles per rotation from the triangulated mesh, which smooth objects do not exhibit.
+The table compares a can of FACETS flat facets with the same mesh whose facets are curved through the vertex normals, seen from all
+directions in the far field and at one metre. Both meshes repeat after one facet, so ASPECTS_PER_FACET aspects of one facet stand for all
+2048 aspects of a revolution. Ripple is the harmonic ratio of the band around FACETS cycles. Paper, disentangled fidelity, shape:
+the triangulated mesh ripples at about 128 cycles per revolution, which smooth objects do not.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 FACETS = 128
 ASPECTS_PER_FACET = 16
 RADIUS_M, HEIGHT_M = 0.0683 / 2, 0.1016  # of the soup can
-APART_M = 1e-6  # facets this far apart share no vertex, and stay flat
+APART_M = 1e-6  # gap between facets, so that they share no vertex and stay flat
 NEAR_M = 1.0
 HALF_BAND = 8  # cycles to either side of FACETS
 SEEDS = (1, 2, 3)  # of the ray grid
@@ -32,7 +32,7 @@ RIPPLES = Claim("flat facets ripple at their own number of cycles", "about 128 c
 
 
 def can(flat: bool) -> trimesh.Trimesh:
-    """The side of a can of FACETS facets, about z."""
+    """The side wall of a can of FACETS facets, with its axis along z."""
     import trimesh
 
     corner = 2 * np.pi * np.arange(FACETS + 1) / FACETS
@@ -52,7 +52,7 @@ def can(flat: bool) -> trimesh.Trimesh:
 
 
 def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDArray[np.float64]:
-    """Cross-section over a whole turn, (FACETS * ASPECTS_PER_FACET,), in m^2."""
+    """Radar cross-section over a revolution in m^2, (FACETS * ASPECTS_PER_FACET,); distance None is the far field."""
     from radartwin.simulation.rcs import rcs
 
     angles = 2 * np.pi / FACETS * np.arange(ASPECTS_PER_FACET) / ASPECTS_PER_FACET
@@ -60,7 +60,7 @@ def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDAr
 
 
 def ripple_rows(config: Config) -> list[dict[str, Any]]:
-    """Ripple of both cans, and how many times more the flat one has; intervals are the extremes over ray grids."""
+    """Ripple of both cans and the ratio of the two; intervals are the extremes over the seeds of the ray grid."""
     rows = []
     for distance in (NEAR_M, None):
         found = {flat: [envelope(can(flat), distance, seed) for seed in SEEDS] for flat in (True, False)}

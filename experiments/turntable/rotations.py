@@ -1,32 +1,32 @@
-"""What the turntable tables read off each recording, in either domain: the rotation features, the signature, and if the target is seen."""
+"""Turntable recordings as the turntable tables read them: rotation features, range-Doppler signature, and target visibility."""
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.recognition.readings import Campaign, Case
-from radartwin.errors import ConfigError, InputError
+from experiments.campaign.cases import COMPARED, Case
+from experiments.campaign.source import RecordingSource, read_both
+from radartwin.errors import InputError
 from radartwin.features import sets
-from radartwin.features.log import angles, distances
+from radartwin.features.log import Log, angles, distances
+from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate
 from radartwin.features.signature import Signature, signature
 from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN
-from radartwin.scene.objects.catalogue import catalogue
-
-MEASURED, TWIN = "measured", "twin"
-DOMAINS = (MEASURED, TWIN)
-LABELS = {MEASURED: "measured", TWIN: "simulated"}
 
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """One recording: its features by name, and whether its strongest return in the room is in the target gate."""
+    """One recording.
+
+    Attributes:
+        values: rotation features by name.
+        localised: whether the strongest return of the room lies in the target gate.
+    """
 
     case: Case
     key: str
@@ -38,39 +38,30 @@ class Turn:
 Turns = dict[tuple[str, float], list[Turn]]  # by object and distance
 
 
-def read(campaign: Campaign, progress: Progress) -> dict[str, Turns]:
+def read(source: RecordingSource, progress: Progress) -> dict[str, Turns]:
     """Turns of both domains at the objects and distances that both have, in the catalogue's order.
 
     Raises:
-        ConfigError: the campaign has none in common. InputError: turns of different numbers of frames.
+        ConfigError: the domains have nothing in common.
+        InputError: revolutions with different numbers of frames.
     """
-    cases = {domain: campaign.cases(domain, motion="turntable") for domain in DOMAINS}
-    common = set.intersection(*({(case.object, case.distance_m) for case in chosen} for chosen in cases.values()))
-    if not common:
-        raise ConfigError("the turntable campaign has no object and distance that is both measured and simulated")
-    wanted = [(domain, case) for domain in DOMAINS for case in cases[domain] if (case.object, case.distance_m) in common]
-    found: dict[str, dict] = {domain: defaultdict(list) for domain in DOMAINS}
-    campaign.prepare(wanted)
-    for domain, case in progress.over(wanted, "turntable recordings"):
-        found[domain][case.object, case.distance_m].append(_turn(campaign, domain, case))
-    shapes = {turn.signature.level.shape for turns in found.values() for some in turns.values() for turn in some}
-    if len(shapes) > 1:
-        told = " and ".join(str(frames) for frames in sorted({shape[0] for shape in shapes}))
-        raise InputError(f"turns of {told} frames cannot be compared; record all turntables at one frame rate and period")
-    order = {name: number for number, name in enumerate(catalogue())}
-    return {domain: dict(sorted(turns.items(), key=lambda item: (order[item[0][0]], item[0][1]))) for domain, turns in found.items()}
+    found = read_both(source, ("turntable",), lambda case: (case.object, case.distance_m), _turn, progress)
+    frames = sorted({len(turn.signature.level) for turns in found.values() for some in turns.values() for turn in some})
+    if len(frames) > 1:
+        raise InputError(
+            f"revolutions of {' and '.join(map(str, frames))} frames cannot be compared; record all turntables at one frame rate and period"
+        )
+    return found
 
 
-def _turn(campaign: Campaign, domain: str, case: Case) -> Turn:
-    key, processed = campaign.processed(domain, case)
-    log = campaign.log(case, domain)
+def _turn(case: Case, key: str, processed: Processed, log: Log) -> Turn:
     names, values = sets.vector(processed, log, "rotation")
     target_m = float(distances(log, processed.num_frames)[0])
-    shown = signature(processed, angles(log, processed.num_frames), log.frame_rate_hz, target_m)
-    seen = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
-    strongest = int(np.where(seen, processed.power.mean(axis=0), 0).argmax())
+    revolution = signature(processed, angles(log, processed.num_frames), log.frame_rate_hz, target_m)
+    inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
+    strongest = int(np.where(inside, processed.power.mean(axis=0), 0).argmax())
     localised = bool(gate(processed.range_m, target_m)[strongest])
-    return Turn(case, key, dict(zip(names, (float(value) for value in values), strict=True)), shown, localised)
+    return Turn(case, key, dict(zip(names, map(float, values), strict=True)), revolution, localised)
 
 
 def objects(turns: Turns) -> list[str]:
@@ -79,17 +70,22 @@ def objects(turns: Turns) -> list[str]:
 
 
 def distances_m(turns: Turns) -> list[float]:
-    """Distances that occur, ascending."""
+    """The recorded distances, ascending."""
     return sorted({distance for _, distance in turns})
 
 
-def samples(turns: Turns, feature: str, name: str, distance_m: float | None = None) -> NDArray[np.float64]:
-    """A feature's values over an object's recordings, at one distance or all."""
-    return np.array([turn.values[feature] for turn in chosen(turns, [name], distance_m)])
+def chosen(turns: Turns, names: Sequence[str], distance_m: float | None = None) -> list[Turn]:
+    """Recordings of these objects, at one distance or at all."""
+    return [turn for (name, distance), some in turns.items() if name in names and distance_m in (None, distance) for turn in some]
+
+
+def samples(turns: Turns, feature: str, name: str) -> NDArray[np.float64]:
+    """A feature's values in all recordings of an object."""
+    return np.array([turn.values[feature] for turn in chosen(turns, [name])])
 
 
 def object_means(turns: Turns, feature: str, names: Sequence[str], distance_m: float | None = None) -> NDArray[np.float64]:
-    """One value per object: the mean over distances of the mean over repetitions, so that no distance weighs more."""
+    """One value per object: the mean over distances of the mean over repetitions, so that every distance has the same weight."""
     found = []
     for name in names:
         cells = [key for key in turns if key[0] == name and distance_m in (None, key[1])]
@@ -97,20 +93,16 @@ def object_means(turns: Turns, feature: str, names: Sequence[str], distance_m: f
     return np.array(found)
 
 
-def chosen(turns: Turns, names: Sequence[str], distance_m: float | None = None) -> list[Turn]:
-    """Recordings of these objects, at one distance or all."""
-    return [turn for (name, distance), some in turns.items() if name in names and distance_m in (None, distance) for turn in some]
+def keys(turns: Turns, names: Sequence[str] | None = None, distance_m: float | None = None) -> list[str]:
+    """Store keys of the recordings of one domain, of these objects or of all."""
+    return [turn.key for turn in chosen(turns, objects(turns) if names is None else names, distance_m)]
 
 
-def panels_width_in(panels: int) -> float:
-    """Of a figure with a panel per distance: the page's for four, less for fewer."""
-    return PAGE_WIDTH_IN * min(1.0, 0.25 + 0.25 * panels)
+def keys_of_both(turns: dict[str, Turns], names: Sequence[str] | None = None, distance_m: float | None = None) -> list[str]:
+    """Store keys of the recordings of both domains."""
+    return [key for domain in COMPARED for key in keys(turns[domain], names, distance_m)]
 
 
 def is_can(name: str) -> bool:
-    """Whether an object is of the near-identical set."""
+    """Whether an object is one of the six similar cans."""
     return "can_" in name
-
-
-def keys(*parts: Sequence[Turn]) -> list[str]:
-    return [turn.key for part in parts for turn in part]

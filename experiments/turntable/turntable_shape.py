@@ -1,28 +1,31 @@
-"""Shape: does the modulation of an object's echo over a turn stand in the same relation to the others' in simulation as measured?
+"""Shape: do objects differ in the modulation of their echo over a revolution in simulation as they do in measurement?
 
-Every object turns in front of the radar at each distance. From each recording comes the angular harmonic ratio (1-6 cycles per turn over
-DC), the other rotation features but brightness, and the range-Doppler signature of a turn. Compared: the ratio of each object; the ranking
-of objects (Spearman); the matrices of distances between objects (Mantel test on standardised features); signatures (SSIM, against that with
-other objects); how much the ratio of the corner reflector changes with distance. Paper: disentangled fidelity, shape, and turntable
-fidelity. An object counts as cleanly localised where, in half or more of its measured recordings, the room's strongest return is in the
-target gate; the paper does not say how it chose.
+Every object turns in front of the radar at each distance. Each recording gives the angular harmonic ratio (1-6 cycles per revolution over
+DC), the other rotation features except brightness, and the range-Doppler signature of a revolution. The table compares the ratio of each
+object, the ranking of objects (Spearman), the matrices of distances between objects (Mantel test on standardised features), the signatures
+(SSIM with the object's own twin and with other objects' twins), and the change of the corner reflector's ratio with distance.
+Paper: disentangled fidelity, shape, and turntable fidelity. An object counts as cleanly localised if the room's strongest return lies in
+the target gate in half or more of its measured recordings; the paper gives no criterion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments import statistics
-from experiments.claims import NONE, Claim, row
-from experiments.recognition.readings import Campaign
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
+from experiments.campaign.source import RecordingSource
+from experiments.claims import NONE, Claim, RowList
+from experiments.drawing import DOMAIN_STYLES, legend_above
 from experiments.statistics import Estimate
 from experiments.turntable import rotations
 from experiments.turntable.facet_ripple import ripple_rows
-from experiments.turntable.rotations import DOMAINS, LABELS, MEASURED, TWIN, Turns
+from experiments.turntable.rotations import Turns
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
@@ -44,49 +47,50 @@ TABLE = Table(
 )
 
 RATIO = "harmonic_ratio"
-REFLECTOR = "corner_reflector"
 SHAPE_FEATURES = (RATIO, *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad")
-PERMUTATIONS = 999  # the paper's p of 0.001 is the least that so many can give
-
-SHOWN = 1e-4  # the least ratio of the figure: a twin's can has none
-LEAST = 4  # objects: fewer cannot reach p 0.05, however well they agree
+PERMUTATIONS = 999  # the smallest p of so many permutations is the paper's 0.001
+LOWEST_SHOWN = 1e-4  # lower end of the ratio's axis; a simulated can has a ratio of zero
+MIN_OBJECTS = 4  # with fewer objects p cannot fall below 0.05
 
 SPLIT = Claim("cans are flatter than the reflector and the bottles", "0.72 / 0.18 = 4", above=1.0)
-ORDER = Claim("the order of objects is kept", "0.76", above=0.0, p_below=0.05, least=LEAST)
-CLEAN = Claim("the order of cleanly localised objects is kept", "0.89", above=0.0, p_below=0.05, least=LEAST)
-STRUCTURE = Claim("distances between objects are kept", "r 0.85, p 0.001", above=0.0, p_below=0.05, least=LEAST)
+ORDER = Claim("the order of objects is kept", "0.76", above=0.0, p_below=0.05, least=MIN_OBJECTS)
+CLEAN = Claim("the order of cleanly localised objects is kept", "0.89", above=0.0, p_below=0.05, least=MIN_OBJECTS)
+STRUCTURE = Claim("distances between objects are kept", "r 0.85, p 0.001", above=0.0, p_below=0.05, least=MIN_OBJECTS)
 ALIKE = Claim("", "0.76")
 OWN = Claim("a signature is more like its own twin's than like another object's", "", above=0.0)
 _STABLE = "the reflector's ratio is stable with distance: it varies less than between objects"
-STABLE_M = (0.6, 2.1)  # where the paper gives the reflector's variation; nearer, the wavefront bends over it
+STABLE_M = (0.6, 2.1)  # the paper's distances; closer, the wavefront bends over the reflector
+Similarity = Mapping[tuple[str, str], NDArray[np.float64]]  # SSIM by measured and simulated object
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign.campaign import Campaign as Recorded
+    """The table of the configured campaign."""
+    return score(config, Campaign(config, store, progress), progress)
 
-    return score(config, Recorded(config, store, progress), progress)
 
-
-def score(config: Config, campaign: Campaign, progress: Progress, ripple: bool = True) -> Result:
-    """Rows and figures from the turns of a campaign; `ripple` False leaves the meshes' facets out."""
-    turns = rotations.read(campaign, progress)
+def score(config: Config, source: RecordingSource, progress: Progress, ripple: bool = True) -> Result:
+    """Rows and figures; `ripple` adds the rows of facet_ripple."""
+    turns = rotations.read(source, progress)
     names = rotations.objects(turns[MEASURED])
-    alike = similarity(turns, names)
-    rows = [*_ratio_rows(config, turns, names), *_order_rows(config, turns, names), *_signature_rows(config, turns, names, alike)]
-    rows += _distance_rows(config, turns, names)
+    similar = similarity(turns, names)
+    rows = RowList(config)
+    _add_ratios(rows, turns, names)
+    _add_orders(rows, turns, names)
+    _add_signatures(rows, turns, names, similar)
+    _add_distances(rows, turns, names)
     if ripple:
         rows += ripple_rows(config)
     figures: dict[str, Callable[[], Figure]] = {
-        "turntable_ssim": lambda: _ssim_figure(names, alike),
+        "turntable_ssim": lambda: _ssim_figure(names, similar),
         "turntable_ranking": lambda: _ranking_figure(turns, names),
     }
     headline = {"order of objects": "spearman", "distances between objects": "mantel_r", "signatures": "ssim_mean"}
     metrics = {headline[r["metric"]]: r["value"] for r in rows if r["metric"] in headline and r["case"] == "all objects"}
-    return Result(TABLE.name, rows, figures, metrics, rotations.keys(*(some for d in DOMAINS for some in turns[d].values())))
+    return Result("turntable_shape", rows, figures, metrics, rotations.keys_of_both(turns))
 
 
-def similarity(turns: dict[str, Turns], names: list[str]) -> dict[tuple[str, str], NDArray[np.float64]]:
-    """SSIM of each measured signature of the first object with the simulated ones of the second at the same distance."""
+def similarity(turns: dict[str, Turns], names: list[str]) -> Similarity:
+    """SSIM of each measured signature of the first object with each simulated signature of the second at the same distance."""
     return {
         (first, second): np.array([
             statistics.ssim(one.signature.level, other.signature.level)
@@ -97,66 +101,60 @@ def similarity(turns: dict[str, Turns], names: list[str]) -> dict[tuple[str, str
     }  # fmt: skip
 
 
-def _ratio_rows(config: Config, turns: dict[str, Turns], names: list[str]) -> list[dict[str, Any]]:
-    """The ratio of each object in each domain, and how far cans are from what has facets or is not round."""
-    rows = []
+def _case(label: str, of: str = "both", distance_m: float | None = None) -> dict[str, str | float | None]:
+    return {"case": label, "distance_m": distance_m, "of": of}
+
+
+def _add_ratios(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
+    """The ratio of each object in each domain, and the ratio between peaked objects (facets or not round) and cans."""
     known = catalogue()
     cans = [name for name in names if rotations.is_can(name)]
     peaked = [name for name in names if known[name].shape != "symmetric"]
-    for domain in DOMAINS:
+    for domain in COMPARED:
         for name in names:
-            measured = domain == MEASURED
-            claim = Claim(paper=("0.03-0.18" if name in cans else "0.72-2.5" if name in peaked else "") if measured else "")
-            found = statistics.mean(rotations.samples(turns[domain], RATIO, name), config.profile.resamples, config.seed)
-            case = {"case": known[name].label, "distance_m": None, "of": LABELS[domain]}
-            rows.append(row(config, case, "angular harmonic ratio", found, rotations.keys(rotations.chosen(turns[domain], [name])), claim))
+            paper = ("0.03-0.18" if name in cans else "0.72-2.5" if name in peaked else "") if domain == MEASURED else ""
+            values, source = rotations.samples(turns[domain], RATIO, name), rotations.keys(turns[domain], [name])
+            rows.add_mean(_case(known[name].label, LABELS[domain]), "angular harmonic ratio", values, source, Claim(paper=paper))
         if cans and peaked:
-            found = _gap(config, turns[domain], cans, peaked)
-            case = {"case": "least peaked over least flat", "distance_m": None, "of": LABELS[domain]}
-            source = rotations.keys(rotations.chosen(turns[domain], [*cans, *peaked]))
-            rows.append(row(config, case, "ratio of harmonic ratios", found, source, SPLIT))
-    return rows
+            found = _separation(rows.config, turns[domain], cans, peaked)
+            source = rotations.keys(turns[domain], [*cans, *peaked])
+            rows.add(_case("least peaked over least flat", LABELS[domain]), "ratio of harmonic ratios", found, source, SPLIT)
 
 
-def _gap(config: Config, turns: Turns, cans: list[str], peaked: list[str]) -> Estimate:
-    """Smallest mean ratio among the peaked over the largest among the cans, recordings of each object drawn anew."""
+def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]) -> Estimate:
+    """Smallest mean ratio of the peaked objects over the largest of the cans; the bootstrap resamples the recordings of each object."""
     rng = np.random.default_rng(config.seed)
-    drawn = {name: rotations.samples(turns, RATIO, name) for name in (*cans, *peaked)}
+    values = {name: rotations.samples(turns, RATIO, name) for name in (*cans, *peaked)}
 
-    def gap(values: dict[str, NDArray]) -> float:
-        return min(values[name].mean() for name in peaked) / max(values[name].mean() for name in cans)
+    def separation(drawn: dict[str, NDArray]) -> float:
+        return min(drawn[name].mean() for name in peaked) / max(drawn[name].mean() for name in cans)
 
-    value = gap(drawn)
-    resampled = [gap({name: rng.choice(some, len(some)) for name, some in drawn.items()}) for _ in range(config.profile.resamples)]
-    low, high = np.quantile(resampled, [0.025, 0.975])
-    return Estimate(value, min(float(low), value), max(float(high), value), sum(len(some) for some in drawn.values()))
+    drawn = [separation({name: rng.choice(some, len(some)) for name, some in values.items()}) for _ in range(config.profile.resamples)]
+    return statistics.resampled(separation(values), drawn, sum(len(some) for some in values.values()))
 
 
-def _order_rows(config: Config, turns: dict[str, Turns], names: list[str]) -> list[dict[str, Any]]:
-    """Spearman of the ratio over objects, pooled and at each distance, and the Mantel test of their distances in feature space."""
-    rows = []
+def _add_orders(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
+    """Spearman of the ratio over objects, pooled and at each distance, and the Mantel test of the distances in feature space."""
     clean = [name for name in names if np.mean([turn.localised for turn in rotations.chosen(turns[MEASURED], [name])]) >= 0.5]
     cases: list[tuple[str, list[str], float | None, Claim]] = [("all objects", names, None, ORDER)]
     cases += [("cleanly localised objects", clean, None, CLEAN)]
     cases += [("all objects at one distance", names, distance, NONE) for distance in rotations.distances_m(turns[MEASURED])]
     for label, some, distance, claim in cases:
-        here = [name for name in some if all(distance is None or (name, distance) in turns[domain] for domain in DOMAINS)]
+        here = [name for name in some if distance is None or (name, distance) in turns[MEASURED]]
         if len(here) < 3:
             continue
-        first, second = (rotations.object_means(turns[domain], RATIO, here, distance) for domain in DOMAINS)
-        found = statistics.spearman(first, second, config.profile.resamples, config.seed)
-        case = {"case": label, "distance_m": distance, "of": "both"}
-        rows.append(row(config, case, "order of objects", found, _keys(turns, here, distance), claim))
+        first, second = (rotations.object_means(turns[domain], RATIO, here, distance) for domain in COMPARED)
+        found = statistics.spearman(first, second, rows.config.profile.resamples, rows.config.seed)
+        source = rotations.keys_of_both(turns, here, distance)
+        rows.add(_case(label, distance_m=distance), "order of objects", found, source, claim)
     if len(names) > 2:
-        first, second = (distance_matrix(turns[domain], names) for domain in DOMAINS)
-        found = statistics.mantel(first, second, PERMUTATIONS, config.seed)
-        case = {"case": "all objects", "distance_m": None, "of": "both"}
-        rows.append(row(config, case, "distances between objects", found, _keys(turns, names), STRUCTURE))
-    return rows
+        first, second = (distance_matrix(turns[domain], names) for domain in COMPARED)
+        found = statistics.mantel(first, second, PERMUTATIONS, rows.config.seed)
+        rows.add(_case("all objects"), "distances between objects", found, rotations.keys_of_both(turns, names), STRUCTURE)
 
 
 def distance_matrix(turns: Turns, names: list[str]) -> NDArray[np.float64]:
-    """(objects, objects): Euclidean, between means over recordings of the shape features, each with unit spread over objects."""
+    """(objects, objects): Euclidean distances between the objects' mean shape features, each feature with unit spread over objects."""
     from scipy.spatial.distance import pdist, squareform
 
     values = np.stack([rotations.object_means(turns, feature, names) for feature in SHAPE_FEATURES], axis=1)
@@ -164,45 +162,35 @@ def distance_matrix(turns: Turns, names: list[str]) -> NDArray[np.float64]:
     return squareform(pdist((values - values.mean(axis=0)) / np.where(spread > 0, spread, 1.0)))
 
 
-def _signature_rows(
-    config: Config, turns: dict[str, Turns], names: list[str], alike: Mapping[tuple[str, str], NDArray]
-) -> list[dict[str, Any]]:
-    rows = []
+def _add_signatures(rows: RowList, turns: dict[str, Turns], names: list[str], similar: Similarity) -> None:
     for name in names:
-        case = {"case": catalogue()[name].label, "distance_m": None, "of": "both"}
-        found = statistics.mean(alike[name, name], config.profile.resamples, config.seed)
-        rows.append(row(config, case, "signature (SSIM)", found, _keys(turns, [name])))
-    own = np.array([alike[name, name].mean() for name in names])
-    case = {"case": "all objects", "distance_m": None, "of": "both"}
-    rows.append(row(config, case, "signatures", statistics.mean(own, config.profile.resamples, config.seed), _keys(turns, names), ALIKE))
+        source = rotations.keys_of_both(turns, [name])
+        rows.add_mean(_case(catalogue()[name].label), "signature (SSIM)", similar[name, name], source)
+    own = np.array([similar[name, name].mean() for name in names])
+    every = rotations.keys_of_both(turns, names)
+    rows.add_mean(_case("all objects"), "signatures", own, every, ALIKE)
     if len(names) > 1:
-        others = np.array([np.mean([alike[name, other].mean() for other in names if other != name]) for name in names])
-        found = statistics.mean(own - others, config.profile.resamples, config.seed)
-        rows.append(row(config, case, "own signature less others'", found, _keys(turns, names), OWN))
-    return rows
+        others = np.array([np.mean([similar[name, other].mean() for other in names if other != name]) for name in names])
+        rows.add_mean(_case("all objects"), "own signature less others'", own - others, every, OWN)
 
 
-def _distance_rows(config: Config, turns: dict[str, Turns], names: list[str]) -> list[dict[str, Any]]:
-    """Variation over distance of each domain's ratio: of the reflector against that between objects, and of all objects in the mean."""
-    rows = []
-    seeds = config.profile.resamples, config.seed
-    for domain in DOMAINS:
+def _add_distances(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
+    """Variation of the ratio over distance: of the reflector, judged by the variation between objects, and the mean over objects."""
+    seeds = rows.config.profile.resamples, rows.config.seed
+    metric = "variation over distance"
+    for domain in COMPARED:
         between = statistics.coefficient_of_variation(_positive(rotations.object_means(turns[domain], RATIO, names)), *seeds).value
         claimed = Claim(_STABLE, "0.07", below=between) if domain == MEASURED else NONE
         for label, (low, high), claim in (("reflector, 0.6-2.1 m", STABLE_M, claimed), ("reflector, all distances", (0.0, np.inf), NONE)):
             values = _over_distance(turns[domain], REFLECTOR, low, high)
             if len(values) > 1:
                 found = statistics.coefficient_of_variation(values, *seeds)
-                case = {"case": label, "distance_m": None, "of": LABELS[domain]}
                 source = [turn.key for turn in rotations.chosen(turns[domain], [REFLECTOR]) if low <= turn.case.distance_m <= high]
-                rows.append(row(config, case, "variation over distance", found, source, claim))
+                rows.add(_case(label, LABELS[domain]), metric, found, source, claim)
         several = {name: values for name in names if len(values := _over_distance(turns[domain], name)) > 1}
         if several:
-            found = statistics.mean([statistics.coefficient_of_variation(values, *seeds).value for values in several.values()], *seeds)
-            case = {"case": "mean of objects", "distance_m": None, "of": LABELS[domain]}
-            source = rotations.keys(rotations.chosen(turns[domain], list(several)))
-            rows.append(row(config, case, "variation over distance", found, source))
-    return rows
+            variations = [statistics.coefficient_of_variation(values, *seeds).value for values in several.values()]
+            rows.add_mean(_case("mean of objects", LABELS[domain]), metric, variations, rotations.keys(turns[domain], list(several)))
 
 
 def _over_distance(turns: Turns, name: str, low_m: float = 0.0, high_m: float = np.inf) -> NDArray[np.float64]:
@@ -212,32 +200,20 @@ def _over_distance(turns: Turns, name: str, low_m: float = 0.0, high_m: float = 
 
 
 def _positive(values: NDArray) -> NDArray[np.float64]:
-    """A body of revolution without noise has a ratio of exactly zero."""
+    """Values of at least 1e-12, because a body of revolution without noise has a ratio of exactly zero."""
     return np.maximum(values, 1e-12)
 
 
-def _keys(turns: dict[str, Turns], names: list[str], distance_m: float | None = None) -> list[str]:
-    return rotations.keys(*(rotations.chosen(turns[domain], names, distance_m) for domain in DOMAINS))
-
-
-def _ssim_figure(names: list[str], alike: Mapping[tuple[str, str], NDArray]) -> Figure:
-    """Bars of SSIM per object with its own twin, dots with the others' twins, and the means."""
+def _ssim_figure(names: list[str], similar: Similarity) -> Figure:
+    """SSIM of each object with its own twin as bars, with the other objects' twins as dots."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.75, height_in=2.8)
-    own = np.array([alike[name, name].mean() for name in names])
+    own = np.array([similar[name, name].mean() for name in names])
     place = np.arange(len(names))
     axes.bar(place, own, color=PALETTE[5], label=f"own twin, mean {own.mean():.2f}")
     for i, name in enumerate(names):
-        others = [alike[name, other].mean() for other in names if other != name]
-        axes.plot(
-            np.full(len(others), i),
-            others,
-            ".",
-            ms=5,
-            color="white",
-            mec="black",
-            mew=0.6,
-            label="other objects' twins" if i == 0 else None,
-        )
+        others = [similar[name, other].mean() for other in names if other != name]
+        label = "other objects' twins" if i == 0 else None
+        axes.plot(np.full(len(others), i), others, ".", ms=5, color="white", mec="black", mew=0.6, label=label)
     axes.axhline(0.76, color=PALETTE[1], lw=1.2, ls="--", label="mean of the paper, 0.76")
     axes.set(ylabel="SSIM of signatures", ylim=(0, 1.05))
     axes.set_xticks(place, [catalogue()[name].label for name in names], rotation=40, ha="right")
@@ -246,24 +222,18 @@ def _ssim_figure(names: list[str], alike: Mapping[tuple[str, str], NDArray]) -> 
 
 
 def _ranking_figure(turns: dict[str, Turns], names: list[str]) -> Figure:
-    """The ratio of each object in both domains, ordered by the measured one, with its spread over recordings."""
+    """The ratio of each object in both domains with its range over recordings, ordered by the measured ratio."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.6, height_in=3.0)
     order = [names[i] for i in np.argsort(rotations.object_means(turns[MEASURED], RATIO, names))]
     place = np.arange(len(order))
-    for domain, colour, marker, shift in ((MEASURED, PALETTE[0], "o", 0.12), (TWIN, PALETTE[1], "s", -0.12)):
+    for (domain, (colour, marker)), shift in zip(DOMAIN_STYLES.items(), (0.12, -0.12), strict=True):
         for i, name in enumerate(order):
-            values = np.maximum(rotations.samples(turns[domain], RATIO, name), SHOWN)
+            values = np.maximum(rotations.samples(turns[domain], RATIO, name), LOWEST_SHOWN)
             axes.plot([values.min(), values.max()], [i + shift] * 2, color=colour, lw=1)
-        axes.plot(
-            np.maximum(rotations.object_means(turns[domain], RATIO, order), SHOWN),
-            place + shift,
-            marker,
-            ms=5,
-            color=colour,
-            label=LABELS[domain],
-        )
+        means = np.maximum(rotations.object_means(turns[domain], RATIO, order), LOWEST_SHOWN)
+        axes.plot(means, place + shift, marker, ms=5, color=colour, label=LABELS[domain])
     axes.set_yticks(place, [f"{catalogue()[name].label} ({catalogue()[name].shape})" for name in order])
-    axes.set(xscale="log", xlabel=f"angular harmonic ratio ({SHOWN:g}: or less)")
+    axes.set(xscale="log", xlabel=f"angular harmonic ratio ({LOWEST_SHOWN:g}: or less)")
     axes.grid(axis="x", color="0.9", lw=0.5)
-    drawing.legend(loc="outside upper center", ncols=2)
+    legend_above(drawing, axes, 2)
     return drawing

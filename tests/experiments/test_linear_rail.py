@@ -1,4 +1,4 @@
-"""The rail's table on echoes whose motion is known: what is read off, and what a bright echo of the room does to it."""
+"""The rail table on echoes of known motion, with and without a bright echo of the room."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from echoes import RADAR, echoes
-from fake_campaign import FakeLog
 
 from experiments.campaign.cases import Case, Motion
 from experiments.turntable import linear_rail
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
+from radartwin.features.log import Nominal
 from radartwin.features.processed import Processed, process
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, save
@@ -25,32 +25,31 @@ FRAMES = 31
 SPEED_MPS = 0.2
 
 
-def away(motion: str, time: np.ndarray) -> np.ndarray:
-    gone = SPEED_MPS * time
-    return 1 + gone if motion == "radial" else np.hypot(1 + gone / np.sqrt(2), gone / np.sqrt(2))
+def range_m(motion: str, time: np.ndarray) -> np.ndarray:
+    moved = SPEED_MPS * time
+    return 1 + moved if motion == "radial" else np.hypot(1 + moved / np.sqrt(2), moved / np.sqrt(2))
 
 
 class Rail:
-    """The measured reflector is 2 cm off and stands beside a steady echo of this amplitude at 1.45 m."""
+    """A source of rail recordings. Measured ranges are 2 cm longer, beside a constant echo of amplitude `clutter` at 1.45 m."""
 
     def __init__(self, clutter: float, motions: Sequence[Motion] = ("radial", "diagonal")) -> None:
         self.clutter, self.motions = clutter, motions
 
-    def cases(self, domain: str, motion: Motion, **chosen: Any) -> list[Case]:
+    def cases(self, domain: str, **conditions: Any) -> list[Case]:
         repetitions = range(3 if domain == "measured" else 1)
-        return [Case("corner_reflector", "lab", motion, 1.0, r) for r in repetitions] if motion in self.motions else []
+        return [Case("corner_reflector", "lab", m, 1.0, r) for m in self.motions if m == conditions["motion"] for r in repetitions]
 
-    def log(self, case: Case, domain: str = "measured") -> FakeLog:
-        return FakeLog(RADAR.frame_rate_hz, away(case.motion, np.arange(FRAMES) / RADAR.frame_rate_hz))
+    def log(self, case: Case, domain: str = "measured") -> Nominal:
+        return Nominal(RADAR.frame_rate_hz, range_m(case.motion, np.arange(FRAMES) / RADAR.frame_rate_hz), None)
 
     def prepare(self, wanted, materials=None) -> None: ...
 
     def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]:
         clutter = [(self.clutter, 1.45)] if domain == "measured" else []
         offset = 0.02 if domain == "measured" else 0.0
-        moving = echoes(
-            FRAMES, [(lambda t: 1e-3 / away(case.motion, t) ** 2, lambda t: away(case.motion, t) + offset), *clutter], 1e-5, case.repetition
-        )
+        reflector = (lambda t: 1e-3 / range_m(case.motion, t) ** 2, lambda t: range_m(case.motion, t) + offset)
+        moving = echoes(FRAMES, [reflector, *clutter], 1e-5, case.repetition)
         return f"{domain}{case.motion}{case.repetition}", process(moving, doppler=False)
 
 
@@ -65,7 +64,7 @@ def find(result: Result, metric: str, motion: str, of: str, tracker: str = "cont
     return rows[0]
 
 
-def test_both_trackers_read_the_rails_excursions_where_nothing_disturbs(tmp_path: Path) -> None:
+def test_both_trackers_match_the_rail_without_clutter(tmp_path: Path) -> None:
     result = table(clutter=0.0)
     for tracker in linear_rail.TRACKERS:
         for of in ("measured", "simulated"):
@@ -80,7 +79,7 @@ def test_both_trackers_read_the_rails_excursions_where_nothing_disturbs(tmp_path
     assert (tmp_path / "figures" / "linear_rail.png").stat().st_size > 10_000
 
 
-def test_a_steady_echo_of_the_room_captures_the_brightest_bin_and_shortens_what_it_reads() -> None:
+def test_a_constant_room_echo_shortens_the_excursion_of_the_brightest_bin() -> None:
     result = table(clutter=8e-4)
     short = find(result, "measured less simulated excursion (m)", "diagonal", "both", "brightest")
     assert short["value"] < -0.02
@@ -89,7 +88,7 @@ def test_a_steady_echo_of_the_room_captures_the_brightest_bin_and_shortens_what_
     assert twin["verdict"] == "holds"
 
 
-def test_a_campaign_without_a_rail_is_refused() -> None:
+def test_a_campaign_without_rail_recordings_is_refused() -> None:
     config = compose(["experiment=linear_rail", "output=/tmp/nowhere"])
-    with pytest.raises(ConfigError, match="no motion along the rail"):
+    with pytest.raises(ConfigError, match="no radial or diagonal recordings"):
         linear_rail.score(config, Rail(0.0, motions=()), Progress())

@@ -1,4 +1,4 @@
-"""The rover's tables on a made-up campaign, and their figures on cells whose answers are worked out by hand."""
+"""The rover tables on a synthetic campaign, and their statistics on cells with known results."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from fake_campaign import FakeCampaign
 
+from experiments.campaign.cases import ROVER
 from experiments.rover import drive_features, rover_disentangle, rover_fidelity
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -27,15 +28,8 @@ def config(name: str) -> Config:
 
 
 def campaign(**changes) -> FakeCampaign:
-    given = {
-        "motions": ("depth", "lateral"),
-        "rooms": ROOMS,
-        "distances": (0.5, 1.0, 2.0),
-        "repetitions": 1,
-        "objects": OBJECTS,
-        "frames": 20,
-    }
-    return FakeCampaign(**(given | changes))
+    given = dict(motions=ROVER, rooms=ROOMS, distances=(0.5, 1.0, 2.0), repetitions=1, objects=OBJECTS, frames=20)
+    return FakeCampaign(**{**given, **changes})
 
 
 def find(result: Result, metric: str, **case) -> dict:
@@ -49,7 +43,7 @@ def fidelity() -> Result:
     return rover_fidelity.score(config("rover_fidelity"), campaign(gap=0.05), Progress())
 
 
-def test_a_twin_that_is_nearly_the_scene_orders_objects_alike(fidelity: Result) -> None:
+def test_a_nearly_exact_twin_orders_objects_alike(fidelity: Result) -> None:
     metric = "share of features that order objects alike"
     for room, paper in (("atrium", "78 %, p 1.5e-5"), ("squash_court", "63 %, p 0.014")):
         row = find(fidelity, metric, room=room, motion="depth")
@@ -57,10 +51,10 @@ def test_a_twin_that_is_nearly_the_scene_orders_objects_alike(fidelity: Result) 
         assert row["verdict"] == "holds"
         assert row["paper"] == paper
         assert row["n"] == 6 * 3 * 2  # objects, distances, domains
-    assert find(fidelity, metric, room="atrium", motion="lateral")["verdict"] == "untestable"  # the paper claims it of the depth regime
+    assert find(fidelity, metric, room="atrium", motion="lateral")["verdict"] == "untestable"  # the paper's claim is about depth drives
 
 
-def test_profiles_and_signs_are_told_apart_by_material(fidelity: Result) -> None:
+def test_profiles_correlate_and_signs_agree_by_material(fidelity: Result) -> None:
     for distance in (0.5, 1.0, 2.0):
         row = find(fidelity, "range-profile correlation", room="atrium", motion="depth", distance_m=distance, case="metal")
         assert row["value"] > 0.9
@@ -69,45 +63,39 @@ def test_profiles_and_signs_are_told_apart_by_material(fidelity: Result) -> None
     assert signs["items"] == 2 * 2 * 3
     assert signs["value"] == 1
     assert signs["verdict"] == "holds"
-    ratio = find(fidelity, "simulated over measured")  # the recipe has the same contrast in both domains
+    ratio = find(fidelity, "simulated over measured")  # both domains have the same contrast
     assert ratio["value"] == pytest.approx(1, abs=0.2)
     assert ratio["verdict"] == "fails"
 
 
-def test_the_table_can_be_stored_with_its_figures(fidelity: Result, tmp_path: Path) -> None:
+def test_the_figures_are_saved(fidelity: Result, tmp_path: Path) -> None:
     save(fidelity, tmp_path)
     for name in ("rover_panels", "rover_feature_correlations"):
         assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 10_000
 
 
-def test_objects_that_are_all_alike_are_ordered_by_chance() -> None:
-    result = rover_fidelity.score(
-        config("rover_fidelity"), campaign(signature=0.0, gap=0.3, motions=("depth",), rooms=("atrium",)), Progress()
-    )
+def test_equal_objects_are_ordered_by_chance() -> None:
+    source = campaign(signature=0.0, gap=0.3, motions=("depth",), rooms=("atrium",))
+    result = rover_fidelity.score(config("rover_fidelity"), source, Progress())
     row = find(result, "share of features that order objects alike", room="atrium", motion="depth")
     assert row["verdict"] == "fails"
 
 
-def test_a_late_start_is_taken_out_before_tracks_are_compared() -> None:
+def test_a_start_offset_is_removed_before_tracks_are_compared() -> None:
     time = np.arange(40) / 10
     pulse = np.exp(-((time - 2.0) ** 2))
 
     def drive(late: int) -> drive_features.Drive:
         moved = np.roll(pulse, late)
         track = 2 - 0.2 * (time - late / 10) + 0.1 * moved
-        case = rover_drives_case()
-        return drive_features.Drive(case, "k", {}, np.ones((40, 2)), np.arange(2.0), 10.0, track, track, moved, None)
+        return drive_features.Drive("k", {}, np.ones((40, 2)), np.arange(2.0), 10.0, track, track, moved, None)
 
     first, second = rover_fidelity.aligned(drive(0), drive(4))
     assert len(first) == len(second) == 36
     assert second == pytest.approx(first)
 
 
-def rover_drives_case():
-    return campaign().cases("twin", motion="depth")[0]
-
-
-def test_every_slice_and_factor_has_its_row() -> None:
+def test_every_slice_and_factor_has_a_row() -> None:
     result = rover_disentangle.score(config("rover_disentangle"), campaign(gap=2.0, motions=("depth",)), Progress())
     assert {row["case"] for row in result.rows} >= {"object slice", "distance slice", "pooled", "matched", "object", "room"}
     for row in result.rows:
@@ -122,16 +110,16 @@ def cells(values: Callable[[str, str, float, np.random.Generator], tuple[float, 
     }  # fmt: skip
 
 
-def test_a_feature_that_only_knows_the_distance_correlates_pooled_and_not_matched() -> None:
+def test_a_feature_of_distance_alone_correlates_pooled_but_not_matched() -> None:
     made = cells(lambda name, room, distance, rng: (10 * distance + rng.normal(), 10 * distance + rng.normal()))
     assert rover_disentangle.pooled(made) == pytest.approx(0.9, abs=0.1)
     assert np.abs(rover_disentangle.matched(made)).max() < 0.5
-    found = rover_disentangle._bootstrap(made, rover_disentangle._inflation, 100, 0)
+    found = rover_disentangle.bootstrap(made, rover_disentangle.inflation, 100, 0)
     assert found.low > 0
 
 
 @pytest.mark.parametrize("factor", ["object", "distance", "room"])
-def test_the_disagreement_is_put_down_to_the_factor_that_makes_it(factor: str) -> None:
+def test_the_disagreement_is_attributed_to_its_cause(factor: str) -> None:
     def values(name: str, room: str, distance: float, rng: np.random.Generator) -> tuple[float, float]:
         made = {"object": OBJECTS.index(name), "distance": distance, "room": float(room == "atrium")}[factor]
         true = float(rng.normal())
@@ -144,15 +132,15 @@ def test_the_disagreement_is_put_down_to_the_factor_that_makes_it(factor: str) -
     assert sum(share * (levels[name] - 1) for name, share in shares.items()) == pytest.approx(1)
 
 
-def test_no_factor_leads_where_none_makes_the_disagreement() -> None:
-    """Ten levels explain more of noise than two: shares are per degree of freedom."""
+def test_noise_is_attributed_to_no_factor() -> None:
+    """Many levels explain more of noise than two, so shares are per degree of freedom."""
     rng = np.random.default_rng(1)
     made = {(f"{k}", room, d): rng.standard_normal((2, 400)) for k in range(11) for room in ROOMS for d in (0.5, 1.0, 2.0)}
     shares = rover_disentangle.effects(made)
     assert max(shares.values()) < 1.3 * min(shares.values())
 
 
-def test_a_change_between_rooms_that_goes_the_same_way_is_counted() -> None:
+def test_changes_in_the_same_direction_between_rooms_are_counted() -> None:
     signs = rover_disentangle.room_signs(
         cells(lambda name, room, d, rng: ((room == "atrium") * 1.0, (room == "atrium") * (3.0 if d > 1 else -3.0)))
     )
@@ -160,5 +148,5 @@ def test_a_change_between_rooms_that_goes_the_same_way_is_counted() -> None:
 
 
 def test_a_campaign_without_drives_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no object and place"):
+    with pytest.raises(ConfigError, match="no depth or lateral recordings"):
         rover_fidelity.score(config("rover_fidelity"), campaign(motions=("turntable",)), Progress())

@@ -1,4 +1,4 @@
-"""The turntable tables on a made-up campaign whose answers are known beforehand."""
+"""The turntable tables on a synthetic campaign with known results."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ def shape() -> Result:
     return turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
 
 
-def test_a_twin_that_is_nearly_the_object_keeps_order_structure_and_signatures(shape: Result) -> None:
-    for metric, least in (("order of objects", 0.8), ("distances between objects", 0.8)):
+def test_a_nearly_exact_twin_keeps_order_distances_and_signatures(shape: Result) -> None:
+    for metric in ("order of objects", "distances between objects"):
         row = find(shape, metric, "all objects")
-        assert row["value"] > least
+        assert row["value"] > 0.8
         assert row["verdict"] == "holds"
         assert row["p"] < 0.01
         assert row["items"] == 12
         assert row["n"] == 12 * 2 * (2 + 1)  # objects, distances, repetitions of both domains
     assert find(shape, "own signature less others'", "all objects")["verdict"] == "holds"
-    assert find(shape, "signatures", "all objects")["verdict"] == "untestable"  # the paper's 0.76 is a figure, not a bound
+    assert find(shape, "signatures", "all objects")["verdict"] == "untestable"  # the paper gives no bound
 
 
-def test_objects_that_are_all_alike_have_no_order_to_keep() -> None:
+def test_equal_objects_have_no_order() -> None:
     campaign = FakeCampaign(distances=(1.0,), repetitions=2, signature=0.0)
     result = turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
     assert find(result, "order of objects", "all objects")["verdict"] == "fails"
@@ -59,7 +59,7 @@ def test_objects_that_are_all_alike_have_no_order_to_keep() -> None:
     assert not [row for row in result.rows if row["metric"] == "variation over distance"]  # one distance
 
 
-def test_rows_carry_interval_n_seed_and_keys_and_can_be_stored(shape: Result, tmp_path: Path) -> None:
+def test_rows_have_interval_n_seed_and_keys_and_figures_are_saved(shape: Result, tmp_path: Path) -> None:
     for row in shape.rows:
         assert row["low"] <= row["value"] <= row["high"]
         assert row["seed"] == 0
@@ -71,15 +71,15 @@ def test_rows_carry_interval_n_seed_and_keys_and_can_be_stored(shape: Result, tm
     assert (tmp_path / "figures" / "turntable_ssim.pdf").is_file()
 
 
-def test_the_figures_of_a_made_up_campaign_are_those_of_its_recipe(shape: Result) -> None:
-    """The recipe modulates cans by 0.05 of six lines that differ from object to object, the reflector by 0.9 of its own."""
+def test_harmonic_ratios_follow_the_modulation_of_the_objects(shape: Result) -> None:
+    """The campaign modulates cans by 0.05 and the reflector by 0.9 of six harmonics that differ between objects."""
     ratio = {row["case"]: row["value"] for row in shape.rows if row["metric"] == "angular harmonic ratio" and row["of"] == "simulated"}
     assert ratio["trihedral corner reflector"] > 10 * max(value for case, value in ratio.items() if "can" in case)
     assert find(shape, "ratio of harmonic ratios", "least peaked over least flat", "measured")["verdict"] == "holds"
 
 
-def test_a_campaign_without_turns_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no object and distance"):
+def test_a_campaign_without_turntable_is_refused() -> None:
+    with pytest.raises(ConfigError, match="no turntable recordings"):
         turntable_shape.score(config("turntable_shape"), FakeCampaign(motions=("depth",)), Progress())
 
 
@@ -102,7 +102,7 @@ def test_verdicts_follow_the_whole_interval() -> None:
     check_rows("t", [nowhere, unbounded])
 
 
-def test_flat_facets_ripple_at_their_number_and_curved_ones_do_not() -> None:
+def test_flat_facets_ripple_at_their_number_and_curved_facets_do_not() -> None:
     flat, curved = (facet_ripple.envelope(facet_ripple.can(flat), None, 1) for flat in (True, False))
     assert len(flat) == 2048
     spectrum = np.abs(np.fft.rfft(flat))[1:200]
@@ -110,8 +110,8 @@ def test_flat_facets_ripple_at_their_number_and_curved_ones_do_not() -> None:
     assert harmonic_ratio(flat, 120, 136) > 100 * harmonic_ratio(curved, 120, 136)
 
 
-def test_brightness_follows_the_recipe_of_each_class() -> None:
-    """The recipe: plastic 0.12 of metal, 9.2 dB, in both domains; objects differ by up to 1.5 dB."""
+def test_brightness_follows_the_material_class() -> None:
+    """In both domains plastic has 0.12 of the power of metal, -9.2 dB; objects differ by up to 1.5 dB."""
     campaign = FakeCampaign(distances=(0.5, 1.0), repetitions=2, gap=0.02)
     result = turntable_material.score(config("turntable_material"), campaign, Progress())
     for distance in (0.5, 1.0):
@@ -121,7 +121,7 @@ def test_brightness_follows_the_recipe_of_each_class() -> None:
         for of in ("measured", "simulated"):
             assert here["metal less plastic (dB)", of]["value"] == pytest.approx(9.2, abs=2.5)
             assert here["metal less plastic (dB)", of]["verdict"] == "holds"
-        # The gain between the domains, 3 dB, is no contrast.
+        # The gain of 3 dB between the domains does not change the contrast.
         assert here["excess of contrast (dB)", "simulated less measured"]["value"] == pytest.approx(0, abs=1.0)
         assert here["excess of contrast (dB)", "simulated less measured"]["verdict"] == "fails"
     reflector = [row for row in result.rows if "reflector" in row["case"]]
@@ -129,7 +129,7 @@ def test_brightness_follows_the_recipe_of_each_class() -> None:
     assert result.metrics["metal_less_plastic_measured_1m_db"] > 0
 
 
-def test_a_trend_with_height_is_told_from_none() -> None:
+def test_a_trend_with_height_is_distinguished_from_no_trend() -> None:
     heights, none = np.array([76.0, 83, 102, 122, 124, 157]), np.array([0.0, 1, -1, 0.5, -0.5, 0.2])
     flat, rising = (turntable_size.slope_db(heights, level, 500, 0) for level in (none, 6 * np.log2(heights) + 0.2 * none))
     assert flat.low < 0 < flat.high
@@ -144,7 +144,7 @@ def test_a_trend_with_height_is_told_from_none() -> None:
         turntable_size.score(config("turntable_size"), FakeCampaign(objects=("mug", "mustard")), Progress())
 
 
-def test_a_reflector_alone_at_a_distance_makes_no_panel_and_no_row() -> None:
+def test_a_distance_with_the_reflector_alone_has_no_panel_and_no_row() -> None:
     class Campaign(FakeCampaign):
         def cases(self, domain: str, **chosen):
             return [case for case in super().cases(domain, **chosen) if case.distance_m == 1.0 or case.object == "corner_reflector"]

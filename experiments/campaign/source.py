@@ -1,0 +1,59 @@
+"""Where tables read recordings from, and how they read both domains at matching objects and places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeVar
+
+from experiments.campaign.cases import COMPARED, Case
+from radartwin.errors import ConfigError
+from radartwin.features.log import Log
+from radartwin.features.processed import Processed
+from radartwin.io.progress import Progress
+from radartwin.scene.objects.catalogue import catalogue
+
+Reading = TypeVar("Reading")
+
+
+class RecordingSource(Protocol):
+    """A campaign (experiments.campaign.campaign), or a substitute for it in tests."""
+
+    def cases(self, domain: str, **conditions: Any) -> Sequence[Case]: ...
+    def prepare(self, wanted: Any, materials: Any = None) -> None: ...
+    def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]: ...
+    def log(self, case: Case, domain: str = "measured") -> Log: ...
+
+
+def read_both(
+    source: RecordingSource,
+    motions: Sequence[str],
+    place: Callable[[Case], tuple[Any, ...]],
+    read: Callable[[Case, str, Processed, Log], Reading],
+    progress: Progress,
+) -> dict[str, dict[Any, list[Reading]]]:
+    """Readings of the measured and the simulated recordings at the places that both domains have.
+
+    Args:
+        place: (object, ...) of a case; two recordings are compared if their places are equal.
+        read: (case, store key, processed recording, log) -> reading.
+    Returns:
+        By domain and place; places in the order of the catalogue's objects, then of the rest of the place.
+    Raises:
+        ConfigError: the domains have no place in common.
+    """
+    cases = {domain: [case for motion in motions for case in source.cases(domain, motion=motion)] for domain in COMPARED}
+    common = set.intersection(*({place(case) for case in some} for some in cases.values()))
+    if not common:
+        raise ConfigError(
+            f"the campaign has no {' or '.join(motions)} recordings of the same object and place in both domains; "
+            "add objects or distances to profile.campaign or to the recording set"
+        )
+    wanted = [(domain, case) for domain in COMPARED for case in cases[domain] if place(case) in common]
+    source.prepare(wanted)
+    order = {name: number for number, name in enumerate(catalogue())}
+    ordered = sorted(common, key=lambda known: (order[known[0]], known[1:]))
+    found: dict[str, dict[Any, list[Reading]]] = {domain: {known: [] for known in ordered} for domain in COMPARED}
+    for domain, case in progress.over(wanted, "recordings read"):
+        key, processed = source.processed(domain, case)
+        found[domain][place(case)].append(read(case, key, processed, source.log(case, domain)))
+    return found
