@@ -1,4 +1,4 @@
-"""Files that several tests start from: a capture log, a mmWave Studio description, a recogniser."""
+"""Test data for several tests: a capture log, a mmWave Studio description, a recogniser."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from radartwin.recordings.studio_log import PACKET_BYTES
 
 
 def log_text(received: int, lost: int = 0, lanes: int = 2, mode: str = "Raw") -> str:
-    """As the capture tool writes it."""
+    """The LogFile.csv of the capture tool."""
     return (
         f"Start record configuration : \n,\nLog mode : {mode}\nLVDS lane mode : {lanes} lane\nRecord stop mode : Infinite\n"
         f"Max file size (MB) : 1024,\n,*DT 1,\n\nRaw Data :\nOut of sequence count - {lost}\nOut of sequence seen from 3 to 9\n"
@@ -23,7 +23,7 @@ def log_text(received: int, lost: int = 0, lanes: int = 2, mode: str = "Raw") ->
 
 
 def studio_json(frames: int = 4) -> str:
-    """The least of a .mmwave.json that describes RADAR."""
+    """A minimal .mmwave.json: 77 GHz, TX1 and TX3, 128 samples, 16 loops."""
     profile = {
         "profileId": 0, "startFreqConst_GHz": 77.0, "idleTimeConst_usec": 7.0, "adcStartTimeConst_usec": 0.0, "rampEndTime_usec": 57.0,
         "txOutPowerBackoffCode": "0x0", "freqSlopeConst_MHz_usec": 70.0, "numAdcSamples": 128, "digOutSampleRate": 5210,

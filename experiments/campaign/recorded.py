@@ -18,8 +18,9 @@ from radartwin.features.envelope import frames_per_revolution
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
+from radartwin.recordings.checks import difference
 from radartwin.recordings.index import INDEX, Row
-from radartwin.recordings.recording_set import RecordingSet, difference
+from radartwin.recordings.recording_set import RecordingSet
 from radartwin.scene.objects.catalogue import catalogue
 
 TURN = "period_s"  # column of the index: of one revolution of the turntable

@@ -1,4 +1,4 @@
-"""The data card of a recording set, card.yaml: whose recordings these are and what their numbers mean."""
+"""The data card of a recording set, card.yaml: origin, licence and units of the recordings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from radartwin.errors import MissingError, RecordingError
-from radartwin.io import files, untrusted_yaml
+from radartwin.io import files
+from radartwin.radar.description_files import read_yaml
 
 CARD = "card.yaml"
 UNITS = ("counts", "amplitude")
@@ -16,16 +17,16 @@ UNITS = ("counts", "amplitude")
 
 @dataclass(frozen=True)
 class Card:
-    """What a reader of a recording set must know.
+    """The facts that a user of a recording set needs.
 
     Attributes:
-        name: of the set.
-        licence: under which others may use it, such as CC-BY-4.0; "private" for none.
-        units: of the samples as read: "counts" of the ADC, or "amplitude" (|a|^2 = received over transmitted power).
-        sensor: board and what was special about it.
-        who, when: recorded it; a name or a group, a date or a span.
-        notes: anything else.
-        extra: further keys of the file, kept.
+        name: name of the set.
+        licence: licence of the recordings, such as CC-BY-4.0; "private" for none.
+        units: unit of the samples as read: "counts" of the ADC, or "amplitude" (|a|^2 = received over transmitted power).
+        sensor: board, with its modifications.
+        who, when: person or group that made the recordings; date or period.
+        notes: any further text.
+        extra: further keys of the file, which are preserved.
     """
 
     name: str = ""
@@ -38,54 +39,41 @@ class Card:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def problems(self) -> list[str]:
-        """What is missing or wrong, a line each."""
-        hints = {"licence": "; say under which it may be used, such as CC-BY-4.0 or private", "units": f"; one of {', '.join(UNITS)}"}
+        """One line per missing or invalid value."""
+        hints = {"licence": "; give the licence of the recordings, such as CC-BY-4.0 or private", "units": f"; one of {', '.join(UNITS)}"}
         found = [f"{key} is missing{hints.get(key, '')}" for key in KEYS if key != "notes" and not getattr(self, key)]
         if self.units and self.units not in UNITS:
-            found.append(f"units {self.units!r} are not known; choose {' or '.join(UNITS)}")
+            found.append(f"units {self.units!r} are unknown; choose {' or '.join(UNITS)}")
         return found
 
     def values(self) -> dict[str, Any]:
-        """As a mapping; `of` is the inverse."""
+        """The card as a mapping; `of` is the inverse."""
         return {key: getattr(self, key) for key in KEYS} | dict(self.extra)
 
     def save(self, folder: Path) -> Path:
-        """Write FOLDER/card.yaml, whole or not at all. Raises RecordingError for a card that has problems."""
+        """Write FOLDER/card.yaml, complete or not at all. Raises RecordingError for a card with problems."""
         import yaml
 
         if problems := self.problems():
             raise RecordingError(f"{folder / CARD}: {problems[0]}")
-        values = self.values()
-        return files.write_atomically(folder / CARD, yaml.safe_dump(values, sort_keys=False, allow_unicode=True))
+        return files.write_atomically(folder / CARD, yaml.safe_dump(self.values(), sort_keys=False, allow_unicode=True))
 
     @classmethod
     def load(cls, folder: Path) -> Card:
-        """Read FOLDER/card.yaml; what it says is not checked, see `problems`.
+        """Read FOLDER/card.yaml without checking its values; `problems` checks them.
 
         Raises:
-            MissingError: there is none, so the folder is no recording set.
-            RecordingError: it cannot be read as a YAML mapping.
+            MissingError: the folder has no card, so it is not a recording set.
+            RecordingError: the card is not a YAML mapping.
         """
-        import yaml
-
         path = folder / CARD
         if not path.is_file():
-            raise MissingError(f"{folder}: no recording set, it has no {CARD}; make one with radartwin import")
-        try:
-            values = untrusted_yaml.load(path.read_text(encoding="utf-8"))
-        except yaml.YAMLError as error:
-            mark = getattr(error, "problem_mark", None)
-            line = f"line {mark.line + 1}: " if mark is not None else ""
-            raise RecordingError(f"{path}: {line}{getattr(error, 'problem', None) or 'malformed YAML'}") from error
-        except (UnicodeDecodeError, ValueError, RecursionError) as error:
-            raise RecordingError(f"{path}: it cannot be read as YAML text; write it again") from error
-        if not isinstance(values, dict):
-            raise RecordingError(f"{path}: a mapping of {', '.join(KEYS)} is expected")
-        return cls.of(values)
+            raise MissingError(f"{folder}: not a recording set, because it has no {CARD}; make one with radartwin import")
+        return cls.of(read_yaml(path, ", ".join(KEYS)))
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Card:
-        """A card of plain values, as text; a date that YAML has read becomes text again."""
+        """A card from plain values, which become text; YAML may have read a date, for example."""
         known = {key: "" if values.get(key) is None else str(values[key]).strip() for key in KEYS}
         return cls(**known, extra={str(key): value for key, value in values.items() if key not in KEYS})
 

@@ -1,38 +1,33 @@
-"""Everything that can be wrong with a recording set, found in one pass: card, index, files, radars, trajectories and samples."""
+"""Checks a recording set in one pass: card, index, files, radars, trajectories and samples."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from radartwin.errors import InputError, MissingError, UserError
 from radartwin.io.progress import Progress
 from radartwin.radar.captures import EDGE_DB, band_edge_db
+from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import FULL_SCALE
 from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings.card import CARD, Card
-from radartwin.recordings.index import INDEX, Row, read_index
-from radartwin.recordings.recording_set import RECORDINGS, TRAJECTORIES, difference, same_radar
+from radartwin.recordings.index import INDEX, RECORDINGS, TRAJECTORIES, Row, read_index
 from radartwin.recordings.studio_log import PACKET_BYTES
-from radartwin.recordings.trajectory import course_poses
+from radartwin.recordings.trajectory import frame_poses
 
-if TYPE_CHECKING:
-    from radartwin.radar.chirp import Radar
-
-# A judgement: one value in a thousand at full scale is more than a glint now and then, and its harmonics are no longer small.
-CLIPPED_SHARE = 1e-3
-EDGE_FRAMES = 16  # that say together whether I and Q are exchanged: one frame of few chirps errs by a decibel or two
-LOST_SHARE = 0.01  # of frames with samples lost on the way, above which a log entry does not excuse them
+CLIPPED_SHARE = 1e-3  # a judgement: above this share of values at full scale, the harmonics of clipping are not small
+EDGE_FRAMES = 16  # frames that decide whether I and Q are exchanged, because one frame of few chirps errs by 1 to 2 dB
+LOST_SHARE = 0.01  # share of frames with lost samples above which a set is not usable, even if its log reports them
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One line: where, and what is wrong with it and what to do."""
+    """The place of a problem, and one line with the problem and its remedy."""
 
     where: str
     text: str
@@ -43,7 +38,7 @@ class Problem:
 
 @dataclass
 class Report:
-    """What `examine` found: problems make a set unusable, notes do not; bytes are those of the recordings."""
+    """The result of `examine`: problems make a set unusable, notes do not. `bytes` is the size of the recordings."""
 
     rows: list[Row] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
@@ -54,7 +49,7 @@ class Report:
     frames: int = 0
 
     def counts(self, column: str) -> Counter[str]:
-        """How many rows have each value of a column."""
+        """Number of rows per value of a column."""
         found = Counter(row.value(column) for row in self.rows)
         number = column == "distance_m"
         keys = sorted(found, key=lambda value: (value is None, value))
@@ -62,10 +57,10 @@ class Report:
 
 
 def examine(folder: str | Path, progress: Progress | None = None) -> Report:
-    """All that is wrong with the set in a folder; every recording is read once, one after the other.
+    """All problems of the set in a folder. Every recording is read once, one after the other.
 
     Raises:
-        MissingError: no such folder.
+        MissingError: the folder does not exist.
     """
     folder, report = Path(folder), Report()
     if not folder.is_dir():
@@ -75,14 +70,14 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
         report.problems += [Problem(CARD, line) for line in report.card.problems()]
     except (UserError, OSError) as error:
         report.problems.append(Problem(CARD, str(error).removeprefix(f"{folder / CARD}: ").removeprefix(f"{folder}: ")))
-    report.rows, wrong = read_index(folder / INDEX)
-    report.problems += [Problem(INDEX, line) for line in wrong]
+    report.rows, index_problems = read_index(folder / INDEX)
+    report.problems += [Problem(INDEX, line) for line in index_problems]
     radars: list[tuple[str, Radar]] = []
     for row in (progress or Progress(quiet=True)).over(report.rows, "recordings"):
         where = f"{RECORDINGS}/{row.recording}"
         pair = recording_files(folder / RECORDINGS / row.recording)
-        if absent := [path.name for path in pair if not path.is_file()]:
-            report.problems.append(Problem(where, f"{' and '.join(absent)} missing; record again or take the row out of {INDEX}"))
+        if missing := [path.name for path in pair if not path.is_file()]:
+            report.problems.append(Problem(where, f"{' and '.join(missing)} missing; record again or remove the row from {INDEX}"))
             continue
         report.bytes += sum(path.stat().st_size for path in pair)
         try:
@@ -92,7 +87,7 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
             continue
         report.frames += recording.num_frames
         radars.append((where, recording.radar))
-        problems, notes = samples(recording, row, report.card)
+        problems, notes = check_samples(recording, row, report.card)
         if row.trajectory:
             problems += _trajectory(folder / TRAJECTORIES / row.trajectory, row, recording)
         report.problems += [Problem(where, line) for line in problems]
@@ -100,29 +95,29 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
     if radars:
         report.radar = Counter(radar for _, radar in radars).most_common(1)[0][0]
         report.problems += [
-            Problem(where, f"its radar is not that of the other recordings: {difference(radar, report.radar)}; make a set of its own")
+            Problem(where, f"its radar differs from the other recordings: {difference(radar, report.radar)}; make a separate set")
             for where, radar in radars
             if not same_radar(radar, report.radar)
         ]
-    elif not report.rows and not wrong:
+    elif not report.rows and not index_problems:
         report.notes.append(Problem(INDEX, "the set has no recordings yet; add some with radartwin import"))
-    report.notes += _strangers(folder, report.rows) if not wrong else []
+    report.notes += _unindexed(folder, report.rows) if not index_problems else []
     return report
 
 
-def samples(recording: Recording, row: Row, card: Card | None = None) -> tuple[list[str], list[str]]:
-    """What is wrong with the samples of one recording, and what is worth knowing of them, a line each."""
+def check_samples(recording: Recording, row: Row, card: Card | None = None) -> tuple[list[str], list[str]]:
+    """Problems of the samples of one recording, and notes on them, one line each."""
     problems, notes = [], []
     if not recording.iq.any():
         return ["all samples are zero; record again with the sensor started"], notes
     dead = [f"tx {t} rx {r}" for t, r in np.argwhere(~_any_by_channel(recording)).tolist()]
     if dead:
-        problems.append(f"no samples from {', '.join(dead)}: all zero; check that the channel is enabled")
+        problems.append(f"no samples from {', '.join(dead)}: all zero; enable the channel and record again")
     if (clipped := clipped_share(recording)) > 0:
         text = f"{100 * clipped:.2g} % of the samples are at full scale"
         (problems if clipped > CLIPPED_SHARE else notes).append(f"{text}; lower the receiver's gain" if clipped > CLIPPED_SHARE else text)
     if not dead and (frames := zero_filled_frames(recording)):
-        text = f"{len(frames)} of {recording.num_frames} frames hold samples lost on the way and filled with zeros (frame {few(frames)})"
+        text = f"{len(frames)} of {recording.num_frames} frames have lost samples, filled with zeros (frame {few(frames)})"
         logged = row.extra.get("lost_packets", "0") not in ("", "0")
         if logged and len(frames) <= LOST_SHARE * recording.num_frames:
             notes.append(text)
@@ -132,14 +127,16 @@ def samples(recording: Recording, row: Row, card: Card | None = None) -> tuple[l
     edge = 0.0 if recording.radar.real_sampling else float(np.mean([band_edge_db(recording.iq[frame]) for frame in spread]))
     if edge < -EDGE_DB:
         flag = str(not recording.iq_swapped).lower()
-        problems.append(f"I and Q look exchanged: noise is {-edge:.1f} dB lower above zero beat than below; set iq_swapped to {flag}")
+        problems.append(
+            f"I and Q seem exchanged: noise is {-edge:.1f} dB lower above zero beat frequency than below it; set iq_swapped to {flag}"
+        )
     if card is not None and (card.units == "counts") != (recording.scale == 1.0):
-        problems.append(f"its scale is {recording.scale:g}, which is not that of units {card.units} in {CARD}; correct one of them")
+        problems.append(f"its scale {recording.scale:g} contradicts units {card.units} in {CARD}; correct one of them")
     return problems, notes
 
 
 def clipped_share(recording: Recording) -> float:
-    """Share of int16 values at the ends of their range."""
+    """Share of int16 values at the limits of their range."""
     limit = FULL_SCALE * (recording.scale or np.inf) * (1 - 1e-6)
     parts = recording.iq.view(np.float32)
     clipped = sum(int(np.count_nonzero(np.abs(parts[block]) >= limit)) for block in recording.frame_blocks())
@@ -147,9 +144,9 @@ def clipped_share(recording: Recording) -> float:
 
 
 def zero_filled_frames(recording: Recording) -> list[int]:
-    """Frames in which half a packet or more is zero, as where the capture card filled a lost one."""
+    """Frames in which half a packet or more is zero, which the capture card writes for a lost packet."""
     per_sample = 2 if recording.radar.real_sampling else 4
-    run = PACKET_BYTES // per_sample // 2  # a packet of zeros covers one aligned run of half its length, wherever it begins
+    run = PACKET_BYTES // per_sample // 2  # a packet of zeros covers an aligned run of half its length, wherever the packet begins
     per_frame = recording.iq[0].size
     found: set[int] = set()
     for block in recording.frame_blocks():
@@ -160,25 +157,36 @@ def zero_filled_frames(recording: Recording) -> list[int]:
 
 
 def _any_by_channel(recording: Recording) -> np.ndarray:
-    """(tx, rx) whether a channel has any sample that is not zero."""
+    """Whether a channel has a sample that is not zero, (tx, rx)."""
     return np.logical_or.reduce([recording.iq[block].any(axis=(0, 1, 4)) for block in recording.frame_blocks()])
 
 
 def _trajectory(path: Path, row: Row, recording: Recording) -> Iterator[str]:
     try:
-        course_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
+        frame_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
     except (InputError, MissingError, OSError) as error:
         yield str(error).removeprefix("trajectory ").replace(str(path), f"trajectory {row.trajectory}")
 
 
-def _strangers(folder: Path, rows: list[Row]) -> Iterator[Problem]:
-    """Recordings on disk that no row names: left by an interrupted writer, or forgotten."""
+def _unindexed(folder: Path, rows: list[Row]) -> Iterator[Problem]:
+    """Recordings on disk without a row, for example from an interrupted writer."""
     known = {row.recording for row in rows}
     for path in sorted((folder / RECORDINGS).glob("*")):
         if path.suffix in (".bin", ".json") and path.stem not in known and not path.name.startswith("."):
-            yield Problem(f"{RECORDINGS}/{path.name}", f"it is in no row of {INDEX}: add it again, or remove it")
+            yield Problem(f"{RECORDINGS}/{path.name}", f"{INDEX} has no row for it; add it again or remove it")
 
 
 def few(items: Sequence[object], most: int = 5) -> str:
-    """The first of them, for people."""
+    """The first items as text."""
     return ", ".join(map(str, items[:most])) + (", ..." if len(items) > most else "")
+
+
+def same_radar(radar: Radar, other: Radar) -> bool:
+    """Whether two recordings may be in one set: only the frame rate and the name, which is a file name, may differ."""
+    return replace(radar, frame_rate_hz=other.frame_rate_hz, name=other.name) == other
+
+
+def difference(radar: Radar, other: Radar) -> str:
+    """The fields in which two radars differ, without the name, as text."""
+    pairs = {key: (value, getattr(other, key)) for key, value in vars(radar).items() if key != "name" and value != getattr(other, key)}
+    return ", ".join(key if len(f"{a}{b}") > 60 else f"{key} {a} instead of {b}" for key, (a, b) in pairs.items())

@@ -1,7 +1,7 @@
-"""Captures from elsewhere into a recording set.
+"""Imports captures of other tools into a recording set.
 
-A capture is a raw .bin of the DCA1000 (with .mmwave.json and LogFile.csv beside it, perhaps in several parts), a .npy cube, or a
-recording of this package. What it shows is said by values for all captures, by a mapping file (radartwin/recordings/mapping.py), or both.
+A capture is a raw .bin of the DCA1000 (with .mmwave.json and LogFile.csv beside it, possibly in several parts), a .npy cube, or a
+recording of this package. Its conditions come from values for all captures, a mapping file (radartwin/recordings/mapping.py), or both.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ from radartwin.recordings.recording_set import RecordingSet
 
 @dataclass(frozen=True)
 class Plan:
-    """One capture to import: its first file, its row, and the trajectory file that goes with it."""
+    """One capture to import: its first file, its row, and its trajectory file."""
 
     capture: Path
     row: Row
@@ -50,22 +50,23 @@ def import_captures(
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> tuple[RecordingSet, list[Row]]:
-    """Add every capture of a file or folder to a set, which is made if there is none; one that is in it already is passed over.
+    """Add every capture of a file or folder to a new or existing set. Captures that the set already has are skipped.
 
-    Rows and card are checked before the first capture is read, and the set is made when the first one has been read.
+    Rows and card are checked before the first capture is read. A new set is created after the first capture is read.
 
     Args:
+        source: a capture, or a folder of captures.
         out: folder of the set.
-        values: keys of the card of a new set, and columns for all rows that the mapping's entries do not give.
-        radar: of all captures; None takes each one's own description.
-        cut: leave out an incomplete frame at the end of a raw capture.
-        say: receives what is worth knowing of a capture: lost packets, missing frames, no log.
+        values: keys of the card of a new set, and columns for all rows, which the entries of the mapping override.
+        radar: radar of all captures; None reads the description of each capture.
+        cut: drop an incomplete frame at the end of a raw capture.
+        say: callback for notes on a capture: lost packets, missing frames, no log.
     Returns:
-        The set, and the rows added.
+        The set, and the new rows.
     Raises:
-        MissingError: no capture, no radar description, an entry of the mapping that fits no file.
-        InputError: rows that no experiment could use, an incomplete card.
-        RecordingError: a capture that cannot be read, or is of another radar or other units; those before it are in the set.
+        MissingError: there is no capture or no radar description, or an entry of the mapping matches no capture.
+        InputError: a row is invalid, or the card is incomplete.
+        RecordingError: a capture cannot be read, or has another radar or other units. The set then has all captures before it.
     """
     source, out, mapping, values = Path(source), Path(out), mapping or CaptureMap(), dict(values or {})
     shared = {key: value for key, value in values.items() if key not in KEYS}
@@ -74,7 +75,7 @@ def import_captures(
     card = _card(out, {**mapping.card, **{key: value for key, value in values.items() if key in KEYS}}, target)
     missing = [item for item in plans if target is None or item.row.recording not in target]
     if len(missing) < len(plans):
-        say(f"{len(plans) - len(missing)} of {len(plans)} captures are in {out} already")
+        say(f"{len(plans) - len(missing)} of {len(plans)} captures are already in {out}")
     added = []
     for item in (progress or Progress(quiet=True)).over(missing, "captures"):
         recording, columns, notes = read_capture(item.capture, radar, cut=cut)
@@ -82,39 +83,39 @@ def import_captures(
             say(f"{item.row.recording}: {note}")
         if (card.units == "counts") != (recording.scale == 1.0):
             kind = "counts of an ADC" if recording.scale == 1.0 else "amplitudes"
-            raise RecordingError(f"{item.capture}: its samples are {kind}, not units={card.units} as the card says; make a set of its own")
+            raise RecordingError(f"{item.capture}: its samples are {kind}, but the card has units={card.units}; make a separate set")
         target = target or RecordingSet.create(out, card)
         added.append(target.add(recording, replace(item.row, extra={**columns, **item.row.extra}), item.trajectory))
-    assert target is not None  # there was one, or something was missing from it
+    assert target is not None  # it existed, or the first capture created it
     return target, added
 
 
 def key_values(words: Iterable[str]) -> dict[str, str]:
-    """KEY=VALUE words as a mapping. Raises InputError for a word that is none, or a key given twice."""
+    """KEY=VALUE words as a mapping. Raises InputError for another word, or a key that is given twice."""
     out: dict[str, str] = {}
     for word in words:
         key, separator, value = word.partition("=")
         if not (separator and key.isidentifier()):
-            raise InputError(f"'{word}' is not KEY=VALUE, such as object=mug or licence=CC-BY-4.0")
+            raise InputError(f"'{word}' is not KEY=VALUE; write object=mug or licence=CC-BY-4.0, for example")
         if key in out:
-            raise InputError(f"{key} is given twice: {out[key]} and {value}")
+            raise InputError(f"{key} is given twice, as {out[key]} and {value}; give it once")
         out[key] = value
     return out
 
 
 def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Callable[[str], None] = lambda line: None) -> list[Plan]:
-    """What an import would add; errors as `import_captures`. Repetitions that nobody gives are counted in the order of the file names."""
+    """The captures to import; errors as for `import_captures`. Missing repetition numbers are counted in the order of the file names."""
     captures, root = find_captures(source), source if source.is_dir() else source.parent
-    found = columns_of(captures, root, mapping.entries)
-    if left := [capture for capture, columns in zip(captures, found, strict=True) if columns is None]:
-        say(f"{len(left)} of {len(captures)} captures are in no entry of the mapping and are left out: {few([p.name for p in left])}")
+    columns_per_capture = columns_of(captures, root, mapping.entries)
+    if skipped := [capture for capture, columns in zip(captures, columns_per_capture, strict=True) if columns is None]:
+        say(f"{len(skipped)} of {len(captures)} captures match no entry of the mapping and are skipped: {few([p.name for p in skipped])}")
     plans: list[Plan] = []
     counted: Counter[tuple[Any, ...]] = Counter()
-    for capture, columns in zip(captures, found, strict=True):
+    for capture, columns in zip(captures, columns_per_capture, strict=True):
         if columns is None:
             continue
         given = {"recording": _name(capture, root), "distance_m": "", **shared, **columns}
-        course = given.pop("trajectory", "")
+        trajectory = given.pop("trajectory", "")
         try:
             row = row_of(given)
         except InputError as error:
@@ -125,16 +126,16 @@ def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Call
             counted[condition] += 1
         for other in plans:
             if row.recording == other.row.recording or row.condition == other.row.condition:
-                what = "name" if row.recording == other.row.recording else "object, distance, room, motion and repetition"
-                raise InputError(f"{capture}: it has the same {what} as {other.capture}; tell them apart in a mapping file")
-        if course and not (root / course).is_file():
-            raise MissingError(f"{root / course}: no such trajectory file; its path is given from {root}")
-        plans.append(Plan(capture, row, root / course if course else None))
+                same = "name" if row.recording == other.row.recording else "object, distance, room, motion and repetition"
+                raise InputError(f"{capture}: it has the same {same} as {other.capture}; give different values in a mapping file")
+        if trajectory and not (root / trajectory).is_file():
+            raise MissingError(f"{root / trajectory}: no such trajectory file; give its path relative to {root}")
+        plans.append(Plan(capture, row, root / trajectory if trajectory else None))
     return plans
 
 
 def find_captures(source: Path) -> list[Path]:
-    """Captures of a folder and all below it, or the one file; of a capture in parts, the first. Raises MissingError for none."""
+    """Captures of a folder and its subfolders, or one file; the first part of a capture in parts. Raises MissingError for none."""
     if not source.is_dir():
         if not source.is_file():
             raise MissingError(f"{source}: no such capture; give a .bin, a .npy or a folder of them")
@@ -142,21 +143,21 @@ def find_captures(source: Path) -> list[Path]:
     files = sorted(path for kind in ("bin", "npy") for path in source.rglob(f"*.{kind}") if not path.name.startswith("."))
     captures = list(dict.fromkeys(studio_log.parts(path)[0] for path in files))
     if not captures:
-        raise MissingError(f"{source}: there is no .bin and no .npy in it; give a folder of captures")
+        raise MissingError(f"{source}: the folder has no .bin and no .npy; give a folder of captures")
     return captures
 
 
 def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False) -> tuple[Recording, dict[str, str], list[str]]:
-    """The recording, further columns for its row, and what is worth knowing of it, a line each.
+    """The recording, further columns for its row, and notes on it, one line each.
 
     Raises:
-        MissingError: no radar description.
-        RecordingError: sizes that do not fit, a log or a description that cannot be read.
+        MissingError: the radar description is missing.
+        RecordingError: the size does not fit the radar, or a log or description is invalid.
     """
     if capture.suffix == ".npy" or (radar is None and recording_files(capture)[1].is_file()):
         recording = load_capture(capture, radar)
         if recording.scale == 1.0 and not _whole(recording):
-            recording.scale = None  # chosen by its peak on saving, so that rounding to int16 costs little
+            recording.scale = None  # saving then scales to the peak, so that rounding to int16 loses little
         return recording, {}, []
     description = description_beside(capture) if radar is None else None
     if description is not None:
@@ -169,15 +170,15 @@ def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False
     if rest and not cut:
         raise RecordingError(
             f"{capture}: {len(data)} bytes are {whole} frames of {frame} bytes for radar {radar.name} and {rest} more; "
-            "it belongs to another radar description, or was cut short: then leave the rest out with --cut"
+            "give the right radar description, or drop the incomplete frame of an interrupted capture with --cut"
         )
     recording = from_counts(capture, dca1000.decode(memoryview(data)[: whole * frame], radar), radar, None)
     columns, notes = _transfer(capture, recording, _configured_frames(description))
-    return recording, columns, [f"the last frame is incomplete and left out ({rest} of {frame} bytes)", *notes] if rest else notes
+    return recording, columns, [f"the last frame is incomplete and dropped ({rest} of {frame} bytes)", *notes] if rest else notes
 
 
 def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dict[str, str], list[str]]:
-    """What the log beside a capture says of its way to the disk, kept in the provenance; columns for its row, and notes."""
+    """Columns for the row of a capture and notes, from the log beside it, which goes into the provenance."""
     columns: dict[str, str] = {}
     notes: list[str] = []
     expected = {"configured": configured}
@@ -185,7 +186,7 @@ def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dic
         log = studio_log.read_log(path)
         expected["logged"] = log.frames(dca1000.frame_bytes(recording.radar))
         columns = {"started": log.started or "", "lost_packets": str(log.lost)}
-        recording.provenance["log"] = log.to_dict()
+        recording.provenance["log"] = asdict(log)
         if log.lost or log.out_of_sequence:
             frames = zero_filled_frames(recording)
             where = f", in frame {few(frames)}" if frames else ""
@@ -193,21 +194,21 @@ def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dic
             if log.out_of_sequence:
                 notes.append(f"{log.out_of_sequence} packets were out of sequence")
     else:
-        notes.append("no LogFile.csv is beside it: nobody knows whether packets were lost")
+        notes.append("it has no LogFile.csv, so lost packets are unknown")
     recording.provenance["frames"] = expected
-    if dropped := {who: count for who, count in expected.items() if count > recording.num_frames}:
-        missing = ", ".join(f"{count} {who}" for who, count in dropped.items())
+    if more := {source: count for source, count in expected.items() if count > recording.num_frames}:
+        missing = ", ".join(f"{count} {source}" for source, count in more.items())
         notes.append(f"frames are missing: it holds {recording.num_frames}; {missing}")
     return columns, notes
 
 
 def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> Card:
-    """The set's own card, which these values must not contradict, or a new one of them."""
+    """The card of the existing set, which must not contradict the values, or a new card from the values."""
     if target is not None:
         for key in sorted(values.keys() & KEYS):
             value = values[key]
             if (has := getattr(target.card, key)) != getattr(Card.of({key: value}), key):
-                raise InputError(f"{out / CARD} has {key}={has}, not {value}; change it there, or choose another folder")
+                raise InputError(f"{out / CARD} has {key}={has}, not {value}; change the card, or choose another folder")
         return target.card
     card = Card.of({"name": out.name, "units": "counts", **values})
     if problems := card.problems():
@@ -216,19 +217,19 @@ def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> 
 
 
 def _whole(recording: Recording) -> bool:
-    """Whether all samples are whole numbers that fit int16, as an ADC gives them."""
+    """Whether all samples are whole numbers within int16, like the counts of an ADC."""
     parts = np.stack([recording.iq.real, recording.iq.imag])
     return bool(np.array_equal(parts, np.rint(parts)) and np.abs(parts).max() <= dca1000.FULL_SCALE + 1)
 
 
 def _name(capture: Path, root: Path) -> str:
-    """From the path below the source, of the letters a name may have."""
+    """A valid recording name from the path below the source."""
     relative = capture.relative_to(root).with_name(studio_log.capture_prefix(capture))
     return re.sub(r"[^A-Za-z0-9._-]+", "_", "_".join(relative.parts)).lstrip("._-")
 
 
 def _configured_frames(description: Path | None) -> int:
-    """numFrames of a mmWave Studio description; 0 where it runs until it is stopped, or is of another kind."""
+    """numFrames of a mmWave Studio description; 0 for an unlimited number or another kind of description."""
     if description is None:
         return 0
     try:

@@ -1,4 +1,4 @@
-"""The index of a recording set, index.csv: one row per recording, and what may stand in its columns."""
+"""The index of a recording set, index.csv: one row per recording, with the allowed values of its columns."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from typing import Any
 
 from radartwin.errors import InputError
 
-INDEX = "index.csv"
+INDEX, RECORDINGS, TRAJECTORIES = "index.csv", "recordings", "trajectories"  # file and folders of a set
 COLUMNS = ("recording", "object", "distance_m", "room", "motion", "repetition", "trajectory", "split")
-NEEDED = COLUMNS[:5]  # a file may leave out the others
+REQUIRED = COLUMNS[:5]
 MOTIONS = ("static", "turntable", "radial", "diagonal", "depth", "lateral", "other")
-RANGED = MOTIONS[1:-1]  # those whose distance the experimenter sets, so that it must be known
+RANGED = MOTIONS[1:-1]  # motions whose distance the experimenter sets, so that the index must give it
 SPLITS = ("", "train", "validation", "test", "calibration")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
@@ -26,16 +26,16 @@ _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 @dataclass(frozen=True)
 class Row:
-    """What was recorded.
+    """The conditions of one recording.
 
     Attributes:
-        recording: name of the files, recordings/NAME.bin and NAME.json.
-        object: in front of the radar; "none" for an empty room.
-        distance_m: from the radar to the object's axis at the start; None where nobody measured it.
+        recording: name of the files recordings/NAME.bin and NAME.json.
+        object: object in front of the radar; "none" for an empty room.
+        distance_m: distance from the radar to the axis of the object at the start; None if not measured.
         motion: static, turntable, radial and diagonal (rail), depth and lateral (rover), or other.
-        trajectory: file below trajectories/ with the radar's poses; "" for none.
+        trajectory: file in trajectories/ with the poses of the radar; "" for none.
         split: train, validation, test, calibration or "".
-        extra: further columns, as text; `start_s` is when the first frame was taken on the trajectory's clock.
+        extra: further columns as text; `start_s` is the time of the first frame on the clock of the trajectory.
     """
 
     recording: str
@@ -50,15 +50,15 @@ class Row:
 
     @property
     def condition(self) -> tuple[Any, ...]:
-        """What no two recordings may share."""
+        """The values that identify a recording; two recordings of a set differ in at least one."""
         return self.object, self.distance_m, self.room, self.motion, self.repetition
 
     def value(self, column: str) -> Any:
-        """Of a column by its name; "" for a further one that this row leaves empty."""
+        """The value of a column; "" for a further column that this row leaves empty."""
         return getattr(self, column) if column in COLUMNS else self.extra.get(column, "")
 
     def problems(self) -> list[str]:
-        """What no experiment could use, a line each."""
+        """One line per value that no experiment can use."""
         found = []
         if not _NAME.fullmatch(self.recording) or self.recording.endswith((".bin", ".json")):
             found.append(f"recording {self.recording!r} must be a file name without suffix, of letters, digits, '.', '_' and '-'")
@@ -71,13 +71,13 @@ class Row:
             found.append(f"distance_m {self.distance_m} must be above zero and finite")
         for column, known in (("motion", MOTIONS), ("split", SPLITS)):
             if self.value(column) not in known:
-                found.append(f"{column} {self.value(column)!r} is not known; options: {', '.join(filter(None, known))}")
+                found.append(f"{column} {self.value(column)!r} is unknown; choose {', '.join(filter(None, known))}")
         if self.repetition < 0:
             found.append(f"repetition {self.repetition} must be zero or above")
         if self.trajectory and (Path(self.trajectory).is_absolute() or ".." in Path(self.trajectory).parts):
             found.append(f"trajectory {self.trajectory!r} must be a file inside trajectories/")
         if clash := set(self.extra) & set(COLUMNS):
-            found.append(f"extra holds the column {min(clash)}, which is a field of its own")
+            found.append(f"extra holds the column {min(clash)}, which has its own field")
         try:
             if not math.isfinite(self.start_s):
                 raise ValueError
@@ -87,14 +87,14 @@ class Row:
 
     @property
     def start_s(self) -> float:
-        """When the first frame was taken, on the trajectory's clock. Raises ValueError where the column is no number."""
+        """Time of the first frame on the clock of the trajectory. Raises ValueError if the column is not a number."""
         return float(self.extra.get("start_s", "") or 0.0)
 
 
 def row_of(values: Mapping[str, Any]) -> Row:
-    """A row from texts by column. Raises InputError with all that is wrong in it, in one line."""
+    """A row from texts by column. Raises InputError with one line that names every problem."""
     text = {str(key): "" if value is None else str(value).strip() for key, value in values.items()}
-    found = [f"it has no {column}" for column in NEEDED if column not in text]
+    found = [f"it has no {column}" for column in REQUIRED if column not in text]
     numbers: dict[str, Any] = {}
     for column, kind, empty, what in (("distance_m", float, None, "a number of metres"), ("repetition", int, 0, "a whole number")):
         try:
@@ -102,7 +102,7 @@ def row_of(values: Mapping[str, Any]) -> Row:
         except ValueError:
             found.append(f"{column} {text[column]!r} is not {what}")
             numbers[column] = 1
-    words = {column: text.get(column, "") for column in COLUMNS if column not in numbers and (column in text or column not in NEEDED)}
+    words = {column: text.get(column, "") for column in COLUMNS if column not in numbers and (column in text or column not in REQUIRED)}
     if len(words) == len(COLUMNS) - len(numbers):
         row = Row(**words, **numbers, extra={key: value for key, value in text.items() if key not in COLUMNS and value})
         found += row.problems()
@@ -112,26 +112,26 @@ def row_of(values: Mapping[str, Any]) -> Row:
 
 
 def read_index(path: Path) -> tuple[list[Row], list[str]]:
-    """The rows that can be used, in order, and what is wrong with the file and the others, a line each."""
+    """The valid rows in order, and one line per problem of the file or of another row."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         return [], []
     except UnicodeDecodeError:
-        return [], ["it is not UTF-8 text; save it as CSV in UTF-8"]
+        return [], ["not UTF-8 text; save it as CSV in UTF-8"]
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
         lines = [(reader.line_num, values) for values in reader if any(value.strip() for value in values)]
     except csv.Error as error:
-        return [], [f"line {reader.line_num}: {error}; it is not valid CSV"]
+        return [], [f"line {reader.line_num}: {error}; write valid CSV"]
     if not lines:
         return [], [f"it is empty; the first line names the columns {','.join(COLUMNS)}"]
     header = [name.strip() for name in lines[0][1]]
-    if missing := [name for name in NEEDED if name not in header]:
+    if missing := [name for name in REQUIRED if name not in header]:
         separated = "; separate the columns by commas" if len(header) == 1 else ""
         return [], [f"line 1: it has no column {', '.join(missing)}{separated}"]
     if twice := [name for name, count in Counter(header).items() if count > 1]:
-        return [], [f"line 1: column {twice[0] or 'without a name'} stands there twice"]
+        return [], [f"line 1: column {twice[0] or 'without a name'} occurs twice"]
     rows: list[Row] = []
     found: list[str] = []
     names: dict[str, int] = {}
@@ -146,7 +146,7 @@ def read_index(path: Path) -> tuple[list[Row], list[str]]:
             found.append(f"line {number}: {error}")
             continue
         if (first := names.setdefault(row.recording.casefold(), number)) != number:
-            found.append(f"line {number}: recording {row.recording} stands in line {first} already")
+            found.append(f"line {number}: recording {row.recording} is already in line {first}")
             continue
         if (first := conditions.setdefault(row.condition, number)) != number:
             found.append(f"line {number}: it repeats line {first} ({describe(row)}); count the repetitions")
@@ -155,7 +155,7 @@ def read_index(path: Path) -> tuple[list[Row], list[str]]:
 
 
 def index_text(rows: Iterable[Row]) -> str:
-    """The file's content; reading it gives the same rows."""
+    """The content of the file; read_index returns the same rows."""
     rows = list(rows)
     header = [*COLUMNS, *dict.fromkeys(key for row in rows for key in row.extra)]
     out = io.StringIO()
@@ -166,7 +166,7 @@ def index_text(rows: Iterable[Row]) -> str:
 
 
 def describe(row: Row) -> str:
-    """For people: what is in it.
+    """A readable description of the conditions.
 
     >>> describe(Row("a", "mug", 1.5, "lab", "turntable", 2))
     'mug, 1.5 m, lab, turntable, repetition 2'

@@ -1,6 +1,6 @@
-"""A mapping file: which capture shows what, for folders that somebody else has named.
+"""A mapping file assigns conditions to captures whose folders and names are given.
 
-YAML, the card of a new set and entries in order, of which later ones override earlier ones:
+A YAML file has the card of a new set and entries in order, of which later entries override earlier entries:
 
     card: {name: court, licence: CC-BY-4.0, sensor: IWR1843BOOST, who: A. Researcher, when: 2026-03-01}
     captures:
@@ -11,10 +11,10 @@ YAML, the card of a new set and entries in order, of which later ones override e
       - file: mug_1m/run3_adc_data
         split: test
 
-CSV, one column `file` and any columns of the index; the card is then given elsewhere.
+A CSV file has the column `file` and any columns of the index; it has no card.
 
-A pattern is compared with the path of a capture below the folder, with or without its suffix and the card's numbering: * stands for
-anything within a name, ** for any folders too, {column} for the value of a column.
+A pattern is compared with the path of a capture below the folder, with or without its suffix and the number from the capture card.
+* matches any text within a name, ** matches folders too, and {column} matches the value of a column.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from radartwin.errors import InputError, MissingError
-from radartwin.io import untrusted_yaml
+from radartwin.radar.description_files import read_yaml
 from radartwin.recordings.studio_log import capture_prefix
 
 _TOKEN = re.compile(r"(\*\*)|(\*)|\{([A-Za-z_]\w*)\}")
@@ -35,7 +35,7 @@ _TOKEN = re.compile(r"(\*\*)|(\*)|\{([A-Za-z_]\w*)\}")
 
 @dataclass(frozen=True)
 class Entry:
-    """Columns of the index, as text, for the captures that fit a pattern."""
+    """Columns of the index, as text, for the captures that match a pattern."""
 
     file: str
     columns: Mapping[str, str]
@@ -43,7 +43,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class CaptureMap:
-    """What a mapping file says: keys of the card, and entries."""
+    """The content of a mapping file: keys of the card, and entries."""
 
     card: Mapping[str, Any] = field(default_factory=dict)
     entries: Sequence[Entry] = ()
@@ -53,43 +53,39 @@ def read_mapping(path: str | Path) -> CaptureMap:
     """Read a .yaml, .yml or .csv mapping.
 
     Raises:
-        MissingError: no such file.
-        InputError: it is none, with the line or the entry.
+        MissingError: the file does not exist.
+        InputError: the file is invalid; the message names the line or the entry.
     """
     path = Path(path)
     if not path.is_file():
         raise MissingError(f"{path}: no such mapping file; give a .yaml or .csv")
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: it is not a text file; give a .yaml or .csv") from None
     if path.suffix == ".csv":
-        return _of_csv(path, text)
+        return _of_csv(path)
     if path.suffix in (".yaml", ".yml"):
-        return _of_yaml(path, text)
+        return _of_yaml(path)
     raise InputError(f"{path}: a mapping file ends in .yaml or .csv")
 
 
 def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -> list[dict[str, str] | None]:
-    """Columns of every capture by the entries that fit it; None where none does. Without entries, none for all.
+    """Columns of every capture from the entries that match it, None if no entry does; without entries, no columns for any capture.
 
     Raises:
-        MissingError: an entry fits no capture.
-        InputError: a pattern that names a column twice.
+        MissingError: an entry matches no capture.
+        InputError: a pattern names a column twice.
     """
     entries = list(entries)
     if not entries:
         return [{} for _ in captures]
     out: list[dict[str, str] | None] = [None] * len(captures)
     for entry in entries:
-        pattern, fitted = _compiled(entry.file), False
+        pattern, matched = _compiled(entry.file), False
         for i, capture in enumerate(captures):
             match = next((m for name in _names(capture, root) if (m := pattern.fullmatch(name))), None)
             if match:
-                fitted = True
+                matched = True
                 out[i] = {**(out[i] or {}), **match.groupdict(), **entry.columns}
-        if not fitted:
-            raise MissingError(f"{root}: no capture fits the mapping's '{entry.file}'; there are {_examples(captures, root)}")
+        if not matched:
+            raise MissingError(f"{root}: no capture matches '{entry.file}' of the mapping; there are {_examples(captures, root)}")
     return out
 
 
@@ -106,9 +102,9 @@ def _examples(captures: Sequence[Path], root: Path) -> str:
 def _compiled(pattern: str) -> re.Pattern[str]:
     parts, end = [], 0
     for token in _TOKEN.finditer(pattern):
-        anything, within, column = token.groups()
+        folders, any_text, column = token.groups()
         parts.append(re.escape(pattern[end : token.start()]))
-        parts.append(".*" if anything else "[^/]*" if within else f"(?P<{column}>[^/]+?)")
+        parts.append(".*" if folders else "[^/]*" if any_text else f"(?P<{column}>[^/]+?)")
         end = token.end()
     try:
         return re.compile("".join(parts) + re.escape(pattern[end:]))
@@ -116,31 +112,25 @@ def _compiled(pattern: str) -> re.Pattern[str]:
         raise InputError(f"pattern '{pattern}': {error}") from None
 
 
-def _of_csv(path: Path, text: str) -> CaptureMap:
-    reader = csv.DictReader(text.splitlines(), strict=True)
+def _of_csv(path: Path) -> CaptureMap:
     try:
+        reader = csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines(), strict=True)
         lines = [(reader.line_num, line) for line in reader]
-    except csv.Error as error:
-        raise InputError(f"{path}: line {reader.line_num}: {error}") from None
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: {error}; write CSV in UTF-8") from None
     if "file" not in (reader.fieldnames or ()):
-        raise InputError(f"{path}: line 1: it has no column 'file'; name the columns file,object,distance_m,...")
+        raise InputError(f"{path}: line 1: no column 'file'; name the columns file,object,distance_m,...")
     for number, line in lines:
         if None in line or None in line.values():
-            raise InputError(f"{path}: line {number}: it does not have one value per column")
+            raise InputError(f"{path}: line {number}: expected one value per column")
     return CaptureMap(entries=[_entry(f"{path}: line {number}", line) for number, line in lines])
 
 
-def _of_yaml(path: Path, text: str) -> CaptureMap:
-    import yaml
-
-    try:
-        values = untrusted_yaml.load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f"line {mark.line + 1}: " if mark is not None else ""
-        raise InputError(f"{path}: {line}{getattr(error, 'problem', None) or 'malformed YAML'}") from None
-    if not isinstance(values, dict) or not set(values) <= {"card", "captures"}:
-        raise InputError(f"{path}: a mapping with the keys card and captures is expected")
+def _of_yaml(path: Path) -> CaptureMap:
+    keys = "the keys card and captures"
+    values = read_yaml(path, keys)
+    if not set(values) <= {"card", "captures"}:
+        raise InputError(f"{path}: expected a mapping of {keys}, not {', '.join(map(str, values))}")
     card, captures = values.get("card") or {}, values.get("captures") or []
     if not isinstance(card, dict) or not isinstance(captures, list) or not all(isinstance(item, dict) for item in captures):
         raise InputError(f"{path}: card must be a mapping and captures a list of mappings")
@@ -150,5 +140,5 @@ def _of_yaml(path: Path, text: str) -> CaptureMap:
 def _entry(where: str, values: Mapping[Any, Any]) -> Entry:
     columns = {str(key): "" if value is None else str(value).strip() for key, value in values.items()}
     if not (file := columns.pop("file", "")):
-        raise InputError(f"{where}: it has no file; give a path or a pattern")
+        raise InputError(f"{where}: no key file; give a path or a pattern")
     return Entry(file, {key: value for key, value in columns.items() if value})

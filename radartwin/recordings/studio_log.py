@@ -1,8 +1,8 @@
 """The LogFile.csv that mmWave Studio and the DCA1000 command line write beside a raw capture.
 
-Lines of text, "key - value" or "key : value": settings first, then one section per data type ("Raw Data :"; several where the card
-separates data types, which this package does not read). Packets that did not arrive are filled with zeros in the .bin, so its size says
-nothing of them; only the log and the zeros do.
+The log has lines "key - value" or "key : value": settings first, then one section per data type ("Raw Data :"). If the card separates
+data types, there are several sections, which this package does not read. The card fills lost packets with zeros in the .bin, so only the
+log and the zeros show the loss, not the file size.
 
 References: DCA1000EVM data capture card user's guide (TI SPRUIJ4), raw mode; a log of 143473 packets for 100 frames of 2088960 bytes
 (../shared/data/radar/iwr6843_static_room) agrees with its payload of 1456 bytes.
@@ -11,28 +11,27 @@ References: DCA1000EVM data capture card user's guide (TI SPRUIJ4), raw mode; a 
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from radartwin.errors import MissingError, RecordingError
 
-PACKET_BYTES = 1456  # of samples in one packet
+PACKET_BYTES = 1456  # bytes of samples in one packet
 _LINE = re.compile(r"\s*([A-Za-z][A-Za-z ()]*?)\s*[-:]\s*(.*?)[\s,]*")
 _PART = re.compile(r"(.+)_Raw_(\d+)")
-_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")  # of C's ctime, in English always
+_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")  # C's ctime writes English names
 
 
 @dataclass(frozen=True)
 class StudioLog:
-    """What the log says of a capture.
+    """The values of a log.
 
     Attributes:
-        lanes: LVDS lanes; None where it does not say.
-        received, lost, out_of_sequence: packets; lost ones are zeros in the .bin.
-        lost_bytes: of zeros.
-        started, ended: local time of the recording machine, ISO 8601 without zone; None for a capture that was cut short.
+        lanes: number of LVDS lanes; None if the log does not give it.
+        received, lost, out_of_sequence: numbers of packets; lost packets are zeros in the .bin.
+        lost_bytes: number of zero bytes for lost packets.
+        started, ended: local time of the recording computer, ISO 8601 without zone; None for an interrupted capture.
     """
 
     lanes: int | None
@@ -44,19 +43,16 @@ class StudioLog:
     ended: str | None
 
     def frames(self, frame_bytes: int) -> int:
-        """Whole frames that went into the .bin; one more than were sent if the last packet was padded, never fewer."""
+        """Whole frames in the .bin. If the last packet was padded, this may be one more than the radar sent, but never fewer."""
         return (self.received + self.lost) * PACKET_BYTES // frame_bytes
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def read_log(path: str | Path) -> StudioLog:
     """Read a LogFile.csv.
 
     Raises:
-        MissingError: no such file.
-        RecordingError: it is no such log, or one of a mode whose samples are laid out otherwise.
+        MissingError: the file does not exist.
+        RecordingError: the file is not such a log, or the capture mode has another sample layout.
     """
     path = Path(path)
     if not path.is_file():
@@ -66,13 +62,13 @@ def read_log(path: str | Path) -> StudioLog:
         if match := _LINE.fullmatch(line):
             values.setdefault(match.group(1).lower(), match.group(2))
     if values.get("log mode", "Raw") != "Raw":
-        raise RecordingError(f"{path}: log mode {values['log mode']}: the card separated the data types; record in raw mode")
+        raise RecordingError(f"{path}: log mode {values['log mode']} separates the data types; record in raw mode")
     lanes = _number(path, values, "lvds lane mode", None)
     if lanes not in (None, 2):
-        raise RecordingError(f"{path}: {lanes} LVDS lanes; the two of xWR16xx, xWR18xx and xWR68xx captures are read")
+        raise RecordingError(f"{path}: {lanes} LVDS lanes are not supported; use the two lanes of xWR16xx, xWR18xx and xWR68xx captures")
     received = _number(path, values, "number of received packets", None)
     if received is None:
-        raise RecordingError(f"{path}: it does not say how many packets were received; is it a LogFile.csv of a finished capture?")
+        raise RecordingError(f"{path}: the number of received packets is missing; give the LogFile.csv of a finished capture")
     return StudioLog(
         lanes=lanes,
         received=received,
@@ -85,7 +81,7 @@ def read_log(path: str | Path) -> StudioLog:
 
 
 def find_log(capture: Path) -> Path | None:
-    """The log of a .bin: PREFIX_Raw_LogFile.csv or PREFIX_LogFile.csv, else the only one beside the only capture; None if none is."""
+    """The log of a .bin: PREFIX_Raw_LogFile.csv or PREFIX_LogFile.csv, else the only log beside the only capture, else None."""
     prefix = capture_prefix(capture)
     for name in (f"{prefix}_Raw_LogFile.csv", f"{prefix}_LogFile.csv"):
         if (capture.parent / name).is_file():
@@ -96,7 +92,7 @@ def find_log(capture: Path) -> Path | None:
 
 
 def capture_prefix(capture: Path) -> str:
-    """The name a capture was started with: without the _Raw_0 that the card adds, a number per file of at most 1 GB.
+    """The name of a capture without the suffix _Raw_0, _Raw_1, ... that the card adds per file of at most 1 GB.
 
     >>> capture_prefix(Path("mug_Raw_0.bin"))
     'mug'
@@ -105,15 +101,15 @@ def capture_prefix(capture: Path) -> str:
 
 
 def is_part(capture: Path) -> bool:
-    """Whether the card has numbered this file."""
+    """Whether the file name has a number from the card."""
     return _PART.fullmatch(capture.stem) is not None
 
 
 def parts(capture: Path) -> list[Path]:
-    """The files of one capture in order: those numbered as `capture` is, PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ..., or itself.
+    """The files of one capture in order: PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ..., or `capture` alone if it has no number.
 
     Raises:
-        MissingError: a number in between is missing.
+        MissingError: a number is missing.
     """
     if not is_part(capture):
         return [capture]

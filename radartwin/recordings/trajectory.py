@@ -1,4 +1,4 @@
-"""The radar's poses at the frames of a recording, from the trajectory file beside it."""
+"""Poses of the radar at the frames of a recording, from its trajectory file."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from radartwin.errors import RecordingError
 from radartwin.scene.trajectories.file import read_track
 
 
-def course_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.ndarray:
-    """Sensor poses (F, 4, 4) at the frames; half a frame beyond either end of the file is forgiven and takes the pose there.
+def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.ndarray:
+    """Sensor poses (F, 4, 4) at the frames. Up to half a frame beyond either end of the file, the end pose is used.
 
     Args:
-        path: as `read_track` reads it.
-        start_s: the first frame on the file's clock.
+        path: a trajectory file that `read_track` accepts.
+        start_s: time of the first frame on the clock of the file.
     Raises:
-        MissingError, PoseError: no file, or none that can be read.
-        RecordingError: it does not cover the frames.
+        MissingError, PoseError: the file is missing or unreadable.
+        RecordingError: the file does not cover the frames.
     """
     track = read_track(path)
     (begin, end), times, slack = track.times_s[[0, -1]], start_s + np.arange(frames) / rate_hz, 0.5 / rate_hz
     if times[0] < begin - slack or times[-1] > end + slack:
         covered = f"it covers {begin:.3f} to {end:.3f} s, the frames are at {times[0]:.3f} to {times[-1]:.3f} s"
-        raise RecordingError(f"{path}: {covered}; give a longer one, or a start_s column")
+        raise RecordingError(f"{path}: {covered}; give a longer trajectory, or a start_s column")
     return track.at(times.clip(begin, end))

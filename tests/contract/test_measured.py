@@ -1,4 +1,4 @@
-"""What a recording set gives an experiment, on one made by simulation; and the whole road from it to features."""
+"""The interface of a recording set to experiments, on a simulated set, and the features of its recordings."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def reflector() -> Scene:
 
 
 def record(distance_m: float, late: int) -> np.ndarray:
-    """A trihedral that turns once in FRAMES frames and starts `late` frames' worth of angle earlier in its turn."""
+    """IQ of a trihedral that turns once in FRAMES frames and starts `late` frames late."""
     start = np.pi - 2 * np.pi * late / FRAMES
     turning = trajectory.turntable([distance_m, 0.0, 0.0], FRAMES, RADAR.frame_rate_hz, FRAMES / RADAR.frame_rate_hz, start)
     return simulate(reflector(), RADAR, np.eye(4), motion={"target": turning}, noise=True, seed=late).iq
@@ -42,7 +42,7 @@ def record(distance_m: float, late: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A trihedral on a turntable at two distances, twice each; the second time it starts six frames late."""
+    """A trihedral on a turntable at two distances, recorded twice; the second recording starts six frames late."""
     from radartwin.radar.recording import Recording
 
     made = RecordingSet.create(tmp_path_factory.mktemp("measured") / "set", CARD)
@@ -58,7 +58,7 @@ def measured(folder: Path) -> RecordingSet:
     return RecordingSet.load(folder)
 
 
-def test_rows_and_recordings_agree_whatever_is_asked(measured: RecordingSet) -> None:
+def test_selected_rows_and_recordings_agree(measured: RecordingSet) -> None:
     for wanted in (
         {},
         {"distance_m": 2.0},
@@ -72,7 +72,7 @@ def test_rows_and_recordings_agree_whatever_is_asked(measured: RecordingSet) -> 
         assert all(recording.radar == measured.radar and recording.num_frames == FRAMES for _, recording in given)
 
 
-def test_conditions_nobody_recorded_are_none_and_a_column_there_is_not_is_named(measured: RecordingSet) -> None:
+def test_unknown_conditions_and_columns_are_named(measured: RecordingSet) -> None:
     assert measured.select(object="mug") == []
     with pytest.raises(MissingError, match="no recording of object=mug, distance_m=1"):
         measured.recordings(object="mug", distance_m=1)
@@ -80,7 +80,7 @@ def test_conditions_nobody_recorded_are_none_and_a_column_there_is_not_is_named(
         measured.select(colour="red")
 
 
-def test_keys_are_of_the_content(measured: RecordingSet, tmp_path: Path, folder: Path) -> None:
+def test_digest_depends_on_the_content_only(measured: RecordingSet, tmp_path: Path, folder: Path) -> None:
     keys = [measured.digest(row) for row in measured]
     assert len(set(keys)) == 4
     assert all(len(key) == 32 for key in keys)
@@ -99,7 +99,7 @@ def test_a_simulated_set_has_no_problems(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("distance", DISTANCES_M)
-def test_a_late_start_is_found_from_the_recordings_and_taken_out(measured: RecordingSet, distance: float) -> None:
+def test_late_start_is_found_and_removed(measured: RecordingSet, distance: float) -> None:
     power, axis = zip(*(range_time(recording) for _, recording in measured.recordings(distance_m=distance)), strict=True)
     gated = [gate_energies(p, axis[0], distance)[0] for p in power]
     found = start_offset(gated[0], gated[1], period=FRAMES)
@@ -109,11 +109,11 @@ def test_a_late_start_is_found_from_the_recordings_and_taken_out(measured: Recor
     assert straight.frames == LATE
     first, second = overlap(gated[0], gated[1], straight.frames)
     assert np.abs(10 * np.log10(first / second))[first > 1e-2 * first.max()].max() < 0.5
-    # Alone in the void, a reflector leaves what is noise outside its gate.
+    # In the void there is only noise outside the gate of the reflector.
     assert multipath_share(power[0], axis[0], distance) < 0.05
 
 
-def test_the_configuration_refuses_what_is_no_set_in_one_line(tmp_path: Path, folder: Path) -> None:
+def test_configuration_refuses_a_folder_that_is_not_a_set(tmp_path: Path, folder: Path) -> None:
     assert compose(["measured=recordings", f"measured.folder={folder}"]).measured.folder == str(folder)
     (tmp_path / "file").write_text("x")
     for path, words in (
@@ -127,7 +127,7 @@ def test_the_configuration_refuses_what_is_no_set_in_one_line(tmp_path: Path, fo
         assert "\n" not in str(caught.value)
 
 
-def test_a_damaged_set_is_refused(folder: Path, tmp_path: Path) -> None:
+def test_damaged_set_is_refused(folder: Path, tmp_path: Path) -> None:
     CARD.save(tmp_path)
     (tmp_path / "index.csv").write_text("recording,object\n")
     with pytest.raises(RecordingError, match="no column distance_m"):

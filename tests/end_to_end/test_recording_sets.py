@@ -1,4 +1,4 @@
-"""`radartwin import` and `radartwin doctor --data` on real captures, and the recordings they make through the whole chain."""
+"""`radartwin import` and `radartwin doctor --data` on real captures, and the processing of the imported recordings."""
 
 from __future__ import annotations
 
@@ -42,13 +42,11 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     return run
 
 
-def test_a_real_mmwave_studio_capture_becomes_a_set_that_is_whole_and_shows_the_same_peaks(
-    shared_data: Path, tmp_path: Path, radartwin: Command
-) -> None:
+def test_imported_mmwave_studio_capture_is_valid_and_has_the_same_peaks(shared_data: Path, tmp_path: Path, radartwin: Command) -> None:
     done = radartwin("import", shared_data / ROOM, "--out", "room", *ABOUT_ROOM)
     assert done.returncode == 0, done.stderr
     assert "room: 1 recording added, 1 in all" in done.stdout
-    # One frame was kept of the hundred that description and log agree on: 143473 packets of 1456 bytes.
+    # The capture has one of the hundred frames that description and log give: 143473 packets of 1456 bytes.
     assert "frames are missing: it holds 1; 100 configured, 100 logged" in done.stderr
     name = "iwr6843_frame_adc_data"
     assert (tmp_path / f"room/recordings/{name}.bin").read_bytes() == (shared_data / ROOM / f"{name}.bin").read_bytes()
@@ -67,14 +65,14 @@ def test_a_real_mmwave_studio_capture_becomes_a_set_that_is_whole_and_shows_the_
     assert row.extra == {"started": "2024-11-19T20:02:23", "lost_packets": "0"}
     assert recording.provenance["log"]["received"] == 143473
     pd.testing.assert_frame_equal(process_capture(tmp_path / "room/recordings" / name), process_capture(shared_data / ROOM / f"{name}.bin"))
-    # The strongest echoes are at 1.551, 1.052, 1.718 and 1.370 m: with the gate on the first, the others are outside it or in it.
+    # The strongest echoes are at 1.551, 1.052, 1.718 and 1.370 m; the gate is on the first.
     power, axis = range_time(recording)
     near = np.flatnonzero((axis > 0.6) & (axis < 5.5))
     assert axis[near[power[0, near].argmax()]] == pytest.approx(1.551, abs=0.04)
     assert 0.2 < multipath_share(power, axis, 1.551) < 0.9
 
 
-def test_a_real_cube_at_77_ghz_becomes_a_set_that_shows_the_walker(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
+def test_imported_cube_shows_the_walker(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
     arguments = ("import", shared_data / WALK, "--out", "walk", "--radar", "openradar_77ghz", *ABOUT_WALK)
     assert call(*arguments)[:2] == (0, "walk: 1 recording added, 1 in all\n")
     assert call(*arguments)[:2] == (0, "walk: 0 recordings added, 1 in all\n")
@@ -85,9 +83,7 @@ def test_a_real_cube_at_77_ghz_becomes_a_set_that_shows_the_walker(shared_data: 
     assert 0.5 < abs(moving.doppler_mps[0]) < 0.8
 
 
-def test_a_real_capture_with_q_first_keeps_its_bytes_and_is_read_rightly(
-    shared_data: Path, tmp_path: Path, call: Callable[..., Said]
-) -> None:
+def test_imported_capture_with_q_first_keeps_its_bytes(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
     source = shared_data / ROOM / "iwr6843_frame_adc_data.bin"
     (tmp_path / "raw").mkdir()
     (tmp_path / "raw/radar.mmwave.json").write_bytes((shared_data / ROOM / "iwr6843_mmwaveDevice.mmwave.json").read_bytes())
@@ -100,16 +96,16 @@ def test_a_real_capture_with_q_first_keeps_its_bytes_and_is_read_rightly(
     assert call("doctor", "--data", "room")[0] == 0
 
 
-def test_captures_of_two_radars_are_not_one_set(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
+def test_captures_of_two_radars_cannot_share_a_set(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
     assert call("import", shared_data / ROOM, "--out", "set", *ABOUT_ROOM)[0] == 0
     before = {path: path.read_bytes() for path in (tmp_path / "set").rglob("*") if path.is_file()}
     status, _, said = call("import", shared_data / WALK, "--out", "set", "--radar", "openradar_77ghz", *ABOUT_WALK[:3])
     assert status == 2
-    assert said.splitlines()[-1].startswith("radartwin: set: the radar of doppler_example_1 is not that of the set")
+    assert said.splitlines()[-1].startswith("radartwin: set: the radar of doppler_example_1 differs from the set")
     assert {path: path.read_bytes() for path in (tmp_path / "set").rglob("*") if path.is_file()} == before
 
 
-def test_doctor_lists_every_problem_of_a_damaged_set_and_exits_2(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
+def test_doctor_lists_every_problem_of_a_damaged_set(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
     assert call("import", shared_data / ROOM, "--out", "room", *ABOUT_ROOM)[0] == 0
     samples = np.fromfile(tmp_path / "room/recordings/iwr6843_frame_adc_data.bin", "<i2")
     samples[50_000:51_000] = 0
@@ -121,7 +117,7 @@ def test_doctor_lists_every_problem_of_a_damaged_set_and_exits_2(shared_data: Pa
     assert status == 2
     problems = [line for line in said.splitlines() if line.startswith("problem")]
     assert len(problems) == 3
-    for line, words in zip(problems, ("licence is missing", "zeros (frame 0)", "I and Q look exchanged"), strict=True):
+    for line, words in zip(problems, ("licence is missing", "zeros (frame 0)", "I and Q seem exchanged"), strict=True):
         assert words in line
     assert said.splitlines()[-1] == "doctor: 3 problems; see above"
 
@@ -136,7 +132,7 @@ def test_doctor_lists_every_problem_of_a_damaged_set_and_exits_2(shared_data: Pa
         (["import", "."], "--out"),
     ],
 )
-def test_a_mistake_is_one_line_and_status_2(call: Callable[..., Said], arguments: list[str], word: str) -> None:
+def test_user_error_is_one_line_with_status_2(call: Callable[..., Said], arguments: list[str], word: str) -> None:
     status, _, said = call(*arguments)
     assert status == 2
     assert said.count("\n") == 1

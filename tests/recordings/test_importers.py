@@ -1,4 +1,4 @@
-"""Captures of mmWave Studio with their logs, in parts or cut short, and folders of them with a mapping file."""
+"""Import of mmWave Studio captures with their logs, in parts or cut short, and of folders with a mapping file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from radartwin.recordings.mapping import CaptureMap, Entry, read_mapping
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.recordings.studio_log import PACKET_BYTES, find_log, read_log
 
-# The shapes of a capture whose frames are 65536 bytes, 45.01 packets: packets straddle frames, as they do in reality.
+# A frame has 65536 bytes, which are 45.01 packets, so packets cross frame boundaries as in real captures.
 RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=128, num_chirps=16)
 FRAME = dca1000.frame_bytes(RADAR)
 CARD = {"licence": "MIT", "sensor": "IWR1843BOOST", "who": "A. Researcher", "when": "2026-03-01"}
@@ -44,10 +44,10 @@ def capture(folder: Path, name: str = "adc_data", frames: int = 4, seed: int = 0
     return folder / f"{name}.bin"
 
 
-def test_a_capture_with_its_log_becomes_a_set_of_the_same_bytes(tmp_path: Path) -> None:
-    source, said = capture(tmp_path / "raw"), []
-    made, added = import_captures(source, tmp_path / "set", {**CARD, **MUG, "operator": "ann"}, say=said.append)
-    assert said == []
+def test_imported_capture_keeps_its_bytes_and_the_values_of_its_log(tmp_path: Path) -> None:
+    source, notes = capture(tmp_path / "raw"), []
+    made, added = import_captures(source, tmp_path / "set", {**CARD, **MUG, "operator": "ann"}, say=notes.append)
+    assert notes == []
     assert (tmp_path / "set" / "recordings" / "adc_data.bin").read_bytes() == source.read_bytes()
     assert added == made.rows
     assert added[0].extra == {"started": "2026-03-02T09:05:07", "lost_packets": "0", "operator": "ann"}
@@ -61,7 +61,7 @@ def test_a_capture_with_its_log_becomes_a_set_of_the_same_bytes(tmp_path: Path) 
     assert (report.problems, report.notes) == ([], [])
 
 
-def test_lost_packets_are_said_kept_and_noted(tmp_path: Path) -> None:
+def test_lost_packets_are_reported_and_stored(tmp_path: Path) -> None:
     source = capture(tmp_path / "raw", frames=300)
     data = bytearray(source.read_bytes())
     lost = (7 * FRAME // PACKET_BYTES + 2, 200 * FRAME // PACKET_BYTES + 40)
@@ -69,19 +69,19 @@ def test_lost_packets_are_said_kept_and_noted(tmp_path: Path) -> None:
         data[packet * PACKET_BYTES : (packet + 1) * PACKET_BYTES] = bytes(PACKET_BYTES)
     source.write_bytes(data)
     source.with_name("adc_data_LogFile.csv").write_text(log_text(packets(300) - 2, lost=2))
-    said: list[str] = []
-    _, added = import_captures(source, tmp_path / "set", {**CARD, **MUG}, say=said.append)
-    assert said == [
+    notes: list[str] = []
+    _, added = import_captures(source, tmp_path / "set", {**CARD, **MUG}, say=notes.append)
+    assert notes == [
         f"adc_data: 2 of {packets(300)} packets were lost ({2 * PACKET_BYTES} bytes of zeros, in frame 7, 200)",
         "adc_data: 2 packets were out of sequence",
     ]
     assert added[0].extra["lost_packets"] == "2"
     report = examine(tmp_path / "set")
     assert report.problems == []
-    assert "2 of 300 frames hold samples lost" in str(report.notes[0])
+    assert "2 of 300 frames have lost samples" in str(report.notes[0])
 
 
-def test_frames_that_are_missing_are_said(tmp_path: Path) -> None:
+def test_missing_frames_are_reported(tmp_path: Path) -> None:
     source = capture(tmp_path / "raw", frames=4)
     source.write_bytes(source.read_bytes()[: 3 * FRAME])
     recording, _, notes = read_capture(source)
@@ -89,41 +89,41 @@ def test_frames_that_are_missing_are_said(tmp_path: Path) -> None:
     assert notes == ["frames are missing: it holds 3; 4 configured, 4 logged"]
 
 
-def test_a_capture_without_a_log_says_that_nobody_knows(tmp_path: Path) -> None:
+def test_missing_log_is_reported(tmp_path: Path) -> None:
     _, columns, notes = read_capture(capture(tmp_path, log=False))
     assert columns == {}
     assert len(notes) == 1
     assert "no LogFile.csv" in notes[0]
 
 
-def test_a_capture_that_was_cut_short_is_refused_unless_one_says_so(tmp_path: Path) -> None:
+def test_incomplete_last_frame_is_refused_or_dropped_on_request(tmp_path: Path) -> None:
     source = capture(tmp_path / "raw")
     source.write_bytes(source.read_bytes()[:-1000])
-    with pytest.raises(RecordingError, match=r"3 frames of 65536 bytes .* and 64536 more; .*another radar.*--cut"):
+    with pytest.raises(RecordingError, match=r"3 frames of 65536 bytes .* and 64536 more; .*radar description.*--cut"):
         import_captures(source, tmp_path / "set", {**CARD, **MUG})
     assert not (tmp_path / "set").exists()
-    said: list[str] = []
-    made, added = import_captures(source, tmp_path / "set", {**CARD, **MUG}, cut=True, say=said.append)
+    notes: list[str] = []
+    made, added = import_captures(source, tmp_path / "set", {**CARD, **MUG}, cut=True, say=notes.append)
     assert made.read(added[0]).num_frames == 3
-    assert "incomplete and left out (64536 of 65536 bytes)" in said[0]
+    assert "incomplete and dropped (64536 of 65536 bytes)" in notes[0]
     source.write_bytes(b"")
     with pytest.raises(RecordingError, match="0 bytes are not one frame"):
         read_capture(source, cut=True)
 
 
-def test_the_parts_of_a_capture_are_one_recording(tmp_path: Path) -> None:
+def test_parts_of_a_capture_become_one_recording(tmp_path: Path) -> None:
     whole = counts(24)
     (tmp_path / "raw").mkdir()
     (tmp_path / "raw" / "radar.mmwave.json").write_text(studio_json(24))
     (tmp_path / "raw" / "mug_Raw_LogFile.csv").write_text(log_text(packets(24)))
-    cuts = [len(whole) * n // 11 // 4 * 4 for n in range(12)]  # not at frames; eleven parts, so that 10 must come after 9
+    cuts = [len(whole) * n // 11 // 4 * 4 for n in range(12)]  # not at frame boundaries; eleven parts test the numeric order of 9 and 10
     for n in range(11):
         (tmp_path / "raw" / f"mug_Raw_{n}.bin").write_bytes(whole[cuts[n] : cuts[n + 1]])
     assert find_captures(tmp_path / "raw") == [tmp_path / "raw" / "mug_Raw_0.bin"]
     assert find_captures(tmp_path / "raw" / "mug_Raw_3.bin") == [tmp_path / "raw" / "mug_Raw_0.bin"]
-    said: list[str] = []
-    _, added = import_captures(tmp_path / "raw", tmp_path / "set", {**CARD, **MUG}, say=said.append)
-    assert said == []
+    notes: list[str] = []
+    _, added = import_captures(tmp_path / "raw", tmp_path / "set", {**CARD, **MUG}, say=notes.append)
+    assert notes == []
     assert added[0].recording == "mug"
     assert (tmp_path / "set" / "recordings" / "mug.bin").read_bytes() == whole
     (tmp_path / "raw" / "mug_Raw_4.bin").unlink()
@@ -136,12 +136,12 @@ def test_the_parts_of_a_capture_are_one_recording(tmp_path: Path) -> None:
     [
         (log_text(9, mode="Multi"), ("log mode Multi", "raw mode")),
         (log_text(9, lanes=4), ("4 LVDS lanes",)),
-        ("", ("how many packets",)),
+        ("", ("number of received packets is missing",)),
         (log_text(9).replace("received packets - 9", "received packets - none"), ("'none' is not a number",)),
         (log_text(9).replace("Mon Mar  2", "Montag, 2."), ("is not a time",)),
     ],
 )
-def test_a_log_that_cannot_be_is_one_line(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
+def test_invalid_log_is_refused(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
     (tmp_path / "a_LogFile.csv").write_text(text)
     with pytest.raises(RecordingError) as caught:
         read_log(tmp_path / "a_LogFile.csv")
@@ -149,7 +149,7 @@ def test_a_log_that_cannot_be_is_one_line(tmp_path: Path, text: str, words: tupl
         assert word in str(caught.value)
 
 
-def test_a_capture_takes_its_own_log_or_none(tmp_path: Path) -> None:
+def test_capture_uses_its_own_log_or_the_only_log(tmp_path: Path) -> None:
     first, second = capture(tmp_path, "one"), capture(tmp_path, "two")
     assert find_log(first) == tmp_path / "one_LogFile.csv"
     (tmp_path / "two_LogFile.csv").unlink()
@@ -173,7 +173,7 @@ def campaign(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_mapping_file_says_what_the_folders_of_a_campaign_show(campaign: Path) -> None:
+def test_mapping_assigns_conditions_to_the_captures_of_a_campaign(campaign: Path) -> None:
     made, added = import_captures(campaign / "raw", campaign / "set", mapping=read_mapping(campaign / "map.yaml"))
     assert len(added) == 8
     assert [row.recording for row in made.select(object="can", distance_m=1)] == ["can_1m_run1", "can_1m_run2"]
@@ -184,7 +184,7 @@ def test_a_mapping_file_says_what_the_folders_of_a_campaign_show(campaign: Path)
     assert made.problems() == []
 
 
-def test_an_import_goes_on_where_it_was_stopped(campaign: Path) -> None:
+def test_interrupted_import_continues(campaign: Path) -> None:
     mapping = read_mapping(campaign / "map.yaml")
     broken = campaign / "raw/mug_0.5m/run1.bin"
     data = broken.read_bytes()
@@ -193,29 +193,29 @@ def test_an_import_goes_on_where_it_was_stopped(campaign: Path) -> None:
         import_captures(campaign / "raw", campaign / "set", mapping=mapping)
     assert len(RecordingSet.load(campaign / "set")) == 4
     broken.write_bytes(data)
-    said: list[str] = []
-    made, added = import_captures(campaign / "raw", campaign / "set", mapping=mapping, say=said.append)
+    notes: list[str] = []
+    made, added = import_captures(campaign / "raw", campaign / "set", mapping=mapping, say=notes.append)
     assert (len(added), len(made)) == (4, 8)
-    assert said == [f"4 of 8 captures are in {campaign / 'set'} already"]
+    assert notes == [f"4 of 8 captures are already in {campaign / 'set'}"]
     assert import_captures(campaign / "raw", campaign / "set", mapping=mapping)[1] == []
 
 
-def test_a_csv_mapping_names_files_and_leaves_out_the_others(campaign: Path) -> None:
+def test_csv_mapping_skips_captures_without_an_entry(campaign: Path) -> None:
     (campaign / "map.csv").write_text(
         "file,object,distance_m,room,motion,trajectory\ncan_1m/run1,can,1,lab,depth,drive.txt\nmug_1m/run*,mug,1,lab,lateral,\n"
     )
     (campaign / "raw" / "drive.txt").write_text("0 0 0 0 0 0 0 1\n5 1 0 0 0 0 0 1\n")
-    said: list[str] = []
-    made, added = import_captures(campaign / "raw", campaign / "set", CARD, read_mapping(campaign / "map.csv"), say=said.append)
+    notes: list[str] = []
+    made, added = import_captures(campaign / "raw", campaign / "set", CARD, read_mapping(campaign / "map.csv"), say=notes.append)
     assert [(row.recording, row.repetition) for row in added] == [("can_1m_run1", 0), ("mug_1m_run1", 0), ("mug_1m_run2", 1)]
-    assert "5 of 8 captures are in no entry" in said[0]
+    assert "5 of 8 captures match no entry" in notes[0]
     poses = made.read(added[0]).sensor_poses
     assert poses is not None
     np.testing.assert_allclose(poses[:, 0, 3], [0, 0.02, 0.04, 0.06], atol=1e-12)
     assert made.problems() == []
 
 
-def test_values_that_contradict_the_card_of_the_set_are_refused(tmp_path: Path) -> None:
+def test_values_that_contradict_the_card_are_refused(tmp_path: Path) -> None:
     source = capture(tmp_path / "raw")
     import_captures(source, tmp_path / "set", {**CARD, **MUG})
     import_captures(source, tmp_path / "set", {**CARD, **MUG})
@@ -224,17 +224,17 @@ def test_values_that_contradict_the_card_of_the_set_are_refused(tmp_path: Path) 
 
 
 MISTAKES = {
-    "an entry that fits nothing": ([Entry("bottle*", MUG)], "no capture fits the mapping's 'bottle\\*'; there are can_0.5m/run1.bin"),
+    "an entry without a capture": ([Entry("bottle*", MUG)], "no capture matches 'bottle\\*' of the mapping; there are can_0.5m/run1.bin"),
     "a column twice in a pattern": ([Entry("{object}_{object}m/run1", MUG)], "object"),
-    "captures nobody tells apart": ([Entry("**", {**MUG, "repetition": "0"})], "same object, distance, room, motion"),
-    "a distance that is no number": ([Entry("{object}_{distance_m}/run{repetition}", {**MUG, "distance_m": "near"})], "'near'"),
-    "a trajectory that is not there": ([Entry("**", {**MUG, "trajectory": "drive.txt"})], "raw/drive.txt: no such trajectory"),
-    "nothing said": ([Entry("**", {})], "it has no object; it has no room; it has no motion"),
+    "two captures with the same conditions": ([Entry("**", {**MUG, "repetition": "0"})], "same object, distance, room, motion"),
+    "a distance that is not a number": ([Entry("{object}_{distance_m}/run{repetition}", {**MUG, "distance_m": "near"})], "'near'"),
+    "a missing trajectory": ([Entry("**", {**MUG, "trajectory": "drive.txt"})], "raw/drive.txt: no such trajectory"),
+    "an entry without columns": ([Entry("**", {})], "it has no object; it has no room; it has no motion"),
 }
 
 
 @pytest.mark.parametrize(("entries", "words"), MISTAKES.values(), ids=MISTAKES)
-def test_a_mapping_that_cannot_be_is_refused_before_anything_is_read(campaign: Path, entries: list[Entry], words: str) -> None:
+def test_invalid_mapping_is_refused_before_a_capture_is_read(campaign: Path, entries: list[Entry], words: str) -> None:
     with pytest.raises(UserError, match=words):
         import_captures(campaign / "raw", campaign / "set", CARD, CaptureMap(entries=entries))
     assert not (campaign / "set").exists()
@@ -247,27 +247,27 @@ def test_a_mapping_that_cannot_be_is_refused_before_anything_is_read(campaign: P
         ("m.yaml", "- 1", "keys card and captures"),
         ("m.yaml", "files: []", "keys card and captures"),
         ("m.yaml", "captures: {a: b}", "list of mappings"),
-        ("m.yaml", "captures: [{object: mug}]", r"captures\[0\]: it has no file"),
+        ("m.yaml", "captures: [{object: mug}]", r"captures\[0\]: no key file"),
         ("m.csv", "object,room\nmug,lab\n", "no column 'file'"),
         ("m.csv", "file,object\na\n", "line 2: .*one value per column"),
         ("m.csv", "file,object\na,b,c\n", "line 2: .*one value per column"),
         ("m.txt", "", r"ends in \.yaml or \.csv"),
     ],
 )
-def test_a_mapping_file_that_cannot_be_read_is_one_line(tmp_path: Path, name: str, text: str, words: str) -> None:
+def test_invalid_mapping_file_is_refused_by_one_line(tmp_path: Path, name: str, text: str, words: str) -> None:
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=words) as caught:
         read_mapping(tmp_path / name)
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_missing_of_the_card_is_said_at_once_and_nothing_is_made(tmp_path: Path) -> None:
+def test_incomplete_card_is_refused_before_the_set_is_created(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"licence is missing.*sensor is missing.*when is missing"):
         import_captures(capture(tmp_path / "raw"), tmp_path / "set", {**MUG, "who": "A. Researcher"})
     assert not (tmp_path / "set").exists()
 
 
-def test_recordings_of_this_package_are_imported_with_their_poses_and_scale(tmp_path: Path) -> None:
+def test_recordings_keep_their_poses_and_scale(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     iq = 1e-5 * (rng.normal(size=(2, 16, 2, 4, 128)) + 1j * rng.normal(size=(2, 16, 2, 4, 128)))
     own = Recording(iq.astype(np.complex64), RADAR, np.eye(4)[None], scale=2e-9, provenance={"kind": "simulated"})
@@ -280,24 +280,24 @@ def test_recordings_of_this_package_are_imported_with_their_poses_and_scale(tmp_
     assert made.problems() == []
 
 
-def test_a_cube_of_amplitudes_is_not_rounded_away_and_counts_are_kept(tmp_path: Path) -> None:
+def test_cube_of_amplitudes_is_scaled_and_cube_of_counts_is_kept(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     cube = 1e-6 * (rng.normal(size=(3, 16, 8, 128)) + 1j * rng.normal(size=(3, 16, 8, 128)))
     np.save(tmp_path / "cube.npy", cube)
-    with pytest.raises(RecordingError, match="its samples are amplitudes, not units=counts"):
+    with pytest.raises(RecordingError, match="its samples are amplitudes, but the card has units=counts"):
         import_captures(tmp_path / "cube.npy", tmp_path / "set", {**CARD, **MUG}, radar=RADAR)
     assert not (tmp_path / "set").exists()
     made, added = import_captures(tmp_path / "cube.npy", tmp_path / "set", {**CARD, **MUG, "units": "amplitude"}, radar=RADAR)
     np.testing.assert_allclose(made.read(added[0]).iq.reshape(cube.shape), cube, atol=1e-9)
     assert made.problems() == []
     np.save(tmp_path / "cube.npy", np.rint(1e9 * cube))
-    with pytest.raises(RecordingError, match="counts of an ADC, not units=amplitude"):
+    with pytest.raises(RecordingError, match="counts of an ADC, but the card has units=amplitude"):
         import_captures(tmp_path / "cube.npy", tmp_path / "set", {**MUG, "recording": "b", "repetition": 1}, radar=RADAR)
     made, added = import_captures(tmp_path / "cube.npy", tmp_path / "counts", {**CARD, **MUG}, radar=RADAR)
     np.testing.assert_array_equal(made.read(added[0]).iq.reshape(cube.shape), np.rint(1e9 * cube))
 
 
-def test_nothing_to_import_is_one_line(tmp_path: Path) -> None:
+def test_missing_captures_and_malformed_values_are_refused(tmp_path: Path) -> None:
     with pytest.raises(MissingError, match="no such capture"):
         import_captures(tmp_path / "nowhere.bin", tmp_path / "set")
     with pytest.raises(MissingError, match=r"no \.bin and no \.npy"):

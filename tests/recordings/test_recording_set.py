@@ -1,4 +1,4 @@
-"""Recording sets: what is written is read again, whoever kills the writer and whenever."""
+"""Recording sets: writing and reading, refused input, and writers that are killed or run in parallel."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def bench(tmp_path: Path) -> RecordingSet:
     return bench
 
 
-def test_what_was_added_is_read_again(bench: RecordingSet) -> None:
+def test_added_recordings_are_read_back(bench: RecordingSet) -> None:
     again = RecordingSet.load(bench.folder)
     assert again.card == CARD
     assert again.rows == bench.rows
@@ -62,17 +62,17 @@ def test_what_was_added_is_read_again(bench: RecordingSet) -> None:
     assert bench.problems() == []
 
 
-def test_rows_are_selected_by_any_column_and_by_alternatives(bench: RecordingSet) -> None:
+def test_rows_are_selected_by_columns_and_alternatives(bench: RecordingSet) -> None:
     assert [r.recording for r in bench.select(object="can", distance_m=2)] == ["can_2m_0", "can_2m_1"]
     assert len(bench.select(distance_m=[1.0, 2.0], repetition=1)) == 4
     assert len(bench.select(operator="ann", object=("mug", "can"))) == 4
     assert bench.select(object="bottle") == []
-    assert len(bench.select(distance_m=1.00001)) == 4  # text rounds
+    assert len(bench.select(distance_m=1.00001)) == 4  # the index rounds
     with pytest.raises(InputError, match=r"'colour'.*object.*operator"):
         bench.select(colour="red")
 
 
-def test_a_recording_is_read_when_its_turn_comes(bench: RecordingSet) -> None:
+def test_recordings_are_read_on_demand(bench: RecordingSet) -> None:
     stream = bench.recordings()
     next(stream)
     (bench.folder / "recordings" / "mug_1m_1.bin").unlink()
@@ -83,8 +83,8 @@ def test_a_recording_is_read_when_its_turn_comes(bench: RecordingSet) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (row("mug_1m_0"), ("mug_1m_0 already",)),
-        (row("MUG_1m_0", repetition=7), ("mug_1m_0 already",)),
+        (row("mug_1m_0"), ("already has a recording mug_1m_0",)),
+        (row("MUG_1m_0", repetition=7), ("already has a recording mug_1m_0",)),
         (row("again"), ("again repeats mug_1m_0", "mug, 1 m, lab")),
         (row("a b", repetition=7), ("'a b'", "letters")),
         (row("a.bin", repetition=7), ("'a.bin'", "suffix")),
@@ -101,7 +101,7 @@ def test_a_recording_is_read_when_its_turn_comes(bench: RecordingSet) -> None:
         (row("a", repetition=7, extra={"object": "x"}), ("column object",)),
     ],
 )
-def test_what_no_experiment_could_use_is_refused_and_leaves_no_file(bench: RecordingSet, given: Row, words: tuple[str, ...]) -> None:
+def test_invalid_row_is_refused_without_writing(bench: RecordingSet, given: Row, words: tuple[str, ...]) -> None:
     before = files(bench.folder)
     with pytest.raises(InputError) as caught:
         bench.add(noise(), given)
@@ -111,18 +111,18 @@ def test_what_no_experiment_could_use_is_refused_and_leaves_no_file(bench: Recor
     assert files(bench.folder) == before
 
 
-def test_the_radar_may_go_by_the_name_of_another_file(bench: RecordingSet) -> None:
-    """mmWave Studio leaves a description beside each capture, by the capture's name."""
+def test_radars_may_differ_in_name(bench: RecordingSet) -> None:
+    """mmWave Studio writes one description per capture, with the name of the capture."""
     bench.add(noise(radar=dataclasses.replace(RADAR, name="run_7")), row("a", repetition=7))
     assert not [problem for problem in bench.problems() if "radar" in str(problem)]
 
 
-def test_another_radar_is_refused_by_the_fields_in_which_it_differs(bench: RecordingSet) -> None:
+def test_another_radar_is_refused_with_its_different_fields(bench: RecordingSet) -> None:
     with pytest.raises(RecordingError, match=r"radar of a .*num_chirps 4 instead of 8"):
         bench.add(noise(radar=dataclasses.replace(RADAR, num_chirps=4)), row("a", repetition=7))
 
 
-def test_making_a_set_again_opens_it_and_another_card_is_refused(bench: RecordingSet, tmp_path: Path) -> None:
+def test_create_opens_an_existing_set_and_refuses_another_card(bench: RecordingSet, tmp_path: Path) -> None:
     assert len(RecordingSet.create(bench.folder, CARD)) == 8
     noted = dataclasses.replace(CARD, name="007", when="2026-03-01 ", notes="two\nlines: # \n", extra={"room_height_m": 2.7})
     for _ in range(2):
@@ -136,10 +136,10 @@ def test_making_a_set_again_opens_it_and_another_card_is_refused(bench: Recordin
     assert not (tmp_path / "new" / "card.yaml").exists()
 
 
-def test_a_folder_that_is_no_set_is_one_line(tmp_path: Path) -> None:
+def test_folder_that_is_not_a_set_is_refused(tmp_path: Path) -> None:
     with pytest.raises(MissingError, match="no such folder"):
         RecordingSet.load(tmp_path / "nowhere")
-    with pytest.raises(MissingError, match=r"no recording set, it has no card\.yaml"):
+    with pytest.raises(MissingError, match=r"not a recording set, because it has no card\.yaml"):
         RecordingSet.load(tmp_path)
     (tmp_path / "card.yaml").write_text("- 1\n")
     with pytest.raises(RecordingError, match="mapping"):
@@ -152,7 +152,7 @@ def test_a_folder_that_is_no_set_is_one_line(tmp_path: Path) -> None:
         _ = RecordingSet.load(tmp_path).radar
 
 
-def test_the_index_keeps_its_rows_its_order_and_further_columns(tmp_path: Path) -> None:
+def test_index_round_trips(tmp_path: Path) -> None:
     rows = [
         row("b", extra={"note": 'a "quoted", word'}),
         row("a", "none", None, motion="static", split="test"),
@@ -165,7 +165,7 @@ def test_the_index_keeps_its_rows_its_order_and_further_columns(tmp_path: Path) 
     assert read_index(path) == (rows, [])
 
 
-def test_poses_come_from_the_trajectory_where_the_recording_has_none(tmp_path: Path) -> None:
+def test_recording_without_poses_uses_those_of_its_trajectory(tmp_path: Path) -> None:
     path = tmp_path / "drive.txt"
     path.write_text("# time x y z qx qy qz qw\n9.9 0 0 0.4 0 0 0 1\n10.5 0.6 0 0.4 0 0 0.7071068 0.7071068\n")
     drive = RecordingSet.create(tmp_path / "set", CARD)
@@ -173,15 +173,15 @@ def test_poses_come_from_the_trajectory_where_the_recording_has_none(tmp_path: P
     assert stored.trajectory == "a.txt"
     poses = drive.read(stored).sensor_poses
     assert poses is not None
-    np.testing.assert_allclose(poses[:, 0, 3], [0.1, 0.2, 0.3], atol=1e-9)  # 1 m/s at 10 Hz from 0.1 s after the file's start
+    np.testing.assert_allclose(poses[:, 0, 3], [0.1, 0.2, 0.3], atol=1e-9)  # 1 m/s at 10 Hz, 0.1 s after the start of the file
     np.testing.assert_allclose(np.degrees(np.arctan2(poses[:, 1, 0], poses[:, 0, 0])), [15, 30, 45], atol=1e-4)
     assert drive.problems() == []
 
 
-def test_two_writers_share_a_set(tmp_path: Path) -> None:
+def test_two_writers_can_add_to_one_set(tmp_path: Path) -> None:
     RecordingSet.create(tmp_path / "set", CARD)
     script = (
-        "import sys; sys.path.insert(0, 'tests/unit')\n"
+        "import sys; sys.path.insert(0, 'tests/recordings')\n"
         "from test_recording_set import *\n"
         f"bench = RecordingSet.load({str(tmp_path / 'set')!r})\n"
         "for n in range(8):\n    bench.add(noise(n), row(f'{sys.argv[1]}{n}', sys.argv[1], repetition=n))\n"
@@ -194,15 +194,15 @@ def test_two_writers_share_a_set(tmp_path: Path) -> None:
     assert both.problems() == []
 
 
-# Forks a child for every moment: one that kills itself at its n-th call to open, rename, remove or mkdir below the set, then one that
-# finishes the work. Prints, per moment, whether the set was whole in between and what it held at the end.
+# For every n, one child process kills itself at its n-th call of open, rename, remove or mkdir inside the set, and a second one completes
+# the work. Per n, the script prints whether the set was valid in between and its content at the end.
 _EVERY_MOMENT = """
 import os, signal, sys, json
-sys.path.insert(0, "tests/unit")
+sys.path.insert(0, "tests/recordings")
 from test_recording_set import *
 from radartwin.recordings.checks import examine
 
-os.fsync = lambda descriptor: None  # slow, and of no matter to a kill
+os.fsync = lambda descriptor: None  # slow, and without effect on a kill
 root = Path(sys.argv[1])
 (root / "drive.csv").write_text("t,x,y,z,qx,qy,qz,qw\\n0,0,0,0,0,0,0,1\\n1,1,0,0,0,0,0,1\\n")
 
@@ -246,7 +246,7 @@ print(json.dumps(out))
 """
 
 
-def test_a_writer_killed_at_any_moment_leaves_a_set_that_the_next_one_completes_to_the_same_bytes(tmp_path: Path) -> None:
+def test_set_of_a_writer_killed_at_any_call_is_valid_and_can_be_completed(tmp_path: Path) -> None:
     root = Path(__file__).resolve().parents[2]
     done = subprocess.run([sys.executable, "-c", _EVERY_MOMENT, str(tmp_path)], cwd=root, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -258,9 +258,9 @@ def test_a_writer_killed_at_any_moment_leaves_a_set_that_the_next_one_completes_
     assert all(same for *_, same in moments)
 
 
-def test_a_writer_killed_from_outside_leaves_whole_recordings_only(tmp_path: Path) -> None:
+def test_writer_killed_at_random_times_leaves_complete_recordings(tmp_path: Path) -> None:
     script = (
-        "import sys; sys.path.insert(0, 'tests/unit')\n"
+        "import sys; sys.path.insert(0, 'tests/recordings')\n"
         "from test_recording_set import *\n"
         f"bench = RecordingSet.create({str(tmp_path / 'set')!r}, CARD)\n"
         "for n in range(1000):\n    if f'a{n}' not in bench:\n        bench.add(noise(n, frames=40), row(f'a{n}', repetition=n))\n"
@@ -278,6 +278,6 @@ def test_a_writer_killed_from_outside_leaves_whole_recordings_only(tmp_path: Pat
         survived = RecordingSet.load(tmp_path / "set")
         assert survived.problems() == []
         held.append(len(survived))
-    assert held == sorted(set(held))  # every start went on where the one before it was killed
+    assert held == sorted(set(held))  # every writer continued the work of the previous one
     RecordingSet.create(tmp_path / "set", CARD)
     assert not list((tmp_path / "set").rglob(".*.tmp"))

@@ -1,4 +1,4 @@
-"""Everything that can be wrong with a recording set is found, all of it at once, and nothing else."""
+"""The checks of a recording set find every planted problem and report no other."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def rewrite(folder: Path, name: str, change: Callable[[np.ndarray], object], **m
 
 
 def silence(frame: int, channel: tuple[int, int] = (0, 0), packets: float = 1.0) -> Callable[[np.ndarray], object]:
-    """Zeros as the capture card fills them: whole packets of 364 complex samples, from the middle of a chirp on."""
+    """Zeros as from the capture card: whole packets of 364 complex samples that start within a chirp."""
 
     def change(iq: np.ndarray) -> None:
         flat = iq[frame].reshape(-1)
@@ -86,27 +86,27 @@ def loud(iq: np.ndarray) -> None:
 
 
 def filtered(iq: np.ndarray) -> None:
-    """Noise whose band edge below zero beat is 12 dB down, as after a receive filter, and then mirrored."""
+    """Noise that is 12 dB lower just above zero beat frequency, as after a receive filter with I and Q exchanged."""
     spectrum = np.fft.fft(iq, axis=-1)
     spectrum[..., : round(0.1 * iq.shape[-1])] /= 4
     iq[:] = np.fft.ifft(spectrum, axis=-1)
 
 
 DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
-    "no card": (lambda f: (f / "card.yaml").unlink(), ("card.yaml", "no recording set")),
+    "no card": (lambda f: (f / "card.yaml").unlink(), ("card.yaml", "not a recording set")),
     "a card that is no YAML": (lambda f: (f / "card.yaml").write_text("name: [\n"), ("card.yaml", "line 2")),
     "a card without a licence": (lambda f: edit(f / "card.yaml", "licence: CC-BY-4.0", "licence: ''"), ("licence is missing", "CC-BY")),
     "a card without a sensor": (lambda f: edit(f / "card.yaml", "sensor: IWR1843BOOST\n", ""), ("sensor is missing",)),
     "units nobody knows": (lambda f: edit(f / "card.yaml", "amplitude", "volts"), ("units 'volts'", "counts or amplitude")),
-    "units that the scale contradicts": (lambda f: edit(f / "card.yaml", "amplitude", "counts"), ("a0: its scale is 2e-09", "counts")),
+    "units that the scale contradicts": (lambda f: edit(f / "card.yaml", "amplitude", "counts"), ("a0: its scale 2e-09", "counts")),
     "an index without its columns": (lambda f: edit(f / "index.csv", "distance_m", "distance"), ("line 1: it has no column distance_m",)),
     "an index of semicolons": (lambda f: edit(f / "index.csv", "recording,object,", "recording;object;"), ("line 1", "no column")),
-    "a column twice": (lambda f: edit(f / "index.csv", "split", "room"), ("line 1: column room stands there twice",)),
+    "a column twice": (lambda f: edit(f / "index.csv", "split", "room"), ("line 1: column room occurs twice",)),
     "an index that is not text": (lambda f: (f / "index.csv").write_bytes(b"\xff\xfe\x00r"), ("index.csv", "UTF-8")),
     "an empty index": (lambda f: (f / "index.csv").write_text(""), ("it is empty", "recording,object")),
     "a quote that does not close": (lambda f: edit(f / "index.csv", "a1,mug", 'a1,"mug'), ("index.csv", "CSV")),
     "a row with a value too few": (lambda f: edit(f / "index.csv", "a1,mug,", "a1,"), ("line 3: it has 7 values for 8 columns",)),
-    "a name twice": (lambda f: edit(f / "index.csv", "a1,", "a0,"), ("line 3: recording a0 stands in line 2 already",)),
+    "a name twice": (lambda f: edit(f / "index.csv", "a1,", "a0,"), ("line 3: recording a0 is already in line 2",)),
     "a condition twice": (lambda f: edit(f / "index.csv", "depth,1", "depth,0"), ("line 3: it repeats line 2", "mug, 1 m, lab, depth")),
     "a motion nobody knows": (lambda f: edit(f / "index.csv", "depth,1", "walk,1"), ("line 3", "'walk'", "turntable")),
     "a split nobody knows": (lambda f: edit(f / "index.csv", "depth,1,,", "depth,1,,eval"), ("line 3", "'eval'", "test")),
@@ -120,16 +120,16 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "truncated samples": (lambda f: (f / "recordings/a1.bin").write_bytes(b"\1" * 70000), ("a1: a1.bin: 70000 bytes", "truncated")),
     "empty samples": (lambda f: (f / "recordings/a1.bin").write_bytes(b""), ("recordings/a1", "zero frames")),
     "a frame too few": (lambda f: edit(f / "recordings/a1.json", '"frames": 4', '"frames": 5'), ("a1", "holds 4 frames", "says 5")),
-    "a description that is no JSON": (lambda f: (f / "recordings/a1.json").write_text("{"), ("recordings/a1", "not valid JSON")),
+    "a description that is no JSON": (lambda f: (f / "recordings/a1.json").write_text("{"), ("recordings/a1", "write valid JSON")),
     "another radar": (
         lambda f: edit(f / "recordings/a1.json", '"noise_figure_db": 15.0', '"noise_figure_db": 12.0'),
-        ("recordings/a1: its radar is not that of the other recordings: noise_figure_db 12.0 instead of 15.0",),
+        ("recordings/a1: its radar differs from the other recordings: noise_figure_db 12.0 instead of 15.0",),
     ),
     "all zero": (lambda f: rewrite(f, "a1", all_zero), ("recordings/a1: all samples are zero",)),
     "a dead receiver": (lambda f: rewrite(f, "a1", dead_receiver), ("recordings/a1: no samples from tx 0 rx 2, tx 1 rx 2",)),
     "clipped": (lambda f: rewrite(f, "a1", loud), ("recordings/a1", "% of the samples are at full scale")),
     "a lost packet": (lambda f: rewrite(f, "a1", silence(2)), ("recordings/a1: 1 of 4 frames", "(frame 2)", "packet delay")),
-    "I and Q exchanged": (lambda f: rewrite(f, "a1", filtered), ("recordings/a1: I and Q look exchanged", "set iq_swapped to true")),
+    "I and Q exchanged": (lambda f: rewrite(f, "a1", filtered), ("recordings/a1: I and Q seem exchanged", "set iq_swapped to true")),
     "no trajectory": (lambda f: (f / "trajectories/a3.csv").unlink(), ("recordings/a3: trajectory a3.csv is not there",)),
     "a trajectory that ends early": (
         lambda f: edit(f / "trajectories/a3.csv", "\n1,1", "\n0.2,1"),
@@ -145,27 +145,27 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize(("damage", "words"), DAMAGE.values(), ids=DAMAGE)
-def test_damage_is_found_and_nothing_else_is(folder: Path, damage: Callable[[Path], object], words: tuple[str, ...]) -> None:
+def test_each_problem_is_found_alone(folder: Path, damage: Callable[[Path], object], words: tuple[str, ...]) -> None:
     damage(folder)
-    said = found(folder)
+    problems = found(folder)
     for word in words:
-        assert word in said
-    assert len(said.splitlines()) == (4 if "its scale" in said else 1), said  # the scale is that of all four recordings
+        assert word in problems
+    assert len(problems.splitlines()) == (4 if "its scale" in problems else 1), problems  # all four recordings have this scale
 
 
-def test_all_damage_is_listed_at_once(folder: Path) -> None:
+def test_all_problems_are_listed(folder: Path) -> None:
     names = ["a card without a licence", "a motion nobody knows", "no trajectory"]
     for name in names:
         DAMAGE[name][0](folder)
     (folder / "recordings" / "a0.bin").unlink()
     rewrite(folder, "a2", all_zero)
-    said = found(folder)
-    assert len(said.splitlines()) == 5
+    problems = found(folder)
+    assert len(problems.splitlines()) == 5
     for word in ("licence", "'walk'", "a3.csv", "a0.bin missing", "a2: all samples are zero"):
-        assert word in said
+        assert word in problems
 
 
-def test_what_does_no_harm_is_a_note(folder: Path) -> None:
+def test_harmless_findings_are_notes(folder: Path) -> None:
     def glint(iq: np.ndarray) -> None:
         iq[0, 0, 0, 0, 0] = 1.0  # one value of 131072 beyond full scale
 
@@ -175,11 +175,11 @@ def test_what_does_no_harm_is_a_note(folder: Path) -> None:
     assert report.problems == []
     notes = "\n".join(map(str, report.notes))
     assert "recordings/a0: 0.00076 % of the samples are at full scale" in notes
-    assert "recordings/left.bin: it is in no row of index.csv" in notes
+    assert "recordings/left.bin: index.csv has no row for it" in notes
     assert len(report.notes) == 3
 
 
-def test_a_loss_that_the_log_has_told_of_is_a_note_while_it_is_rare(tmp_path: Path) -> None:
+def test_rare_packet_loss_that_the_log_reports_is_a_note(tmp_path: Path) -> None:
     made = RecordingSet.create(tmp_path / "set", CARD)
     small = dataclasses.replace(RADAR, num_chirps=8)
     for n, lost in enumerate((1, 3)):
@@ -188,15 +188,13 @@ def test_a_loss_that_the_log_has_told_of_is_a_note_while_it_is_rare(tmp_path: Pa
             silence(40 + frame)(recording.iq)
         made.add(recording, row(f"a{n}", n, extra={"lost_packets": str(lost)}))
     report = examine(made.folder)
-    assert [str(p) for p in report.notes] == [
-        "recordings/a0: 1 of 120 frames hold samples lost on the way and filled with zeros (frame 40)"
-    ]
+    assert [str(p) for p in report.notes] == ["recordings/a0: 1 of 120 frames have lost samples, filled with zeros (frame 40)"]
     assert ["a1: 3 of 120 frames" in str(p) for p in report.problems] == [True]
 
 
 @pytest.mark.parametrize("packets", [1.0, 2.6])
 @pytest.mark.parametrize("start", [0, 1, 181, 182, 363, 5000])
-def test_zeros_of_a_packet_are_found_wherever_they_begin_and_shorter_ones_are_not(start: int, packets: float) -> None:
+def test_zero_packets_are_found_at_any_start_and_shorter_runs_are_not(start: int, packets: float) -> None:
     recording = noise()
     assert zero_filled_frames(recording) == []
     flat = recording.iq[1].reshape(-1)
@@ -207,7 +205,7 @@ def test_zeros_of_a_packet_are_found_wherever_they_begin_and_shorter_ones_are_no
     assert zero_filled_frames(short) == []
 
 
-def test_the_share_of_clipped_values_is_that_of_the_file(tmp_path: Path) -> None:
+def test_clipped_share_matches_the_file(tmp_path: Path) -> None:
     recording = noise()
     recording.iq *= 5
     recording.save(tmp_path / "a")
@@ -217,14 +215,14 @@ def test_the_share_of_clipped_values_is_that_of_the_file(tmp_path: Path) -> None
     assert clipped_share(Recording.load(tmp_path / "a")) == pytest.approx(share, rel=1e-9)
 
 
-def test_a_set_without_recordings_is_a_note(tmp_path: Path) -> None:
+def test_set_without_recordings_is_a_note(tmp_path: Path) -> None:
     RecordingSet.create(tmp_path / "set", CARD)
     report = examine(tmp_path / "set")
     assert report.problems == []
     assert "no recordings yet" in str(report.notes[0])
 
 
-def test_the_description_may_lack_what_it_may_lack(folder: Path) -> None:
+def test_optional_keys_of_a_recording_may_be_missing(folder: Path) -> None:
     path = folder / "recordings" / "a0.json"
     described = json.loads(path.read_text())
     for key in ("format", "frames", "saturated", "provenance", "sensor_poses", "iq_swapped"):
