@@ -1,4 +1,4 @@
-"""Distance from points to a triangle mesh, by samples of the mesh: what a reconstruction is judged with."""
+"""Distances from points to triangle meshes, and evenly spread points on meshes."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import trimesh
 from scipy.spatial import KDTree
 
 SPACING_M = 0.02
-NEIGHBOURS = 6  # samples whose triangles are looked at; the nearest triangle has a sample within SPACING_M of the nearest point
+NEIGHBOURS = 6  # nearest samples whose triangles are measured
 
 
 class Nearest:
-    """The nearest point of meshes, found through samples of their triangles about `spacing_m` apart.
+    """Nearest triangle of several meshes, found through samples of their triangles about `spacing_m` apart.
 
-    The triangles of the nearest samples are measured exactly, so distances are never too small, and too large by less than
+    The distance to the triangles of the nearest samples is exact. The result is never below the true distance, and exceeds it by less than
     spacing^2 / (2 distance).
     """
 
@@ -27,7 +27,7 @@ class Nearest:
         self._tree = KDTree(samples, balanced_tree=False, compact_nodes=False)
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance (N,) metres and the nearest triangle (N,) among `triangles`, for points (N, 3)."""
+        """Distance (N,) metres and index (N,) of the nearest of `triangles`, for points (N, 3)."""
         points = np.asarray(points, dtype=np.float64)
         _, near = self._tree.query(points, k=min(NEIGHBOURS, self._tree.n), workers=-1)
         near = near.reshape(len(points), -1)
@@ -35,7 +35,7 @@ class Nearest:
         which = np.zeros(len(points), dtype=np.int64)
         for column in near.T:
             face = self._face[column]
-            distance = triangle_distance(points, self.triangles[face])
+            distance = _triangle_distance(points, self.triangles[face])
             closer = distance < best
             best[closer], which[closer] = distance[closer], face[closer]
         return best, which
@@ -52,10 +52,10 @@ def to_mesh(points: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) on triangles (F, 3, 3) such that none of a triangle is farther than about the spacing from one of its own.
+    """Sample triangles (F, 3, 3) so that every point of a triangle lies within about the spacing of one of its samples.
 
     Returns:
-        The points and the triangle of each: corners' mean for small triangles, a triangular grid for large ones.
+        The points (N, 3), and the triangle of each (N,): the centroid for small triangles, a triangular grid for large ones.
     """
     longest = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
     steps = np.maximum(np.ceil(longest / spacing_m).astype(int), 1)
@@ -75,7 +75,7 @@ def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.nda
 
 
 def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) and their faces (N,), about one for each spacing^2 of the mesh, each for as much area as the others."""
+    """About one point per spacing^2 of a mesh, each for an equal share of the area: points (N, 3) and their faces (N,)."""
     points, face = covered(np.asarray(mesh.triangles), spacing_m)
     area = np.asarray(mesh.area_faces) / np.maximum(np.bincount(face, minlength=len(mesh.faces)), 1)
     total = np.cumsum(area[face])
@@ -84,7 +84,17 @@ def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndar
     return points[chosen], face[chosen]
 
 
-def triangle_distance(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def farthest_points(points: np.ndarray, count: int, first: int = 0) -> list[int]:
+    """Indices of `count` distant points of (N, D) by farthest-point sampling, in the order of their choice; `first` is chosen first."""
+    chosen = [first]
+    distance = np.linalg.norm(points - points[first], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return chosen
+
+
+def _triangle_distance(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Distance (N,) of each point (N, 3) to its own triangle (N, 3, 3)."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normal = np.cross(b - a, c - a)

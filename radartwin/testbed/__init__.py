@@ -1,1 +1,1 @@
-"""The virtual measurement campaign, which deliberately differs from the twin."""
+"""The virtual measurement campaign. It differs from the twin on purpose."""

@@ -1,12 +1,13 @@
-"""Small things of a room creep while a recording is made: as the room warms up and cools, each moves along a level way of its own.
+"""Slow drift of small objects in the room during a recording, each along its own level direction.
 
-A tenth of a millimetre turns an echo's phase by a third of a radian, so what stands still in the log does not stand still in the
-background of a turntable's later revolutions. All things follow one course, the room's temperature; the room is traced in the middle, at
-both ends and at as many states between as leave them 0.2 mm apart, and a polynomial through them gives its signal at every frame: it meets
-an echo straight back, whose phase goes as 4 pi s / lambda, to 0.02 of that echo (under test); a shift across the line of sight does less.
+A shift of a tenth of a millimetre changes an echo's phase by a third of a radian. Objects that the log holds at rest therefore still change
+the background between the revolutions of a turntable. All objects follow one course, the room's temperature. The room is traced at its
+middle state, at both ends and at enough states between that neighbours lie at most 0.2 mm apart. A polynomial through these states gives
+the signal at every frame, with an error of 0.02 for an echo straight back, whose phase is 4 pi s / lambda (tested); shifts across the line
+of sight change the phase less.
 
-The size is an order of magnitude: over half a metre, a degree lengthens plastics by 0.05 mm, and ten per cent of relative humidity wood and
-cardboard by a few tenths; a board settles, a cable sways as much.
+The size is an order of magnitude. Over half a metre, a degree expands plastics by 0.05 mm, and ten per cent of relative humidity expands
+wood and cardboard by a few tenths of a millimetre. Boards settle and cables sway by as much.
 """
 
 from __future__ import annotations
@@ -20,15 +21,18 @@ from numpy.typing import NDArray
 from radartwin.scene.scene import Surface
 from radartwin.scene.trajectories.trajectory import pose
 
-REACH = 2.0  # standard deviations: where a course turns back
-STEP_M = 0.2e-3  # of each thing, from state to state
-_TOGETHER = 64  # frames
+REACH = 2.0  # largest state, standard deviations; the course is reflected there
+STEP_M = 0.2e-3  # largest shift of an object between neighbouring states
+_BATCH = 64  # frames
 
 
 @dataclass(frozen=True)
 class DriftErrors:
-    """Attributes:
-    creep_m: standard deviation of each thing's shift; settling_s: in which the room forgets how warm it was.
+    """Size and speed of the drift.
+
+    Attributes:
+        creep_m: standard deviation of each object's shift.
+        settling_s: correlation time of the room's temperature.
     """
 
     creep_m: float = 0.1e-3
@@ -40,18 +44,18 @@ class DriftErrors:
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """What a drifting room adds to a recording in which it rests.
+    """The signal that drift adds to a recording of the room at rest.
 
     Attributes:
-        states: (S, T, R, N) complex64, its signal at S places evenly over the course, S odd.
-        course: (F,) where it is at each frame, in standard deviations, within REACH.
+        states: (S, T, R, N) complex64, the room's signal at S evenly spaced states, S odd.
+        course: (F,) state at each frame, standard deviations, within REACH.
     """
 
     states: NDArray[np.complex64]
     course: NDArray[np.float64]
 
     def at(self, frames: slice = slice(None)) -> NDArray[np.complex64]:
-        """(F, T, R, N): the change against the room at rest."""
+        """Difference (F, T, R, N) from the room at rest."""
         at = self.course[frames]
         nodes = np.linspace(-REACH, REACH, len(self.states))
         weights = np.ones((len(at), len(nodes)))
@@ -62,23 +66,23 @@ class Drift:
         return np.tensordot(weights.astype(np.float32), self.states, axes=1).astype(np.complex64)
 
     def add_to(self, iq: NDArray[np.complex64]) -> None:
-        """To all chirps of every frame of (F, C, T, R, N), in place."""
-        for first in range(0, len(iq), _TOGETHER):
-            block = slice(first, first + _TOGETHER)
+        """Add the drift to all chirps of iq (F, C, T, R, N), in place."""
+        for first in range(0, len(iq), _BATCH):
+            block = slice(first, first + _BATCH)
             iq[block] += self.at(block)[:, None]
 
 
 def traced(signal: Callable[[float], NDArray], errors: DriftErrors) -> NDArray[np.complex64]:
-    """(S, T, R, N) of `signal`, which gives (T, R, N) of the room at so many standard deviations."""
+    """The `states` (S, T, R, N) of a Drift; `signal` returns (T, R, N) of the room at a state in standard deviations."""
     half = max(1, int(np.ceil(REACH * errors.creep_m / STEP_M - 1e-9)))
     return np.stack([signal(state) for state in np.linspace(-REACH, REACH, 2 * half + 1)]).astype(np.complex64)
 
 
 def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, errors: DriftErrors, seed: int) -> list[Surface]:
-    """The surfaces with those of these names, each along its own way, so many standard deviations off.
+    """The surfaces, with the named ones shifted to a state (standard deviations), each in its own direction.
 
     Args:
-        seed: of the place; its recordings share the ways.
+        seed: of the room; all its recordings share the directions.
     """
     out = []
     for surface in surfaces:
@@ -91,10 +95,10 @@ def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, e
 
 
 def course(times_s: NDArray[np.float64], errors: DriftErrors, seed: int) -> NDArray[np.float64]:
-    """(F,) of one recording, in standard deviations: stationary, forgotten within settling_s, turned back at REACH."""
+    """State (F,) at each frame of one recording, standard deviations: a stationary random process, reflected at REACH."""
     draws = np.random.default_rng(np.random.SeedSequence([seed, *b"drift of a recording"])).standard_normal(len(times_s))
-    kept = np.exp(-np.maximum(np.diff(times_s, prepend=times_s[:1]), 0.0) / errors.settling_s)
+    memory = np.exp(-np.maximum(np.diff(times_s, prepend=times_s[:1]), 0.0) / errors.settling_s)
     out = draws.copy()
     for f in range(1, len(out)):
-        out[f] = kept[f] * out[f - 1] + np.sqrt(1 - kept[f] ** 2) * draws[f]
-    return REACH - np.abs((out + REACH) % (4 * REACH) - 2 * REACH)  # folded at both ends: no jump, no clipping
+        out[f] = memory[f] * out[f - 1] + np.sqrt(1 - memory[f] ** 2) * draws[f]
+    return REACH - np.abs((out + REACH) % (4 * REACH) - 2 * REACH)  # reflected at both ends, without jumps or clipping

@@ -1,8 +1,9 @@
-"""What a measurement brings into the room and a scan, made before or with it put away, does not hold.
+"""Surfaces of the measurement equipment, which a scan of the room does not contain.
 
-Each function gives surfaces placed about the sensor or the target, marked by `provenance["fixture"]`, so that the testbed's clutter gap
-leaves them out. Everything keeps 1 cm from everything else (faces in contact shadow each other). Sizes are those of ordinary parts: a
-photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a geared motor in a box; no such rig's drawing is published.
+Each function returns surfaces placed relative to the sensor or the target. `provenance["fixture"]` marks them, so that the testbed's
+clutter gap can leave them out. All parts keep 1 cm from each other and from other surfaces, because faces in contact shadow each other. Sizes are
+those of ordinary parts (a photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a geared motor in a box); no drawing of such a
+rig is published.
 """
 
 from __future__ import annotations
@@ -16,17 +17,17 @@ from radartwin.scene.rooms import GAP, surface
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
-ROVER = "rover"  # the name that all parts of a rover move by
-_BELOW = 0.05  # from a radar's origin down to what it is mounted on: half a board and a bracket
-_SIDES = 24  # of round things
+ROVER = "rover"  # name of all parts of a rover, which move together
+_BELOW = 0.05  # from the radar's origin down to its mount: half a board and a bracket
+_SIDES = 24  # of cylinders
 
 
 def tripod(sensor_pose: np.ndarray, spread_m: float = 0.35) -> Scene:
-    """A tripod under a radar at rest: head and three legs to the floor at z = 0, the odd one behind the radar.
+    """A tripod under a radar at rest: head and three legs to the floor at z = 0, one of them behind the radar.
 
     Args:
         sensor_pose: (4, 4), level.
-        spread_m: of the feet about the vertical under the radar.
+        spread_m: distance of the feet from the vertical below the radar.
     Raises:
         SceneError: the radar is lower than 0.3 m.
     """
@@ -39,20 +40,18 @@ def tripod(sensor_pose: np.ndarray, spread_m: float = 0.35) -> Scene:
         out = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
         hip, foot = 0.05 * out + [0, 0, top - 0.04 - 2 * GAP], spread_m * out + [0, 0, 2 * GAP]
         parts.append(_fixture(f"tripod_leg_{number}", _rod(hip, foot, 0.011), "dark metal"))
-    upright = pose([*sensor_pose[:2, 3], 0.0])
-    upright[:2, :2] = sensor_pose[:2, :2]
-    return Scene(part.moved(upright) for part in parts)
+    return Scene(part.moved(_on_floor(sensor_pose)) for part in parts)
 
 
 def rover(height_m: float = 0.4) -> Scene:
-    """A rover under and behind its radar, in the radar's own frame: it moves with `{ROVER: sensor_poses}`.
+    """A rover under and behind its radar, in the radar's frame; it moves with `{ROVER: sensor_poses}`.
 
-    Chassis with its wheels as one metal block 3 cm above the floor, computer and battery behind on top of it, and a mast behind the radar.
+    Chassis and wheels are one metal block 3 cm above the floor. Computer and battery are on its rear, and a mast is behind the radar.
 
     Args:
         height_m: of the radar above the floor.
     Raises:
-        SceneError: lower than 0.3 m.
+        SceneError: the radar is lower than 0.3 m.
     """
     if height_m < 0.3:
         raise SceneError(f"rover: its radar is {height_m:g} m above the floor; give at least 0.3 m")
@@ -66,11 +65,13 @@ def rover(height_m: float = 0.4) -> Scene:
 
 
 def turntable_drive(position: np.ndarray, thickness_m: float = 0.03) -> Scene:
-    """Motor and gear under a turntable's disc, beside its post, as `rooms.support(position)` has them; neither squares up to a radar on x.
+    """Motor and gear under a turntable's disc, beside its post (see `rooms.support(position)`), not square to a radar on x.
 
     Args:
         position: (3,), the top of the disc.
         thickness_m: of the disc.
+    Raises:
+        SceneError: the disc is too low for a motor.
     """
     x, y, top = (float(v) for v in position)
     under = top - thickness_m - 2 * GAP
@@ -81,44 +82,41 @@ def turntable_drive(position: np.ndarray, thickness_m: float = 0.03) -> Scene:
     return Scene([_fixture("turntable_motor", motor, "painted metal"), _fixture("turntable_gear", gear, "plastic")])
 
 
-def cables(sensor_pose: np.ndarray, target: np.ndarray, length_m: float = 0.8) -> Scene:
-    """A cable from behind a radar at rest to the floor, and one along the floor from under the target to its left.
-
-    Args:
-        sensor_pose: (4, 4), level; target: (3,), where it stands.
-        length_m: of the cable on the floor.
-    """
-    return _hanging_cable(sensor_pose) + _lying_cable(sensor_pose, target, length_m)
-
-
 def radar_rig(sensor_pose: np.ndarray) -> Scene:
-    """What a turntable campaign brings for its radar: tripod and cable."""
+    """Equipment for the radar of a turntable campaign: tripod and cable."""
     return tripod(sensor_pose) + _hanging_cable(sensor_pose)
 
 
 def target_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
-    """What it brings for its target, whose disc has its top at `target` (3,): drive and cable."""
-    return turntable_drive(target) + _lying_cable(sensor_pose, target, 0.8)
+    """Equipment for the target of a turntable campaign, whose disc has its top at `target` (3,): drive and cable."""
+    return turntable_drive(target) + _lying_cable(sensor_pose, target)
 
 
 def turntable_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
-    """All that a turntable campaign brings."""
+    """All equipment of a turntable campaign."""
     return radar_rig(sensor_pose) + target_rig(sensor_pose, target)
 
 
 def _hanging_cable(sensor_pose: np.ndarray) -> Scene:
+    """A cable from behind a radar at rest to the floor."""
     height = float(sensor_pose[2, 3])
     hanging = _rod(np.array([-0.10, 0.06, height - 0.02]), np.array([-0.16, 0.06, 3 * GAP]), 0.004)
-    upright = pose([*sensor_pose[:2, 3], 0.0])
-    upright[:2, :2] = sensor_pose[:2, :2]
-    return Scene([_fixture("cable_radar", hanging, "plastic").moved(upright)])
+    return Scene([_fixture("cable_radar", hanging, "plastic").moved(_on_floor(sensor_pose))])
 
 
-def _lying_cable(sensor_pose: np.ndarray, target: np.ndarray, length_m: float) -> Scene:
+def _lying_cable(sensor_pose: np.ndarray, target: np.ndarray, length_m: float = 0.8) -> Scene:
+    """A cable along the floor from below the target to its left."""
     across = sensor_pose[:3, 1]
     foot = np.array([target[0], target[1], 0.0])
     lying = _rod(foot + 0.15 * across + [0, 0, 0.014], foot + (0.15 + length_m) * across + [0, 0, 0.014], 0.004)
     return Scene([_fixture("cable_turntable", lying, "plastic")])
+
+
+def _on_floor(sensor_pose: np.ndarray) -> np.ndarray:
+    """The pose on the floor below a level sensor pose."""
+    out = pose([*sensor_pose[:2, 3], 0.0])
+    out[:2, :2] = sensor_pose[:2, :2]
+    return out
 
 
 def _fixture(name: str, mesh: trimesh.Trimesh, finish: str) -> Surface:
@@ -137,5 +135,5 @@ def _rod(one: np.ndarray, other: np.ndarray, radius_m: float) -> trimesh.Trimesh
     """A closed cylinder between two points."""
     along = np.asarray(other, float) - one
     length = float(np.linalg.norm(along))
-    turn = np.asarray(trimesh.geometry.align_vectors([0, 0, 1], along / length))[:3, :3]
-    return objects.cylinder(radius_m, length, _SIDES).apply_transform(pose((np.asarray(one) + other) / 2, turn))
+    rotation = np.asarray(trimesh.geometry.align_vectors([0, 0, 1], along / length))[:3, :3]
+    return objects.cylinder(radius_m, length, _SIDES).apply_transform(pose((np.asarray(one) + other) / 2, rotation))

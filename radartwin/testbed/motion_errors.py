@@ -1,52 +1,67 @@
-"""From where the log says things are to where they are: errors of rover, rail, turntable and placement.
+"""Errors of motion: from the nominal poses in the log to the true poses of rover, rail, turntable and placed objects.
 
-The log holds nominal poses at frame f over the frame rate. Each kind of error is a frozen description with `scaled(strength)`; strength 0
-is the identity, to the bit. One generator, one course of errors: the same seed moves the same.
+The log holds the nominal pose of frame f at time f over the frame rate. Each kind of error is a frozen dataclass with `scaled(strength)`.
+Strength 0 returns the nominal poses exactly. One random generator gives one course of errors, so equal seeds give equal courses.
 
-Defaults, chosen before anything was scored. Where no figure of such a rig is published they are orders of magnitude, said as such:
-- slip: 1.5 % of the way, one half the same all along (wheel size, load), the other changing over 0.3 m. Uncalibrated odometry of a
-  differential drive is off by 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans. Robotics and Automation 12 (1996) 869,
-  from memory); a log that corrects its wheel size keeps the rest. Mecanum wheels slip rather more than less.
-- heading: 0.9 degrees a metre, a swerve drive's "1 degree per 45 in" (gwhs/FalconRecharged2021, issue 6), and 0.5 degrees at the start, a
-  rover lined up with tape of half a metre to 4 mm.
-- start: 1 cm, a wheel put on a mark on the floor by hand.
-- ripple: a wheel of 80 mm that is 0.5 mm out of round, one period a turn: order of magnitude for moulded wheels.
-- bob: 0.5 mm of height over 0.1 m, rollers of a mecanum wheel and joints of a floor: order of magnitude.
-- rail: 2 mm at the start, a carriage set against its stop by hand; 0.5 % of the way, a belt and its pulley; 0.1 mm once a turn of a pulley
-  of 40 mm round, which runs out by that much. Orders of magnitude.
-- turntable start: 5 degrees, a third of a second between recording and motor, started by hand; rate 1 %, a motor without an encoder, half
-  of its variance one for a recording and half changing within a fifth of a turn, as its load and supply do; ripple 0.5 degrees twelve times
-  a turn, its gear; wobble 0.2 degrees, 0.5 mm at the rim of a disc of 15 cm radius. Orders of magnitude.
-- placement: 5 mm across and along (a tape is read to half a centimetre), 2 mm off the axis of what turns, 2 degrees of yaw (an object
-  turned by eye against a mark).
+The defaults were chosen before any table was scored. Where no value for such a rig is published, the default is an order of magnitude:
+- Rover slip: 1.5 % of the path, half of it constant (wheel size, load), half changing over 0.3 m. The uncalibrated odometry of a
+  differential drive has an error of 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans. Robotics and Automation 12 (1996)
+  869, from memory). A log with a corrected wheel size keeps the rest. Mecanum wheels slip more.
+- Rover heading: 0.9 degrees per metre, from a swerve drive's "1 degree per 45 in" (gwhs/FalconRecharged2021, issue 6), and 0.5 degrees at
+  the start, for a rover aligned with half a metre of tape to 4 mm.
+- Rover start: 1 cm, for a wheel placed by hand on a mark on the floor.
+- Rover ripple: order of magnitude for moulded wheels: 80 mm diameter, 0.5 mm out of round, one period per revolution.
+- Rover bob: 0.5 mm of height over 0.1 m, order of magnitude for rollers of a mecanum wheel and floor joints.
+- Rail: 2 mm at the start, for a carriage set against its stop by hand; 0.5 % of the path, for belt and pulley; 0.1 mm per revolution of a
+  pulley with a circumference of 40 mm. Orders of magnitude.
+- Turntable: start 5 degrees, a third of a second between recording and motor, started by hand; rate 1 %, for a motor without an encoder,
+  half of the variance constant, half changing within a fifth of a revolution with load and supply; ripple 0.5 degrees twelve times per
+  revolution from the gear; wobble 0.2 degrees, 0.5 mm at the rim of a disc with 15 cm radius. Orders of magnitude.
+- Placement: 5 mm along x and y (a tape is read to half a centimetre), 2 mm off the axis of rotation, 2 degrees of yaw (an object turned by
+  eye against a mark).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
 
-Errors = TypeVar("Errors", bound="RoverErrors | RailErrors | TurntableErrors | PlacementErrors")
-_SETTINGS = frozenset(
-    {"slip_length_m", "wheel_m", "bob_length_m", "pulley_m", "ripple_cycles", "rate_turns", "pivot_m"}
-)  # lengths and counts, not sizes of an error
+
+class _Errors:
+    """Sizes of errors, and `settings`: lengths and counts that strength does not scale."""
+
+    settings: ClassVar[tuple[str, ...]] = ()
+
+    def scaled(self, strength: float) -> Self:
+        """The errors at another strength; 0 gives none."""
+        return replace(self, **{name: strength * value for name, value in self._sizes().items()})  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+    def none(self) -> bool:
+        """Whether all sizes are zero."""
+        return not any(self._sizes().values())
+
+    def _sizes(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in self.settings}  # pyright: ignore[reportArgumentType]
 
 
 @dataclass(frozen=True)
-class RoverErrors:
-    """Of a wheeled platform. Lengths and angles are standard deviations, ripple an amplitude.
+class RoverErrors(_Errors):
+    """Errors of a wheeled platform. Lengths and angles are standard deviations; ripple is an amplitude.
 
     Attributes:
-        slip: relative, of the way; it changes over slip_length_m.
-        start_m: along x and y of the world; heading_deg: at the start; drift_deg_per_m: of the heading, one for a course.
-        ripple_m: along the way, once per circumference of a wheel of diameter wheel_m.
+        slip: relative to the path; half of it changes over slip_length_m.
+        start_m: along world x and y.
+        heading_deg: at the start; drift_deg_per_m: growth of the heading error along the path.
+        ripple_m: along the path, one period per circumference of a wheel with diameter wheel_m.
         bob_m: of the height; it changes over bob_length_m.
     """
 
+    settings = ("slip_length_m", "wheel_m", "bob_length_m")
     slip: float = 0.015
     slip_length_m: float = 0.3
     start_m: float = 0.01
@@ -57,37 +72,36 @@ class RoverErrors:
     bob_m: float = 0.5e-3
     bob_length_m: float = 0.1
 
-    def scaled(self, strength: float) -> RoverErrors:
-        return _scaled(self, strength)
-
 
 @dataclass(frozen=True)
-class RailErrors:
-    """Of a carriage on a rail: standard deviations of its start and, relative, of its way; ripple an amplitude.
+class RailErrors(_Errors):
+    """Errors of a carriage on a rail. Standard deviations; ripple is an amplitude.
 
     Attributes:
-        ripple_m: along the way, once per circumference pulley_m.
+        start_m: at the start.
+        stretch: relative to the path.
+        ripple_m: along the path, one period per circumference pulley_m.
     """
 
+    settings = ("pulley_m",)
     start_m: float = 2e-3
-    way: float = 5e-3
+    stretch: float = 5e-3
     ripple_m: float = 0.1e-3
     pulley_m: float = 0.04
 
-    def scaled(self, strength: float) -> RailErrors:
-        return _scaled(self, strength)
-
 
 @dataclass(frozen=True)
-class TurntableErrors:
-    """Of a turntable.
+class TurntableErrors(_Errors):
+    """Errors of a turntable.
 
     Attributes:
-        start_deg, rate: standard deviations of the angle at the start and, relative, of the speed, which changes over rate_turns.
-        ripple_deg: amplitude of what is periodic, ripple_cycles times a turn.
-        wobble_deg: standard deviation of the tilt of the axis, about each level direction; pivot_m: of the bearing below the pose's origin.
+        start_deg: standard deviation of the angle at the start.
+        rate: relative standard deviation of the speed; half of its variance changes within rate_turns revolutions.
+        ripple_deg: amplitude of a periodic angle error with ripple_cycles periods per revolution.
+        wobble_deg: standard deviation of the axis tilt about each level direction; pivot_m: depth of the bearing below the pose's origin.
     """
 
+    settings = ("rate_turns", "ripple_cycles", "pivot_m")
     start_deg: float = 5.0
     rate: float = 0.01
     rate_turns: float = 0.2
@@ -96,32 +110,26 @@ class TurntableErrors:
     wobble_deg: float = 0.2
     pivot_m: float = 0.1
 
-    def scaled(self, strength: float) -> TurntableErrors:
-        return _scaled(self, strength)
-
 
 @dataclass(frozen=True)
-class PlacementErrors:
-    """Of what was put somewhere by hand: standard deviations along x and y, off its axis of rotation, and of its yaw."""
+class PlacementErrors(_Errors):
+    """Errors of objects placed by hand: standard deviations along x and y, off the axis of rotation, and of the yaw."""
 
     offset_m: float = 5e-3
     eccentric_m: float = 2e-3
     yaw_deg: float = 2.0
 
-    def scaled(self, strength: float) -> PlacementErrors:
-        return _scaled(self, strength)
-
 
 def at_times(poses: NDArray[np.float64], rate_hz: float, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nominal poses (F, 4, 4) of frames f/rate at other times: straight on between frames and beyond the ends, turning between frames.
+    """Nominal poses (F, 4, 4) of times f/rate_hz, at other times (T,) s.
+
+    Positions are linear between frames and beyond the ends; rotations are interpolated between frames and constant beyond the ends.
 
     >>> step = np.tile(np.eye(4), (2, 1, 1))
     >>> step[1, 0, 3] = 1.0
     >>> at_times(step, 10.0, np.array([0.05, 0.2]))[:, 0, 3].tolist()
     [0.5, 2.0]
     """
-    from scipy.spatial.transform import Rotation, Slerp
-
     nominal = np.arange(len(poses)) / rate_hz
     if len(poses) == 1 or np.array_equal(nominal, times_s):
         return poses.copy() if len(poses) > 1 else np.repeat(poses, len(times_s), axis=0)
@@ -136,15 +144,15 @@ def at_times(poses: NDArray[np.float64], rate_hz: float, times_s: NDArray[np.flo
 
 
 def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Where a platform that should be at `poses` (F, 4, 4) is; it drives on a level floor."""
+    """True poses of a platform on a level floor with nominal poses (F, 4, 4)."""
     steps = np.diff(poses[:, :3, 3], axis=0)
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
-    slow = (rng.standard_normal() + _wander(way[:-1], errors.slip_length_m, rng)) / np.sqrt(2)
-    turn = 2 * np.pi * way / (np.pi * errors.wheel_m) + rng.uniform(0, 2 * np.pi)
-    heading = np.radians(errors.heading_deg * rng.standard_normal() + errors.drift_deg_per_m * rng.standard_normal() * way)
+    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+    slow = (rng.standard_normal() + _wander(path[:-1], errors.slip_length_m, rng)) / np.sqrt(2)
+    turn = 2 * np.pi * path / (np.pi * errors.wheel_m) + rng.uniform(0, 2 * np.pi)
+    heading = np.radians(errors.heading_deg * rng.standard_normal() + errors.drift_deg_per_m * rng.standard_normal() * path)
     start = errors.start_m * rng.standard_normal(2)
-    bob = errors.bob_m * _wander(way, errors.bob_length_m, rng)
-    if _none(errors):
+    bob = errors.bob_m * _wander(path, errors.bob_length_m, rng)
+    if errors.none():
         return poses.copy()
     long = np.linalg.norm(steps, axis=1)
     ripple = np.divide(errors.ripple_m * np.diff(np.sin(turn)), long, out=np.zeros_like(long), where=long > 0)
@@ -158,47 +166,47 @@ def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Genera
 
 
 def rail(poses: NDArray[np.float64], errors: RailErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Where a carriage that should be at `poses` (F, 4, 4), on a straight line, is."""
-    start, way = errors.start_m * rng.standard_normal(), errors.way * rng.standard_normal()
+    """True poses of a carriage on a straight rail with nominal poses (F, 4, 4)."""
+    start, stretch = errors.start_m * rng.standard_normal(), errors.stretch * rng.standard_normal()
     phase = rng.uniform(0, 2 * np.pi)
-    if _none(errors):
+    if errors.none():
         return poses.copy()
     gone = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
     along = (poses[-1, :3, 3] - poses[0, :3, 3]) / max(float(gone[-1]), np.finfo(float).tiny)
-    more = start + way * gone + errors.ripple_m * (np.sin(2 * np.pi * gone / errors.pulley_m + phase) - np.sin(phase))
+    error = start + stretch * gone + errors.ripple_m * (np.sin(2 * np.pi * gone / errors.pulley_m + phase) - np.sin(phase))
     out = poses.copy()
-    out[:, :3, 3] += more[:, None] * along
+    out[:, :3, 3] += error[:, None] * along
     return out
 
 
 def turns(poses: NDArray[np.float64]) -> bool:
-    """Whether what takes these poses (F, 4, 4) turns; what does not, and moves, is carried along a rail."""
+    """Whether an object with poses (F, 4, 4) rotates. An object that moves without rotating is on a rail."""
     return bool(np.abs(poses[:, :3, :3] - poses[:1, :3, :3]).max() > 1e-9)
 
 
 def turntable_angles(nominal_rad: NDArray[np.float64], errors: TurntableErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """What a table that should stand at these angles has turned too far, radians, shape (F,)."""
+    """Angle errors of a turntable at nominal angles (F,), radians."""
     start, rate = np.radians(errors.start_deg) * rng.standard_normal(), rng.standard_normal()
     phase = rng.uniform(0, 2 * np.pi)
     since = nominal_rad - nominal_rad[:1]
-    own = np.random.default_rng(rng.integers(2**63))  # however long the course, what is drawn next is the same
+    own = np.random.default_rng(rng.integers(2**63))  # so that the number of frames does not change later draws from `rng`
     wander = _wander(np.abs(since), 2 * np.pi * errors.rate_turns, own)
     steps = np.diff(since, prepend=since[:1])
-    too_far = errors.rate / np.sqrt(2) * (rate * since + np.cumsum(wander * steps))
+    excess = errors.rate / np.sqrt(2) * (rate * since + np.cumsum(wander * steps))
     ripple = np.radians(errors.ripple_deg) * (np.sin(errors.ripple_cycles * since + phase) - np.sin(phase))
-    return start + too_far + ripple
+    return start + excess + ripple
 
 
 def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Where what turns with a table about the vertical, and should be at `poses` (F, 4, 4), is."""
+    """True poses of an object on a turntable with a vertical axis and nominal poses (F, 4, 4)."""
     angle = np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
-    more = turntable_angles(angle, errors, rng)
+    error = turntable_angles(angle, errors, rng)
     tilts = np.radians(errors.wobble_deg) * rng.standard_normal((2, 2))
-    if _none(errors):
+    if errors.none():
         return poses.copy()
-    fixed, turning = (_tilt(x, y) for x, y in tilts)  # of the stand, and of the disc on its bearing
+    fixed, turning = (_tilt(x, y) for x, y in tilts)  # tilt of the stand, and of the disc on its bearing
     out = poses.copy()
-    spun = _about_z(more) @ poses[:, :3, :3]
+    spun = _about_z(error) @ poses[:, :3, :3]
     out[:, :3, :3] = fixed @ spun @ turning
     pivot = np.array([0.0, 0.0, errors.pivot_m])
     out[:, :3, 3] += out[:, :3, :3] @ pivot - pivot
@@ -206,12 +214,14 @@ def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.rando
 
 
 def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, rng: np.random.Generator) -> dict[str, NDArray[np.float64]]:
-    """Everything that stands together, off by the same: poses (F, 4, 4) by name, each by the yaw on its own axis. What turns is also
-    off the axis it turns about."""
+    """True poses (F, 4, 4) by name of objects that stand together.
+
+    All have the same offset, and each the same yaw about its own axis. Rotating objects also stand off their axis of rotation.
+    """
     offset = errors.offset_m * rng.standard_normal(2)
     eccentric = errors.eccentric_m * rng.standard_normal(2)
     yaw = np.radians(errors.yaw_deg) * rng.standard_normal()
-    if _none(errors):
+    if errors.none():
         return {name: poses.copy() for name, poses in motion.items()}
     out = {}
     for name, poses in motion.items():
@@ -224,26 +234,13 @@ def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, r
     return out
 
 
-def _scaled(errors: Errors, strength: float) -> Errors:
-    """The same errors at another strength."""
-    return replace(errors, **{name: strength * value for name, value in _sizes(errors).items()})
-
-
-def _none(errors: Any) -> bool:
-    return not any(_sizes(errors).values())
-
-
-def _sizes(errors: Any) -> dict[str, float]:
-    return {f.name: getattr(errors, f.name) for f in fields(errors) if f.name not in _SETTINGS}
-
-
-def _wander(way: NDArray[np.float64], length_m: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """A stationary random course of unit variance along the way (an Ornstein-Uhlenbeck process of that correlation length)."""
-    draws = rng.standard_normal(len(way))
-    kept = np.exp(-np.diff(way, prepend=way[:1]) / length_m)
+def _wander(path: NDArray[np.float64], length_m: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """A stationary random course of unit variance along a path (Ornstein-Uhlenbeck process with this correlation length)."""
+    draws = rng.standard_normal(len(path))
+    memory = np.exp(-np.diff(path, prepend=path[:1]) / length_m)
     out = draws.copy()
-    for i in range(1, len(way)):
-        out[i] = kept[i] * out[i - 1] + np.sqrt(1 - kept[i] ** 2) * draws[i]
+    for i in range(1, len(path)):
+        out[i] = memory[i] * out[i - 1] + np.sqrt(1 - memory[i] ** 2) * draws[i]
     return out
 
 
@@ -258,6 +255,4 @@ def _about_z(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _tilt(about_x: float, about_y: float) -> NDArray[np.float64]:
-    from scipy.spatial.transform import Rotation
-
     return Rotation.from_rotvec([about_x, about_y, 0.0]).as_matrix()

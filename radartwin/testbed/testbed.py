@@ -1,9 +1,9 @@
-"""The virtual testbed: a measurement campaign that is deliberately not the twin.
+"""The virtual testbed: a measurement campaign that differs from the twin on purpose.
 
-Truth is the exact scene, with materials, roughness and contents of its own (radartwin.testbed.variation), its clutter and its fixtures
-(radartwin.testbed.fixtures), solved more finely and with one bounce more than the twin takes, through an imperfect radar
-(radartwin.radar.hardware), with rover, turntable and target not quite where the log says (radartwin.testbed.motion_errors). It is not
-reality: tables scored against it test the method and each named gap. It never sees the twin's scan, labels or settings. Every gap has a
+The truth is the exact scene with its own materials, roughness and contents (radartwin.testbed.variation), its clutter and its equipment
+(radartwin.testbed.fixtures). It is simulated with more rays and one bounce more than the twin, through an imperfect radar
+(radartwin.radar.hardware), and rover, turntable and target deviate from the log (radartwin.testbed.motion_errors). The testbed is not
+reality: tables scored against it test the method and each named gap. It never uses the twin's scan, labels or settings. Every gap has a
 strength: 1 as committed, 0 off, 2 doubled.
 """
 
@@ -23,7 +23,7 @@ from radartwin.simulation.simulate import simulate
 from radartwin.testbed import motion_errors as errors
 from radartwin.testbed.variation import own_contents, own_material, own_roughness
 
-CLUTTER_SHIFT_M = 0.02  # of each small thing since the scan, each level axis: somebody worked in the room; an order of magnitude
+CLUTTER_SHIFT_M = 0.02  # standard deviation of small objects since the scan, along x and y; an order of magnitude for a room in use
 TRUTH_RAYS_PER_WAVELENGTH2 = 4.0
 TRUTH_BOUNCES = 5
 
@@ -33,9 +33,14 @@ class Gaps:
     """Strengths of the testbed's gaps; the field names are those of the configuration's `measured.gap`.
 
     Attributes:
-        materials: thickness and permittivity of layers. roughness: heights. clutter: small things and fixtures that the scan has not, and
-            where they stand; below 1 some are missing. hardware: the radar. trajectory: rover, turntable, times of frames. solver: on or
-            off. placement: of the target. contents: of vessels.
+        materials: thickness and permittivity of layers.
+        roughness: roughness heights.
+        clutter: presence and position of small objects and equipment that the scan does not contain; below 1 some are missing.
+        hardware: imperfections of the radar.
+        trajectory: motion of rover, rail and turntable, and frame times.
+        solver: finer simulation, on or off.
+        placement: position of the target.
+        contents: contents of vessels.
     """
 
     materials: float = 1.0
@@ -52,21 +57,21 @@ OFF = Gaps(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) -> Scene:
-    """The scene as it really is.
+    """The true scene.
 
     Args:
-        scene: with all its clutter and fixtures, materials and roughness as they nominally are.
-        seed: of the campaign; what has the same name in the same room (provenance) is the same in all its recordings.
-        clutter: names that a scan does not have; surfaces of radartwin.testbed.fixtures are known by their provenance.
+        scene: with all clutter and equipment, and nominal materials and roughness.
+        seed: of the campaign. A surface with the same name and the same room (provenance) is equal in all its recordings.
+        clutter: names of surfaces that a scan does not contain; surfaces of radartwin.testbed.fixtures are marked by their provenance.
     """
     surfaces, room = [], str(scene.provenance.get("room", ""))
-    before: Counter[str] = Counter()
+    repeats: Counter[str] = Counter()
     for surface in scene:
-        own = np.random.SeedSequence([seed, *b"testbed truth", *room.encode(), 0, *surface.name.encode(), before[surface.name]])
-        before[surface.name] += 1
-        rng, stays, shift = (np.random.default_rng(s) for s in own.spawn(3))
+        own = np.random.SeedSequence([seed, *b"testbed truth", *room.encode(), 0, *surface.name.encode(), repeats[surface.name]])
+        repeats[surface.name] += 1
+        rng, presence, shift = (np.random.default_rng(s) for s in own.spawn(3))
         if surface.name in clutter or surface.provenance.get("fixture"):
-            if stays.random() >= gaps.clutter:
+            if presence.random() >= gaps.clutter:
                 continue
             if surface.name in clutter:
                 surface = surface.moved(pose(gaps.clutter * CLUTTER_SHIFT_M * np.append(shift.standard_normal(2), 0.0)))
@@ -77,21 +82,22 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) ->
 
 @dataclass(frozen=True)
 class Actual:
-    """Where things really are at the frames of one recording: sensor poses (F, 4, 4) or (1, 4, 4), object poses by name."""
+    """True poses at the frames of one recording: of the sensor, (F, 4, 4) or (1, 4, 4), and of objects by name."""
 
     sensor_poses: np.ndarray
     motion: dict[str, np.ndarray]
 
 
 def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: float, gaps: Gaps, seed: int) -> Actual:
-    """From the log of one recording to where its sensor and objects were.
+    """The true poses for the nominal poses of one recording.
 
-    A sensor that moves is a rover's, an object that turns stands on a table, one that moves without turning on a rail's carriage; what
-    rests was put where it is.
+    A moving sensor is on a rover. A rotating object is on a turntable, and an object that moves without rotating is on a rail. Objects at
+    rest only have placement errors.
 
     Args:
-        sensor_poses: nominal, (F, 4, 4), (1, 4, 4) or (4, 4). motion: nominal poses (F, 4, 4) or (1, 4, 4) by name.
-        rate_hz: of the frames.
+        sensor_poses: nominal, (F, 4, 4), (1, 4, 4) or (4, 4).
+        motion: nominal poses (F, 4, 4) or (1, 4, 4) by name.
+        rate_hz: frame rate.
         seed: of this repetition.
     """
     sensor = np.asarray(sensor_poses, float).reshape(-1, 4, 4)
@@ -104,13 +110,14 @@ def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: 
     table_state, carriage_state = table.bit_generator.state, carriage.bit_generator.state
     moved = {}
     for name, poses in motion.items():
-        table.bit_generator.state, carriage.bit_generator.state = table_state, carriage_state  # all that moves is on one table or carriage
+        # All moving objects share one turntable and one carriage.
+        table.bit_generator.state, carriage.bit_generator.state = table_state, carriage_state
         if len(poses) > 1:
-            there = errors.at_times(poses, rate_hz, times)
+            at_frames = errors.at_times(poses, rate_hz, times)
             if errors.turns(poses):
-                poses = errors.turntable(there, errors.TurntableErrors().scaled(strength), table)
+                poses = errors.turntable(at_frames, errors.TurntableErrors().scaled(strength), table)
             else:
-                poses = errors.rail(there, errors.RailErrors().scaled(strength), carriage)
+                poses = errors.rail(at_frames, errors.RailErrors().scaled(strength), carriage)
         moved[name] = poses
     if len(sensor) > 1:
         sensor = errors.rover(errors.at_times(sensor, rate_hz, times), errors.RoverErrors().scaled(gaps.trajectory), wheels)
@@ -126,15 +133,15 @@ def record(
     seed: int,
     variant: str = "auto",
 ) -> Recording:
-    """One recording of the truth, with its own course, placement and noise; its poses are the log's.
+    """One recording of the truth, with its own motion errors, placement and noise, and the nominal poses of the log.
 
     Args:
         scene: from `truth`.
-        sensor_poses, motion: nominal, as for `actual`; what a log holds.
+        sensor_poses, motion: nominal, as for `actual`.
         seed: of this repetition.
     """
-    there = actual(sensor_poses, motion, radar.frame_rate_hz, gaps, seed)
-    recording = clean(scene, radar, there.sensor_poses, there.motion, gaps, variant)
+    true = actual(sensor_poses, motion, radar.frame_rate_hz, gaps, seed)
+    recording = clean(scene, radar, true.sensor_poses, true.motion, gaps, variant)
     out = received(recording, Hardware().scaled(gaps.hardware), seed)
     logged = np.asarray(sensor_poses, float).reshape(-1, 4, 4)
     out.sensor_poses = np.repeat(logged, len(out.iq), axis=0) if len(logged) == 1 else logged
@@ -144,15 +151,16 @@ def record(
 def clean(
     scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None, gaps: Gaps, variant: str = "auto"
 ) -> Recording:
-    """What an ideal receiver behind the IF filter would record: no noise, no leakage, nothing of one repetition alone.
+    """The recording of an ideal receiver behind the IF filter, without noise, leakage and other effects of a single repetition.
 
-    It depends on the hardware gap only in whether there is one, so one clean recording serves every strength, board and seed.
+    It depends on the hardware gap only through the presence of the filter, so one clean recording serves all strengths above 0, all boards
+    and all seeds.
 
     Args:
         scene: from `truth`.
-        sensor_poses, motion: where things really are (radartwin.testbed.motion_errors), as in `simulate`.
+        sensor_poses, motion: true poses, as in `simulate`.
     Returns:
-        A Recording of the nominal radar; its provenance names the filter.
+        A Recording of the nominal radar; its provenance describes the filter.
     """
     fine = gaps.solver > 0
     hardware = Hardware().scaled(gaps.hardware)
@@ -161,20 +169,21 @@ def clean(
         max_bounces=TRUTH_BOUNCES if fine else 4,
         rays_per_wavelength2=TRUTH_RAYS_PER_WAVELENGTH2 if fine else 1.0,
     )  # fmt: skip
-    passes = None if hardware.if_filter is None else hardware.if_filter.to_dict()
-    return Recording(recording.iq, radar, recording.sensor_poses, provenance={"kind": "testbed, clean", "if_filter": passes})
+    if_filter = None if hardware.if_filter is None else hardware.if_filter.to_dict()
+    return Recording(recording.iq, radar, recording.sensor_poses, provenance={"kind": "testbed, clean", "if_filter": if_filter})
 
 
 def received(recording: Recording, hardware: Hardware, seed: int, first_frame: int = 0) -> Recording:
-    """A clean recording as one repetition with this hardware gives it: phase noise, leakage, thermal noise, ADC.
+    """Apply phase noise, leakage, thermal noise and the ADC of one repetition to a clean recording.
 
-    Every frame has its own random numbers, from the seed and its place in the recording: some of the frames are received alike alone.
+    Each frame has its own random generator from the seed and the frame's number, so a part of the frames gives the same samples as the
+    whole recording.
 
     Args:
-        recording: from `clean`, or frames out of it.
-        hardware: without any imperfection (strength 0) there is no noise either, and the samples stay as they are.
+        recording: from `clean`, or some of its frames.
+        hardware: at strength 0 the samples stay unchanged, also without noise.
         seed: of the repetition.
-        first_frame: place of the first frame in the whole recording.
+        first_frame: number of the first frame in the whole recording.
     """
     radar = recording.radar
     provenance = {"kind": "testbed", "seed": seed}

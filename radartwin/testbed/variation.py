@@ -1,14 +1,15 @@
-"""What a surface really is, beside what is nominal of it: thickness, permittivity, roughness, contents.
+"""Deviations of a surface from its nominal thickness, permittivity, roughness and contents.
 
-Each function takes one surface, a strength (0 leaves it as it is) and the surface's own generator, and draws the same numbers whatever the
-strength. Spreads, chosen before anything was scored:
-- thickness: 5 %; 12.5 mm plasterboard is sold to +-0.5 mm (EN 520), 4 %.
-- permittivity: 10 % of the real part and a factor exp(0.5) of the loss, standard deviations. That is how far the rows of ITU-R P.2040-4 for
-  one and the same material (concrete to floorboard, ten with several rows) lie apart at 100 GHz: 11 % and 0.51. Metal, air stay.
-- roughness: a factor of exp(0.7) on the height, literature's factor of two (radartwin/materials/roughness.py). What is given as smooth gets
-  0.1 mm where it is metal and 0.3 mm elsewhere: the paper's own calibration (its implementation section), the smoothest of its 0.3 to 3 mm.
-- contents: 10 % of a liquid's permittivity, the uncertainty of its recipe (radartwin/materials/liquids.py), and a headspace of 10 % of the
-  height, between half and one and a half times that: neck and shoulder, an order of magnitude.
+Each function takes one surface, a strength (0 leaves the surface unchanged) and the surface's own random generator, and draws the same
+random numbers at every strength. The spreads were chosen before any table was scored:
+- thickness: 5 %. Plasterboard of 12.5 mm is sold to +-0.5 mm (EN 520), 4 %.
+- permittivity: standard deviations of 10 % of the real part, and of a factor exp(0.5) of the loss. The rows of ITU-R P.2040-4 for one
+  material (concrete to floorboard, ten with several rows) differ by 11 % and by 0.51 in the logarithm at 100 GHz. Metal and air are exact.
+- roughness: a factor exp(0.7) of the height, the factor of two in the literature (radartwin/materials/roughness.py). A surface given as
+  smooth gets 0.1 mm for metal and otherwise 0.3 mm, the smoothest value of the paper's own calibration, 0.3 to 3 mm (implementation
+  section).
+- contents: 10 % of a liquid's permittivity, the uncertainty of its recipe (radartwin/materials/liquids.py), and a headspace of 5 to 15 %
+  of the height for neck and shoulder, an order of magnitude.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ HEIGHT_SIGMA = 0.7
 ROUGHNESS_M = {"metal": 0.1e-3}
 ROUGHNESS_OTHER_M = 0.3e-3
 CONTENTS_SIGMA = 0.10
-HEADSPACE = 0.10  # of the height
+HEADSPACE = 0.10  # mean share of the height
 _EXACT = ("metal", "air", "vacuum")
 
 
 def own_material(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
-    """Layers of their own thickness and permittivity, log-normal about the nominal ones."""
+    """The surface with log-normal deviations of layer thickness and permittivity."""
     stack = surface.material if isinstance(surface.material, Layered) else None
     count = len(stack.layers) if stack else 0
     thickness = np.exp(strength * THICKNESS_SIGMA * rng.standard_normal(count))
@@ -38,17 +39,18 @@ def own_material(surface: Surface, strength: float, rng: np.random.Generator) ->
     real, loss = np.exp(sigmas * rng.standard_normal((2, count + 1)))
     if strength == 0:
         return surface
-    backing = _off(stack.backing if stack else str(surface.material), real[-1], loss[-1])
+    backing = _varied(stack.backing if stack else str(surface.material), real[-1], loss[-1])
     if stack is None:
         return surface.replaced(material=backing)
     layers = [
-        (_off(name, e, q), depth * float(f)) for (name, depth), f, e, q in zip(stack.layers, thickness, real[:-1], loss[:-1], strict=True)
+        (_varied(name, e, q), depth * float(f))
+        for (name, depth), f, e, q in zip(stack.layers, thickness, real[:-1], loss[:-1], strict=True)
     ]
     return surface.replaced(material=Layered(layers, backing=backing))
 
 
 def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
-    """A height of its own; what was given as smooth is smooth no more."""
+    """The surface with a deviating roughness height; a smooth surface becomes rough."""
     factor = float(np.exp(strength * HEIGHT_SIGMA * rng.standard_normal()))
     if strength == 0:
         return surface
@@ -59,22 +61,22 @@ def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -
 
 
 def own_contents(surface: Surface, strength: float, rng: np.random.Generator) -> list[Surface]:
-    """A vessel whose liquid is its own and does not reach the top: what holds it, and what holds air, under one name."""
-    off = float(np.exp(strength * CONTENTS_SIGMA * rng.standard_normal()))
+    """A vessel with a deviating liquid and a headspace, as a filled and an empty part with one name; other surfaces unchanged."""
+    factor = float(np.exp(strength * CONTENTS_SIGMA * rng.standard_normal()))
     empty = strength * HEADSPACE * rng.uniform(0.5, 1.5)
     material = surface.material
     if strength == 0 or not isinstance(material, Layered) or material.backing not in liquids.NAMES:
         return [surface]
     low, high = surface.mesh.bounds[:, 2]
     level = high - min(empty, 0.9) * (high - low)
-    filled = Layered(material.layers, backing=varied(material.backing, off, off))
+    filled = Layered(material.layers, backing=varied(material.backing, factor, factor))
     parts = []
-    for up, inside in ((-1.0, filled), (1.0, Layered(material.layers))):
+    for up, contents in ((-1.0, filled), (1.0, Layered(material.layers))):
         part = surface.mesh.slice_plane([0.0, 0.0, level], [0.0, 0.0, up])
         if part is not None and len(part.faces):
-            parts.append(surface.replaced(mesh=part, material=inside, role=surface.kind))
+            parts.append(surface.replaced(mesh=part, material=contents, role=surface.kind))
     return parts
 
 
-def _off(name: str, real: float, loss: float) -> str:
+def _varied(name: str, real: float, loss: float) -> str:
     return name if name in _EXACT or name in liquids.NAMES else varied(name, float(real), float(loss))

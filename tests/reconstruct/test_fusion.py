@@ -10,7 +10,6 @@ from radartwin.reconstruct.frames.frames import Frame, Frames
 from radartwin.reconstruct.fusion import fusion, volume
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.fusion.holes import holes
-from radartwin.reconstruct.fusion.marching import painted, vertex_colours
 from radartwin.testbed.scanner.walk import look_along
 
 LENS = np.array([[70.0, 0, 47.5], [0, 70, 35.5], [0, 0, 1]])
@@ -86,7 +85,7 @@ def test_triangles_face_the_free_space(clean):
 
 def test_colours_stay_with_their_surface(clean):
     mesh, report = clean
-    points, colours = np.asarray(mesh.vertices), vertex_colours(mesh).astype(int)
+    points, colours = np.asarray(mesh.vertices), mesh.visual.vertex_colors[:, :3].astype(int)
     ball = np.linalg.norm(points - BALL, axis=1) < RADIUS + 0.01
     wall = np.linalg.norm(points - BALL, axis=1) > RADIUS + 0.3
     assert np.median(np.abs(colours[ball] - (220, 40, 40)).max(axis=1)) <= 2
@@ -170,27 +169,16 @@ def test_refinement_leaves_true_poses_nearly_alone():
 def test_same_frames_same_mesh():
     first, second = (fuse(frames(0.005, 12), voxel_m=0.04)[0] for _ in range(2))
     assert np.array_equal(first.vertices, second.vertices)
-    assert np.array_equal(vertex_colours(first), vertex_colours(second))
-
-
-def test_simplified_mesh_keeps_place_and_colour(clean):
-    mesh, _ = clean
-    few = fusion.simplified(mesh, 4000)
-    assert len(few.faces) <= 4000
-    assert np.quantile(to_truth(np.asarray(few.vertices)), 0.95) < 0.015
-    assert len(vertex_colours(few)) == len(few.vertices)
+    assert np.array_equal(first.visual.vertex_colors, second.visual.vertex_colors)
 
 
 def test_small_parts_go_and_the_largest_stays():
     ball, crumb = trimesh.creation.icosphere(2, 0.5), trimesh.creation.icosphere(1, 0.02)
     crumb.apply_translation([1, 0, 0])
-    corners = np.vstack([ball.vertices, crumb.vertices])
-    both = trimesh.Trimesh(corners, np.vstack([ball.faces, np.asarray(crumb.faces) + len(ball.vertices)]), process=False)
-    both = painted(both, np.full((len(corners), 3), 7, np.uint8))
-    kept, along, gone = fusion.without_small_parts(both, np.arange(len(both.vertices)))
-    assert gone == 1
-    assert len(kept.vertices) == len(ball.vertices) == len(along)
-    crumb = painted(crumb, np.zeros((len(crumb.vertices), 3), np.uint8))
+    both = trimesh.util.concatenate([ball, crumb])
+    kept, values, removed = fusion.without_small_parts(both, np.arange(len(both.vertices)))
+    assert removed == 1
+    assert len(kept.vertices) == len(ball.vertices) == len(values)
     assert fusion.without_small_parts(crumb, np.arange(len(crumb.vertices)))[2] == 0
 
 
@@ -207,7 +195,7 @@ def test_holes_are_counted_and_measured():
 
 def test_nothing_to_fuse_is_named(monkeypatch):
     dark = [Frame(f.name, f.pose, LENS, f.depth_m + np.float32(6), None, None, None) for f in frames(count=3)]
-    with pytest.raises(ScanError, match="no depth within 5 m that can be trusted"):
+    with pytest.raises(ScanError, match="no usable depth within 5 m"):
         fuse(Frames.of(dark))
     with pytest.raises(ScanError, match=r"voxel_m=5"):
         fuse(frames(count=3), voxel_m=5.0)

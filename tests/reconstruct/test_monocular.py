@@ -89,7 +89,7 @@ def test_estimated_depth_takes_the_same_road_to_a_mesh(lab):
 
 
 def test_models_without_scale_and_missing_ones_are_named(tmp_path, model_folder):
-    with pytest.raises(ScanError, match="relative depth has no scale"):
+    with pytest.raises(ScanError, match="relative depth, so lengths have no scale"):
         DepthModel.load(tiny(tmp_path / "relative", "relative"))
     with pytest.raises(MissingError, match="no such folder of weights"):
         DepthModel.load(tmp_path / "nowhere")

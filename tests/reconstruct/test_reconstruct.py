@@ -23,7 +23,7 @@ from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.parts import ERROR_M, simplified
 from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.outlines.visibility import Cameras, Sight
-from radartwin.reconstruct.scan_folder import spread_out
+from radartwin.reconstruct.scan_folder import distinct_views
 from radartwin.reconstruct.segmentation import coplanar, masks
 from radartwin.reconstruct.segmentation.colour import face_colours
 from radartwin.reconstruct.segmentation.faces import Faces, members
@@ -413,7 +413,7 @@ def test_scene_folder_holds_the_scan_and_who_each_face_went_to(tmp_path):
     assert isinstance(again, trimesh.Trimesh)
     assert isinstance(again.visual, ColorVisuals)
     assert isinstance(mesh.visual, ColorVisuals)
-    owner = np.load(tmp_path / "out" / scan_folder.OWNER_FILE)
+    owner = np.load(tmp_path / "out" / scan_folder.FACE_SURFACES_FILE)
     assert len(owner) == len(again.faces)
     assert np.array_equal(again.visual.vertex_colors[:, :3], mesh.visual.vertex_colors[:, :3])
     for k, surface in enumerate(scene):
@@ -437,7 +437,7 @@ def test_same_scan_same_bytes(tmp_path):
     )
     for name in ("one", "two"):
         reconstruct(path, tmp_path / name)
-    for file in ("scene.glb", "manifest.json", scan_folder.MESH_FILE, scan_folder.OWNER_FILE):
+    for file in ("scene.glb", "manifest.json", scan_folder.MESH_FILE, scan_folder.FACE_SURFACES_FILE):
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
 
 
@@ -459,8 +459,8 @@ def test_an_interrupted_write_leaves_no_scene(tmp_path, monkeypatch):
 def test_photographs_kept_are_those_that_differ_most():
     poses = np.tile(np.eye(4), (20, 1, 1))
     poses[:, 0, 3] = np.r_[np.zeros(17), 1.0, 2.0, 3.0]
-    assert spread_out(poses, 4) == [0, 17, 18, 19]
-    assert spread_out(poses[16:18], 40) == [0, 1]
+    assert distinct_views(poses, 4) == [0, 17, 18, 19]
+    assert distinct_views(poses[16:18], 40) == [0, 1]
 
 
 # Bad input

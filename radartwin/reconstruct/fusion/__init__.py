@@ -1,1 +1,1 @@
-"""From RGB-D frames to a mesh."""
+"""Fuse colour-and-depth frames into a mesh: alignment, a signed distance volume, marching cubes."""

@@ -1,11 +1,12 @@
-"""Drift taken out of a scan: all poses at once, so that the surfaces of overlapping views coincide.
+"""Correct the drift of a scan: adjust all poses together so that the surfaces of overlapping views coincide.
 
-Every view's samples are compared with every other view that sees the same place: r = n . (q - x), x a sample with its normal n, q the other
-view's surface where x projects to (Chen and Medioni 1992, point to plane; all pairs at once as in Pulli 1999, Multiview registration for
-large data sets). The phone's own motion is kept as a prior between neighbours, gravity as a prior on roll and pitch. Outliers weigh
-little (Geman and McClure), by a scale that shrinks from the drift to the noise. Where the whole is, the beginning of the walk says.
+The samples of each view are compared with every other view that sees the same surface. The residual is r = n . (q - x), where x is a sample
+with normal n, and q is the other view's surface point at the projection of x (point to plane, Chen and Medioni 1992; all pairs together as
+in Pulli 1999, Multiview registration for large data sets). Priors hold the phone's own motion between neighbouring views, and gravity for
+roll and pitch. A Geman-McClure kernel reduces the weight of outliers; its scale shrinks from the drift to the noise. Relative residuals
+do not determine the position of the whole scan, so the first part of the path does.
 
-Symbols: delta_i -> a turn and a shift of view i about `middle`, in the world.
+Symbols: delta_i -> rotation vector and shift of view i in the world, the rotation about `centre`.
 """
 
 from __future__ import annotations
@@ -13,34 +14,36 @@ from __future__ import annotations
 import dataclasses
 import warnings
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from radartwin.compiled import compiled, shared_out
 from radartwin.reconstruct.fusion.views import Views
-from radartwin.reconstruct.fusion.volume import View
+from radartwin.reconstruct.fusion.volume import View, pinhole
 
-SAMPLES_ACROSS = 28  # a view: some 550 of a phone's map, about as many as it has laser spots
-NORMALS_ACROSS = 43  # a view's width over the pixels to either side of a sample that give its normal: 6 of a phone's map
-OVERLAP = 0.15  # share of a view's samples another must see for the two to be compared
-SCALES_M = (0.12, 0.12, 0.08, 0.05, 0.04, 0.03, 0.02, 0.02, 0.015, 0.015)  # of the outliers, one per iteration
-NOISE_M = 0.05  # of one residual; neighbours hang together, so it is several times a pixel's
-# Prior of the phone's motion: standard deviation after a metre, and of a standing phone. The shift is ARKit's (Kim et al. 2022, Sensors
-# 22:9873: 0.02 m in three axes per second of walking); the turn, which they do not give, moves what is 3 m away by as much.
+SAMPLES_ACROSS = 28  # per view width: about 550 samples of a phone's depth map, which has 576 laser spots
+NORMALS_ACROSS = 43  # view width over the pixel distance of the neighbours that define a sample's normal: 6 pixels of a phone's map
+OVERLAP = 0.15  # smallest share of a view's samples that another view sees for the pair to be compared
+SCALES_M = (0.12, 0.12, 0.08, 0.05, 0.04, 0.03, 0.02, 0.02, 0.015, 0.015)  # of the outlier kernel, one per iteration
+NOISE_M = 0.05  # of one residual; several times the pixel noise, because neighbouring residuals are correlated
+# Prior of the phone's motion: standard deviation after one metre, and at rest. The shift is ARKit's (Kim et al. 2022, Sensors 22:9873:
+# 0.02 m in three axes per second of walking). They give no rotation; this one moves a point 3 m away by as much.
 SHIFT_M, REST_M = 0.012, 0.002
 TURN_RAD, REST_RAD = np.radians(0.2), np.radians(0.05)
-LEVEL_RAD = np.radians(0.2)  # gravity, as phones know it
-ANCHOR_M = 0.6  # of the walk's beginning, which says where the whole is
+LEVEL_RAD = np.radians(0.2)  # error of the gravity direction on phones
+ANCHOR_M = 0.6  # length of the path's beginning that defines the position of the whole scan
 
 
 @dataclasses.dataclass(frozen=True)
 class AlignmentReport:
-    """What alignment changed; metres.
+    """Changes by the alignment; metres.
 
     Attributes:
-        pairs: of views compared.
+        pairs: number of compared view pairs.
         before_m, after_m: median distance between the surfaces of overlapping views.
-        largest_shift_m, largest_turn_deg: how far a pose moved.
+        largest_shift_m, largest_turn_deg: largest change of a pose.
     """
 
     pairs: int
@@ -50,100 +53,106 @@ class AlignmentReport:
     largest_turn_deg: float
 
 
-def align(views: Views) -> AlignmentReport:
-    """Move the views' poses, in place."""
-    from scipy.spatial.transform import Rotation
+class _Sampled(NamedTuple):
+    """Per view: samples (S, 7) as point and normal in the camera frame and weight, depth map, and (fx, fy, cx, cy) (V, 4)."""
 
-    count = len(views)
-    depths, lenses = [views[i].depth for i in range(count)], np.array([_lens(views[i]) for i in range(count)])
-    samples = [_samples(views[i]) for i in range(count)]
+    samples: list[np.ndarray]
+    depths: list[np.ndarray]
+    lenses: np.ndarray
+
+    @classmethod
+    def of(cls, views: Sequence[View]) -> _Sampled:
+        return cls([_samples(v) for v in views], [v.depth for v in views], np.array([pinhole(v.intrinsics) for v in views]))
+
+
+def align(views: Views) -> AlignmentReport:
+    """Correct the views' poses in place."""
+    sampled = _Sampled.of([views[i] for i in range(len(views))])
     start = views.poses.copy()
     poses = start.copy()
-    middle = poses[:, :3, 3].mean(axis=0)
-    pairs = _pairs(poses, samples, depths, lenses)
+    centre = poses[:, :3, 3].mean(axis=0)
+    pairs = _pairs(poses, sampled)
     if not len(pairs):
         return AlignmentReport(0, float("nan"), float("nan"), 0.0, 0.0)
-    before = after = float("nan")
+    before = float("nan")
     for step, scale in enumerate(SCALES_M):
-        blocks, median = _compared(poses, samples, depths, lenses, pairs, middle, scale)
+        blocks, median = _normal_equations(poses, sampled, pairs, centre, scale)
         before = median if step == 0 else before
-        matrix, right = _assembled(blocks, pairs, count)
-        _add_prior(matrix, right, start, poses, middle)
+        matrix, right = _assembled(blocks, pairs, len(poses))
+        _add_prior(matrix, right, start, poses, centre)
         free = matrix[6:, 6:]
         delta = np.concatenate([np.zeros(6), np.linalg.solve(free + 1e-9 * np.eye(len(free)), right[6:])]).reshape(-1, 6)
-        turns = Rotation.from_rotvec(delta[:, :3]).as_matrix()
-        poses[:, :3, 3] = np.einsum("nij,nj->ni", turns, poses[:, :3, 3] - middle) + middle + delta[:, 3:]
-        poses[:, :3, :3] = turns @ poses[:, :3, :3]
-    _, after = _compared(poses, samples, depths, lenses, pairs, middle, SCALES_M[-1])
+        rotations = Rotation.from_rotvec(delta[:, :3]).as_matrix()
+        poses[:, :3, 3] = np.einsum("nij,nj->ni", rotations, poses[:, :3, 3] - centre) + centre + delta[:, 3:]
+        poses[:, :3, :3] = rotations @ poses[:, :3, :3]
+    _, after = _normal_equations(poses, sampled, pairs, centre, SCALES_M[-1])
     poses = _anchored(start, poses)
     views.poses[:] = poses
-    turned = Rotation.from_matrix(poses[:, :3, :3] @ np.swapaxes(start[:, :3, :3], 1, 2)).magnitude()
+    angle = _rotation_between(start, poses).magnitude()
     shift = np.linalg.norm(poses[:, :3, 3] - start[:, :3, 3], axis=1)
-    return AlignmentReport(len(pairs), before, after, float(shift.max()), float(np.degrees(turned.max())))
+    return AlignmentReport(len(pairs), before, after, float(shift.max()), float(np.degrees(angle.max())))
 
 
-def disagreement(views: Sequence[View], readings: Iterable[np.ndarray], scale_m: float = SCALES_M[0]) -> list[tuple[int, float]]:
-    """How far overlapping views lie apart, for each of several sets of poses (N, 4, 4): pairs that overlap, and the median in metres."""
-    depths, lenses, samples = [v.depth for v in views], np.array([_lens(v) for v in views]), [_samples(v) for v in views]
+def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray], scale_m: float = SCALES_M[0]) -> list[tuple[int, float]]:
+    """For each set of poses (N, 4, 4): number of overlapping pairs, and median distance between overlapping views, metres."""
+    sampled = _Sampled.of(views)
     found = []
-    for poses in readings:
-        pairs = _pairs(poses, samples, depths, lenses)
+    for poses in pose_sets:
+        pairs = _pairs(poses, sampled)
         apart = float("nan")
         if len(pairs):
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", RuntimeWarning)  # of pairs that share places, but no side of a surface
-                apart = _compared(poses, samples, depths, lenses, pairs, np.zeros(3), scale_m)[1]
+                warnings.simplefilter("ignore", RuntimeWarning)  # the median of no residuals, if views see opposite sides of surfaces
+                apart = _normal_equations(poses, sampled, pairs, np.zeros(3), scale_m)[1]
         found.append((len(pairs) if np.isfinite(apart) else 0, apart))
     return found
 
 
+def _rotation_between(start: np.ndarray, poses: np.ndarray) -> Rotation:
+    return Rotation.from_matrix(poses[:, :3, :3] @ np.swapaxes(start[:, :3, :3], 1, 2))
+
+
 def _anchored(start: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """The whole turned and shifted, rigidly, to where the walk began, and to the level of all views.
+    """Move all poses rigidly so that heading and position fit the beginning of the path, and roll and pitch fit all views.
 
-    Nothing else says where a scan is. Of the first view alone, its own noise would turn the whole.
+    The first view alone would pass its own noise to all others.
     """
-    from scipy.spatial.transform import Rotation
-
     path = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(start[:, :3, 3], axis=0), axis=1))])
-    early = np.exp(-path / ANCHOR_M)
-    early /= early.sum()
-    turns = Rotation.from_matrix(poses[:, :3, :3] @ np.swapaxes(start[:, :3, :3], 1, 2)).as_rotvec()
-    back = Rotation.from_rotvec(-np.append(turns[:, :2].mean(axis=0), early @ turns[:, 2])).as_matrix()
+    weight = np.exp(-path / ANCHOR_M)
+    weight /= weight.sum()
+    vectors = _rotation_between(start, poses).as_rotvec()
+    back = Rotation.from_rotvec(-np.append(vectors[:, :2].mean(axis=0), weight @ vectors[:, 2])).as_matrix()
     out = poses.copy()
     out[:, :3, :3] = back @ poses[:, :3, :3]
     out[:, :3, 3] = poses[:, :3, 3] @ back.T
-    out[:, :3, 3] += early @ (start[:, :3, 3] - out[:, :3, 3])
+    out[:, :3, 3] += weight @ (start[:, :3, 3] - out[:, :3, 3])
     return out
 
 
-def _lens(view: View) -> tuple[float, float, float, float]:
-    k = view.intrinsics
-    return float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2])
-
-
 def _samples(view: View) -> np.ndarray:
-    """Points and normals in the camera's frame, and weights: (S, 7)."""
+    """Points and normals in the camera frame, and weights: (S, 7)."""
     h, w = view.depth.shape
     step, reach = max(round(w / SAMPLES_ACROSS), 1), max(round(w / NORMALS_ACROSS), 1)
     v, u = (n.ravel() for n in np.mgrid[reach : h - reach : step, reach : w - reach : step])
-    fx, fy, cx, cy = _lens(view)
+    fx, fy, cx, cy = pinhole(view.intrinsics)
 
     def at(dv: int, du: int) -> tuple[np.ndarray, np.ndarray]:
         depth = view.depth[v + dv, u + du].astype(np.float64)
         return np.stack([(u + du - cx) / fx * depth, (v + dv - cy) / fy * depth, depth], axis=1), view.weight[v + dv, u + du] > 0
 
-    point, sure = at(0, 0)
-    (a, sa), (b, sb), (c, sc), (d, sd) = at(0, -reach), at(0, reach), at(-reach, 0), at(reach, 0)
+    point, valid = at(0, 0)
+    (a, valid_a), (b, valid_b), (c, valid_c), (d, valid_d) = at(0, -reach), at(0, reach), at(-reach, 0), at(reach, 0)
     normal = np.cross(b - a, d - c)
     length = np.linalg.norm(normal, axis=1)
-    # On a plane the middle of two neighbours is the sample itself; at an edge it is not.
+    # On a plane the mean of two opposite neighbours is the sample itself, at an edge it is not.
     flat = (np.abs(a + b - 2 * point)[:, 2] < 0.02 * point[:, 2]) & (np.abs(c + d - 2 * point)[:, 2] < 0.02 * point[:, 2])
-    good = sure & sa & sb & sc & sd & flat & (length > 0)
+    good = valid & valid_a & valid_b & valid_c & valid_d & flat & (length > 0)
     return np.column_stack([point[good], (normal[good].T / length[good]).T, view.weight[v, u][good]])
 
 
-def _pairs(poses: np.ndarray, samples: list[np.ndarray], depths: list[np.ndarray], lenses: np.ndarray) -> np.ndarray:
-    """Which views (P, 2) see the same places: first the one whose samples are taken."""
+def _pairs(poses: np.ndarray, sampled: _Sampled) -> np.ndarray:
+    """Pairs (P, 2) of views that see the same surfaces; the first view of a pair gives the samples."""
+    samples, depths, lenses = sampled
     found = []
     for i, own in enumerate(samples):
         some = own[::7]
@@ -156,23 +165,27 @@ def _pairs(poses: np.ndarray, samples: list[np.ndarray], depths: list[np.ndarray
     return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
-def _compared(poses, samples, depths, lenses, pairs, middle, scale):
-    """Per pair the normal equations (21 of the upper triangle, 6 of the right side), and the median residual."""
+def _normal_equations(
+    poses: np.ndarray, sampled: _Sampled, pairs: np.ndarray, centre: np.ndarray, scale_m: float
+) -> tuple[np.ndarray, float]:
+    """Normal equations (P, 27) of each pair (21 of the upper triangle, 6 of the right side), and the median residual, metres."""
+    samples, depths, lenses = sampled
     blocks, residuals = np.zeros((len(pairs), 27)), np.full(len(pairs), np.nan)
     worlds = [
         np.column_stack([s[:, :3] @ p[:3, :3].T + p[:3, 3], s[:, 3:6] @ p[:3, :3].T, s[:, 6]]) for s, p in zip(samples, poses, strict=True)
     ]
 
-    def some(first: int, last: int) -> None:
+    def accumulate(first: int, last: int) -> None:
         for k in range(first, last):
             i, j = pairs[k]
-            residuals[k] = _accumulate(worlds[i], poses[j], depths[j], lenses[j], middle, scale, blocks[k])
+            residuals[k] = _accumulate(worlds[i], poses[j], depths[j], lenses[j], centre, scale_m, blocks[k])
 
-    shared_out(some, len(pairs))
+    shared_out(accumulate, len(pairs))
     return blocks, float(np.nanmedian(residuals))
 
 
 def _assembled(blocks: np.ndarray, pairs: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Matrix (6V, 6V) and right side (6V,) of all pairs."""
     upper = np.triu_indices(6)
     own = np.zeros((len(blocks), 6, 6))
     own[:, upper[0], upper[1]] = blocks[:, :21]
@@ -190,22 +203,20 @@ def _assembled(blocks: np.ndarray, pairs: np.ndarray, count: int) -> tuple[np.nd
     return matrix.reshape(6 * count, 6 * count), right.ravel()
 
 
-def _add_prior(matrix: np.ndarray, right: np.ndarray, start: np.ndarray, poses: np.ndarray, middle: np.ndarray) -> None:
-    """The phone's own motion between neighbours, and level, as it now stands against where it was at the start."""
-    from scipy.spatial.transform import Rotation
-
-    turn = Rotation.from_matrix(poses[:, :3, :3] @ np.swapaxes(start[:, :3, :3], 1, 2)).as_rotvec()
-    # A correction moves x to x + turn x (x - middle) + shift: the shift that takes the camera where it now is.
-    shift = poses[:, :3, 3] - start[:, :3, 3] - np.cross(turn, start[:, :3, 3] - middle)
+def _add_prior(matrix: np.ndarray, right: np.ndarray, start: np.ndarray, poses: np.ndarray, centre: np.ndarray) -> None:
+    """Add the priors of the phone's motion between neighbours and of gravity, linearised at the current poses, in place."""
+    turn = _rotation_between(start, poses).as_rotvec()
+    # A correction moves x to x + turn x (x - centre) + shift. This is the shift that moves the camera to its current position.
+    shift = poses[:, :3, 3] - start[:, :3, 3] - np.cross(turn, start[:, :3, 3] - centre)
     gap = np.linalg.norm(np.diff(start[:, :3, 3], axis=0), axis=1)
     for i in range(len(poses) - 1):
         a, b = slice(6 * i, 6 * i + 6), slice(6 * i + 6, 6 * i + 12)
-        # Shifts are compared at the cameras' own place, where a turn about the middle moves them too.
-        arm = (start[i, :3, 3] + start[i + 1, :3, 3]) / 2 - middle
+        # Shifts are compared at the cameras' position, which a rotation about the centre also moves.
+        arm = (start[i, :3, 3] + start[i + 1, :3, 3]) / 2 - centre
         lever = np.eye(6)
         lever[3:, :3] = -np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
-        sure = np.repeat([1 / (TURN_RAD**2 * gap[i] + REST_RAD**2), 1 / (SHIFT_M**2 * gap[i] + REST_M**2)], 3)
-        weight = lever.T @ (sure[:, None] * lever)
+        precision = np.repeat([1 / (TURN_RAD**2 * gap[i] + REST_RAD**2), 1 / (SHIFT_M**2 * gap[i] + REST_M**2)], 3)
+        weight = lever.T @ (precision[:, None] * lever)
         pull = weight @ np.concatenate([turn[i + 1] - turn[i], shift[i + 1] - shift[i]])
         matrix[a, a] += weight
         matrix[b, b] += weight
@@ -221,7 +232,7 @@ def _add_prior(matrix: np.ndarray, right: np.ndarray, start: np.ndarray, poses: 
 
 @compiled
 def _projected(x, y, z, pose, depth, lens):
-    """Row and column of a world point in a view, or -1, and its depth there."""
+    """Row and column of a world point in a view, or -1 outside, and its depth in the view."""
     a, b, c = x - pose[0, 3], y - pose[1, 3], z - pose[2, 3]
     d = pose[0, 2] * a + pose[1, 2] * b + pose[2, 2] * c
     if d < 0.1:
@@ -236,6 +247,7 @@ def _projected(x, y, z, pose, depth, lens):
 
 @compiled
 def _shared(world, pose, depth, lens):
+    """Number of world points (N, 3) on the surface that the view shows."""
     count = 0
     for k in range(len(world)):
         m, n, d = _projected(world[k, 0], world[k, 1], world[k, 2], pose, depth, lens)
@@ -245,10 +257,10 @@ def _shared(world, pose, depth, lens):
 
 
 @compiled
-def _accumulate(world, pose, depth, lens, middle, scale, block):
-    """Add a pair's normal equations to `block` (27,); its median residual, NaN if the two share nothing."""
+def _accumulate(world, pose, depth, lens, centre, scale, block):
+    """Add a pair's normal equations to `block` (27,). Return its median residual, NaN if the views share no surface."""
     row = np.empty(6)
-    kept = np.empty(len(world))
+    residuals = np.empty(len(world))
     count = 0
     for k in range(len(world)):
         x, y, z, nx, ny, nz = world[k, 0], world[k, 1], world[k, 2], world[k, 3], world[k, 4], world[k, 5]
@@ -262,14 +274,14 @@ def _accumulate(world, pose, depth, lens, middle, scale, block):
             pose[1, 0] * a + pose[1, 1] * b + pose[1, 2] * q,
             pose[2, 0] * a + pose[2, 1] * b + pose[2, 2] * q,
         )
-        # The side of the surface that the other view sees, at a usable angle; normals point into the surface, as rays do.
+        # Only the side of the surface that the other view sees, at a usable angle. Normals point into the surface, as rays do.
         if rx * nx + ry * ny + rz * nz < 0.2 * np.sqrt(rx * rx + ry * ry + rz * rz):
             continue
         qx, qy, qz = rx + pose[0, 3], ry + pose[1, 3], rz + pose[2, 3]
         r = nx * (qx - x) + ny * (qy - y) + nz * (qz - z)
         robust = 1 / (1 + (r / scale) ** 2)
         weight = robust * robust * world[k, 6] / (NOISE_M * NOISE_M)
-        px, py, pz = x - middle[0], y - middle[1], z - middle[2]
+        px, py, pz = x - centre[0], y - centre[1], z - centre[2]
         row[0], row[1], row[2] = py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx
         row[3], row[4], row[5] = nx, ny, nz
         at = 0
@@ -279,6 +291,6 @@ def _accumulate(world, pose, depth, lens, middle, scale, block):
                 at += 1
         for i in range(6):
             block[21 + i] += weight * r * row[i]
-        kept[count] = abs(r)
+        residuals[count] = abs(r)
         count += 1
-    return np.median(kept[:count]) if count else np.nan
+    return np.median(residuals[:count]) if count else np.nan

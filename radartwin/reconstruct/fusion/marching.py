@@ -1,31 +1,31 @@
-"""The surface of a volume as triangles: marching cubes (Lewiner et al. 2003, by scikit-image) piece by piece, with colours."""
+"""Extract the surface of a volume as coloured triangles: marching cubes (Lewiner et al. 2003, by scikit-image), piece by piece."""
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import trimesh
-from trimesh.visual import ColorVisuals
+from skimage.measure import marching_cubes
 
 from radartwin.compiled import compiled
 from radartwin.errors import ScanError
 from radartwin.reconstruct.fusion.volume import SIDE, Volume
 
 PIECE = 8  # blocks along a piece's edge: 65^3 samples at a time
-GREY = 128  # of a vertex that no colour picture saw
+GREY = 128  # colour of vertices that no colour picture shows
 
 
 def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndarray]:
     """Triangles where the signed distance changes sign, facing free space.
 
     Args:
-        min_weight: of all eight corners of a cube; beyond it, how much a surface must have been seen.
+        min_weight: smallest weight of all eight corners of a cube.
     Returns:
-        The mesh with vertex colours (RGBA), and which vertices (V,) some colour picture saw.
+        The mesh with vertex colours (RGBA), and a mask (V,) of the vertices that a colour picture shows.
     Raises:
-        ScanError: no surface was seen.
+        ScanError: the volume holds no surface.
     """
-    from skimage.measure import marching_cubes
-
     side = PIECE * SIDE + 1
     values, weights = np.empty((side, side, side), np.float32), np.empty((side, side, side), np.float32)
     vertices, faces, count = [], [], 0
@@ -37,50 +37,34 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
             continue
         try:
             corners, triangles, _, _ = marching_cubes(values, 0.0, mask=seen, gradient_direction="descent", allow_degenerate=False)
-        except RuntimeError:  # what scikit-image says where the mask leaves no crossing
+        except RuntimeError:  # scikit-image found no zero crossing inside the mask
             continue
         vertices.append(corners + piece * PIECE * SIDE)
         faces.append(triangles + count)
         count += len(corners)
     if not count:
-        raise ScanError("the frames show no surface: nothing was seen often enough; are poses and depth of one scan?")
+        raise ScanError("the frames show no surface often enough; check that poses and depth belong to the same scan")
     mesh = trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), process=False)
-    mesh.merge_vertices(digits_vertex=4)  # in voxels: seams between pieces
+    mesh.merge_vertices(digits_vertex=4)  # in voxels; closes the seams between pieces
     mesh.update_faces(mesh.nondegenerate_faces(height=1e-4))
     mesh.remove_unreferenced_vertices()
     cells = np.asarray(mesh.vertices)
     colours, coloured = _colours(cells, volume.slot, volume.colour, volume.colour_weight)
-    return painted(trimesh.Trimesh(cells * volume.voxel_m + volume.origin, mesh.faces, process=False), colours), coloured
-
-
-def painted(mesh: trimesh.Trimesh, colours: np.ndarray) -> trimesh.Trimesh:
-    """The mesh with vertex colours (V, 3) uint8, opaque."""
-    opaque = np.column_stack([colours, np.full(len(colours), 255, np.uint8)])
-    mesh.visual = ColorVisuals(mesh, vertex_colors=opaque)
-    return mesh
-
-
-def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Colours (V, 3) uint8 of a painted mesh."""
-    return np.asarray(getattr(mesh.visual, "vertex_colors"))[:, :3]  # noqa: B009 - not of every kind of visual
+    places = cells * volume.voxel_m + volume.origin
+    return trimesh.Trimesh(places, mesh.faces, vertex_colors=colours, process=False), coloured
 
 
 def _whole_cubes(seen: np.ndarray) -> np.ndarray:
-    """Where all eight corners are seen, in scikit-image's place: at a cube's highest corner."""
+    """Cubes with eight seen corners, marked at the highest corner, as scikit-image expects."""
     whole = np.zeros_like(seen)
     low, high = slice(None, -1), slice(1, None)
-    inner = np.ones(tuple(n - 1 for n in seen.shape), dtype=bool)
-    for i in (low, high):
-        for j in (low, high):
-            for k in (low, high):
-                inner &= seen[i, j, k]
-    whole[1:, 1:, 1:] = inner
+    whole[1:, 1:, 1:] = np.all([seen[corner] for corner in itertools.product((low, high), repeat=3)], axis=0)
     return whole
 
 
 @compiled
 def _gather(slot, sdf, weight, block, values, weights):
-    """Copy a piece out of its blocks, from `block` (3,) on; what was not seen has weight 0 and a distance of 1."""
+    """Copy the piece that starts at `block` (3,) out of its blocks; unobserved voxels get weight 0 and distance 1."""
     values[:] = 1.0
     weights[:] = 0.0
     side = values.shape[0]
@@ -101,7 +85,7 @@ def _gather(slot, sdf, weight, block, values, weights):
 
 @compiled
 def _colours(cells, slot, colour, colour_weight):
-    """Colours (N, 3) at vertices (N, 3) in voxels, from the coloured of the eight voxels around; whether there were any."""
+    """Colours (N, 3) at vertices (N, 3) in voxel units, from the coloured voxels around each; mask of the vertices that have any."""
     out = np.full((len(cells), 3), GREY, np.uint8)
     known = np.zeros(len(cells), np.bool_)
     for p in range(len(cells)):

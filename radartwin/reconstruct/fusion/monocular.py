@@ -1,13 +1,12 @@
-"""Depth for frames that have none, from one picture at a time: metric depth models of the transformers library.
+"""Estimate depth from single colour pictures with metric depth models of the transformers library.
 
-    frames = Frames.load(folder, colour_only=True)
+    frames = load_frames(folder, colour_only=True)
     model = DepthModel.load("depth-anything/Depth-Anything-V2-Metric-Indoor-Small-hf")    # or a folder with the weights
     mesh, report = fuse(with_depth(frames, model), scale=model.scale)
 
-The weights are the user's choice; nothing is downloaded unless a name of the hub is given. Lengths come from the model, not from a
-measurement: metric models are off by several per cent, and by another factor for every camera, so the report says where the scale is
-from. Only torch and transformers are needed: pictures are resized and normalised here, because the library's fast processors want
-torchvision.
+The user chooses the weights. Only a name of the model hub starts a download. Lengths come from the model, not from a measurement: metric
+models are wrong by several per cent, and by another factor for each camera, so the report names the source of the scale. This module
+resizes and normalises the pictures itself, because the fast processors of transformers need torchvision.
 """
 
 from __future__ import annotations
@@ -23,21 +22,24 @@ from radartwin.errors import BackendError, MissingError, ScanError
 from radartwin.io import untrusted_json
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled
 
-DEPTH_WIDTH = 320  # pixels of the depth that is kept: models resolve little more
-METRIC_TYPES = {"zoedepth", "glpn", "depth_pro"}  # architectures whose output is metres, always
+DEPTH_WIDTH = 320  # pixels of the stored depth; models resolve little more
+METRIC_TYPES = {"zoedepth", "glpn", "depth_pro"}  # architectures whose output is always metres
 IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-DEFAULT_HEIGHT = 518  # Depth Anything's, 37 patches of 14
+DEFAULT_HEIGHT = 518  # of Depth Anything: 37 patches of 14 pixels
 
 Estimator = Callable[[np.ndarray], np.ndarray]  # colour (H, W, 3) uint8 -> depth (h, w) metres of the same view
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DepthModel:
-    """A metric depth model, ready to be called with a picture.
+    """A loaded metric depth model.
 
     Attributes:
-        network: the transformers model. name: what the user called it.
-        mean, std: of the normalisation. height: pixels the network sees. multiple: its sides are multiples of it.
+        network: the transformers model.
+        name: the user's name or folder of the model.
+        mean, std: of the colour normalisation.
+        height: picture height at the network's input, pixels.
+        multiple: the input's sides are multiples of this number of pixels.
     """
 
     network: Any
@@ -49,26 +51,28 @@ class DepthModel:
 
     @classmethod
     def load(cls, name: str | Path) -> DepthModel:
-        """From a folder with config.json and weights, or a name of the hub.
+        """Load from a folder with config.json and weights, or by a name of the model hub.
 
         Raises:
             BackendError: torch or transformers is not installed.
             MissingError: no such folder or model.
-            ScanError: the model gives relative depth, which has no scale.
+            ScanError: the model estimates relative depth, which has no scale.
         """
         try:
-            import torch  # noqa: F401 - transformers' own message without it is long
+            import torch  # noqa: F401 - a missing torch gives a shorter message here than in transformers
             from transformers import AutoConfig, AutoModelForDepthEstimation  # pyright: ignore[reportMissingImports]
         except ImportError as error:
-            raise BackendError(f"depth from single pictures needs {error.name}; pip install 'radartwin[mono]'") from error
+            raise BackendError(f"depth from single pictures needs {error.name}; run pip install 'radartwin[mono]'") from error
         if not Path(name).is_dir() and (Path(name).is_absolute() or str(name).count("/") != 1):
-            raise MissingError(f"{name}: no such folder of weights; give one with config.json, or a model's name like owner/model")
+            raise MissingError(f"{name}: no such folder of weights; give a folder with config.json, or a model name such as owner/model")
         try:
             config = AutoConfig.from_pretrained(str(name))
             _check_metric(config, str(name))
             network = AutoModelForDepthEstimation.from_pretrained(str(name), use_safetensors=True).eval()
         except OSError as error:
-            raise MissingError(f"{name}: no depth model ({str(error).splitlines()[0]}); check name, folder and network") from error
+            raise MissingError(
+                f"{name}: no depth model ({str(error).splitlines()[0]}); check the name, the folder and the network"
+            ) from error
         except ValueError as error:
             if isinstance(error, ScanError):
                 raise
@@ -82,10 +86,10 @@ class DepthModel:
         return f"estimated by {Path(self.name).name}, not measured"
 
     def __call__(self, colour: np.ndarray) -> np.ndarray:
-        """Depth (h, w) float32 metres, at the network's own resolution.
+        """Estimate depth (h, w) float32 metres at the network's own resolution, from colour (H, W, 3) uint8.
 
         Raises:
-            ScanError: the network's answer is not finite.
+            ScanError: the estimate is not finite.
         """
         import torch
         from PIL import Image
@@ -98,32 +102,32 @@ class DepthModel:
             depth = self.network(pixel_values=torch.from_numpy(np.ascontiguousarray(pixels))[None]).predicted_depth[0]
         out = depth.float().numpy()
         if not np.isfinite(out).all():
-            raise ScanError(f"{self.name}: the network's depth is not finite; are the weights whole?")
+            raise ScanError(f"{self.name}: the estimated depth is not finite; are the weights complete?")
         return np.squeeze(out)
 
 
 def with_depth(frames: Frames, estimate: Estimator) -> Frames:
-    """The frames that have colour, with depth estimated from it (read, and estimated, again at every access).
+    """The frames that have colour, with estimated depth.
 
     Args:
-        estimate: a `DepthModel`, or anything that gives metric depth of the same view.
+        estimate: a `DepthModel`, or another function from colour to metric depth of the same view.
     Raises:
         ScanError: no frame has colour.
     """
     chosen = [i for i, frame in enumerate(frames) if frame.colour is not None]
     if not chosen:
-        raise ScanError(f"{frames.source}: no frame has colour, so there is nothing to estimate depth from")
-    kept: dict[int, np.ndarray] = {}
+        raise ScanError(f"{frames.source}: no frame has colour, so depth cannot be estimated; scan again with pictures")
+    cache: dict[int, np.ndarray] = {}
 
     def read(index: int) -> Frame:
         frame = frames[chosen[index]]
         assert frame.colour is not None
         assert frame.colour_intrinsics is not None
-        if index not in kept:
-            kept[index] = _sized(estimate(frame.colour))
-        depth = kept[index]
-        lens = rescaled(frame.colour_intrinsics, frame.colour.shape[1::-1], depth.shape[::-1])
-        return dataclasses.replace(frame, depth_m=depth, intrinsics=lens, confidence=None)
+        if index not in cache:
+            cache[index] = _sized(estimate(frame.colour))
+        depth = cache[index]
+        intrinsics = rescaled(frame.colour_intrinsics, frame.colour.shape[1::-1], depth.shape[::-1])
+        return dataclasses.replace(frame, depth_m=depth, intrinsics=intrinsics, confidence=None)
 
     return Frames([frames.names[i] for i in chosen], frames.poses[chosen], read, frames.source, frames.scan_of)
 
@@ -140,11 +144,13 @@ def _sized(depth: np.ndarray) -> np.ndarray:
 def _check_metric(config: Any, name: str) -> None:
     metric = config.model_type in METRIC_TYPES or getattr(config, "depth_estimation_type", None) == "metric"
     if not metric:
-        raise ScanError(f"{name}: {config.model_type} of relative depth has no scale; choose a metric model (Depth Anything V2 Metric)")
+        raise ScanError(
+            f"{name}: {config.model_type} gives relative depth, so lengths have no scale; choose a metric model (Depth Anything V2 Metric)"
+        )
 
 
 def _processing(folder: Path) -> dict[str, Any]:
-    """What preprocessor_config.json beside the weights says of normalisation and size, if it is there."""
+    """Normalisation and size from preprocessor_config.json beside the weights, if that file exists."""
     file = folder / "preprocessor_config.json"
     if not file.is_file():
         return {}

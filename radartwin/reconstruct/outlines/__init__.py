@@ -1,1 +1,1 @@
-"""From segments to the surfaces of a scene."""
+"""Turn segments of a scan into the surfaces of a scene."""

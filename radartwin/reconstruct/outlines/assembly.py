@@ -1,13 +1,14 @@
-"""Segments and their polygons become the scene's surfaces: one for each thing, with where it comes from."""
+"""Build the scene's surfaces from segments and their polygons, one surface per object, with provenance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import trimesh
 
+from radartwin.materials import Layered
 from radartwin.reconstruct.distance import Nearest, spread
 from radartwin.reconstruct.outlines.looks import coloured, painted
 from radartwin.reconstruct.outlines.names import segment_names
@@ -17,11 +18,8 @@ from radartwin.reconstruct.segmentation.colour import face_rgb
 from radartwin.reconstruct.segmentation.faces import Segment
 from radartwin.scene.scene import Surface
 
-if TYPE_CHECKING:
-    from radartwin.materials import Layered
-
-LEAST_M2 = 0.01  # a part with less area is left out
-MISSING_M = 0.05  # from every surface: farther than a scan's noise and what simplification moves
+MIN_PART_M2 = 0.01  # smaller parts are left out
+MISSING_M = 0.05  # scanned points farther than this from every surface are missing: more than noise and simplification
 
 
 def assembled(
@@ -30,19 +28,19 @@ def assembled(
     """Surfaces of a segmented scan.
 
     Args:
-        flattened: polygons of the planar segments; None leaves everything as it was scanned.
+        flattened: polygons of the planar segments; None keeps all scanned triangles.
         material: of every surface.
     Returns:
-        The surfaces; the surface each face of the scan went to (F,), -1 for none; and statistics: `left_out_m2` is the area of the
-        scan that none of the surfaces lies near.
+        The surfaces; the surface index of each face of the scan (F,), -1 for none; and statistics, where `left_out_m2` is the area of the
+        scan that lies near no surface.
     """
     if flattened is not None:
         segments = flattened.segments
     names = segment_names(mesh, segments)
-    owner = np.full(len(mesh.faces), -1, dtype=np.int32)
+    surface_of_face = np.full(len(mesh.faces), -1, dtype=np.int32)
     surfaces: list[Surface] = []
     pieces = _Pieces(mesh, segments, flattened)
-    for members in _things(segments):
+    for members in _objects(segments):
         made = {k: piece for k in members if (piece := pieces.of(k, alone=len(members) == 1)) is not None}
         if not made:
             continue
@@ -55,7 +53,7 @@ def assembled(
         bounds = first.normal is not None and first.body < 0
         surface = Surface(whole, material, names[members[0]], role="room" if bounds else "auto", provenance=facts)
         for k in made:
-            owner[segments[k].faces] = len(surfaces)
+            surface_of_face[segments[k].faces] = len(surfaces)
         surfaces.append(surface.replaced(role=surface.kind))
     panes = [] if flattened is None else [f for f in flattened.flats if f.segment < 0]
     for number, flat in enumerate(panes, 1):
@@ -64,11 +62,11 @@ def assembled(
         surfaces.append(Surface(flat.mesh, material, f"pane_{number}", role="room", provenance=facts))
     statistics: dict[str, Any] = {"flattening_rms_m": 0.0, "flattening_max_m": 0.0} if flattened is None else dict(flattened.statistics)
     statistics |= {"parts_error_m": pieces.error_m, "left_out_m2": round(_missing_m2(mesh, surfaces), 4), "panes": len(panes)}
-    return surfaces, owner, statistics
+    return surfaces, surface_of_face, statistics
 
 
 def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
-    """Area of the scan, m2, that is farther than MISSING_M from every surface: fragments left out, edges and thin things trimmed."""
+    """Area of the scan farther than MISSING_M from every surface, m2: fragments, trimmed edges and thin parts."""
     if not surfaces:
         return float(mesh.area)
     points = spread(mesh, MISSING_M)[0]
@@ -77,7 +75,7 @@ def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
 
 
 class _Pieces:
-    """Meshes of segments: polygons, simplified parts, or what was scanned. `error_m` is the largest of simplification so far."""
+    """Meshes of segments: polygons, simplified parts, or scanned triangles. `error_m` is the largest simplification error so far."""
 
     def __init__(self, mesh: trimesh.Trimesh, segments: Sequence[Segment], flattened: Flattened | None) -> None:
         self._mesh, self._segments = mesh, segments
@@ -87,6 +85,7 @@ class _Pieces:
         self.error_m = 0.0
 
     def of(self, k: int, alone: bool) -> trimesh.Trimesh | None:
+        """Mesh of segment k, None if it is left out; `alone`: the segment is an object of its own, so a polygon gets a texture."""
         segment = self._segments[k]
         if self._flats is None:
             piece: Any = self._mesh.submesh([segment.faces], append=True, repair=False)
@@ -97,7 +96,7 @@ class _Pieces:
             if flat is None or colours is None:
                 return None if flat is None else flat.mesh
             return painted(flat.mesh, flat.grid, at, colours, flat.seen) if alone else coloured(flat.mesh, at, colours)
-        if segment.noise or segment.area_m2 < LEAST_M2 or (part := simplified(self._mesh, segment.faces)) is None:
+        if segment.noise or segment.area_m2 < MIN_PART_M2 or (part := simplified(self._mesh, segment.faces)) is None:
             return None
         self.error_m = max(self.error_m, part[1])
         return part[0] if colours is None else coloured(part[0], at, colours)
@@ -112,9 +111,9 @@ def _facts(planar: bool, planes: int, segment: int) -> dict[str, Any]:
     return {**label, "scanned": True, "planar": planar, "planes": planes, "segment": segment, "completed": False}
 
 
-def _things(segments: Sequence[Segment]) -> list[list[int]]:
-    """Segments by body, in the order of their first; each thing's largest plane first."""
-    things: dict[tuple[int, int], list[int]] = {}
+def _objects(segments: Sequence[Segment]) -> list[list[int]]:
+    """Segment indices grouped by body, in the order of each body's first segment."""
+    objects: dict[tuple[int, int], list[int]] = {}
     for k, segment in enumerate(segments):
-        things.setdefault((1, segment.body) if segment.body >= 0 else (0, k), []).append(k)
-    return list(things.values())
+        objects.setdefault((1, segment.body) if segment.body >= 0 else (0, k), []).append(k)
+    return list(objects.values())

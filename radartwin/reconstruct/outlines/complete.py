@@ -1,8 +1,10 @@
-"""What a depth sensor missed of a plane: behind furniture the wall goes on, in an empty frame there is glass.
+"""Complete the parts of a plane that the depth sensor missed.
 
-A gap in a plane is one of four things. Through an opening something was seen behind the plane; it stays open. In front of a hidden
-part stands something; the plane goes on behind it. An empty frame showed nothing although nothing hid it, as glass and mirrors do; it
-becomes a pane of its own. What is small is noise and is filled.
+A gap in a plane has one of four causes:
+- Opening: points behind the plane were seen through the gap. The gap stays open.
+- Hidden part: an object stands in front of the gap. The plane is continued behind it.
+- Pane: the gap was visible but returned no points, as glass and mirrors do. It becomes a surface of its own.
+- Noise: the gap is small. It is filled.
 """
 
 from __future__ import annotations
@@ -16,24 +18,26 @@ from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.visibility import Sight
 from radartwin.reconstruct.segmentation import masks
 
-BEHIND_M = 0.10  # deeper than noise and the reveal of a window
-BEFORE_M = 0.04  # what stands in front is farther than noise
-CLOSE_M = 0.25  # what is nearer than this hides it from everywhere, lines of sight need not tell
-HIDES_M = 1.2  # ... and no farther than this: a chair two metres away hides only what it moves along
-STANDS_M = 2.6  # ... but what stands on a floor hides it however high its top is
-OPEN_SHARE = 0.35  # of a gap through which something was seen
-HIDDEN_SHARE = 0.3  # of a gap in front of which something stands
-SMALL_M2 = 0.12  # gaps below this are filled
+# Depths of points relative to the plane.
+BEHIND_M = 0.10  # points behind the plane are deeper than this: more than noise and the reveal of a window
+BEFORE_M = 0.04  # points in front of the plane are farther than this: more than noise
+CLOSE_M = 0.25  # an object nearer than this hides the plane from every viewpoint
+HIDES_M = 1.2  # farther objects do not hide a wall: a chair at two metres hides only part of it at a time
+STANDS_M = 2.6  # the same limit for a floor: tall objects hide the floor below them
+# Shares of a gap's cells.
+OPEN_SHARE = 0.35  # smallest share with points behind it in an opening
+HIDDEN_SHARE = 0.3  # smallest share with points in front of it in a hidden part
+SMALL_M2 = 0.12  # smaller gaps are filled
 PANE_M2 = (0.2, 25.0)
-RECTANGULAR = 0.85  # share of its bounding rectangle that a pane fills
-OUTLYING = 0.3  # of the usual row that a row at the edge holds at least
+RECTANGULAR = 0.85  # smallest share of its bounding rectangle that a pane fills
+MIN_ROW = 0.3  # smallest count of cells in an edge row, relative to the median row
 BESIDE_CELLS = 5
-VISIBLE, FROM, SAMPLES = 0.6, 3, 150  # share of a pane seen from so many places, of so many samples
+VISIBLE_SHARE, VIEWPOINTS, SAMPLES = 0.6, 3, 150  # a pane's share of samples that this many viewpoints see; number of samples
 
 
 @dataclass(frozen=True, eq=False)
 class Completed:
-    """Masks of a grid: what the plane covers after completion, and panes apart; areas in m2."""
+    """Masks of a grid: the completed plane without its panes, and the panes; filled and open areas, m2."""
 
     mask: np.ndarray
     panes: list[np.ndarray]
@@ -42,27 +46,29 @@ class Completed:
 
 
 def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray | None = None, sight: Sight | None = None) -> Completed:
-    """Gaps of a plane decided.
+    """Fill the gaps of a plane, or leave them open, or turn them into panes.
 
     Args:
-        mask: cells that the plane was seen in.
-        points: (N, 3) of the whole scan, some cells apart.
-        frame: cells that the plane could cover, as the rectangle a wall spans; only holes are looked at without it.
-        sight: what could be seen of the gaps; without it no frame holds a pane, as none of a floor's does.
+        mask: scanned cells of the plane.
+        points: (N, 3) of the whole scan, thinned to some cells apart.
+        frame: cells that the plane may cover, such as the rectangle that a wall spans; None considers only enclosed holes.
+        sight: visibility of the gaps; None finds no panes, as for floors.
     """
     holes = masks.filled(mask) & ~mask
     gaps = holes if frame is None else (holes | (frame & ~mask))
     if not gaps.any():
         return Completed(mask, [], 0.0, 0.0)
     depth = grid.depth(points)
-    behind = masks.closed(grid.cells(points[(depth < -BEHIND_M) & (depth > -3.0)]), 0.05 / grid.cell_m)
-    before = masks.closed(
-        grid.cells(points[(depth > BEFORE_M) & (depth < (STANDS_M if grid.normal[2] > 0.9 else HIDES_M))]), 0.05 / grid.cell_m
-    )
-    beside = masks.closed(grid.cells(points[(depth > BEFORE_M) & (depth < CLOSE_M)]), 0.05 / grid.cell_m)
-    out, found = mask.copy(), []
+
+    def between(low: float, high: float) -> np.ndarray:
+        return masks.closed(grid.cells(points[(depth > low) & (depth < high)]), 0.05 / grid.cell_m)
+
+    behind = between(-3.0, -BEHIND_M)
+    before = between(BEFORE_M, STANDS_M if grid.normal[2] > 0.9 else HIDES_M)
+    close = between(BEFORE_M, CLOSE_M)
+    out, panes = mask.copy(), []
     filled = opened = 0.0
-    for gap in (part for whole in masks.pieces(gaps) for part in _parted(whole, mask, grid)):
+    for gap in (part for whole in masks.pieces(gaps) for part in _split(whole, mask, grid)):
         area = grid.area(gap)
         enclosed = bool((gap & holes).any())
         if area >= SMALL_M2 and behind[gap].mean() > OPEN_SHARE:
@@ -74,65 +80,65 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
             and _fills_rectangle(gap)
             and (enclosed or (sight.cameras is not None and _framed(gap, mask)))
         )
-        if pane and beside[gap].mean() <= HIDDEN_SHARE and sight is not None and _visible(grid, gap, mask, sight):
-            found.append(gap)
+        if pane and close[gap].mean() <= HIDDEN_SHARE and sight is not None and _visible(grid, gap, mask, sight):
+            panes.append(gap)
         elif enclosed or area < SMALL_M2 or before[gap].mean() > HIDDEN_SHARE or not _walled_off(gap, mask, before):
             out |= gap
             filled += area
-    return Completed(out, found, filled, opened)
+    return Completed(out, panes, filled, opened)
 
 
-def spanned(mask: np.ndarray, least: float) -> np.ndarray | None:
-    """The rectangle along the grid's axes that a plane spans, or None if it covers less than `least` of it.
+def spanned(mask: np.ndarray, min_share: float) -> np.ndarray | None:
+    """Mask of the rectangle along the grid's axes that a plane spans, or None if it covers less than `min_share` of it.
 
-    Rows and columns that are nearly empty, as noise beyond an edge is, do not count.
+    Nearly empty rows and columns do not count, because they are noise beyond an edge.
     """
     if not mask.any():
         return None
     sides = []
     for k in range(2):
         counts = mask.sum(axis=1 - k)
-        sides.append(np.flatnonzero(counts > OUTLYING * np.median(counts[counts > 0])))
+        sides.append(np.flatnonzero(counts > MIN_ROW * np.median(counts[counts > 0])))
     x, y = sides
     frame = np.zeros_like(mask)
     frame[x[0] : x[-1] + 1, y[0] : y[-1] + 1] = True
-    return frame if (mask & frame).sum() >= least * frame.sum() else None
+    return frame if (mask & frame).sum() >= min_share * frame.sum() else None
 
 
 def within(grid: Grid, frame: np.ndarray, mask: np.ndarray, walls: Sequence[tuple[np.ndarray, float]]) -> np.ndarray:
-    """The frame less what lies behind walls (normal, offset) that hardly any of the plane lies behind."""
+    """The frame without the cells behind walls (normal, offset), for walls that have hardly any of the plane behind them."""
     x, y = np.indices(mask.shape)
     places = grid.to_space(grid.low + (np.stack([x, y], axis=-1) + 0.5) * grid.cell_m)
     for normal, offset in walls:
         behind = places @ normal < offset
-        if (mask & behind).sum() < OUTLYING / 10 * mask.sum():
+        if (mask & behind).sum() < MIN_ROW / 10 * mask.sum():
             frame = frame & ~behind
     return frame
 
 
 def _walled_off(gap: np.ndarray, mask: np.ndarray, before: np.ndarray) -> bool:
-    """Whether something stands all along the border between a gap and the plane, as walls do where a room has a corner less."""
+    """Whether objects stand along the border between a gap and the plane, as walls do in a room that is not rectangular."""
     border = masks.dilated(gap, 2) & mask
     return bool(border.any() and masks.dilated(before, 4)[border].mean() > 0.6)
 
 
 def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> bool:
-    """Whether most of a gap could be seen from several places, or half as often as the plane beside it: what hides it is not furniture."""
+    """Whether most of a gap is visible from several viewpoints, or from half as many viewpoints as the plane beside it."""
 
     def seen(where: np.ndarray) -> np.ndarray:
         cells = np.argwhere(where)
         cells = cells[:: max(1, len(cells) // SAMPLES)]
         return sight.seen(grid.to_space(grid.low + (cells + 0.5) * grid.cell_m), grid.normal)
 
-    often = min(FROM, max(1, len(sight.viewpoints) // 4))
+    enough = min(VIEWPOINTS, max(1, len(sight.viewpoints) // 4))
     beside = seen(masks.dilated(gap, BESIDE_CELLS) & mask)
     if beside.size:
-        often = min(often, max(1, int(np.median(beside)) // 2))
-    return bool((seen(gap) >= often).mean() > VISIBLE)
+        enough = min(enough, max(1, int(np.median(beside)) // 2))
+    return bool((seen(gap) >= enough).mean() > VISIBLE_SHARE)
 
 
-def _parted(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
-    """A gap, or the frame in it and the rest, where a window and what furniture hides of the wall run together."""
+def _split(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
+    """Separate a window from an adjacent hidden part of the wall: the rectangle in the gap and the rest, or the gap itself."""
     if _fills_rectangle(gap):
         return [gap]
     frame = np.zeros_like(gap)
@@ -143,7 +149,7 @@ def _parted(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
 
 
 def _grown(gap: np.ndarray, inner: tuple[slice, slice]) -> tuple[slice, slice]:
-    """A rectangle inside a ragged gap moved out, side by side, while most of the next cells are of the gap."""
+    """Move the sides of a rectangle in a ragged gap outwards while most of the next cells belong to the gap."""
     (x0, x1), (y0, y1) = ((side.start, side.stop) for side in inner)
     for _ in range(BESIDE_CELLS):
         x0 -= x0 > 0 and gap[x0 - 1, y0:y1].mean() > 0.5
@@ -159,7 +165,7 @@ def _fills_rectangle(gap: np.ndarray) -> bool:
 
 
 def _framed(gap: np.ndarray, mask: np.ndarray) -> bool:
-    """Whether the plane stands on three sides of a gap, as it does round a glass door."""
+    """Whether the plane borders the gap on at least three sides, as around a glass door."""
     x, y = (np.flatnonzero(gap.any(axis=1 - k)) for k in range(2))
     cells = 3
     sides = (

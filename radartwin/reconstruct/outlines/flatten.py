@@ -1,8 +1,8 @@
-"""Planes of a scan made regular: upright walls upright, level floors level, walls square to each other where they nearly are.
+"""Make planes of a scan exactly upright, level or square to each other if they nearly are.
 
-Depth noise of a scan is millimetres to centimetres, one to several wavelengths at 77 GHz. Left in, a painted wall
-scatters like rubble: its specular return is gone and a diffuse one that does not exist takes its place. Over thousands
-of faces the noise of the fitted plane averages down to a fraction of a millimetre, so the plane is what is kept.
+The depth noise of a scan is millimetres to centimetres, one to several wavelengths at 77 GHz. With this noise, a painted wall would lose
+its specular return and scatter diffusely like rubble. A plane fitted to thousands of faces has an error of a fraction of a millimetre, so
+planar segments are replaced by their planes.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import trimesh
 
 from radartwin.reconstruct.segmentation.faces import Segment
 
-NEARLY = np.radians(1.5)  # a plane this close to a regular direction takes it
-SLACK_M = 0.003  # ... if that moves it from its faces by no more than this beyond the noise, rms
+NEARLY = np.radians(1.5)  # largest angle to a regular direction
+SLACK_M = 0.003  # largest rms distance that this adds between the plane and its faces
 
 
 def regular(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> tuple[list[Segment], float]:
-    """The segments with regular planes, and the main horizontal direction of the walls, radians modulo 90 degrees."""
+    """The segments with regular planes, and the main horizontal direction of the walls (radians, modulo 90 degrees)."""
     centre, area = np.asarray(mesh.triangles_center), np.asarray(mesh.area_faces)
-    main = main_direction(segments)
+    main = _main_direction(segments)
     out = []
     for segment in segments:
         normal = None if segment.normal is None else _nearest_regular(segment.normal, main)
@@ -38,15 +38,15 @@ def regular(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> tuple[list[Se
     return out, main
 
 
-def main_direction(segments: Sequence[Segment]) -> float:
-    """Heading of the walls' normals modulo 90 degrees, weighted by area; 0 without walls."""
+def _main_direction(segments: Sequence[Segment]) -> float:
+    """Area-weighted heading of the walls' normals modulo 90 degrees, radians; 0 without walls."""
     upright = [s for s in segments if s.normal is not None and abs(s.normal[2]) < np.sin(np.radians(5.0))]
     total = sum(s.area_m2 * np.exp(4j * np.arctan2(s.normal[1], s.normal[0])) for s in upright if s.normal is not None)
     return float(np.angle(total)) / 4 if upright else 0.0
 
 
 def _nearest_regular(normal: np.ndarray, main: float) -> np.ndarray | None:
-    """The level, upright or square normal near this one, or None."""
+    """The nearest level, upright or square normal, None if no regular direction is near."""
     if abs(normal[2]) > np.cos(NEARLY):
         return np.array([0.0, 0.0, np.sign(normal[2])])
     if abs(normal[2]) > np.sin(NEARLY):

@@ -1,4 +1,4 @@
-"""A plane as a picture: which cells of a square grid in it are covered, hidden or empty."""
+"""A square grid on a plane, on which masks mark covered, hidden or empty cells."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Grid:
     def around(
         cls, points: np.ndarray, normal: np.ndarray, offset_m: float, cell_m: float, turn: float = 0.0, margin_m: float = 0.2
     ) -> Grid:
-        """The grid that holds points (N, 3) and a margin, its axes turned by `turn` radians from `in_plane`."""
+        """The grid around points (N, 3) with a margin; its axes are rotated by `turn` radians from `in_plane`."""
         axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ in_plane(normal)
         flat = points @ axes.T
         low, high = flat.min(axis=0) - margin_m, flat.max(axis=0) + margin_m
@@ -38,21 +38,21 @@ class Grid:
         return cls(normal, offset_m, axes, low, (int(x), int(y)), cell_m)
 
     def cells(self, points: np.ndarray) -> np.ndarray:
-        """Mask of the cells that points (N, 3), projected along the normal, fall in."""
+        """Mask of the cells that hold points (N, 3), projected along the normal."""
         return self.counts(points) > 0
 
     def counts(self, points: np.ndarray) -> np.ndarray:
-        """How many of the points (N, 3), projected along the normal, fall in each cell."""
+        """Number of points (N, 3), projected along the normal, in each cell."""
         at = np.floor((points @ self.axes.T - self.low) / self.cell_m).astype(int)
         at = at[((at >= 0) & (at < np.array(self.shape))).all(axis=1)]
         return np.bincount(at[:, 0] * self.shape[1] + at[:, 1], minlength=self.shape[0] * self.shape[1]).reshape(self.shape)
 
     def depth(self, points: np.ndarray) -> np.ndarray:
-        """Height (N,) of points over the plane, positive on the side it shows."""
+        """Height (N,) of points above the plane, positive on its visible side."""
         return points @ self.normal - self.offset_m
 
     def area(self, mask: np.ndarray) -> float:
-        """Square metres of a mask."""
+        """Area of a mask, m2."""
         return float(mask.sum()) * self.cell_m**2
 
     def to_space(self, flat: np.ndarray) -> np.ndarray:

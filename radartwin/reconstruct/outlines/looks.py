@@ -1,10 +1,13 @@
-"""How surfaces look: the scan's colours, laid on flat ones as a small picture and kept by vertex on the rest."""
+"""Transfer the scan's colours to surfaces, as a texture on flat surfaces and as vertex colours on others."""
 
 from __future__ import annotations
 
 import numpy as np
 import trimesh
+from PIL import Image
 from scipy.spatial import KDTree
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.segmentation.masks import nearest
@@ -13,16 +16,13 @@ LARGEST_PX = 1024
 
 
 def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarray, seen: np.ndarray | None = None) -> trimesh.Trimesh:
-    """A flat mesh with a picture of what was seen on its plane; unseen cells take the nearest colour, and no alpha.
+    """A flat mesh with a texture of the scanned colours. Cells without a colour take the nearest colour.
 
     Args:
-        grid: of the plane. points: (N, 3) on it; rgb: (N, 3) their colours, 0..255.
-        seen: mask of the grid's cells that were scanned; None: all.
+        grid: of the plane.
+        points: (N, 3) on the plane; rgb: (N, 3) their colours, 0..255.
+        seen: mask of the scanned grid cells; the other cells become transparent. None: all were scanned.
     """
-    from PIL import Image
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
-
     cell = max(grid.cell_m, grid.cell_m * max(grid.shape) / LARGEST_PX)
     shape = tuple(int(np.ceil(s * grid.cell_m / cell)) for s in grid.shape)
     at = np.floor((points @ grid.axes.T - grid.low) / cell).astype(int)
@@ -45,9 +45,8 @@ def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarr
 
 
 def coloured(mesh: trimesh.Trimesh, points: np.ndarray, rgb: np.ndarray) -> trimesh.Trimesh:
-    """A mesh whose vertices take the mean colour of the nearest points (N, 3) with colours (N, 3)."""
+    """A mesh whose vertices take the mean colour of the nearest points (N, 3) with colours rgb (N, 3)."""
     _, near = KDTree(points).query(np.asarray(mesh.vertices), k=min(16, len(points)))
     near = np.asarray(near).reshape(len(mesh.vertices), -1)
     mean = np.rint(rgb[near].mean(axis=1)).astype(np.uint8)
-    rgba = np.column_stack([mean, np.full(len(mean), 255, np.uint8)])
-    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.vertex_normals, vertex_colors=rgba, process=False)
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.vertex_normals, vertex_colors=mean, process=False)

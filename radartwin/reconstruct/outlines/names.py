@@ -1,4 +1,4 @@
-"""What the geometry says of each segment: floor, ceiling, wall_1, level_1, plane_1, part_1."""
+"""Name segments by their geometry: floor, ceiling, wall_1, level_1, plane_1, part_1."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ MIN_WALL_M2 = 1.0  # a smaller upright plane is furniture
 
 
 def segment_names(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> list[str]:
-    """Names, numbered in order.
+    """Names of the segments, numbered in order.
 
-    The floor is the largest level plane that faces up, the ceiling the largest that faces down above it.
+    The floor is the largest level plane that faces up. The ceiling is the largest level plane above it that faces down.
     """
     names: list[str] = [""] * len(segments)
     order = sorted(range(len(segments)), key=lambda k: -segments[k].area_m2)

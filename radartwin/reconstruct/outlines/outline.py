@@ -1,52 +1,49 @@
-"""Clean polygons: the border of a plane's cells, simplified, laid onto the lines where planes meet, squared where it nearly is.
+"""Trace the cells of a plane as simplified polygons with straight, square edges.
 
-Edges near the line of intersection with a neighbouring plane are moved onto it, so that rooms close at their corners; other edges
-near the plane's main directions are turned onto them. A polygon that this would change by more than the scan's resolution stays as it was.
+An edge near the intersection line with a neighbouring plane moves onto that line, so that rooms close at their corners. Other edges near
+the plane's main directions turn onto these directions. A polygon that this changes by more than the scan's resolution is only simplified.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
+from shapely import Polygon, box, make_valid, unary_union
+from shapely.affinity import affine_transform
+from shapely.geometry.base import BaseGeometry
+from skimage.measure import find_contours
 
 from radartwin.reconstruct.outlines.grid import Grid
 
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
-
-SNAP_CELLS = 4.0  # an edge this close to a line of intersection lies on it
-ALONG = np.cos(np.radians(15.0))  # and this parallel
-SQUARE = np.cos(np.radians(12.0))  # to a main direction, for edges of SQUARE_M and more
-SQUARE_M = 0.1
+SNAP_CELLS = 4.0  # largest distance of an edge that moves onto an intersection line
+ALONG = np.cos(np.radians(15.0))  # largest angle of such an edge
+SQUARE = np.cos(np.radians(12.0))  # largest angle to a main direction of an edge that turns onto it
+SQUARE_M = 0.1  # shorter edges do not turn
 SMALLEST_M2 = 0.004
-RAGGED = 0.1  # of the area that cells differ by from a rectangle that they stand for
+RAGGED = 0.1  # largest difference between cells and their rectangle, relative to its area
 
 Line = tuple[np.ndarray, np.ndarray]  # a point (2,) and a unit direction (2,)
-_Edge = tuple[np.ndarray, np.ndarray, Line | None]  # its ends, and the line it is laid on
+_Edge = tuple[np.ndarray, np.ndarray, Line | None]  # its ends, and the line that it moves onto
 
 
-def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), angle: float = 0.0, edge: float = -0.5) -> BaseGeometry:
-    """Polygon or polygons, with holes, in plane coordinates.
+def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), edge: float = -0.5) -> BaseGeometry:
+    """Polygons of a mask, with holes, in plane coordinates.
 
     Args:
-        mask: cells that are covered.
-        lines: where neighbouring planes cut this one.
-        angle: main direction in the plane, radians from its first axis; the other is square to it.
-        edge: cells by which the border lies outside the cells. One that is covered in part counts in full, so what was seen ends half
-            a cell inside, and what was not half a cell outside.
+        mask: covered cells.
+        lines: intersection lines with neighbouring planes.
+        edge: cells by which the polygon extends beyond the mask. A partly covered cell counts as covered, so the border of a scanned
+            part lies half a cell inside the mask, and the border of a missed part half a cell outside.
     """
-    from shapely import Polygon, unary_union
-
     raw = _traced(grid, mask).buffer(edge * grid.cell_m, join_style="mitre").simplify(1.2 * grid.cell_m)
     pieces = []
     for piece in getattr(raw, "geoms", [raw]):
         if piece.is_empty or piece.area < SMALLEST_M2:
             continue
-        shell = _regular(np.array(piece.exterior.coords)[:-1], grid, lines, angle)
-        holes = [_regular(np.array(r.coords)[:-1], grid, lines, angle) for r in piece.interiors if Polygon(r).area >= SMALLEST_M2]
+        shell = _regular(np.array(piece.exterior.coords)[:-1], grid, lines)
+        holes = [_regular(np.array(r.coords)[:-1], grid, lines) for r in piece.interiors if Polygon(r).area >= SMALLEST_M2]
         tidy = Polygon(shell, [h for h in holes if len(h) >= 3]) if len(shell) >= 3 else piece
         tidy = tidy if tidy.is_valid else tidy.buffer(0)
         moved = tidy.symmetric_difference(piece).area
@@ -55,12 +52,10 @@ def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), angle: flo
 
 
 def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
-    """The rectangle along the grid's axes that cells nearly are, as doors and posters are, or None.
+    """The rectangle along the grid's axes that replaces nearly rectangular cells, such as doors and posters, or None.
 
-    Each side lies in the middle of the cells' ends; what differs is a ragged edge of a cell on average, and less than RAGGED of the area.
+    Each side is the median of the cells' ends. The cells may differ from it by one cell along the edges on average, and by RAGGED.
     """
-    from shapely import box
-
     sides = []
     for cells in (mask.T, mask):
         cells = cells[cells.any(axis=1)]
@@ -78,19 +73,12 @@ def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
 
 
 def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
-    """Few triangles of a polygon, on the plane, facing its normal; None for an empty one."""
-    vertices, faces = [], []
-    count = 0
-    for piece in getattr(shape, "geoms", [shape]):
-        if piece.geom_type != "Polygon" or piece.is_empty or piece.area < SMALLEST_M2:
-            continue
-        corners, triangles = trimesh.creation.triangulate_polygon(piece, engine="earcut")
-        vertices.append(grid.to_space(corners))
-        faces.append(np.asarray(triangles) + count)
-        count += len(corners)
-    if not faces:
+    """Triangulate a polygon on the plane, facing its normal; None if it is empty."""
+    polygons = [p for p in getattr(shape, "geoms", [shape]) if p.geom_type == "Polygon" and p.area >= SMALLEST_M2]
+    if not polygons:
         return None
-    points, index = np.vstack(vertices), np.vstack(faces)
+    pieces = [trimesh.creation.triangulate_polygon(piece, engine="earcut") for piece in polygons]
+    points, index = trimesh.util.append_faces([grid.to_space(corners) for corners, _ in pieces], [faces for _, faces in pieces])
     a, b, c = points[index].transpose(1, 0, 2)
     turned = np.cross(b - a, c - a) @ grid.normal < 0
     index[turned] = index[turned][:, ::-1]
@@ -98,35 +86,29 @@ def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
 
 
 def meeting_line(grid: Grid, normal: np.ndarray, offset: float) -> Line | None:
-    """Where another plane cuts the grid's, in plane coordinates; None if they are nearly parallel."""
+    """Intersection line with another plane, in plane coordinates; None if the planes are nearly parallel."""
     inside = grid.axes @ normal
     length = float(np.linalg.norm(inside))
     if length < 0.5:
         return None
-    # On the plane x = u axes + offset_m normal: inside . u = offset - offset_m normal . other
+    # x = u axes + offset_m normal on the plane, so inside . u = offset - offset_m normal . other
     point = inside * (offset - grid.offset_m * float(grid.normal @ normal)) / length**2
     return point, np.array([-inside[1], inside[0]]) / length
 
 
 def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
-    """Border of the cells, to a fraction of a cell, as valid polygons."""
-    from shapely import Polygon, make_valid
-    from skimage.measure import find_contours
-
+    """Border of the cells as valid polygons."""
     shape = Polygon()
     rings = [Polygon(ring) for ring in find_contours(np.pad(mask, 1).astype(float), 0.5) if len(ring) >= 4]
-    for ring in sorted(rings, key=lambda r: -r.area):  # each ring inside another turns inside out
+    for ring in sorted(rings, key=lambda r: -r.area):  # a ring inside another is a hole
         shape = shape.symmetric_difference(ring if ring.is_valid else make_valid(ring))
-    from shapely.affinity import affine_transform
-
     c = grid.cell_m
-    shape = affine_transform(shape, [c, 0, 0, c, grid.low[0] - c / 2, grid.low[1] - c / 2])
-    return shape
+    return affine_transform(shape, [c, 0, 0, c, grid.low[0] - c / 2, grid.low[1] - c / 2])
 
 
-def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line], angle: float) -> np.ndarray:
-    """A ring (n, 2) with its edges on lines of intersection and main directions."""
-    fixed = [_fixed(a, b, grid, lines, angle) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
+def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line]) -> np.ndarray:
+    """A ring (n, 2) with its edges moved onto intersection lines and main directions."""
+    fixed = [_fixed(a, b, grid, lines) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
     edges: list[_Edge] = []
     for a, b, line in zip(ring, np.roll(ring, -1, axis=0), fixed, strict=True):
         if edges and line is not None and edges[-1][2] is not None and _same(edges[-1][2], line, grid.cell_m):
@@ -146,7 +128,7 @@ def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line], angle: float) 
 
 
 def _pointed(edges: list[_Edge], reach: float) -> list[_Edge]:
-    """Without the short edges that cells leave across a corner of two straight ones."""
+    """Remove the short edges that cells leave across a corner between two straight edges."""
     out = []
     for k, (a, b, line) in enumerate(edges):
         before, after = edges[k - 1][2], edges[(k + 1) % len(edges)][2]
@@ -163,12 +145,13 @@ def _cross(first: Line, second: Line) -> float:
 
 
 def _meeting(first: Line, second: Line) -> np.ndarray:
-    """Where two lines that are not parallel cross."""
+    """Intersection of two lines that are not parallel."""
     step = second[0] - first[0]
     return first[0] + (step[0] * second[1][1] - step[1] * second[1][0]) / _cross(first, second) * first[1]
 
 
-def _fixed(a: np.ndarray, b: np.ndarray, grid: Grid, lines: Sequence[Line], angle: float) -> Line | None:
+def _fixed(a: np.ndarray, b: np.ndarray, grid: Grid, lines: Sequence[Line]) -> Line | None:
+    """The line that the edge from a to b moves onto, or None."""
     step = b - a
     length = float(np.linalg.norm(step))
     if length < 1e-9:
@@ -181,7 +164,7 @@ def _fixed(a: np.ndarray, b: np.ndarray, grid: Grid, lines: Sequence[Line], angl
             best, nearest = (point, along), off
     if best is not None or length < max(SQUARE_M, 3 * grid.cell_m):
         return best
-    for turn in (angle, angle + np.pi / 2):
+    for turn in (0.0, np.pi / 2):
         along = np.array([np.cos(turn), np.sin(turn)])
         if abs(step @ along) > SQUARE * length:
             return (a + b) / 2, along
@@ -194,7 +177,7 @@ def _same(first: Line, second: Line, tolerance: float) -> bool:
 
 
 def _corner(at: np.ndarray, before: Line | None, after: Line | None, reach: float) -> list[np.ndarray]:
-    """Corner or corners that replace `at`, between two edges on lines of their own."""
+    """The corners that replace the corner `at` between two edges that move onto lines."""
 
     def onto(line: Line) -> np.ndarray:
         return line[0] + ((at - line[0]) @ line[1]) * line[1]

@@ -1,24 +1,25 @@
-"""What is not flat: smoothed and decimated until its faces are few, with the error said."""
+"""Smooth and decimate parts that are not flat, and measure the error."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import fast_simplification
 import numpy as np
 import trimesh
 
 from radartwin.reconstruct.distance import to_mesh
 
-FACE_M2 = 0.003  # of a part per face it keeps: triangles of 8 cm
-FEWEST, MOST = 24, 600
-ERROR_M = 0.03  # 95 % of the scanned vertices stay within this of the simplified part
+FACE_M2 = 0.003  # area per remaining face: triangles of 8 cm
+MIN_FACES, MAX_FACES = 24, 600
+ERROR_M = 0.03  # 95 % of the scanned vertices lie within this distance of the simplified part
 TRIES = 4
 
 
 def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimesh, float] | None:
-    """Faces (K,) of a scan as a mesh of their own and its error, metres at 95 % of its vertices; None if nothing is left.
+    """Simplify faces (K,) of a scan: the mesh, and the 95th percentile of its vertices' distance, metres; None if no face remains.
 
-    Edges collapse by quadric error (Garland and Heckbert 1997) after a smoothing without shrinkage (Taubin 1995).
+    The part is smoothed without shrinkage (Taubin 1995), then edges collapse by quadric error (Garland and Heckbert 1997).
     """
     used, index = np.unique(np.asarray(mesh.faces)[faces], return_inverse=True)
     points = np.asarray(mesh.vertices)[used]
@@ -27,7 +28,7 @@ def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimes
     area = float(piece.area)
     if area <= 0 or float(np.ptp(points, axis=0).max()) <= 0:
         return None
-    target = int(np.clip(area / FACE_M2, FEWEST, MOST))
+    target = int(np.clip(area / FACE_M2, MIN_FACES, MAX_FACES))
     best = piece
     error = 0.0
     if len(index) > target:
@@ -49,8 +50,6 @@ def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimes
 
 
 def _decimated(smooth: np.ndarray, index: np.ndarray, target: int, points: np.ndarray) -> tuple[trimesh.Trimesh, float]:
-    import fast_simplification
-
     triangles: Any = index
     out: Any = fast_simplification.simplify(smooth, triangles, target_count=target)
     mesh = trimesh.Trimesh(np.asarray(out[0], dtype=float), out[1], process=False)
@@ -60,7 +59,7 @@ def _decimated(smooth: np.ndarray, index: np.ndarray, target: int, points: np.nd
 
 
 def _smoothed(points: np.ndarray, edges: np.ndarray, rounds: int = 6) -> np.ndarray:
-    """Taubin's smoothing: a step towards the neighbours' mean, a slightly longer one away from it."""
+    """Taubin smoothing: alternate a step towards the mean of the neighbours with a slightly longer step away from it."""
     count = np.maximum(np.bincount(edges.ravel(), minlength=len(points)), 1)[:, None]
     for step in (0.5, -0.53) * rounds:
         mean = np.zeros_like(points)

@@ -1,17 +1,19 @@
-"""Segments become surfaces: flat ones polygons of few triangles, the rest smooth meshes of few faces.
+"""Replace planar segments by polygons of few triangles.
 
-A plane and what was cut from it by colour (a door in a wall) are outlined together and share their borders; what stands proud of it, as a
-poster on a board does, keeps its offset.
+A plane and the smaller segments in it (a door in a wall) are outlined together and share their borders. A segment in front of the
+plane, such as a poster on a board, keeps its offset.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
+from shapely import MultiPoint
+from shapely.geometry.base import BaseGeometry
 
 from radartwin.reconstruct.distance import covered
 from radartwin.reconstruct.outlines import outline
@@ -20,34 +22,29 @@ from radartwin.reconstruct.outlines.flatten import regular
 from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.visibility import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
-from radartwin.reconstruct.segmentation.bodies import contacts, shell
+from radartwin.reconstruct.segmentation.bodies import contacts, room_bounds
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
 
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
-
 CELL_M = 0.02
-CLOSING_M = 0.06  # gaps of noise narrower than twice this are closed
-SEAM_M = 0.1  # shorter seams are no neighbours
+CLOSING_M = 0.06  # noise gaps narrower than twice this are closed
+SEAM_M = 0.1  # segments with a shorter seam do not touch
 COPLANAR = np.cos(np.radians(4.0))
 COPLANAR_M = 0.03
-PROUD_M = 0.01  # what stands off its plane by more keeps its offset: +-1 cm on things over 10 cm (Luetzenburg et al. 2021)
-LEAST_SHELL, LEAST_THING = 0.6, 0.85  # of the rectangle it spans that a plane covers before the rest is thought to be there
-
-_Room = tuple[float, np.ndarray, Sight]  # main direction, thinned points, lines of sight
+PROUD_M = 0.01  # a larger offset from the plane is kept: +-1 cm on objects over 10 cm (Luetzenburg et al. 2021)
+MIN_ROOM_SHARE, MIN_OBJECT_SHARE = 0.6, 0.85  # smallest covered share of a spanned rectangle whose rest is completed
 
 
 @dataclass(frozen=True, eq=False)
 class Flat:
-    """What stands for a planar segment.
+    """The polygon of a planar segment.
 
     Attributes:
-        segment: its index; -1 for a pane that was not seen.
+        segment: its index; -1 for a pane that the scan missed.
         mesh: triangles on its plane.
         grid: of its plane.
-        parent: segment the pane lies in, or -1.
-        filled_m2: area that was not seen and is taken to go on.
-        seen: mask of the grid's cells that the scan has, None where it has none of them.
+        parent: the segment that a pane lies in, or -1.
+        filled_m2: completed area that the scan missed.
+        seen: mask of the scanned grid cells, None if all or none.
     """
 
     segment: int
@@ -60,11 +57,23 @@ class Flat:
 
 @dataclass(eq=False)
 class Flattened:
-    """Polygons of all planar segments, and what flattening did."""
+    """Polygons of all planar segments, the segments at their final planes, and statistics."""
 
     flats: list[Flat] = field(default_factory=list)
     segments: list[Segment] = field(default_factory=list)
     statistics: dict[str, Any] = field(default_factory=dict)
+
+
+class _Room(NamedTuple):
+    """Data for outlining one plane after another: main wall direction (radians), thinned points, lines of sight."""
+
+    faces: Faces
+    segments: Sequence[Segment]
+    bounds: np.ndarray
+    touching: Sequence[tuple[int, int]]
+    main_rad: float
+    points: np.ndarray
+    sight: Sight
 
 
 def flattened(
@@ -73,31 +82,31 @@ def flattened(
     """Polygons for the planar segments.
 
     Args:
-        cameras: where the pictures were taken, if that is known.
-        step: called after every plane.
+        cameras: of the scan's pictures, if known.
+        step: called after each plane.
     """
     faces = Faces.of(mesh, 0.0)
-    bounds = shell(faces, segments)
-    segments, main = regular(mesh, segments)
+    bounds = room_bounds(faces, segments)
+    segments, main_rad = regular(mesh, segments)
     points = faces.centre[thinned(faces.centre)]
-    sight = Sight.of(points, cameras)
     touching = [(i, j) for i, j, length, _ in contacts(faces, segments) if length >= SEAM_M]
+    room = _Room(faces, segments, bounds, touching, main_rad, points, Sight.of(points, cameras))
     out = Flattened(segments=list(segments))
     distance: list[np.ndarray] = []
     filled = opened = 0.0
     for group in _groups(faces, segments, touching):
         root = segments[group[0]]
-        proud = {k: _proud(faces, segments[k], root) for k in group}
+        offsets = {k: _offset_from(faces, segments[k], root) for k in group}
         for k in group:
             assert root.normal is not None
-            out.segments[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m + proud[k])
-            distance.append(faces.centre[segments[k].faces] @ root.normal - root.offset_m - proud[k])
-        flats, more, gaps = _outlined(faces, segments, group, bounds, touching, (main, points, sight))
+            out.segments[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m + offsets[k])
+            distance.append(faces.centre[segments[k].faces] @ root.normal - root.offset_m - offsets[k])
+        flats, filled_m2, open_m2 = _outlined(room, group)
         for flat in flats:
-            if lift := proud.get(flat.segment, 0.0):
+            if lift := offsets.get(flat.segment, 0.0):
                 flat.mesh.apply_translation(lift * np.asarray(root.normal))
         out.flats += flats
-        filled, opened = filled + more, opened + gaps
+        filled, opened = filled + filled_m2, opened + open_m2
         step()
     moved = np.concatenate(distance) if distance else np.zeros(1)
     out.statistics = {
@@ -110,7 +119,7 @@ def flattened(
 
 
 def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[tuple[int, int]]) -> list[list[int]]:
-    """Planar segments, each with the touching smaller ones in its plane, largest first."""
+    """Groups of a planar segment with the smaller touching segments in its plane, largest first."""
     order = sorted((k for k, s in enumerate(segments) if s.normal is not None), key=lambda k: -segments[k].area_m2)
     near: dict[int, set[int]] = {}
     for i, j in touching:
@@ -121,68 +130,47 @@ def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[tuple[
     for k in order:
         if k in taken:
             continue
-        own = segments[k]
         members = [k]
         for j in sorted(near.get(k, ()), key=lambda j: -segments[j].area_m2):
-            other = segments[j]
-            if (
-                j in taken
-                or other.normal is None
-                or own.normal is None
-                or other.area_m2 > own.area_m2
-                or other.normal @ own.normal < COPLANAR
-            ):
-                continue
-            at = np.average(faces.centre[other.faces], axis=0, weights=faces.area[other.faces])
-            if abs(at @ own.normal - own.offset_m) < COPLANAR_M:
+            if j not in taken and _in_plane_of(faces, segments[j], segments[k]):
                 members.append(j)
         taken.update(members)
         groups.append(members)
     return groups
 
 
-def _proud(faces: Faces, segment: Segment, root: Segment) -> float:
-    """How far a segment stands off the plane of the root it lies in, metres; 0 where that may be noise."""
+def _in_plane_of(faces: Faces, segment: Segment, larger: Segment) -> bool:
+    if segment.normal is None or larger.normal is None or segment.area_m2 > larger.area_m2 or segment.normal @ larger.normal < COPLANAR:
+        return False
+    centre = np.average(faces.centre[segment.faces], axis=0, weights=faces.area[segment.faces])
+    return bool(abs(centre @ larger.normal - larger.offset_m) < COPLANAR_M)
+
+
+def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
+    """Offset of a segment from the plane of its group's largest segment, metres; 0 if it may be noise."""
     if segment is root:
         return 0.0
     away = float(np.average(faces.centre[segment.faces] @ root.normal - root.offset_m, weights=faces.area[segment.faces]))
     return away if abs(away) > PROUD_M else 0.0
 
 
-def _outlined(
-    faces: Faces, segments: Sequence[Segment], group: list[int], bounds: np.ndarray, touching: Sequence[tuple[int, int]], room: _Room
-) -> tuple[list[Flat], float, float]:
-    """Polygons of one plane and what was cut from it: (flats, area filled, area left open)."""
-    main, points, sight = room
-    root = segments[group[0]]
+def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
+    """Polygons of one group, and its completed and its open area, m2."""
+    root = room.segments[group[0]]
     assert root.normal is not None
-    together = np.concatenate([segments[k].faces for k in group])
-    edge = float(np.sqrt(2 * np.median(faces.area[together])))
-    cell = float(np.clip(0.8 * edge, CELL_M, 0.05))
-    samples = {k: covered(faces.corners[segments[k].faces], 0.7 * cell)[0] for k in group}
-    grid = Grid.around(np.vstack(list(samples.values())), root.normal, root.offset_m, cell)
-    turn = _turn(grid, root.normal, main, np.vstack(list(samples.values())), bool(bounds[group[0]]))
-    if turn:
-        grid = Grid.around(np.vstack(list(samples.values())), root.normal, root.offset_m, cell, turn)
-    radius = max(CLOSING_M, 1.5 * cell)
-    parts = _shared(grid, samples)
-    whole = masks.closed(np.any([masks.closed(grid.cells(p), radius / cell) for p in samples.values()], axis=0), radius / cell)
-    limits = bool(bounds[group[0]])
-    frame = spanned(whole, LEAST_SHELL if limits else LEAST_THING)
+    limits = bool(room.bounds[group[0]])
+    grid, samples = _grid(room, group, limits)
+    radius = max(CLOSING_M, 1.5 * grid.cell_m) / grid.cell_m
+    parts = _cells_of_each(grid, samples)
+    whole = masks.closed(np.any([masks.closed(grid.cells(p), radius) for p in samples.values()], axis=0), radius)
+    frame = spanned(whole, MIN_ROOM_SHARE if limits else MIN_OBJECT_SHARE)
     if limits and frame is not None:
-        walls = [(s.normal, s.offset_m) for k, s in enumerate(segments) if bounds[k] and k not in group and s.normal is not None]
+        walls = [(s.normal, s.offset_m) for k, s in enumerate(room.segments) if room.bounds[k] and k not in group and s.normal is not None]
         frame = within(grid, frame, whole, walls)
         whole &= frame
-    done = complete(grid, whole, points, frame, sight if limits and root.normal[2] < 0.5 else None)
+    done = complete(grid, whole, room.points, frame, room.sight if limits and root.normal[2] < 0.5 else None)
 
-    members = set(group)
-    around = {j if i in members else i for i, j in touching if (i in members) != (j in members)}
-    cuts = [
-        outline.meeting_line(grid, s.normal, s.offset_m)
-        for k, s in enumerate(segments)
-        if s.normal is not None and k not in members and (k in around or bounds[k])
-    ]
-    lines = [line for line in cuts if line is not None]
+    lines = _cut_lines(room, grid, group)
     rest = outline.polygon(grid, done.mask, lines)
     flats: list[Flat] = []
     for pane in done.panes:
@@ -192,48 +180,72 @@ def _outlined(
             flats.append(Flat(-1, piece, grid, group[0], float(shape.area)))
             rest = rest.difference(shape)
     for k in group[1:]:
-        # Beyond the plane's own border, which `rest` has, it goes on.
-        part = masks.closed(parts[k], radius / cell) & ~np.any([parts[j] for j in group if j != k], axis=0)
+        # The part is extended beyond the border of the whole plane, because `rest` has that border.
+        part = masks.closed(parts[k], radius) & ~np.any([parts[j] for j in group if j != k], axis=0)
         part |= masks.dilated(part, 2, part | ~whole)
         shape = (outline.rectangle(grid, part) or outline.polygon(grid, part, lines, edge=0.0)).intersection(rest)
         piece = outline.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(k, piece, grid))
             rest = rest.difference(shape)
-    piece = outline.triangulated(grid, _cleaned(rest, cell))
+    piece = outline.triangulated(grid, _without_slivers(rest, grid.cell_m))
     if piece is not None:
         flats.append(Flat(group[0], piece, grid, filled_m2=done.filled_m2, seen=whole))
     return flats, done.filled_m2, done.open_m2
 
 
-def _shared(grid: Grid, samples: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-    """Mask of each segment's cells; one that several have part of is the one's with most of it."""
+def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, np.ndarray]]:
+    """The grid of a group's plane along its main direction, and samples (N, 3) of each segment."""
+    faces, root = room.faces, room.segments[group[0]]
+    assert root.normal is not None
+    together = np.concatenate([room.segments[k].faces for k in group])
+    edge = float(np.sqrt(2 * np.median(faces.area[together])))
+    cell = float(np.clip(0.8 * edge, CELL_M, 0.05))
+    samples = {k: covered(faces.corners[room.segments[k].faces], 0.7 * cell)[0] for k in group}
+    points = np.vstack(list(samples.values()))
+    grid = Grid.around(points, root.normal, root.offset_m, cell)
+    turn = _turn(grid, room.main_rad, points, limits)
+    return (Grid.around(points, root.normal, root.offset_m, cell, turn) if turn else grid), samples
+
+
+def _cut_lines(room: _Room, grid: Grid, group: list[int]) -> list[outline.Line]:
+    """Lines in which the planes of touching segments and of the room's bounds cut the grid."""
+    members = set(group)
+    around = {j if i in members else i for i, j in room.touching if (i in members) != (j in members)}
+    cuts = [
+        outline.meeting_line(grid, s.normal, s.offset_m)
+        for k, s in enumerate(room.segments)
+        if s.normal is not None and k not in members and (k in around or room.bounds[k])
+    ]
+    return [line for line in cuts if line is not None]
+
+
+def _cells_of_each(grid: Grid, samples: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    """Mask of each segment's cells; a shared cell goes to the segment with most samples in it."""
     counts = np.stack([grid.counts(points) for points in samples.values()])
     most = counts.argmax(axis=0)
     return {k: (counts[n] > 0) & (most == n) for n, k in enumerate(samples)}
 
 
-def _turn(grid: Grid, normal: np.ndarray, main: float, points: np.ndarray, limits: bool) -> float:
-    """Angle from the grid's axes to the plane's main direction."""
-    if abs(normal[2]) < np.cos(np.radians(10.0)):
-        return 0.0  # level and upwards is what upright and slanted things follow
-    east = np.array([np.cos(main), np.sin(main), 0.0]) @ grid.axes.T
+def _turn(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -> float:
+    """Angle from the grid's axes to the plane's main direction, radians; 0 for upright and slanted planes."""
+    if abs(grid.normal[2]) < np.cos(np.radians(10.0)):
+        return 0.0  # the axes are already level and upward
+    east = np.array([np.cos(main_rad), np.sin(main_rad), 0.0]) @ grid.axes.T
     room = float(np.arctan2(east[1], east[0]))
     if limits:
         return room
-    from shapely import MultiPoint
-
     rectangle: Any = MultiPoint(points @ grid.axes.T).minimum_rotated_rectangle
     if rectangle.geom_type != "Polygon":
         return room
     box = np.array(rectangle.exterior.coords)
     side = box[1] - box[0]
     own = float(np.arctan2(side[1], side[0]))
-    apart = (own - room + np.pi / 4) % (np.pi / 2) - np.pi / 4
-    return room if abs(apart) < np.radians(5.0) else own
+    difference = (own - room + np.pi / 4) % (np.pi / 2) - np.pi / 4
+    return room if abs(difference) < np.radians(5.0) else own
 
 
-def _cleaned(shape: BaseGeometry, cell: float) -> BaseGeometry:
-    """Without the slivers that cutting leaves: nothing narrower than a cell, corners kept."""
+def _without_slivers(shape: BaseGeometry, cell: float) -> BaseGeometry:
+    """The shape without parts narrower than a cell; corners are kept."""
     opened = shape.buffer(-cell / 2, join_style="mitre").buffer(cell / 2, join_style="mitre")
     return opened if not opened.is_empty else shape

@@ -1,4 +1,4 @@
-"""Whether a place could be seen: from where the camera stood, or might have stood, through what is known to be solid."""
+"""Test whether points are visible from the camera positions, past the occupied voxels of the scan."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from radartwin.reconstruct.segmentation.masks import distance
 
 VOXEL_M = 0.06
-EYE_M = 1.5  # above the floor, where a phone is held
-CLEAR_M = 0.3  # a person keeps from things
-SHORT_M = 0.18  # of its goal a line of sight ends: the surface itself is no obstacle
+EYE_M = 1.5  # height of a hand-held phone above the floor
+CLEAR_M = 0.3  # smallest distance between a person and objects
+SHORT_M = 0.18  # lines of sight end this far before the surface, so that the surface itself does not block them
 RANGE_M = 5.0  # of phone LiDAR
 GRAZING = np.cos(np.radians(75.0))
 VIEWPOINTS = 60
@@ -19,7 +19,7 @@ VIEWPOINTS = 60
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """Where pictures were taken: poses (V, 4, 4) camera-to-world, OpenCV axes; intrinsics (3, 3) of all; size (width, height)."""
+    """Cameras of pictures: poses (V, 4, 4) camera-to-world, OpenCV axes; common intrinsics (3, 3) and size (width, height)."""
 
     poses: np.ndarray
     intrinsics: np.ndarray
@@ -28,12 +28,12 @@ class Cameras:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Occupied voxels of a scan and places it was, or may have been, taken from.
+    """Occupied voxels of a scan, and actual or possible viewpoints.
 
     Attributes:
         occupied: (X, Y, Z) mask; low: (3,) its corner.
         viewpoints: (V, 3).
-        cameras: what stood at the viewpoints, or None where that is not known.
+        cameras: at the viewpoints, None if unknown.
     """
 
     occupied: np.ndarray
@@ -43,7 +43,7 @@ class Sight:
 
     @classmethod
     def of(cls, points: np.ndarray, cameras: Cameras | None = None) -> Sight:
-        """From points (N, 3) on the scan; free places at eye height stand in for unknown cameras."""
+        """From points (N, 3) on the scan. Without cameras, free places at eye height are the viewpoints."""
         low = points.min(axis=0) - VOXEL_M
         index = ((points - low) / VOXEL_M).astype(int)
         occupied = np.zeros(tuple(index.max(axis=0) + 2), dtype=bool)
@@ -54,16 +54,16 @@ class Sight:
         return cls(occupied, low, places[:: max(1, -(-len(places) // VIEWPOINTS))])
 
     def seen(self, places: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """How many viewpoints see each place (N, 3) of a plane that faces `normal`, within the sensor's range."""
+        """Number of viewpoints (N,) that see each point (N, 3) of a plane with this normal, within the sensor's range."""
         count = np.zeros(len(places), dtype=int)
         for number, eye in enumerate(self.viewpoints):
-            way = eye - places
-            length = np.linalg.norm(way, axis=1)
-            possible = (way @ normal > GRAZING * length) & (length < RANGE_M) & (length > 2 * SHORT_M)
+            ray = eye - places
+            length = np.linalg.norm(ray, axis=1)
+            possible = (ray @ normal > GRAZING * length) & (length < RANGE_M) & (length > 2 * SHORT_M)
             if self.cameras is not None:
                 possible &= self._in_picture(number, places)
             if possible.any():
-                count[possible] += ~self._blocked(places[possible], way[possible], length[possible])
+                count[possible] += ~self._blocked(places[possible], ray[possible], length[possible])
         return count
 
     def _in_picture(self, number: int, places: np.ndarray) -> np.ndarray:
@@ -74,10 +74,10 @@ class Sight:
         u, v = k[0, 0] * x / far + k[0, 2], k[1, 1] * y / far + k[1, 2]
         return (z > 0) & (u > 0) & (u < width - 1) & (v > 0) & (v < height - 1)
 
-    def _blocked(self, places: np.ndarray, way: np.ndarray, length: np.ndarray) -> np.ndarray:
+    def _blocked(self, places: np.ndarray, ray: np.ndarray, length: np.ndarray) -> np.ndarray:
         steps = int(np.ceil(length.max() / (VOXEL_M * 0.7)))
         along = np.linspace(0, 1, steps)[None] * (1 - SHORT_M / length)[:, None] + (SHORT_M / length)[:, None]
-        at = places[:, None] + along[..., None] * way[:, None]
+        at = places[:, None] + along[..., None] * ray[:, None]
         index = ((at - self.low) / VOXEL_M).astype(int)
         inside = np.all((index >= 0) & (index < np.array(self.occupied.shape)), axis=2)
         index = np.where(inside[..., None], index, 0)
@@ -85,7 +85,7 @@ class Sight:
 
 
 def _standing(occupied: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """Free places (V, 3) at eye height over something solid, away from everything at that height."""
+    """Free places (V, 3) at eye height above a floor, clear of obstacles at body height."""
     level = min(int((EYE_M + VOXEL_M) / VOXEL_M), occupied.shape[2] - 1)
     body = np.asarray(occupied[:, :, level // 2 : level + 1].any(axis=2))
     floor = occupied[:, :, : max(1, level // 4)].any(axis=2)

@@ -1,1 +1,1 @@
-"""From a mesh to segments: coherent surfaces of a scan."""
+"""Divide a scan's mesh into segments, each one surface."""

@@ -1,7 +1,7 @@
-"""Sides of one thing: planes and parts that meet in a convex edge and have one colour.
+"""Group segments into bodies: objects whose sides meet at convex edges and have one colour.
 
-Convexity tells things apart (Stein et al. 2014, Object partitioning using local convexity): sides of a cabinet meet convexly, the
-cabinet and the wall behind it concavely. Floor, ceiling and walls are nobody's sides.
+Convexity separates objects (Stein et al. 2014, Object partitioning using local convexity): the sides of a cabinet meet at convex edges, but
+the cabinet meets the wall behind it at a concave edge. Floor, ceiling and walls belong to no body.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from scipy.spatial import KDTree
 from radartwin.reconstruct.segmentation.coplanar import in_plane
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
 
-ALIKE = 14.0  # weighted L*a*b* within which sides of one thing may differ: light falls on them differently
-SAME = 7.0  # ... and within which even what meets concavely, as the boards of a shelf, is one
-OUTER_HEIGHT, INNER_HEIGHT = 0.4, 0.85  # of the scan's height that a wall spans at least, one with nothing behind it or any
-INNER_WIDTH_M = 1.0  # narrower ones are columns' sides
-BEHIND_M, NOTHING = 0.15, 0.02  # deeper than noise; share of the scan that is nothing
-SHELL_AREA_M2 = 1.0
+SIMILAR = 14.0  # largest weighted L*a*b* difference between sides of one object, which are lit differently
+SAME = 7.0  # largest difference across a concave edge, as between the boards of a shelf
+OUTER_HEIGHT, INNER_HEIGHT = 0.4, 0.85  # smallest share of the scan's height of a wall with nothing behind it, and of any wall
+INNER_WIDTH_M = 1.0  # narrower planes are sides of columns
+BEHIND_M, NOTHING = 0.15, 0.02  # "nothing behind" means less than this share of the scan farther behind than this
+WALL_AREA_M2 = 1.0
 LEVEL = np.cos(np.radians(15.0))
 UPRIGHT = np.sin(np.radians(15.0))
-CONTACT_M = 0.08  # shorter seams are no contact
-APART_M = 0.06
+CONTACT_M = 0.08  # segments with a shorter seam do not touch
+APART_M = 0.06  # segments this close touch, because scanners miss edges
 
 
-def shell(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
-    """Which segments (S,) bound the room: the floor, the ceiling, and upright planes from the one to the other or behind everything."""
+def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
+    """Mask (S,) of the room's bounds: floor, ceiling, and upright planes that span the height or have nothing behind them."""
     places = faces.centre[thinned(faces.centre, 0.1)]
     low, high = np.quantile(faces.centre[:, 2], [0.002, 0.998])
     out = np.zeros(len(segments), dtype=bool)
     for k, segment in enumerate(segments):
-        if segment.normal is None or segment.area_m2 < SHELL_AREA_M2:
+        if segment.normal is None or segment.area_m2 < WALL_AREA_M2:
             continue
         z = faces.centre[segment.faces, 2]
         if abs(segment.normal[2]) < UPRIGHT:
@@ -50,17 +50,17 @@ def shell(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
 
 
 def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | None) -> list[Segment]:
-    """The segments with `body` numbered: sides of one thing alike, floor, ceiling and walls -1.
+    """The segments with their `body` numbers: equal for sides of one object, -1 for floor, ceiling and walls.
 
     Args:
-        lab: (F, 3) weighted colours of the faces, or None.
+        lab: (F, 3) weighted L*a*b* colours of the faces, or None.
     """
-    bounds = shell(faces, segments)
+    bounds = room_bounds(faces, segments)
     colour = None
     if lab is not None:
         colour = np.array([np.average(lab[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
     area = np.array([s.area_m2 for s in segments])
-    whole = np.zeros((len(segments), 3)) if colour is None else colour.copy()  # of the thing so far that each is the root of
+    body_colour = np.zeros((len(segments), 3)) if colour is None else colour.copy()  # by root
     root = np.arange(len(segments))
 
     def find(k: int) -> int:
@@ -75,14 +75,14 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
         if a == b:
             continue
         difference = 0.0 if colour is None else float(np.linalg.norm(colour[i] - colour[j]))
-        # Without colour, parts (legs, handles) stay by themselves: what they touch may be anything.
+        # Without colour, parts such as legs and handles stay separate, because nothing shows what they belong to.
         if not convex and colour is None:
             continue
-        least = ALIKE if convex else SAME
-        # Likeness must not creep from side to side, or through the rubble in a corner, until a thing is two.
-        if difference < least and (colour is None or float(np.linalg.norm(whole[a] - whole[b])) < least):
+        limit = SIMILAR if convex else SAME
+        # The mean colours of the bodies must also agree, so that a chain of similar segments cannot join two objects.
+        if difference < limit and (colour is None or float(np.linalg.norm(body_colour[a] - body_colour[b])) < limit):
             root[b] = a
-            whole[a] = (area[a] * whole[a] + area[b] * whole[b]) / (area[a] + area[b])
+            body_colour[a] = (area[a] * body_colour[a] + area[b] * body_colour[b]) / (area[a] + area[b])
             area[a] += area[b]
     roots = np.array([find(k) for k in range(len(segments))])
     _, number = np.unique(roots, return_inverse=True)
@@ -90,10 +90,10 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
 
 
 def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, float, bool]]:
-    """Pairs of segments that touch, or end APART_M from each other, since scanners miss edges.
+    """Pairs of segments that touch or lie within APART_M of each other.
 
     Returns:
-        (i, j, length of the seam in metres, whether two planes meet convexly), longest first.
+        (i, j, length of the seam in metres, whether two planes meet at a convex edge), longest first.
     """
     owner = np.full(len(faces.area), -1)
     for k, segment in enumerate(segments):
@@ -126,6 +126,6 @@ def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, 
 
 
 def _length(points: np.ndarray) -> float:
-    """About the length of a line that points (N, 3) lie along: cells of CONTACT_M / 4 that they fall in."""
+    """Approximate length of a line of points (N, 3): the number of cells of CONTACT_M / 4 that hold points."""
     cells = np.unique(np.floor(points / (CONTACT_M / 4)).astype(np.int64), axis=0)
     return len(cells) * CONTACT_M / 4

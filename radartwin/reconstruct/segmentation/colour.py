@@ -1,8 +1,8 @@
-"""Surfaces that differ by colour alone: a door in its wall, a poster, a metal strip along a painted wall.
+"""Separate surfaces of one plane by colour: a door in its wall, a poster, a metal strip along a painted wall.
 
-A plane's colours are laid out as a picture and divided in two as often as the division is a real edge: a step between
-neighbouring cells, not a gradient of light, over a piece wide and large enough to be a thing. Colours are CIE L*a*b* with
-lightness scaled down, since shading changes lightness first.
+The plane's colours form a picture. A region is divided repeatedly, as long as the colour steps sharply between neighbouring cells (light
+changes gradually) and the separated piece is wide and large enough. Colours are CIE L*a*b* with reduced lightness, because shading changes
+lightness most.
 """
 
 from __future__ import annotations
@@ -12,29 +12,31 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.ndimage import gaussian_filter, median_filter
+from skimage.color import rgb2lab
 
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.coplanar import in_plane
 
 LIGHTNESS = 0.6  # weight of L* against a* and b*
-DEEP_M, BESIDE_M = 0.3, 0.25  # a piece is told from its surroundings by the colours so far from its edge, inside and outside
-EDGE = 0.4  # of the least step that two cells may differ by, two cells apart, inside one area
-MOSTLY = 0.6  # of a piece's cells that differ from those outside, and of its border that is an edge
-ACROSS = 2.5  # cells from a border within which colours are blurred
-WITHIN = 0.5  # of the step that parts a thing from what it is on that parts its own pieces: what stands out shows light in proportion
-ROUNDS = 12  # divisions tried per plane
+DEEP_M, BESIDE_M = 0.3, 0.25  # colours within these distances of an edge, inside and outside, are compared
+EDGE = 0.4  # largest difference, relative to the smallest step, between cells two apart in one even area
+MOSTLY = 0.6  # smallest share of a piece's cells that differ from the outside, and of its border that is a sharp edge
+ACROSS = 2.5  # cells; nearer to a border, colours are blurred
+WITHIN = 0.5  # smallest step inside a piece, relative to the step around it, because light on it varies in proportion
+ROUNDS = 12  # largest number of divisions per plane
 
 
 @dataclass(frozen=True)
 class ColourSplit:
-    """When a piece of a plane is a surface of its own.
+    """Limits for separating a piece of a plane.
 
     Attributes:
-        cell_m: of the picture; about the scan's resolution.
-        step: least colour difference across its edge (weighted L*a*b*; 2 is just visible beside each other).
-        contrast: and at least this many times what the surroundings differ by beside the edge.
-        width_m: narrower pieces (painted lines, frames) stay with what they are on.
-        area_m2: so do smaller ones.
+        cell_m: cell of the picture; about the scan's resolution.
+        step: smallest colour difference across the edge (weighted L*a*b*; 2 is just visible side by side).
+        contrast: smallest ratio of this difference to the colour variation outside the edge.
+        width_m: narrower pieces (painted lines, frames) are not separated.
+        area_m2: smaller pieces are not separated.
     """
 
     cell_m: float = 0.02
@@ -49,10 +51,8 @@ class ColourSplit:
         Args:
             centre: (K, 3) of the plane's faces; area: (K,); lab: (K, 3) from `face_colours`; normal: (3,).
         """
-        from scipy.ndimage import median_filter
-
         points = centre @ in_plane(normal).T
-        # A picture finer than its faces is full of holes.
+        # A picture with cells smaller than the faces would have holes.
         cell = max(self.cell_m, 1.5 * float(np.sqrt(np.median(area))))
         at = ((points - points.min(axis=0)) / cell).astype(int)
         shape = tuple(at.max(axis=0) + 1)
@@ -69,45 +69,45 @@ class ColourSplit:
         return np.maximum(label.reshape(-1)[index], 0)
 
     def _divide(self, label: np.ndarray, picture: np.ndarray, cell: float) -> None:
-        """Number the pieces of a picture (W, H, 3) in place; -1 stays outside."""
+        """Number the pieces of a picture (W, H, 3) in place; cells with -1 are outside."""
         count, todo = 1, [0]
-        least = {0: self.step}  # by which pieces of each piece differ from it
+        min_step = {0: self.step}  # of each piece, for dividing it further
         for _ in range(ROUNDS):
             if not todo:
                 return
             current = todo.pop()
             region = label == current
-            # What has been taken out must not show at the borders of the rest, where colours are blurred.
+            # Pieces that are already separated must not affect the blurred colours at the borders of the rest.
             inner = region & (masks.distance(~region) > 1.5)
-            found = self._pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell, least[current])
+            found = self._pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell, min_step[current])
             for piece, step in found:
                 label[piece] = count
                 todo.append(count)
-                least[count] = max(self.step, WITHIN * step)
+                min_step[count] = max(self.step, WITHIN * step)
                 count += 1
             if found:
                 todo.append(current)
 
-    def _pieces_of(self, region: np.ndarray, picture: np.ndarray, cell: float, least: float) -> list[tuple[np.ndarray, float]]:
-        """Pieces that differ from the rest of a region by a step of `least`, and their steps; of those that overlap the best edged one."""
+    def _pieces_of(self, region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> list[tuple[np.ndarray, float]]:
+        """Pieces that differ from the rest of a region by `min_step`, and their steps; the sharpest edge wins an overlap."""
         if region.sum() * cell**2 < 2 * self.area_m2:
             return []
         ranked = []
         for candidates in (self._between_edges, self._of_two_colours):
             for candidate in candidates(region, picture, cell):
-                for piece in masks.pieces(self._refined(candidate, region, picture, cell, least)):
+                for piece in masks.pieces(self._refined(candidate, region, picture, cell, min_step)):
                     steps = _steps(piece, region, picture)
-                    share = float((steps > least).mean()) if steps.size else 0.0
+                    share = float((steps > min_step).mean()) if steps.size else 0.0
                     if self.area_m2 <= piece.sum() * cell**2 and share >= MOSTLY:
                         ranked.append((share, piece, float(np.median(steps))))
         found: list[tuple[np.ndarray, float]] = []
-        for _, piece, step in sorted(ranked, key=lambda one: -one[0]):
+        for _, piece, step in sorted(ranked, key=lambda entry: -entry[0]):
             if not any((piece & other).any() for other, _ in found):
                 found.append((piece, step))
         return found
 
     def _between_edges(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-        """What edges of colour part from the largest even area: gradients of light have no edges, posters have little else."""
+        """Candidates that colour edges separate from the largest even area."""
         strength = np.zeros(region.shape)
         for axis in range(2):
             step = np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1)
@@ -116,21 +116,21 @@ class ColourSplit:
         if not even:
             return []
         main = max(even, key=np.sum)
-        # An edge is blurred over two cells, of which the nearer is the main area's.
+        # An edge is blurred over two cells; the nearer one belongs to the main area.
         others = region & ~masks.dilated(main, 2)
         wide = masks.opened(others, np.ceil(self.width_m / 2 / cell))
         return [masks.dilated(piece, 2, region & ~main) for piece in masks.pieces(wide)]
 
     def _of_two_colours(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-        """Connected areas of the rarer of the region's two colours."""
+        """Candidates: connected areas of the rarer of the region's two main colours."""
         minor = np.zeros(region.shape, dtype=bool)
         minor[region] = _two_means(picture[region])
         minor = masks.opened(minor, self.width_m / 2 / cell)
         minor = masks.closed(minor, 2) & region
         return [masks.dilated(piece, 1, minor) for piece in masks.pieces(minor)]
 
-    def _refined(self, piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float, least: float) -> np.ndarray:
-        """The piece with its border where colours change, or nothing where they do not by a step of `least`."""
+    def _refined(self, piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> np.ndarray:
+        """The piece with its border moved to the colour edge; empty if the colours differ by less than `min_step`."""
         none = np.zeros_like(piece)
         rest = region & ~piece
         if self.area_m2 > piece.sum() * cell**2 or not rest.any():
@@ -140,21 +140,20 @@ class ColourSplit:
         inside = piece & (to_rest > 1) & (to_rest * cell <= DEEP_M)
         if min(beside.sum(), inside.sum()) < 8:
             return none
-        # Light changes along the edge, so each cell is compared with the nearest one outside.
+        # Light varies along the edge, so each cell is compared with the nearest cell outside.
         difference = np.linalg.norm(picture - picture[masks.nearest(beside)], axis=-1)
         spread = float(np.median(np.linalg.norm(picture[beside] - _local_mean(picture, beside, cell)[beside], axis=-1)))
-        least = max(least, self.contrast * spread)
-        if (difference[inside] > least).mean() < MOSTLY:
+        min_step = max(min_step, self.contrast * spread)
+        if (difference[inside] > min_step).mean() < MOSTLY:
             return none
         zone = masks.dilated(piece, 3, region)
-        other = zone & (difference > max(0.6 * least, 0.5 * float(np.median(difference[inside]))))
-        zone = masks.dilated(piece, 3, region)
+        other = zone & (difference > max(0.6 * min_step, 0.5 * float(np.median(difference[inside]))))
         other = masks.opened(masks.closed(other, 1) & zone, self.width_m / 3 / cell)
         return other if other.sum() > 0.3 * piece.sum() else none
 
 
 def _steps(piece: np.ndarray, region: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """What colours differ by from ACROSS cells on one side to as many on the other, at each cell of a piece's border with the rest."""
+    """Colour difference between ACROSS cells on either side, at each cell of a piece's border with the rest of the region."""
     rest = region & ~piece
     to_rest, to_piece = masks.distance(rest), masks.distance(piece)
     inside, outside = piece & (to_rest > ACROSS), rest & (to_piece > ACROSS)
@@ -165,22 +164,15 @@ def _steps(piece: np.ndarray, region: np.ndarray, picture: np.ndarray) -> np.nda
 
 
 def face_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """Weighted L*a*b* of every face (F, 3), or None where the mesh has no colour or only one."""
+    """Weighted L*a*b* of every face (F, 3), None if the mesh has no colour or a single one."""
     rgb = face_rgb(mesh)
     if rgb is None or float(np.ptp(rgb, axis=0).max()) < 4:
         return None
-    return weighted_lab(rgb)
-
-
-def weighted_lab(rgb: np.ndarray) -> np.ndarray:
-    """Weighted L*a*b* (N, 3) of sRGB colours (N, 3), 0..255."""
-    from skimage.color import rgb2lab
-
     return rgb2lab(rgb[:, None] / 255)[:, 0] * [LIGHTNESS, 1.0, 1.0]
 
 
 def face_rgb(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """sRGB of every face (F, 3), 0..255 floats, or None for a mesh without colours."""
+    """sRGB of every face (F, 3), 0..255, None for a mesh without colours."""
     visual: Any = mesh.visual
     if visual.kind == "vertex":
         return np.asarray(visual.vertex_colors)[:, :3][np.asarray(mesh.faces)].mean(axis=1)
@@ -190,7 +182,7 @@ def face_rgb(mesh: trimesh.Trimesh) -> np.ndarray | None:
 
 
 def _two_means(values: np.ndarray) -> np.ndarray:
-    """Which values (N, 3) belong to the smaller of two clusters."""
+    """Mask (N,) of the values (N, 3) in the smaller of two clusters."""
     centred = values - values.mean(axis=0)
     axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
     second = centred @ axis > _otsu(centred @ axis)
@@ -207,8 +199,6 @@ def _two_means(values: np.ndarray) -> np.ndarray:
 
 def _local_mean(picture: np.ndarray, where: np.ndarray, cell: float) -> np.ndarray:
     """Mean colour of the cells of a mask within BESIDE_M of each cell."""
-    from scipy.ndimage import gaussian_filter
-
     sigma = BESIDE_M / 2 / cell
     weight = gaussian_filter(where.astype(float), sigma)
     mean = [gaussian_filter(np.where(where, picture[..., k], 0.0), sigma) for k in range(3)]
@@ -216,7 +206,7 @@ def _local_mean(picture: np.ndarray, where: np.ndarray, cell: float) -> np.ndarr
 
 
 def _otsu(values: np.ndarray) -> float:
-    """The threshold of largest variance between what lies below and above (Otsu 1979)."""
+    """The threshold with the largest variance between the values below and above it (Otsu 1979)."""
     counts, edges = np.histogram(values, 128)
     middle = (edges[:-1] + edges[1:]) / 2
     below = np.cumsum(counts)

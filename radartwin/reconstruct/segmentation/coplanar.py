@@ -1,7 +1,7 @@
-"""Coplanar pieces that are one surface: a wall on both sides of a window, a door frame, or a cabinet that hides its middle.
+"""Join coplanar pieces of one surface, such as a wall on both sides of a window or of a cabinet.
 
-Two pieces of one plane belong together where nothing contradicts: nothing was seen behind the plane in the gap between them.
-Behind the gap between two tables lies the floor; behind the gap in a wall lies nothing.
+Two pieces of one plane are joined unless points behind the plane were seen through the gap between them. The floor is visible through the
+gap between two tables, but nothing is visible through a gap in a wall.
 """
 
 from __future__ import annotations
@@ -9,25 +9,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from shapely import MultiPoint, contains_xy
 
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.faces import Faces, members
 
 CELL_M = 0.05
-BEHIND_M = 0.06  # deeper behind the plane than its noise
-CONTRADICTED = 0.2  # share of the gap through which something was seen
-NEAR_M = 0.15  # pieces this close are one without further evidence
+BEHIND_M = 0.06  # points behind the plane are deeper than this: more than its noise
+CONTRADICTED = 0.2  # share of the gap's cells with points behind them that keeps two pieces apart
+NEAR_M = 0.15  # pieces this close are always joined
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """When two pieces are one plane.
+    """Limits for joining two pieces.
 
     Attributes:
-        angle_deg: between the planes.
-        offset_m: of either piece's centre from the plane of both.
-        gap_m: widest gap that is bridged.
-        gap_sizes: and in multiples of the smaller piece's side, the root of its area.
+        angle_deg: largest angle between the planes.
+        offset_m: largest distance of either piece's centre from the common plane.
+        gap_m: largest gap.
+        gap_sizes: largest gap in multiples of the smaller piece's side (the root of its area).
     """
 
     angle_deg: float = 6.0
@@ -36,18 +37,20 @@ class Tolerances:
     gap_sizes: float = 2.0
 
 
-def merge(faces: Faces, label: np.ndarray, how: Tolerances) -> np.ndarray:
-    """Labels (F,) with coplanar pieces joined, largest first, numbered 0..P-1 without gaps."""
+def merge(faces: Faces, label: np.ndarray, tolerances: Tolerances) -> np.ndarray:
+    """Join the coplanar pieces of labels (F,), largest first; the result is numbered 0..P-1, -1 for none."""
     while True:
         groups = members(label)
         normal, offset = faces.planes(label)
         centre = np.array([np.average(faces.centre[g], axis=0, weights=faces.area[g]) for g in groups]).reshape(-1, 3)
         area = np.array([faces.area[g].sum() for g in groups])
         joined = np.arange(len(groups))
-        for i, j in _pairs(normal, offset, centre, area, how):
-            if joined[i] != i or joined[j] != j or not _coplanar(faces, groups[i], groups[j], how):
+        for i, j in _pairs(normal, offset, centre, area, tolerances):
+            if joined[i] != i or joined[j] != j or not _coplanar(faces, groups[i], groups[j], tolerances):
                 continue
-            if _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), min(how.gap_m, how.gap_sizes * area[j] ** 0.5)):
+            if _one_surface(
+                faces, groups[i], groups[j], (normal[i], offset[i]), min(tolerances.gap_m, tolerances.gap_sizes * area[j] ** 0.5)
+            ):
                 joined[j] = i
         if (joined == np.arange(len(groups))).all():
             return label
@@ -57,14 +60,14 @@ def merge(faces: Faces, label: np.ndarray, how: Tolerances) -> np.ndarray:
         label = np.where(label >= 0, packed[np.maximum(label, 0)], -1)
 
 
-def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray, how: Tolerances) -> list[tuple[int, int]]:
-    """Candidates (larger, smaller), largest first: nearly parallel, centres near each other's planes."""
+def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray, tolerances: Tolerances) -> list[tuple[int, int]]:
+    """Candidate pairs (larger, smaller), largest first: nearly parallel, with centres near each other's planes."""
     if len(normal) < 2:
         return []
     away = np.abs(centre @ normal.T - offset)  # [i, j]: centre of i from the plane of j
-    # A small piece's plane tilts over a distance, so it is the larger piece's plane that counts.
+    # Over a distance the plane of a small piece is inaccurate, so the larger piece's plane counts.
     large = np.where(area[:, None] >= area[None], away.T, away)
-    close = (normal @ normal.T > np.cos(np.radians(how.angle_deg))) & (large < 2 * how.offset_m)
+    close = (normal @ normal.T > np.cos(np.radians(tolerances.angle_deg))) & (large < 2 * tolerances.offset_m)
     i, j = np.nonzero(np.triu(close, 1))
     swap = area[i] < area[j]
     i, j = np.where(swap, j, i), np.where(swap, i, j)
@@ -72,19 +75,18 @@ def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.
     return [(int(a), int(b)) for a, b in zip(i[order], j[order], strict=True)]
 
 
-def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray, how: Tolerances) -> bool:
-    """Whether one plane fits both: neither centre lies off it."""
+def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray, tolerances: Tolerances) -> bool:
+    """Whether one plane fits both pieces."""
     normal, offset = faces.plane(np.concatenate([first, second]))
     return all(
-        abs(np.average(faces.centre[g] @ normal - offset, weights=faces.area[g])) < how.offset_m
-        and np.average(np.abs(faces.centre[g] @ normal - offset), weights=faces.area[g]) < how.offset_m
+        abs(np.average(faces.centre[g] @ normal - offset, weights=faces.area[g])) < tolerances.offset_m
+        and np.average(np.abs(faces.centre[g] @ normal - offset), weights=faces.area[g]) < tolerances.offset_m
         for g in (first, second)
     )
 
 
 def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tuple[np.ndarray, float], gap_m: float) -> bool:
-    from shapely import MultiPoint, contains_xy
-
+    """Whether nothing behind the plane (normal, offset) was seen through a gap between two pieces of at most gap_m."""
     normal, offset = plane
     axes = in_plane(normal)
     a, b = faces.centre[first] @ axes.T, faces.centre[second] @ axes.T
@@ -105,7 +107,7 @@ def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tup
         return True
     if gap > gap_m:
         return False
-    # The gap is what lies between: on a shortest way from one to the other, or nearly.
+    # The gap holds the cells on or near a shortest path between the pieces.
     between = (from_a + from_b < gap + 0.3) & ~of_a & ~of_b
     hull = MultiPoint(np.vstack([a, b])).convex_hull
     x, y = (low[k] + CELL_M * (np.arange(shape[k]) + 0.5) for k in range(2))
@@ -118,7 +120,7 @@ def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tup
 
 
 def in_plane(normal: np.ndarray) -> np.ndarray:
-    """Two unit vectors (2, 3) that span the plane, right-handed with the normal: level and upwards where it is upright."""
+    """Two unit vectors (2, 3) in the plane, right-handed with the normal; level and upwards for an upright plane."""
     up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     across = np.cross(up, normal)
     across /= np.linalg.norm(across)

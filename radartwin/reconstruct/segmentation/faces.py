@@ -1,4 +1,4 @@
-"""Per-face arrays of a mesh that segmentation works on: centres, smoothed normals, adjacency, planes fitted to sets of faces."""
+"""Per-face arrays of a mesh for segmentation, planes fitted to sets of faces, and segments."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 import trimesh
 
-FEW = 12  # so few faces fit noise better than the plane; their mean normal is taken
+MIN_FITTED = 12  # fewer faces take their mean normal, because a fitted plane would follow their noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,9 +18,9 @@ class Faces:
 
     Attributes:
         corners: (F, 3, 3) metres; centre: (F, 3); area: (F,) m2.
-        normal: (F, 3) smoothed over neighbours; coherence: (F,) how well they agree, 1 where all do.
+        normal: (F, 3) averaged over neighbours; coherence: (F,) their agreement, 1 if all normals are equal.
         adjacency: (F, F) ones where two faces share an edge.
-        rounds: how many rings of neighbours the normals were averaged over.
+        rounds: number of averaging rounds of the normals, each over one more ring of neighbours.
     """
 
     corners: np.ndarray
@@ -42,7 +42,7 @@ class Faces:
         own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
         area = np.linalg.norm(own, axis=1)
         small = area < smoothing_m**2 / 2
-        # Averaging is a random walk over faces: n rounds reach about sqrt(n) edges. 20 bounds the time on fine meshes.
+        # Averaging is a random walk over faces, so n rounds reach about sqrt(n) edges. The limit of 20 bounds the time on fine meshes.
         edge = np.sqrt(2 * np.median(area[small])) if small.any() else np.inf
         rounds = int(np.clip(np.ceil((smoothing_m / edge) ** 2), 0, 20)) if small.any() else 0
         values = np.column_stack([own, area])
@@ -57,19 +57,17 @@ class Faces:
         return cls(corners, corners.mean(axis=1), normal, area, coherence, adjacency, rounds)
 
     def distance(self, which: np.ndarray, normal: np.ndarray, offset: np.ndarray | float) -> np.ndarray:
-        """Distance of the farthest corner of each face from a plane, or from planes of its own: (K,)."""
-        height = np.einsum("kci,...i->kc", self.corners[which], normal) if normal.ndim == 1 else np.einsum(
-            "kci,ki->kc", self.corners[which], normal
-        )  # fmt: skip
+        """Distance (K,) of each face's farthest corner from one plane, or from its own plane (normal (K, 3))."""
+        height = np.einsum("kci,i->kc" if normal.ndim == 1 else "kci,ki->kc", self.corners[which], normal)
         return np.abs(height - np.reshape(offset, (-1, 1))).max(axis=1, initial=0.0)
 
     def plane(self, which: np.ndarray) -> tuple[np.ndarray, float]:
-        """Area-weighted least-squares plane (normal, offset), the normal on the side the faces show."""
+        """Area-weighted least-squares plane (normal, offset); the normal points to the visible side."""
         weight = self.area[which] / self.area[which].sum()
         centre = weight @ self.centre[which]
         shown = weight @ self.normal[which]
         normal = shown / np.linalg.norm(shown)
-        if len(which) >= FEW:
+        if len(which) >= MIN_FITTED:
             spread = self.centre[which] - centre
             fitted = np.linalg.eigh((weight[:, None] * spread).T @ spread)[1][:, 0]
             normal = fitted if fitted @ shown > 0 else -fitted
@@ -103,7 +101,7 @@ class Segment:
 
 
 def members(label: np.ndarray) -> list[np.ndarray]:
-    """Face indices of each label 0..max, ascending; negative labels are nobody's."""
+    """Face indices of each label 0..max, ascending; faces with negative labels are left out."""
     order = np.argsort(label, kind="stable")
     count = int(label.max(initial=-1)) + 1
     bounds = np.searchsorted(label[order], np.arange(count + 1))
@@ -111,7 +109,7 @@ def members(label: np.ndarray) -> list[np.ndarray]:
 
 
 def thinned(points: np.ndarray, spacing_m: float = 0.03) -> np.ndarray:
-    """Indices, ascending, of one of the points (N, 3) for each cube of that edge."""
+    """Ascending indices of one point (N, 3) per occupied cube with this edge."""
     key = np.floor((points - points.min(axis=0)) / spacing_m).astype(np.int64)
     size = key.max(axis=0) + 1
     return np.sort(np.unique((key[:, 0] * size[1] + key[:, 1]) * size[2] + key[:, 2], return_index=True)[1])

@@ -1,4 +1,4 @@
-"""Planes grown over a mesh, face by face, as machine code.
+"""Grow planes over a mesh, face by face.
 
 Region growing after Rabbani, van den Heuvel and Vosselman 2006, Segmentation of point clouds using smoothness
 constraint: seeds in order of local flatness, neighbours join while normal and distance fit the plane, the plane is
@@ -7,32 +7,41 @@ refitted as it grows.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from radartwin.compiled import compiled
-from radartwin.reconstruct.segmentation.faces import FEW, Faces
+from radartwin.reconstruct.segmentation.faces import MIN_FITTED, Faces
 
-REFIT = 1.2  # the plane is refitted as it grows by a fifth: often while small, rarely when settled
+REFIT = 1.2  # the plane is refitted each time its number of faces has grown by this factor
+
+
+class _Mesh(NamedTuple):
+    """Arrays of the faces: their neighbours in compressed rows, centres (F, 3) or corners (F, 3, 3), normals and areas."""
+
+    start: np.ndarray
+    neighbour: np.ndarray
+    places: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
 
 
 def grow(faces: Faces, angle_deg: float, distance_m: float, min_area_m2: float) -> np.ndarray:
     """Plane index of every face (F,), -1 for none."""
     label = np.full(len(faces.area), -1)
-    _grow(
-        faces.adjacency.indptr, faces.adjacency.indices, faces.centre, faces.normal, faces.area,
-        np.argsort(-faces.coherence, kind="stable"), np.cos(np.radians(angle_deg)), distance_m, min_area_m2, label,
-    )  # fmt: skip
+    mesh = _Mesh(faces.adjacency.indptr, faces.adjacency.indices, faces.centre, faces.normal, faces.area)
+    order = np.argsort(-faces.coherence, kind="stable")
+    _grow(mesh, order, np.cos(np.radians(angle_deg)), distance_m, min_area_m2, label)
     return label
 
 
 def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float) -> None:
-    """Let leftovers join the plane they touch and lie in, corners and all, ring by ring, in place."""
+    """Let unlabelled faces join a plane that they touch and that all their corners lie near, ring by ring, in place."""
     normal, offset = faces.planes(label)
     if len(normal):
-        _absorb(
-            faces.adjacency.indptr, faces.adjacency.indices, faces.corners, faces.normal, normal, offset,
-            np.cos(np.radians(angle_deg)), distance_m, label,
-        )  # fmt: skip
+        mesh = _Mesh(faces.adjacency.indptr, faces.adjacency.indices, faces.corners, faces.normal, faces.area)
+        _absorb(mesh, normal, offset, np.cos(np.radians(angle_deg)), distance_m, label)
 
 
 @compiled
@@ -41,7 +50,7 @@ def _plane(count, sums, normal):
     w = sums[0]
     cx, cy, cz = sums[1] / w, sums[2] / w, sums[3] / w
     normal[0], normal[1], normal[2] = sums[10], sums[11], sums[12]
-    if count >= FEW:
+    if count >= MIN_FITTED:
         spread = np.empty((3, 3))
         spread[0, 0] = sums[4] / w - cx * cx
         spread[1, 1] = sums[7] / w - cy * cy
@@ -62,6 +71,7 @@ def _plane(count, sums, normal):
 
 @compiled
 def _add(sums, w, c, n):
+    """Add a face of area w, centre c and normal n to the sums of `_plane`."""
     sums[0] += w
     sums[1] += w * c[0]
     sums[2] += w * c[1]
@@ -77,16 +87,19 @@ def _add(sums, w, c, n):
 
 
 @compiled
-def _fits(c, n, normal, offset, straight, distance):
+def _fits(c, n, normal, offset, min_cosine, distance):
+    """Whether a face with centre c and normal n lies in the plane."""
     away = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2] - offset
-    return n[0] * normal[0] + n[1] * normal[1] + n[2] * normal[2] > straight and abs(away) < distance
+    return n[0] * normal[0] + n[1] * normal[1] + n[2] * normal[2] > min_cosine and abs(away) < distance
 
 
 @compiled
-def _grow(start, neighbour, centre, normals, area, order, straight, distance, min_area, label):
+def _grow(mesh, order, min_cosine, distance, min_area, label):
+    """Grow a plane from each face in `order`, and label (F,) the faces of planes with at least `min_area`."""
+    start, neighbour, centre, normals, area = mesh
     faces = len(area)
     tried = np.zeros(faces, np.bool_)
-    mark = np.full(faces, -1)  # the last seed whose region held a face
+    mark = np.full(faces, -1)  # the last seed whose region contained the face
     queue = np.empty(faces, np.int64)
     normal, sums = np.empty(3), np.empty(13)
     planes = 0
@@ -94,7 +107,7 @@ def _grow(start, neighbour, centre, normals, area, order, straight, distance, mi
         if tried[seed] or label[seed] >= 0:
             continue
         sums[:] = 0.0
-        origin = centre[seed]  # sums are taken about the seed: squares of large coordinates lose the millimetres
+        origin = centre[seed]  # sums are relative to the seed, because squares of large coordinates lose the millimetres
         _add(sums, area[seed], centre[seed] - origin, normals[seed])
         offset = _plane(1, sums, normal)
         mark[seed] = seed
@@ -108,7 +121,7 @@ def _grow(start, neighbour, centre, normals, area, order, straight, distance, mi
                 if mark[other] == seed or label[other] >= 0:
                     continue
                 place = centre[other] - origin
-                if _fits(place, normals[other], normal, offset, straight, distance):
+                if _fits(place, normals[other], normal, offset, min_cosine, distance):
                     mark[other] = seed
                     queue[tail] = other
                     tail += 1
@@ -121,12 +134,12 @@ def _grow(start, neighbour, centre, normals, area, order, straight, distance, mi
         for k in range(tail):
             face = queue[k]
             tried[face] = True
-            if _fits(centre[face] - origin, normals[face], normal, offset, straight, distance):
+            if _fits(centre[face] - origin, normals[face], normal, offset, min_cosine, distance):
                 total += area[face]
         if total >= min_area:
             for k in range(tail):
                 face = queue[k]
-                if _fits(centre[face] - origin, normals[face], normal, offset, straight, distance):
+                if _fits(centre[face] - origin, normals[face], normal, offset, min_cosine, distance):
                     label[face] = planes
                 else:
                     tried[face] = False
@@ -134,7 +147,9 @@ def _grow(start, neighbour, centre, normals, area, order, straight, distance, mi
 
 
 @compiled
-def _absorb(start, neighbour, corners, normals, normal, offset, straight, distance, label):
+def _absorb(mesh, normal, offset, min_cosine, distance, label):
+    """Give unlabelled faces the label of a neighbour whose plane (normal (P, 3), offset (P,)) fits all their corners."""
+    start, neighbour, corners, normals, _ = mesh
     faces = len(label)
     queue = np.empty(faces, np.int64)
     tail = 0
@@ -152,7 +167,7 @@ def _absorb(start, neighbour, corners, normals, normal, offset, straight, distan
             other = neighbour[k]
             if label[other] >= 0:
                 continue
-            if normals[other, 0] * n[0] + normals[other, 1] * n[1] + normals[other, 2] * n[2] <= straight:
+            if normals[other, 0] * n[0] + normals[other, 1] * n[1] + normals[other, 2] * n[2] <= min_cosine:
                 continue
             far = 0.0
             for c in range(3):

@@ -1,7 +1,7 @@
-"""Coherent surfaces of a scan: planes grown over the mesh, pieces of one plane joined, and what is left as connected parts.
+"""Segment a scan: grow planes over the mesh, join pieces of one plane, and take the other faces as connected parts.
 
-Normals are averaged over neighbouring faces first: 5 mm of depth noise on 5 cm triangles turns a face by 8 degrees. Where
-the scan has colour, a plane is cut where its colour changes; convex neighbours of one colour are one body.
+Normals are first averaged over neighbouring faces, because 5 mm of depth noise on 5 cm triangles turns a face by 8 degrees. If the scan
+has colour, planes are cut where their colour changes, and convex neighbours of one colour form one body.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from radartwin.reconstruct.segmentation.growing import absorb, grow
 
 
 class Segmenter(Protocol):
-    """Mesh in, segments out; together they hold every face once, planes first, largest first."""
+    """Divides the faces of a mesh into segments, planes first, largest first."""
 
     def __call__(self, mesh: trimesh.Trimesh) -> list[Segment]: ...
 
@@ -31,16 +31,16 @@ class PlanarRegionGrowing:
     """The default segmenter.
 
     Attributes:
-        angle_deg: a face joins while its smoothed normal is this close to the plane's.
-        distance_m: and its centre this close to the plane; about twice the depth noise (phone LiDAR: 1-2 cm).
-        min_area_m2: a smaller plane is not one; its faces go to the leftovers.
-        smoothing_m: radius over which normals are averaged; a triangle larger than this keeps its own.
-        loose_deg: leftovers that touch a plane and lie within distance_m, corners and all, join it up to this angle:
-            noise, not shape.
-        merging: when pieces of one plane are one surface.
-        min_part_m2: connected leftovers below this area are gathered in one last segment of fragments.
-        min_width_m: a narrower plane is the rounding of an edge, and goes to its neighbours.
-        colour: how planes are cut where their colour changes, if the mesh has colours; None never cuts.
+        angle_deg: largest angle between a face's smoothed normal and the plane's for the face to join.
+        distance_m: largest distance of its centre from the plane; about twice the depth noise (phone LiDAR: 1-2 cm).
+        min_area_m2: smaller planes are dissolved.
+        smoothing_m: radius for averaging normals; larger triangles keep their own normals.
+        loose_deg: largest angle for a remaining face that touches a plane and has all corners within distance_m, because its tilt is
+            noise.
+        merging: limits for joining pieces of one plane.
+        min_part_m2: smaller connected parts are collected in one last segment of fragments.
+        min_width_m: narrower planes are rounded edges, and go to their neighbours.
+        colour: limits for cutting planes where their colour changes; None never cuts.
         bodies: number convex neighbours of one colour as one body.
     """
 
@@ -60,9 +60,9 @@ class PlanarRegionGrowing:
         label = grow(faces, self.angle_deg, self.distance_m, self.min_area_m2)
         absorb(faces, label, self.loose_deg, self.distance_m)
         label = coplanar.merge(faces, label, self.merging)
-        label = dissolved(faces, label, self.min_width_m)
+        label = _without_narrow(faces, label, self.min_width_m)
         absorb(faces, label, 100.0, self.distance_m)
-        settle(faces, label)
+        _settle(faces, label)
         lab = face_colours(mesh) if self.colour is not None else None
         if lab is not None:
             label = self._cut(faces, label, lab)
@@ -72,7 +72,7 @@ class PlanarRegionGrowing:
         return (with_bodies(faces, segments, lab) if self.bodies else segments) + fragments
 
     def _cut(self, faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
-        """Labels with planes cut along their colours."""
+        """Labels with planes cut where their colour changes."""
         assert self.colour is not None
         out, count = label.copy(), int(label.max(initial=-1)) + 1
         for which in members(label):
@@ -83,29 +83,29 @@ class PlanarRegionGrowing:
             count += int(piece.max())
         return np.unique(out, return_inverse=True)[1] - int(out.min() < 0)
 
-    def _parts(self, faces: Faces, left: np.ndarray) -> tuple[list[Segment], list[Segment]]:
-        """Connected leftovers, largest first, and the fragments among them as one or none."""
-        if left.size == 0:
+    def _parts(self, faces: Faces, remaining: np.ndarray) -> tuple[list[Segment], list[Segment]]:
+        """Connected parts of the remaining faces, largest first, and a list with one segment of all fragments, or none."""
+        if remaining.size == 0:
             return [], []
-        count, part = connected_components(faces.adjacency[left][:, left], directed=False)
-        area = np.bincount(part, faces.area[left], count)
+        count, part = connected_components(faces.adjacency[remaining][:, remaining], directed=False)
+        area = np.bincount(part, faces.area[remaining], count)
         pieces = members(np.where(area[part] >= self.min_part_m2, part, -1))
-        parts = [Segment(left[which], float(faces.area[left[which]].sum())) for which in pieces if which.size]
+        parts = [Segment(remaining[which], float(faces.area[remaining[which]].sum())) for which in pieces if which.size]
         parts.sort(key=lambda s: -s.area_m2)
-        fragments = left[area[part] < self.min_part_m2]
+        fragments = remaining[area[part] < self.min_part_m2]
         return parts, [Segment(fragments, float(faces.area[fragments].sum()), noise=True)] if fragments.size else []
 
 
 def plane_segment(faces: Faces, which: np.ndarray) -> Segment:
-    """A segment with the plane fitted to its faces."""
+    """A planar segment from faces."""
     normal, offset = faces.plane(which)
     return Segment(which, float(faces.area[which].sum()), normal, offset)
 
 
-def settle(faces: Faces, label: np.ndarray) -> None:
-    """Give faces on the seam of two planes to the one their corners lie closer to, ring by ring, in place.
+def _settle(faces: Faces, label: np.ndarray) -> None:
+    """Give faces along the seam of two planes to the plane nearer to their corners, ring by ring, in place.
 
-    Smoothed normals blur a crease over a face or two on either side of it.
+    Smoothed normals blur an edge over one or two faces on either side.
     """
     normal, offset = faces.planes(label)
     coo = faces.adjacency.tocoo()
@@ -121,8 +121,8 @@ def settle(faces: Faces, label: np.ndarray) -> None:
         label[face[closer]] = other[closer]
 
 
-def dissolved(faces: Faces, label: np.ndarray, min_width_m: float) -> np.ndarray:
-    """Labels without planes narrower than `min_width_m`: area over length."""
+def _without_narrow(faces: Faces, label: np.ndarray, min_width_m: float) -> np.ndarray:
+    """Labels without planes whose width (area over length) is below `min_width_m`."""
     out = label.copy()
     for which in members(label):
         if which.size <= 2:
