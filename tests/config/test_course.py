@@ -116,7 +116,7 @@ def test_a_sentence_or_a_file_puts_objects_into_the_room(tmp_path):
 
 
 WRONG = {
-    "a sentence nobody understands": (["scene.sentence='be a good twin'"], LayoutError, "it can read"),
+    "a sentence nobody understands": (["scene.sentence='be a good twin'"], LayoutError, "supported are"),
     "an object that is not there": (["scene.sentence='a teapot on the floor'"], LayoutError, "teapot"),
     "a layout that is not there": (["scene.layout=none.yaml"], MissingError, "none.yaml"),
     "both": (["scene.layout=a.yaml", "scene.sentence='a mug on the floor'"], ConfigError, "one of them"),

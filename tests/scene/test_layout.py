@@ -1,4 +1,4 @@
-"""Layouts: files, anchors by people's words, relations as geometry, and refusals with a reason and a number."""
+"""Layouts: files, anchors by name, relations as geometry, and refusals with a reason and a number."""
 
 import numpy as np
 import pytest
@@ -65,7 +65,7 @@ def middle(bounds):
     return bounds.mean(axis=0)[:2]
 
 
-def test_a_layout_survives_its_file(tmp_path):
+def test_a_layout_round_trips_through_its_file(tmp_path):
     layout = Layout(
         (
             Item("mug", "my mug", position_m=(1.0, 0.5, 0.7), yaw_deg=30.0),
@@ -85,7 +85,7 @@ WRONG = {
     "a negative distance": ("objects: [{object: mug, relations: [{relation: behind, anchor: door, distance_m: -1}]}]", "minimum"),
     "one coordinate": ("objects: [{object: mug, position_m: [1]}]", "position_m"),
     "a position in millimetres": ("objects: [{object: mug, position_m: [1200, 300, 740]}]", "maximum of 100"),
-    "nowhere": ("objects: [{object: mug}]", "nowhere"),
+    "no place": ("objects: [{object: mug}]", "has no place"),
     "position and relation": ("objects: [{object: mug, position_m: [1, 1], relations: [{relation: behind, anchor: door}]}]", "one of them"),
     "height and support": ("objects: [{object: mug, on: table, position_m: [1, 1, 1]}]", "leave the height or on out"),
     "held at no height": ("objects: [{object: mug, on: table, held: true}]", "held"),
@@ -93,8 +93,10 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("text", "word"), WRONG.values(), ids=WRONG)
-def test_a_wrong_file_is_refused_with_its_place(text, word, tmp_path):
+def test_an_invalid_file_is_refused_with_the_place_of_the_error(text, word, tmp_path):
     path = tmp_path / "layout.yaml"
+    with pytest.raises(MissingError, match="YAML"):
+        Layout.load(path)
     path.write_text(text)
     with pytest.raises(LayoutError, match=word) as caught:
         Layout.load(path)
@@ -102,12 +104,7 @@ def test_a_wrong_file_is_refused_with_its_place(text, word, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_said(tmp_path):
-    with pytest.raises(MissingError, match="YAML"):
-        Layout.load(tmp_path / "none.yaml")
-
-
-def test_anchors_are_found_by_their_words_and_parts_belong_together():
+def test_anchors_are_found_by_words_and_parts_are_grouped():
     names = [a.name for a in find("the Left Table", room(), None)]
     assert names == ["table_left_legs and table_left_top"]
     assert [a.name for a in find("table_left_top", room(), None)] == ["table_left_top"]
@@ -118,25 +115,25 @@ def test_anchors_are_found_by_their_words_and_parts_belong_together():
         find("the radar", room(), None)
 
 
-def test_things_face_the_room():
+def test_anchors_face_the_room():
     for text, front in (("door", [-1, 0]), ("wall right", [0, 1]), ("cabinet", [0, 1])):
         (anchor,) = find(text, room(), None)
         assert np.allclose(anchor.front, front), text
-    assert np.allclose(find("door", room(), None)[0].left, [0, 1])  # left of who looks at it, towards +x
+    assert np.allclose(find("door", room(), None)[0].left, [0, 1])  # left of a viewer who looks towards +x
     (radar,) = find("radar", room(), SENSOR)
     assert np.allclose(radar.front, [1, 0])
     assert np.allclose(radar.left, [0, 1])
 
 
-def test_the_sentence_of_the_manual_is_geometry():
+def test_a_support_and_a_relation_together_determine_the_place():
     bounds, on = related("in front of", "door", 1.5, on="table")
-    assert on == "table_left_top"  # the other table is not before the door
+    assert on == "table_left_top"  # the other table is not in front of the door
     assert middle(bounds)[0] == pytest.approx(2.5)
     assert -0.5 <= middle(bounds)[1] <= 0.4
     assert bounds[0, 2] == pytest.approx(0.73 + GAP_M)
 
 
-def test_distances_hold_from_face_to_middle():
+def test_distances_run_from_the_front_to_the_centre():
     assert np.allclose(middle(related("in front of", "radar", 1.0)[0]), [1.5, 0])
     bounds, _ = related("left of", "radar", 0.7)
     assert middle(bounds)[1] == pytest.approx(0.7)
@@ -150,7 +147,7 @@ def test_distances_hold_from_face_to_middle():
         placed(relations=both)
 
 
-def test_beside_is_close_and_under_is_below():
+def test_beside_is_adjacent_and_under_is_below():
     bounds, on = related("beside", "cabinet")
     assert on == "floor"
     assert 0.04 < max(3 - bounds[1, 0], bounds[0, 0] - 3.8) < 0.15
@@ -159,7 +156,7 @@ def test_beside_is_close_and_under_is_below():
     assert np.allclose(middle(bounds), [2.5, 0.7], atol=0.03)
 
 
-def test_things_stand_on_and_beside_things_placed_before():
+def test_objects_stand_on_and_beside_earlier_objects():
     layout = [
         {"object": "crate", "on": "table left"},
         {"object": "can", "on": "crate"},
@@ -173,7 +170,7 @@ def test_things_stand_on_and_beside_things_placed_before():
     assert "table_left_top" in str(second.provenance["layout"])  # where it is free
 
 
-def test_a_position_is_taken_as_given_and_lifted_off_its_support():
+def test_a_given_position_is_used_with_a_gap_to_the_support():
     bounds, on = placed(position_m=[2.5, 0.7, 0.73], yaw_deg=45)
     assert on == "table_left_top"
     assert np.allclose(bounds[0], [2.46, 0.66, 0.73 + GAP_M], atol=1e-6)
@@ -198,19 +195,19 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("item", "word"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_is_refused_with_a_reason(item, word):
+def test_an_impossible_placement_is_refused_with_a_reason(item, word):
     with pytest.raises(LayoutError, match=word) as caught:
         placed(**item)
     assert "\n" not in str(caught.value)
 
 
-def test_a_wall_inside_the_room_is_in_the_way():
+def test_an_overlap_with_an_open_wall_is_refused():
     screen = Surface(sheet([[1.5, 0.5, 0], [1.5, 1.5, 0], [1.5, 1.5, 1.8], [1.5, 0.5, 1.8]]), "wood", "screen", role="room")
     with pytest.raises(LayoutError, match=r"overlaps screen by 0\.030 m"):
         placed(room(screen), position_m=[1.51, 1, 0])
 
 
-def test_a_rug_is_stood_on_and_not_in():
+def test_objects_stand_on_top_of_flat_covers():
     rug = Surface(objects.box([1.2, 0.5, 0.01], [1.9, 1.5, 0.022]), "wood", "rug", role="room")
     bounds, on = placed(room(rug), position_m=[1.5, 1.0])
     assert on == "floor"
@@ -221,7 +218,7 @@ def test_a_rug_is_stood_on_and_not_in():
     assert reflector.mesh.bounds[0, 2] > GAP_M
 
 
-def test_what_is_held_may_float_and_free_space_carries_nothing():
+def test_held_objects_may_float_and_free_space_has_no_floor():
     assert placed(position_m=[1, 1, 0.9], held=True)[0][0, 2] == pytest.approx(0.9)
     assert placed(Scene(), position_m=[1, 1, 0.9])[0][0, 2] == pytest.approx(0.9)
     with pytest.raises(LayoutError, match="no floor"):
@@ -235,7 +232,7 @@ def ramp(degrees):
     )
 
 
-def test_a_tilted_support_tilts_what_stands_on_it_until_it_slides():
+def test_a_tilted_support_tilts_the_object_up_to_the_sliding_angle():
     layout = Layout.from_dict({"objects": [{"object": "can", "on": "ramp"}]})
     can = furnish(room(ramp(10)), layout, SENSOR, make).surfaces[-1]
     axis = np.linalg.svd(can.mesh.vertices - can.mesh.vertices.mean(axis=0))[2][0]  # a can's longest
@@ -244,7 +241,7 @@ def test_a_tilted_support_tilts_what_stands_on_it_until_it_slides():
         furnish(room(ramp(20)), layout, SENSOR, make)
 
 
-def test_objects_of_the_catalogue_stand_in_the_scene_whole():
+def test_all_parts_of_a_catalogue_object_are_placed():
     layout = Layout.from_dict(
         {"objects": [{"object": "mug", "on": "left table"}, {"object": "corner reflector", "position_m": [1.0, 1.0]}]}
     )
@@ -257,7 +254,7 @@ def test_objects_of_the_catalogue_stand_in_the_scene_whole():
         assert all(s.provenance["layout"] and s.provenance["object"] == name for s in parts)
 
 
-def test_unknown_objects_are_refused_with_what_there_is():
+def test_unknown_objects_are_refused_with_the_known_names():
     assert stock("the Corner reflector")[0].name == "corner_reflector"
     with pytest.raises(LayoutError, match=r"no object is called 'teapot'.*corner_reflector"):
         stock("teapot")

@@ -1,4 +1,4 @@
-"""Meshes from files stand in a layout beside the catalogue's objects: found from the layout's folder, in the unit given."""
+"""Meshes from files in a layout: paths from the layout's folder, units, materials and placement."""
 
 import time
 from pathlib import Path
@@ -31,7 +31,7 @@ def furnished(folder: Path, entry: str) -> Scene:
     return furnish(rooms.lab(detail="furnished"), Layout.load(folder / "layout.yaml"))
 
 
-def test_a_mesh_stands_on_a_table_beside_a_mug(folder, monkeypatch):
+def test_a_mesh_is_placed_on_a_table_beside_a_catalogue_object(folder, monkeypatch):
     monkeypatch.chdir("/")  # the path is from the layout's folder
     entry = f"object: meshes/Tin.obj, material: metal, unit: mm, up: y, on: {TABLE}, position_m: [4.3, 1.2]"
     scene = furnished(folder, entry)
@@ -47,7 +47,7 @@ def test_a_mesh_stands_on_a_table_beside_a_mug(folder, monkeypatch):
     assert "mug" in scene.names
 
 
-def test_a_mesh_may_be_a_shell_with_contents(folder):
+def test_a_mesh_may_have_a_layered_material(folder):
     stack = "material: {layers: [[hdpe, 0.001]], backing: water}"
     scene = furnished(folder, f"object: meshes/Tin.obj, {stack}, unit: mm, up: y, on: {TABLE}, name: jug")
     assert next(s for s in scene if s.name == "jug").material == Layered([("hdpe", 0.001)], backing="water")
@@ -61,16 +61,16 @@ def test_a_mesh_may_be_a_shell_with_contents(folder):
         ("object: meshes/Tin.obj, material: metal, unit: furlong", LayoutError, r"objects\[0\]\.unit: 'furlong'"),
         ("object: meshes/Tin.obj, material: cheese, unit: mm", MaterialError, "unknown material 'cheese'"),
         ("object: meshes/gone.obj, material: metal", MissingError, r"meshes/gone\.obj is not there"),
-        ("object: mug, material: metal", LayoutError, r"objects\[0\] \(mug\) is of the catalogue, which knows its material"),
+        ("object: mug, material: metal", LayoutError, r"objects\[0\] \(mug\) is of the catalogue, which defines its material"),
         ("object: meshes/Tin.obj, material: {layers: 3}", LayoutError, r"objects\[0\]\.material"),
     ],
 )
-def test_a_mesh_that_cannot_be_placed_is_named(folder, entry, error, words):
+def test_an_invalid_mesh_entry_is_refused_with_its_name(folder, entry, error, words):
     with pytest.raises(error, match=words):
         furnished(folder, f"{entry}, on: {TABLE}")
 
 
-def test_a_layout_with_a_mesh_survives_its_file_in_another_folder(folder):
+def test_mesh_paths_survive_saving_into_another_folder(folder):
     first = f"objects:\n  - {{object: meshes/Tin.obj, material: metal, unit: mm, up: y, on: {TABLE}}}\n"
     (folder / "layout.yaml").write_text(first)
     layout = Layout.load(folder / "layout.yaml")
@@ -82,7 +82,7 @@ def test_a_layout_with_a_mesh_survives_its_file_in_another_folder(folder):
 
 @pytest.mark.parametrize(("name", "height_m"), [("ycb/MustardBottle.obj", 0.19), ("ycb/TomatoSoupCan.obj", 0.1), ("fuze/fuze.obj", 0.22)])
 @pytest.mark.filterwarnings("ignore::radartwin.scene.mesh_file.TextureWarning")
-def test_real_meshes_stand_in_a_room(shared_data, tmp_path, name, height_m):
+def test_scanned_meshes_are_placed_in_a_room(shared_data, tmp_path, name, height_m):
     mesh = shared_data / "objects" / name
     scene = furnished(tmp_path, f"object: {mesh}, material: hdpe, on: {TABLE}, name: thing")
     thing = next(s for s in scene if s.name == "thing")
@@ -90,8 +90,8 @@ def test_real_meshes_stand_in_a_room(shared_data, tmp_path, name, height_m):
     assert thing.kind == "object"
 
 
-def test_a_place_beside_a_fine_mesh_is_found_at_once(tmp_path):
-    """One try inside a mesh of 20,000 faces takes a second; the spots beside it come first."""
+def test_a_place_beside_a_fine_mesh_is_found_quickly(tmp_path):
+    """A test inside a mesh of 20,000 faces takes a second, so positions beside it come first."""
     objects.sphere(0.05, 5).apply_translation([0, 0, 0.05]).export(tmp_path / "ball.ply")
     entries = f"[{{object: ball.ply, material: metal, on: {TABLE}}}, {{object: mug, on: {TABLE}}}]"
     (tmp_path / "layout.yaml").write_text(f"objects: {entries}\n")

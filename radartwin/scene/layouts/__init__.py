@@ -1,1 +1,1 @@
-"""Layouts: which objects stand where in a room."""
+"""Layouts: objects and their places in a room, from files and sentences."""

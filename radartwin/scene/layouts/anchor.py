@@ -1,4 +1,4 @@
-"""What an object is placed by: surfaces of a scene found by the words people use for them, their faces and sides."""
+"""Anchors of a placement: surfaces of a scene found by their everyday names, with their front and sides."""
 
 from __future__ import annotations
 
@@ -12,42 +12,26 @@ from radartwin.errors import LayoutError
 from radartwin.scene.layouts.layout import SENSOR_NAMES
 from radartwin.scene.scene import Scene, Surface
 
+# Words at the end of a surface's name that mean a part of an object.
 PARTS = {
-    "top",
-    "legs",
-    "leg",
-    "feet",
-    "foot",
-    "soil",
-    "shrub",
-    "frame",
-    "seat",
-    "back",
-    "handle",
-    "body",
-    "contents",
-    "lid",
-    "cap",
-    "board",
-    "boards",
-    "side",
-    "sides",
-}
-STANDS_ON_M2 = 0.002  # smaller level areas carry nothing
-FACING = 0.6  # share of a surface's area that must look one way for it to have a face
+    "top", "legs", "leg", "feet", "foot", "soil", "shrub", "frame", "seat", "back", "handle", "body", "contents", "lid", "cap",
+    "board", "boards", "side", "sides",
+}  # fmt: skip
+STANDS_ON_M2 = 0.002  # least level area that carries an object
+FACING = 0.6  # least share of a surface's area, as a vector sum, for the surface to have a front
 _ARTICLES = {"the", "a", "an", "my", "this", "that"}
 
 
 @dataclass(frozen=True, eq=False)
 class Anchor:
-    """One thing an object can be placed by.
+    """A reference for the place of an object: furniture, a wall, another object or the sensor.
 
     Attributes:
-        name: what messages call it.
+        name: name in messages.
         surfaces: its parts; none for the sensor.
-        points: (N, 2) where it is, seen from above.
-        front: (2,) unit vector out of its face.
-        left: (2,) to the left of who looks at its face; of the sensor, its own left.
+        points: (N, 2) its vertices, seen from above.
+        front: (2,) unit vector out of its front.
+        left: (2,) left of a person who looks at its front; for the sensor, the sensor's left.
     """
 
     name: str
@@ -62,7 +46,7 @@ class Anchor:
 
 
 def words(text: str) -> list[str]:
-    """Lower-case words and numbers of a name, articles left out.
+    """Lower-case words and numbers of a name, without articles.
 
     >>> words("the Table_left-top 2")
     ['table', 'left', 'top', '2']
@@ -71,32 +55,33 @@ def words(text: str) -> list[str]:
 
 
 def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor]:
-    """Everything that `text` may mean: the surface of that very name, else those whose names hold all its words; parts of one thing
-    (table_left_top, table_left_legs) are one anchor.
+    """All anchors that `text` may mean: the surface of exactly that name, or else the surfaces whose names contain all its words.
+
+    Parts of one object (table_left_top, table_left_legs) form one anchor.
 
     Raises:
-        LayoutError: nothing, with the names there are; the sensor without a pose.
+        LayoutError: no such anchor (the message lists the names), or the sensor without a pose.
     """
-    asked = words(text)
-    if len(asked) == 1 and asked[0] in SENSOR_NAMES:
+    wanted = words(text)
+    if len(wanted) == 1 and wanted[0] in SENSOR_NAMES:
         if sensor_pose is None:
             raise LayoutError(f"'{text}' is used as an anchor, and no sensor pose is given; give one, or another anchor")
         return [_sensor(np.asarray(sensor_pose, dtype=np.float64).reshape(-1, 4, 4)[0])]
-    same = [s for s in scene if s.name == text.strip()] or [s for s in scene if words(s.name) == asked]
-    matching = same or [s for s in scene if asked and set(asked) <= set(words(s.name))]
+    same = [s for s in scene if s.name == text.strip()] or [s for s in scene if words(s.name) == wanted]
+    matching = same or [s for s in scene if wanted and set(wanted) <= set(words(s.name))]
     if not matching:
         raise LayoutError(
             f"the scene has nothing called '{text}'; it has {', '.join(sorted(set(filter(None, scene.names)))) or 'no named surfaces'}"
         )
-    things: dict[str, list[Surface]] = {}
+    groups: dict[str, list[Surface]] = {}
     for surface in matching:
-        things.setdefault(surface.name if same else _stem(surface.name), []).append(surface)
+        groups.setdefault(surface.name if same else _without_parts(surface.name), []).append(surface)
     middle = scene.bounds.mean(axis=0)[:2]
-    return [_of(group, middle) for group in things.values()]
+    return [_anchor(group, middle) for group in groups.values()]
 
 
 def supports(anchors: Sequence[Anchor]) -> list[tuple[Anchor, Surface]]:
-    """Of each anchor the part with the largest area to stand on, if it has any."""
+    """Each anchor that can carry an object, with its part of the largest level area."""
     out = []
     for anchor in anchors:
         areas = [level_area(s) for s in anchor.surfaces]
@@ -106,28 +91,28 @@ def supports(anchors: Sequence[Anchor]) -> list[tuple[Anchor, Surface]]:
 
 
 def level_area(surface: Surface) -> float:
-    """Area within 30 degrees of level, m^2; of closed meshes the upper side alone."""
+    """Area within 30 degrees of level, m^2; of a closed mesh, the upper side only."""
     upward = np.asarray(surface.mesh.face_normals[:, 2])
     areas = np.asarray(surface.mesh.area_faces)
     up, down = float(areas[upward > 0.866].sum()), float(areas[upward < -0.866].sum())
-    return max(up, down)  # a scan's mesh may wind either way
+    return max(up, down)  # the faces of a scan may wind either way
 
 
 def floor(scene: Scene) -> Surface:
-    """The surface called floor, or the lowest large level one.
+    """The surface named floor, or the lowest large level surface.
 
     Raises:
-        LayoutError: there is none.
+        LayoutError: the scene has no such surface.
     """
     named = [s for s in scene if "floor" in words(s.name)]
     level = named or [s for s in scene if s.kind == "room" and level_area(s) > 1.0]
     if not level:
-        raise LayoutError("the scene has no floor; say what the object stands on, or give position_m with held: true")
+        raise LayoutError("the scene has no floor; give on, or position_m with held: true")
     lowest = min(float(s.mesh.bounds[0, 2]) for s in level)
     return max((s for s in level if s.mesh.bounds[0, 2] < lowest + 0.1), key=level_area)
 
 
-def _stem(name: str) -> str:
+def _without_parts(name: str) -> str:
     parts = words(name)
     while len(parts) > 1 and parts[-1] in PARTS:
         parts.pop()
@@ -137,21 +122,23 @@ def _stem(name: str) -> str:
 def _sensor(pose: np.ndarray) -> Anchor:
     forward = pose[:2, 0]
     if np.linalg.norm(forward) < 1e-6:
-        raise LayoutError("the sensor looks straight up or down, so nothing is in front of it; use another anchor")
+        raise LayoutError("the sensor looks straight up or down and has no front; use another anchor")
     forward = forward / np.linalg.norm(forward)
     return Anchor("the sensor", (), pose[None, :2, 3], forward, np.array([-forward[1], forward[0]]))
 
 
-def _of(surfaces: Sequence[Surface], middle: np.ndarray) -> Anchor:
+def _anchor(surfaces: Sequence[Surface], middle: np.ndarray) -> Anchor:
     points = np.vstack([np.asarray(s.mesh.vertices)[:, :2] for s in surfaces])
-    front = _face(surfaces, points, middle)
+    front = _front(surfaces, points, middle)
     name = " and ".join(sorted({s.name for s in surfaces}))
     return Anchor(name, tuple(surfaces), points, front, np.array([front[1], -front[0]]))
 
 
-def _face(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """The horizontal direction a thing looks: the normal of what is flat and upright, turned into the room; of furniture, that side of
-    its narrowest box that looks most into the room.
+def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Horizontal unit vector (2,) of the front.
+
+    For a flat, upright anchor it is the normal into the room. For furniture it is the side of the smallest enclosing rectangle that
+    points most towards the middle of the room.
     """
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     areas = np.concatenate([s.mesh.area_faces for s in surfaces])
@@ -172,9 +159,9 @@ def _box_angle(points: np.ndarray) -> float:
 
     try:
         hull = points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):  # all on a line: a wall seen from above
+    except (QhullError, ValueError):  # all points on a line: a wall seen from above
         return 0.0
     edges = np.diff(np.vstack([hull, hull[:1]]), axis=0)
     angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 9))
-    turned = [hull @ np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angles]
-    return float(angles[int(np.argmin([np.prod(np.ptp(t, axis=0)) for t in turned]))])
+    rotated = [hull @ np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angles]
+    return float(angles[int(np.argmin([np.prod(np.ptp(r, axis=0)) for r in rotated]))])

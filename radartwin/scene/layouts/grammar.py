@@ -4,8 +4,8 @@
     put the corner reflector 2 m in front of the radar, and a can 30 cm left of it
     a crate under the desk turned by 45 degrees
 
-A sentence is objects joined by "and", commas or full stops; each is a name of the catalogue followed by phrases: `on THING`, or
-`[DISTANCE] RELATION THING`, or `turned by ANGLE degrees`. What it does not understand to the last word it refuses.
+A sentence is a list of objects joined by "and", commas or full stops. Each object is a name of the catalogue followed by phrases:
+`on THING`, `[DISTANCE] RELATION THING`, or `turned by ANGLE degrees`. A sentence with any other word is refused.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ _PRONOUNS = {"it", "that", "this"}
 
 
 def parse(sentence: str) -> Layout:
-    """The layout that a sentence describes.
+    """The layout of a sentence.
 
     Raises:
-        LayoutError: what it could not read, and what it can.
+        LayoutError: naming the part that is not understood, and the phrases that are.
     """
     text = " ".join(sentence.lower().split()).replace("one and a half", "1.5").replace("a half metre", "0.5 m")
     items: list[Item] = []
@@ -61,7 +61,7 @@ def parse(sentence: str) -> Layout:
             items[-1] = _with(items[-1], clause, phrases, items, len(items) - 1, sentence)  # "... and 1 m in front of the door"
             continue
         if not phrases:
-            raise _refusal(sentence, f"'{clause}' does not say where")
+            raise _refusal(sentence, f"'{clause}' gives no place")
         _check_subject(subject, sentence)
         if re.search(r"\d", _plain(subject)):
             raise _refusal(sentence, f"the number in '{subject}' has no unit, or no relation after it")
@@ -72,7 +72,7 @@ def parse(sentence: str) -> Layout:
 
 
 def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Item], index: int, sentence: str) -> Item:
-    """The item, the `index`-th, with the phrases of a clause; a pronoun is the object before it."""
+    """The item with index `index`, extended by the phrases of a clause; a pronoun means the object before it."""
     for phrase, following in zip(phrases, [*phrases[1:], None], strict=True):
         thing = clause[phrase.end() : following.start() if following else len(clause)].strip()
         if phrase["yaw"] is not None:
@@ -82,7 +82,7 @@ def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Ite
             continue
         anchor = re.sub(r"^(?:the|a|an)\s+", "", thing)
         if not anchor:
-            raise _refusal(sentence, f"'{phrase[0].strip()}' is followed by nothing")
+            raise _refusal(sentence, f"'{phrase[0].strip()}' is not followed by a name")
         if re.search(r"\d", _plain(anchor)) or re.search(r"\b(?:from|away|between|with|at|of|inside|in|against|above|over)\b", anchor):
             raise _refusal(sentence, f"'{anchor}' is not understood as the name of a thing")
         if anchor in _PRONOUNS:
@@ -90,7 +90,7 @@ def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Ite
         relation = _RELATIONS[phrase["relation"]]
         if relation == "on":
             if phrase["number"] is not None:
-                raise _refusal(sentence, f"'{phrase[0].strip()}' has a distance, which 'on' has not")
+                raise _refusal(sentence, f"'{phrase[0].strip()}' has a distance, but 'on' takes none")
             if item.on is not None:
                 raise _refusal(sentence, f"the {item.object} is on two things")
             item = replace(item, on=anchor)
@@ -100,9 +100,9 @@ def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Ite
 
 
 def _named(items: list[Item], index: int, pronoun: str, sentence: str) -> str:
-    """The name of the object a pronoun stands for, given to it if it has none."""
+    """The name of the object that a pronoun means; an object without a name gets one."""
     if index < 0:
-        raise _refusal(sentence, f"'{pronoun}' stands for nothing before it")
+        raise _refusal(sentence, f"'{pronoun}' refers to no object before it")
     if not items[index].name:
         items[index] = replace(items[index], name=items[index].object.replace(" ", "_"))
     return items[index].name
@@ -117,16 +117,16 @@ def _metres(phrase: re.Match[str]) -> float | None:
 
 
 def _plain(name: str) -> str:
-    """A name without numbers that are part of it: can_355_2, table 2."""
+    """The text without names that contain numbers: can_355_2, table 2."""
     return re.sub(r"\b[a-z]\w*_\w*|\b[a-z]+ \d+$", "", name)
 
 
 def _check_subject(subject: str, sentence: str) -> None:
     if re.match(r"(?:two|three|four|five|six|some|several|many|\d+)\b", subject):
-        raise _refusal(sentence, f"'{subject}' are several; name them one by one")
+        raise _refusal(sentence, f"'{subject}' means several objects; name them one by one")
     if re.search(r"\b(?:from|away|between|at|is|are|not|no|inside|in|against|above|over|that|which)\b", subject):
         raise _refusal(sentence, f"'{subject}' is not understood as the name of an object")
 
 
 def _refusal(sentence: str, problem: str) -> LayoutError:
-    return LayoutError(f"cannot read '{sentence}': {problem}; it can read {READS}. A layout file or a language model can say more")
+    return LayoutError(f"cannot read '{sentence}': {problem}; supported are {READS}. Use a layout file or a language model for more")

@@ -1,33 +1,34 @@
-"""What stands where in a room: a layout, and its file.
+"""A layout: the objects in a room and their places, and its file format.
 
 A layout file is YAML:
 
     objects:
       - object: mug                  # a name of the catalogue
-        name: my_mug                 # of its surfaces in the scene; the object's name, numbered if taken, unless given
-        position_m: [3.2, 0.4, 0.74] # of the middle of its base: x, y and height in the world
-        yaw_deg: 30                  # turned to the left about the vertical
+        name: my_mug                 # name of its surfaces in the scene; by default the object's name, with a number if it is taken
+        position_m: [3.2, 0.4, 0.74] # centre of its base: x, y and height in the world
+        yaw_deg: 30                  # rotation to the left about the vertical
       - object: can_355
-        on: table_left_top           # a surface of the scene, or an object placed before
-        position_m: [4.3, 1.2]       # x and y alone: the height is the surface's
+        on: table_left_top           # a surface of the scene, or an earlier object
+        position_m: [4.3, 1.2]       # x and y only: the height is that of the surface
       - object: mug
         on: table
-        relations:                   # where on it; anchors are surfaces, objects placed before, or the sensor
+        relations:                   # the place on it; anchors are surfaces, earlier objects, or the sensor
           - {relation: in front of, anchor: door, distance_m: 1.5}
       - object: corner_reflector
         position_m: [3.0, 0.0, 1.0]
-        held: true                   # by something that is not modelled: it may float
-      - object: meshes/bottle.obj    # a .glb, .ply or .obj beside the layout file, stood on its lowest point
-        material: hdpe               # of all of it: a name, or {layers: [[hdpe, 0.001]], backing: water}
-        unit: mm                     # of the mesh: m unless given, cm, mm or in
-        up: y                        # its upward axis: z unless given, or y
+        held: true                   # the support is not modelled, so the object may float
+      - object: meshes/bottle.obj    # a .glb, .ply or .obj; the path starts at the layout file; it stands on its lowest point
+        material: hdpe               # of the whole mesh: a name, or {layers: [[hdpe, 0.001]], backing: water}
+        unit: mm                     # of the mesh: m (default), cm, mm or in
+        up: y                        # its upward axis: z (default) or y
         on: table
 
-Relations, all in the plane of the floor. *In front of* a surface is out of its face into the room; of furniture, the side that looks into
-the room; of the sensor, along its boresight. *Behind* is the opposite. *Left* and *right* are those of a person who stands in front
-and looks at it; of the sensor, its own. *Beside* is left or right, whichever is free. *Under* is below its middle. A distance is from
-the anchor's face (of the sensor, from its origin) to the middle of the object, exactly; without one the object is close by. Sideways
-the object stays within the anchor's width. Without `on` it stands on what its anchor stands on if that is an object, else on the floor.
+Relations hold in the plane of the floor. *In front of* means out of the front of a surface into the room. The front of furniture is the
+side towards the middle of the room, and the front of the sensor is its boresight. *Behind* is the opposite. *Left* and *right* are those
+of a person who looks at the front; for the sensor, the sensor's own left and right. *Beside* is left or right, whichever is free. *Under*
+is below the anchor's middle. A distance runs from the anchor's front (for the sensor, from its origin) to the centre of the object;
+without a distance the object is close by. Sideways the object stays within the anchor's width. Without `on` the object stands on the
+support of its anchor if the anchor is an object, and on the floor otherwise.
 """
 
 from __future__ import annotations
@@ -42,11 +43,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from radartwin.errors import LayoutError, MissingError
 from radartwin.io import untrusted_yaml
+from radartwin.io.files import write_atomically
+from radartwin.scene.mesh_file import MESH_SUFFIXES
 
 if TYPE_CHECKING:
     import yaml
 
-MESHES = (".glb", ".ply", ".obj")  # an object with one of these suffixes is a file
 RELATIONS = ("in front of", "behind", "left of", "right of", "beside", "under")
 SENSOR_NAMES = ("sensor", "radar")
 
@@ -101,7 +103,7 @@ _MATERIAL = {
 
 
 def _file_schema() -> dict[str, Any]:
-    """What a file may hold: all that a language model may answer, and meshes."""
+    """The schema of a file: the schema for language models, extended by meshes."""
     schema = copy.deepcopy(SCHEMA)
     schema["properties"]["objects"]["items"]["properties"] |= {
         "material": {"anyOf": [{"type": ["string", "null"]}, _MATERIAL]},
@@ -113,7 +115,7 @@ def _file_schema() -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Relation:
-    """Where an object is, seen from an anchor; see the module's text."""
+    """The place of an object relative to an anchor, as defined at the top of this module."""
 
     relation: str
     anchor: str
@@ -122,11 +124,11 @@ class Relation:
 
 @dataclass(frozen=True)
 class Item:
-    """One object and where it goes: at a position, or on something, by relations.
+    """One object and its place: a position, a support, or relations to anchors.
 
     Attributes:
         object: a name of the catalogue, or the path of a mesh.
-        material, unit, up: of a mesh; the material a name or, as in a manifest, layers and backing.
+        material, unit, up: of a mesh; the material is a name or, as in a manifest, layers and backing.
     """
 
     object: str
@@ -142,12 +144,12 @@ class Item:
 
     @property
     def is_mesh(self) -> bool:
-        return self.object.lower().endswith(MESHES)
+        return self.object.lower().endswith(MESH_SUFFIXES)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Objects in the order in which they are placed: later ones may stand on, or beside, earlier ones."""
+    """Objects in the order of their placement; a later object may stand on or beside an earlier object."""
 
     items: tuple[Item, ...]
 
@@ -156,7 +158,7 @@ class Layout:
         """The layout of a parsed file or answer.
 
         Raises:
-            LayoutError: in one line, with the place in the document.
+            LayoutError: naming the place in the document, in one line.
         """
         check(value, source)
         items = tuple(_item(entry) for entry in value["objects"])
@@ -164,7 +166,7 @@ class Layout:
             where = f"{source}: objects[{index}] ({item.object})"
             at = item.position_m
             if at is None and item.on is None and not item.relations:
-                raise LayoutError(f"{where} is nowhere; give position_m, on, or relations")
+                raise LayoutError(f"{where} has no place; give position_m, on, or relations")
             if at is not None and item.relations:
                 raise LayoutError(f"{where} has both position_m and relations; give one of them")
             if at is not None and len(at) == 3 and item.on is not None:
@@ -172,13 +174,13 @@ class Layout:
             if item.held and (at is None or len(at) != 3):
                 raise LayoutError(f"{where} is held, so its height must be given: position_m: [x, y, z]")
             if item.is_mesh and item.material is None:
-                raise LayoutError(f"{where} is a mesh, which does not say what it is made of; give material: NAME")
+                raise LayoutError(f"{where} is a mesh, which has no material; give material: NAME")
             if not item.is_mesh and (item.material, item.unit, item.up) != (None, "m", "z"):
-                raise LayoutError(f"{where} is of the catalogue, which knows its material, unit and up; leave them out")
+                raise LayoutError(f"{where} is of the catalogue, which defines its material, unit and up; leave them out")
         return cls(items)
 
     def to_dict(self) -> dict[str, Any]:
-        """The inverse of `from_dict`, without what is as usual."""
+        """The inverse of `from_dict`, without fields that have their default value."""
         out = []
         for item in self.items:
             entry: dict[str, Any] = {"object": item.object}
@@ -196,13 +198,13 @@ class Layout:
                 entry["held"] = True
             if item.material is not None:
                 entry["material"] = item.material if isinstance(item.material, str) else dict(item.material)
-            entry |= {key: value for key, value, usual in (("unit", item.unit, "m"), ("up", item.up, "z")) if value != usual}
+            entry |= {key: value for key, value, default in (("unit", item.unit, "m"), ("up", item.up, "z")) if value != default}
             out.append(entry)
         return {"objects": out}
 
     @classmethod
     def load(cls, path: str | Path) -> Layout:
-        """Read a layout file; paths of meshes are those from its folder.
+        """Read a layout file; paths of meshes are relative to its folder.
 
         Raises:
             MissingError: no such file.
@@ -221,10 +223,8 @@ class Layout:
         return cls(tuple(replace(item, object=str(path.parent / item.object)) if item.is_mesh else item for item in layout.items))
 
     def save(self, path: str | Path) -> Path:
-        """Write a layout file, atomically; paths of meshes become those from its folder."""
+        """Write a layout file atomically; paths of meshes become relative to its folder."""
         import yaml
-
-        from radartwin.io.files import write_atomically
 
         folder = Path(path).resolve().parent
         items = (
@@ -234,7 +234,7 @@ class Layout:
 
 
 def _loader() -> type[yaml.SafeLoader]:
-    """YAML's safe types, but `on` is a word: only true and false are truth values."""
+    """A loader of YAML's safe types in which `on` is a word: only true and false are booleans."""
     import yaml
 
     class Loader(untrusted_yaml.loader()):
@@ -248,10 +248,10 @@ def _loader() -> type[yaml.SafeLoader]:
 
 
 def check(value: Any, source: str) -> None:
-    """Refuse what is no layout document.
+    """Refuse a document that does not fit the schema.
 
     Raises:
-        LayoutError: the first thing wrong, with its place.
+        LayoutError: the most relevant violation, with its place.
     """
     from jsonschema import Draft202012Validator
     from jsonschema.exceptions import best_match

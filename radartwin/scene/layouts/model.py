@@ -1,7 +1,7 @@
-"""Sentences to layouts by a language model, for what the grammar of `layout_sentence` cannot read.
+"""Sentences to layouts by a language model, for sentences that `grammar` cannot read.
 
-The model sees the sentence, the names of the catalogue and of the scene's surfaces, and answers in the layout's JSON schema. An answer
-that is no layout, or names what is not there, goes back with the reason; placing is not the model's: `layout_place` does it.
+The model gets the sentence, the names of the catalogue and of the scene's surfaces, and answers in the layout's JSON schema. An answer
+that is no layout, or has an unknown name, is returned to the model with the reason. `place` computes the positions, not the model.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from radartwin.scene.layouts.layout import RELATIONS, SCHEMA, SENSOR_NAMES, Layo
 from radartwin.scene.layouts.stock import names as stock_names
 from radartwin.scene.scene import Scene
 
-ANSWERS = 3  # that are asked for before the sentence is given up
-_MOST_NAMES = 300  # of surfaces in the question; the largest
+ANSWERS = 3  # attempts per sentence
+_MAX_NAMES = 300  # names of surfaces in the question, the largest surfaces first
 
 
 def read_sentence(
@@ -31,13 +31,13 @@ def read_sentence(
     endpoint: Endpoint | None = None,
     objects: Sequence[str] | None = None,
 ) -> Layout:
-    """The layout of a sentence: by the grammar if it can read it, else by the model if there is one.
+    """The layout of a sentence: by the grammar, or else by the language model if `endpoint` is given.
 
     Args:
-        objects: names that can be placed; the catalogue's unless given.
+        objects: names that can be placed; by default those of the catalogue.
     Raises:
-        LayoutError: neither can read it.
-        BackendError: the model's server is not there, or its answers cannot be used.
+        LayoutError: the grammar cannot read the sentence and there is no model.
+        BackendError: the model's server does not respond, or no answer is usable.
     """
     try:
         return grammar.parse(sentence)
@@ -48,10 +48,10 @@ def read_sentence(
 
 
 def ask(sentence: str, scene: Scene, endpoint: Endpoint, sensor_pose: np.ndarray | None, objects: Sequence[str]) -> Layout:
-    """The layout that the model reads in a sentence.
+    """The layout of a sentence by the language model.
 
     Raises:
-        BackendError: no server, or no usable answer in ANSWERS tries.
+        BackendError: no server, or no usable answer in ANSWERS attempts.
     """
     messages = [{"role": "system", "content": _task(scene, objects)}, {"role": "user", "content": sentence}]
     problem = ""
@@ -73,7 +73,7 @@ def ask(sentence: str, scene: Scene, endpoint: Endpoint, sensor_pose: np.ndarray
 
 
 def _task(scene: Scene, objects: Sequence[str]) -> str:
-    largest = sorted((s for s in scene if s.name), key=lambda s: -float(s.mesh.area))[:_MOST_NAMES]
+    largest = sorted((s for s in scene if s.name), key=lambda s: -float(s.mesh.area))[:_MAX_NAMES]
     return (
         "Turn the user's sentence into a layout: which objects go where in a room. Answer with JSON alone, in this schema:\n"
         f"{json.dumps(SCHEMA)}\n"
@@ -86,7 +86,7 @@ def _task(scene: Scene, objects: Sequence[str]) -> str:
 
 
 def _parsed(text: str) -> object:
-    """The JSON of an answer, which small models like to wrap in a code block."""
+    """The JSON object in an answer; small models often wrap it in a code block."""
     start, end = text.find("{"), text.rfind("}")
     try:
         return untrusted_json.load(text[start : end + 1])
@@ -95,7 +95,7 @@ def _parsed(text: str) -> object:
 
 
 def _check_names(layout: Layout, scene: Scene, sensor_pose: np.ndarray | None, objects: Sequence[str]) -> None:
-    """Refuse objects that cannot be made and anchors that are not there."""
+    """Refuse unknown objects and anchors."""
     placed: set[str] = set()
     for item in layout.items:
         if item.object not in objects:

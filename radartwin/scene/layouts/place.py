@@ -1,4 +1,4 @@
-"""Objects of a layout put into a scene, or refused with the reason and a number."""
+"""Placement of a layout's objects in a scene. A placement that is not possible is refused with the reason and a number."""
 
 from __future__ import annotations
 
@@ -19,50 +19,50 @@ from radartwin.scene.layouts.stock import from_file, stock
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
-FLOATING_M = 0.02  # higher above what is below, an object floats
-COVER_M = 0.03  # what lies this flat on a support, such as a rug, is stood on
-GAP_M = 0.005  # an object stands this high: faces in contact shadow each other at the tracer's ray offset, up to 1 mm at 10 m
-BASE_M = 0.005  # of an object's height that counts as its base
-TILT_DEG = (0.5, 15.0)  # below the first a support is level; above the second things slide: wood on wood holds to about 15 degrees
-TILT_RADIUS_M = 0.15  # around an object, over which its support's slope is taken
-STANDS_SHARE = 0.5  # of a base that must be carried
-FINE_FACES = 5000
-_TRIES = 200  # spots that are tried for a free one
+FLOATING_M = 0.02  # a larger height above the support means that the object floats
+COVER_M = 0.03  # objects stand on flat covers up to this height, such as a rug
+GAP_M = 0.005  # between an object and its support: faces in contact shadow each other at the tracer's ray offset, up to 1 mm at 10 m
+BASE_M = 0.005  # height of the part of an object that counts as its base
+TILT_DEG = (0.5, 15.0)  # up to the first a support is level; above the second objects slide (wood on wood slides at about 15 degrees)
+TILT_RADIUS_M = 0.15  # of the region around an object in which the slope of its support is measured
+STANDS_SHARE = 0.5  # least share of a base on its support
+FINE_FACES = 5000  # a mesh with more faces makes an overlap test slow
+_MAX_TRIES = 200  # positions tested for being free
 
 Stock = Callable[[str], Sequence[Surface]]
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """An object of the catalogue in its own frame: z up, turned by its yaw about the vertical through its origin."""
+    """An object in its own frame (z up), rotated by its yaw about the vertical through its origin."""
 
     surfaces: tuple[Surface, ...]
     mesh: trimesh.Trimesh
     base: np.ndarray  # (N, 3), the lowest vertices
-    low: np.ndarray  # (N, 3) all over the lowest COVER_M of its faces
-    radius_m: float  # of the base about the origin
+    low: np.ndarray  # (N, 3), samples of its faces within COVER_M of the lowest point
+    radius_m: float  # of the base around the origin
 
     @classmethod
     def of(cls, surfaces: Sequence[Surface], yaw_deg: float) -> Body:
-        turn = np.array(trimesh.transformations.rotation_matrix(np.radians(yaw_deg), [0, 0, 1]))
-        turned = tuple(s.moved(turn) for s in surfaces)
-        mesh = trimesh.util.concatenate([trimesh.Trimesh(s.mesh.vertices, s.mesh.faces, process=False) for s in turned])
+        yaw = np.array(trimesh.transformations.rotation_matrix(np.radians(yaw_deg), [0, 0, 1]))
+        rotated = tuple(s.moved(yaw) for s in surfaces)
+        mesh = trimesh.util.concatenate([trimesh.Trimesh(s.mesh.vertices, s.mesh.faces, process=False) for s in rotated])
         vertices = np.asarray(mesh.vertices)  # type: ignore[union-attr]
         bottom = vertices[:, 2].min()
         base = vertices[vertices[:, 2] < bottom + BASE_M]
-        return cls(turned, mesh, base, _low(mesh, bottom + COVER_M), float(np.linalg.norm(base[:, :2], axis=1).max()))  # type: ignore[arg-type]
+        return cls(rotated, mesh, base, _samples_below(mesh, bottom + COVER_M), float(np.linalg.norm(base[:, :2], axis=1).max()))  # type: ignore[arg-type]
 
 
 def furnish(scene: Scene, layout: Layout, sensor_pose: np.ndarray | None = None, make: Stock = stock) -> Scene:
-    """The scene with a layout's objects in it.
+    """The scene with the objects of a layout.
 
     Args:
         sensor_pose: (4, 4), for relations to the sensor.
-        make: surfaces of an object by name, in the object's frame (z up, +x its front); the catalogue's unless given.
+        make: function from a name to the object's surfaces in its own frame (z up, front towards +x); by default the catalogue.
     Returns:
-        A new scene; the objects' surfaces are the last, with provenance["layout"] saying where they stand.
+        A new scene that ends with the objects' surfaces; their provenance["layout"] describes their place.
     Raises:
-        LayoutError: an unknown or ambiguous name, an object that overlaps something, floats, or is outside the room.
+        LayoutError: an unknown or ambiguous name, or an object that overlaps a surface, floats, or is outside the room.
     """
     for item in layout.items:
         scene = scene + Scene(_placed(item, scene, sensor_pose, make))
@@ -76,8 +76,8 @@ def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stoc
         at, below = _at_height(item, body, scene, name)
         _check(body, at, scene, name)
     elif item.position_m is not None:
-        anchor = [_support(item.on, scene, sensor_pose)] if item.on is not None else [floor(scene)]
-        at, below = _standing(body, np.array(item.position_m), anchor[0], scene, name), anchor[0].name
+        support = floor(scene) if item.on is None else _support(item.on, scene, sensor_pose)
+        at, below = _standing(body, np.array(item.position_m), support, scene, name), support.name
         _check(body, at, scene, name)
     else:
         at, below = _related(item, body, scene, sensor_pose, name)
@@ -87,7 +87,7 @@ def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stoc
 
 
 def _free_name(item: Item, scene: Scene) -> str:
-    """The item's name, or its object's, numbered where the scene has it."""
+    """The item's name, or its object's name with a number if the scene has that name."""
     taken = set(scene.names)
     if item.name:
         if item.name in taken:
@@ -98,17 +98,17 @@ def _free_name(item: Item, scene: Scene) -> str:
 
 
 def _support(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> Surface:
-    """The one support a text means."""
-    found = supports(find(text, scene, sensor_pose))
-    if not found:
-        raise LayoutError(f"nothing can stand on '{text}': it has no level side")
-    if len(found) > 1:
-        raise LayoutError(f"'{text}' may be {' or '.join(s.name for _, s in found)}; name one of them")
-    return found[0][1]
+    """The support that a text means."""
+    candidates = supports(find(text, scene, sensor_pose))
+    if not candidates:
+        raise LayoutError(f"nothing can stand on '{text}': it has no level side; choose another support")
+    if len(candidates) > 1:
+        raise LayoutError(f"'{text}' may be {' or '.join(s.name for _, s in candidates)}; name one of them")
+    return candidates[0][1]
 
 
 def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndarray, str]:
-    """The pose of an object whose height is given, on what is below it."""
+    """The pose of an object with a given height, and the name of its support; an empty name for a held object."""
     assert item.position_m is not None
     x, y, z = item.position_m
     lift = pose([x, y, z - body.base[:, 2].min()])
@@ -118,9 +118,9 @@ def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndar
     tops = [float(top_below(s.mesh, body.base[:, :2] + [x, y], z + GAP_M).max()) for s in scene]
     top, below = max(tops), scene.surfaces[int(np.argmax(tops))]
     if not np.isfinite(top):
-        raise LayoutError(f"'{name}' at ({x:g}, {y:g}, {z:g}) m has nothing below it; move it over the floor, or say held: true")
+        raise LayoutError(f"'{name}' at ({x:g}, {y:g}, {z:g}) m has nothing below it; move it over the floor, or set held: true")
     if z - top > FLOATING_M:
-        remedy = f"put it at z = {top:.3f}, or say held: true if something that is not modelled carries it"
+        remedy = f"put it at z = {top:.3f}, or set held: true if its support is not modelled"
         raise LayoutError(f"'{name}' floats {z - top:.3f} m above {below.name}; {remedy}")
     standing = _standing(body, np.array([x, y]), below, scene, name, top + GAP_M)
     upright = np.allclose(standing[:3, :3], np.eye(3))
@@ -128,7 +128,7 @@ def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndar
 
 
 def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: str, limit_m: float = np.inf) -> np.ndarray:
-    """The pose of an object standing on a support at (x, y): upright, or along the slope of a tilted support; on a rug that covers it."""
+    """The pose of an object on a support at (x, y): upright or along the slope of a tilted support, on top of flat covers."""
     heights = top_below(support.mesh, body.base[:, :2] + at, limit_m)
     carried = heights > heights.max(initial=-np.inf) - FLOATING_M
     tilt = _tilt(support, at, limit_m)
@@ -150,8 +150,8 @@ def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: 
     return out
 
 
-def _low(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
-    """Points (N, 3) of a mesh below a height, at most a centimetre apart on faces that have them."""
+def _samples_below(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
+    """Points (N, 3) of a mesh below a height, at most a centimetre apart on large faces."""
     triangles = np.asarray(mesh.triangles)[np.asarray(mesh.triangles)[:, :, 2].min(axis=1) < limit_m]
     points = [triangles.reshape(-1, 3)]
     for triangle in triangles[np.ptp(triangles, axis=1).max(axis=1) > 0.01]:
@@ -164,7 +164,7 @@ def _low(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
 
 
 def _tilt(support: Surface, at: np.ndarray, limit_m: float) -> np.ndarray | None:
-    """The rotation (3, 3) that lays the vertical along a support's normal around a point; None where it is level."""
+    """The rotation (3, 3) from the vertical to the support's normal around a point; None for a level support."""
     turn = 2 * np.pi * np.arange(24) / 24
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     points = at + np.vstack([r * ring for r in (0.33 * TILT_RADIUS_M, 0.66 * TILT_RADIUS_M, TILT_RADIUS_M)])
@@ -178,46 +178,48 @@ def _tilt(support: Surface, at: np.ndarray, limit_m: float) -> np.ndarray | None
     residual = float(np.std(z[known] - columns @ plane))
     slope_x, slope_y = plane[:2]
     angle = np.degrees(np.arctan(np.hypot(slope_x, slope_y)))
-    if angle < TILT_DEG[0] or residual > 0.01:  # level, or stepped: the object stands on the highest
+    if angle < TILT_DEG[0] or residual > 0.01:  # level, or stepped: the object stands upright on the highest step
         return None
     if angle > TILT_DEG[1]:
-        raise LayoutError(f"{support.name} is tilted by {angle:.1f} degrees there; things slide off above {TILT_DEG[1]:g}")
+        raise LayoutError(
+            f"{support.name} is tilted by {angle:.1f} degrees there, and objects slide at {TILT_DEG[1]:g}; choose another place"
+        )
     up = np.array([-slope_x, -slope_y, 1.0]) / np.sqrt(1 + slope_x**2 + slope_y**2)
     axis = np.cross([0, 0, 1], up)
     return np.array(trimesh.transformations.rotation_matrix(np.radians(angle), axis))[:3, :3]
 
 
 def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | None, name: str) -> tuple[np.ndarray, str]:
-    """The pose of an object that is placed by what it is on and by its relations: the best spot that is free."""
+    """The best free pose of an object with a support or relations, and the name of its support."""
     choices = [[(relation, a) for a in find(relation.anchor, scene, sensor_pose)] for relation in item.relations]
     on = None if item.on is None else supports(find(item.on, scene, sensor_pose))
     if on is not None and not on:
-        raise LayoutError(f"nothing can stand on '{item.on}': it has no level side")
+        raise LayoutError(f"nothing can stand on '{item.on}': it has no level side; choose another support")
     possible: list[tuple[Surface, tuple[tuple[Relation, Anchor], ...], np.ndarray]] = []
     for related in itertools.product(*choices):
         for surface in [s for _, s in on] if on is not None else [_carrier(related, scene)]:
-            found = spots(surface, body.radius_m, related)
-            if len(found):
-                possible.append((surface, related, found))
+            positions = spots(surface, body.radius_m, related)
+            if len(positions):
+                possible.append((surface, related, positions))
     sentence = _sentence(item)
     if not possible:
-        raise LayoutError(f"there is no place for the {sentence}; {_seen(choices, on)}")
+        raise LayoutError(f"there is no place for the {sentence}; {_described(choices, on)}")
     if len(possible) > 1:
         raise LayoutError(f"the {sentence} may be {' or '.join(_choice(s, r) for s, r, _ in possible)}; name one of them")
-    surface, _, found = possible[0]
+    surface, _, positions = possible[0]
     reason: LayoutError | None = None
-    for spot in _fine_last(found[_spread(len(found))], body, scene):
+    for position in _fine_last(positions[_spread(len(positions))], body, scene):
         try:
-            at = _standing(body, spot, surface, scene, name)
+            at = _standing(body, position, surface, scene, name)
             _check(body, at, scene, name)
             return at, surface.name
         except LayoutError as error:
             reason = reason or error
-    raise LayoutError(f"there is no free place for the {sentence}: at the best one, {reason}")
+    raise LayoutError(f"there is no free place for the {sentence}: at the best place, {reason}")
 
 
 def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surface:
-    """What carries an object without `on`: what carries its first anchor, if that is an object on something; else the floor."""
+    """The support of an object without `on`: that of its first anchor if the anchor is an object on a support, else the floor."""
     ground = floor(scene)
     if not related or related[0][1].is_sensor or related[0][0].relation == "under":
         return ground
@@ -233,7 +235,7 @@ def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surfac
 
 
 def _check(body: Body, at: np.ndarray, scene: Scene, name: str) -> None:
-    """Refuse an object outside the room, or where something is already."""
+    """Refuse an object outside the room or overlapping a surface."""
     mesh = body.mesh.copy().apply_transform(at)
     _check_inside(mesh, scene, name)
     depths = [(overlap_m(mesh, s.mesh), s.name) for s in scene]
@@ -253,12 +255,12 @@ def _check_inside(mesh: trimesh.Trimesh, scene: Scene, name: str) -> None:
 
 
 def _spread(count: int) -> np.ndarray:
-    """Which of many spots to try: the best first, then further and further apart."""
-    return np.unique(np.round(np.geomspace(1, count, min(count, _TRIES))).astype(int)) - 1
+    """Indices of the positions to try: the best first, then at growing steps."""
+    return np.unique(np.round(np.geomspace(1, count, min(count, _MAX_TRIES))).astype(int)) - 1
 
 
 def _fine_last(places: np.ndarray, body: Body, scene: Scene) -> np.ndarray:
-    """Spots (N, 2) in their order, those last where the object may be in a finely meshed one, which takes a second each to find out."""
+    """Positions (N, 2) in their order, except that those within the box of a finely meshed object come last: testing them is slow."""
     low, high = body.mesh.bounds[:, :2]
     near = np.zeros(len(places), dtype=bool)
     for s in scene:
@@ -282,10 +284,10 @@ def _extent(support: Surface) -> str:
     return f"lies at x {x0:.2f} to {x1:.2f}, y {y0:.2f} to {y1:.2f} m"
 
 
-def _seen(choices: Sequence[Sequence[tuple[Relation, Anchor]]], on: Sequence[tuple[Anchor, Surface]] | None) -> str:
-    """Where the things named in a sentence are, for a message."""
-    things = [f"{s.name} {_extent(s)}" for _, s in on or ()]
+def _described(choices: Sequence[Sequence[tuple[Relation, Anchor]]], on: Sequence[tuple[Anchor, Surface]] | None) -> str:
+    """The positions of the anchors and supports of a sentence, for a message."""
+    places = [f"{s.name} {_extent(s)}" for _, s in on or ()]
     for _, anchor in itertools.chain(*choices):
         x, y = (anchor.points.min(axis=0) + anchor.points.max(axis=0)) / 2
-        things.append(f"{anchor.name} is at ({x:.2f}, {y:.2f}) and faces ({anchor.front[0]:.2f}, {anchor.front[1]:.2f})")
-    return "; ".join(things)
+        places.append(f"{anchor.name} is at ({x:.2f}, {y:.2f}) and faces ({anchor.front[0]:.2f}, {anchor.front[1]:.2f})")
+    return "; ".join(places)

@@ -1,4 +1,4 @@
-"""Where on a support an object can stand so that its relations hold: candidate spots in the plane, best first."""
+"""Candidate positions of an object on a support that satisfy its relations, the best first."""
 
 from __future__ import annotations
 
@@ -11,34 +11,35 @@ from radartwin.scene.layouts.anchor import Anchor
 from radartwin.scene.layouts.layout import Relation
 from radartwin.scene.scene import Surface
 
-STEP_M = 0.02  # of the grid of candidates, on supports up to 3 m; coarser on larger ones
-CLEAR_M = 0.05  # from an anchor without a distance
-_STEPS = 150
-
-ASIDE_M = 0.3  # how far before or behind an anchor something may stand to its left or right
+STEP_M = 0.02  # grid step of the candidates on supports up to 3 m; coarser on larger supports
+_MAX_STEPS = 150  # along one side of the grid
+CLEAR_M = 0.05  # gap to an anchor if no distance is given
+ASIDE_M = 0.3  # tolerance to the front and back for an object to the left or right of an anchor
 
 Side = tuple[Anchor, np.ndarray, np.ndarray, float | None]  # anchor, direction, across, distance
 
 
 def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation, Anchor]]) -> np.ndarray:
-    """Spots (N, 2) of an object's middle on a support, best first: near the axis of its anchors, else near the support's middle.
+    """Positions (N, 2) of an object's axis on a support, the best first.
+
+    The best position is nearest to the axis of the anchors or, without relations, to the middle of the support.
 
     Args:
-        radius_m: of the object's base; all of it stands on the support.
-        relations: with their anchors; "beside" holds on either side.
+        radius_m: of the object's base, which must lie within the support.
+        relations: with their anchors; "beside" allows both sides.
     """
     low, high = support.mesh.bounds[:, :2]
-    step = max(STEP_M, float((high - low).max()) / _STEPS)
+    step = max(STEP_M, float((high - low).max()) / _MAX_STEPS)
     axes = [np.unique(np.append(np.arange(low[k], high[k], step), (low[k] + high[k]) / 2)) for k in range(2)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    found, costs = [], []
+    candidates, costs = [], []
     for sides in _variants(relations):
         points, cost = _related(grid, sides, radius_m)
         if not relations:
             cost = np.linalg.norm(points - (low + high) / 2, axis=1)
-        found.append(points)
+        candidates.append(points)
         costs.append(cost)
-    points, cost = np.vstack(found), np.concatenate(costs)
+    points, cost = np.vstack(candidates), np.concatenate(costs)
     order = np.argsort(cost.round(6), kind="stable")
     points = points[order]
     _, first = np.unique(points.round(3), axis=0, return_index=True)
@@ -51,7 +52,7 @@ def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation,
 
 
 def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | Anchor]]:
-    """The relations as directions, one list for every choice of left or right; "under" stays its anchor."""
+    """The relations as directions, one list per choice of left or right; "under" is represented by its anchor."""
     out: list[list[Side | Anchor]] = [[]]
     for relation, anchor in relations:
         front, left, distance = anchor.front, anchor.left, relation.distance_m
@@ -68,41 +69,41 @@ def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | 
 
 
 def _related(grid: np.ndarray, sides: Sequence[Side | Anchor], radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Grid points moved to where the given distances hold, those that fulfil all relations, and how far from ideal they are."""
+    """Grid points shifted to the given distances, those that satisfy all relations, with their costs."""
     exact = [(side, side[3]) for side in sides if isinstance(side, tuple) and side[3] is not None]
     points = grid
     if exact:
         normals = np.array([direction for (_, direction, _, _), _ in exact])
-        wanted = np.array([_face(anchor, direction) + distance for (anchor, direction, _, _), distance in exact])
-        points = grid + (wanted - grid @ normals.T) @ np.linalg.pinv(normals).T
-        points = points[(np.abs(points @ normals.T - wanted) < 1e-6).all(axis=1)]  # more distances than directions may contradict
+        offsets = np.array([_end(anchor, direction) + distance for (anchor, direction, _, _), distance in exact])
+        points = grid + (offsets - grid @ normals.T) @ np.linalg.pinv(normals).T
+        points = points[(np.abs(points @ normals.T - offsets) < 1e-6).all(axis=1)]  # several distances may contradict each other
     cost = np.zeros(len(points))
     for side in sides:
         if isinstance(side, Anchor):
             low, high = side.points.min(axis=0), side.points.max(axis=0)
-            kept = ((points > low) & (points < high)).all(axis=1)
+            valid = ((points > low) & (points < high)).all(axis=1)
             cost = cost + np.linalg.norm(points - (low + high) / 2, axis=1)
         else:
-            kept, more = _beyond(points, side, radius_m)
+            valid, more = _beyond(points, side, radius_m)
             cost = cost + more
-        points, cost = points[kept], cost[kept]
+        points, cost = points[valid], cost[valid]
     return points, cost
 
 
 def _beyond(points: np.ndarray, side: Side, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which points are beyond an anchor's face and within its width, and how far they are from its axis and from touching it."""
+    """Whether points are beyond an anchor's end and within its width, and their cost: distance from its axis plus gap to the anchor."""
     anchor, direction, across, distance = side
-    along = points @ direction - _face(anchor, direction)
+    along = points @ direction - _end(anchor, direction)
     sideways = anchor.points @ across
     lateral = np.abs(points @ across - (sideways.min() + sideways.max()) / 2)
     width = (0.5 * np.abs(along) if anchor.is_sensor else np.ptp(sideways) / 2) + 1e-6
     close = radius_m + CLEAR_M
-    if abs(direction @ anchor.front) < 0.5:  # beside it
+    if abs(direction @ anchor.front) < 0.5:  # left or right of the anchor
         width = width + radius_m + ASIDE_M
-    kept = (lateral <= np.maximum(width, radius_m)) & (along > -1e-9 if distance is not None else along >= close - 1e-9)
-    return kept, lateral + (0 if distance is not None else along - close)
+    valid = (lateral <= np.maximum(width, radius_m)) & (along > -1e-9 if distance is not None else along >= close - 1e-9)
+    return valid, lateral + (0 if distance is not None else along - close)
 
 
-def _face(anchor: Anchor, direction: np.ndarray) -> float:
-    """Where the anchor ends along a direction."""
+def _end(anchor: Anchor, direction: np.ndarray) -> float:
+    """Coordinate of the anchor's end along a direction."""
     return float((anchor.points @ direction).max())

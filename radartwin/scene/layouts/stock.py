@@ -1,4 +1,4 @@
-"""The objects a layout can name: the catalogue, the canonical targets, and meshes from files."""
+"""The objects of layouts: the catalogue, two canonical shapes, and meshes from files."""
 
 from __future__ import annotations
 
@@ -9,55 +9,54 @@ from radartwin.errors import LayoutError
 from radartwin.scene import objects
 from radartwin.scene.layouts.anchor import words
 from radartwin.scene.layouts.layout import Item
-from radartwin.scene.scene import Surface
+from radartwin.scene.storage import material_from_json
+from radartwin.scene.surface import Surface
 
-TARGETS = {"plate": lambda: objects.plate(0.1, 0.1), "sphere": lambda: objects.sphere(0.05)}
+CANONICAL = {"plate": lambda: objects.plate(0.1, 0.1), "sphere": lambda: objects.sphere(0.05)}
 
 
 def names() -> list[str]:
-    """What `stock` makes."""
-    return [*objects.catalogue(), *TARGETS]
+    """The names of all objects that `stock` can build."""
+    return [*objects.catalogue(), *CANONICAL]
 
 
-def known(name: str) -> str:
-    """The identifier that a name stands for: itself, what the catalogue labels so, or the only one with all its words.
+def identifier(name: str) -> str:
+    """The identifier of a name: an identifier, a label of the catalogue, or words that occur in one identifier or label only.
 
-    >>> known("the Corner reflector")
+    >>> identifier("the Corner reflector")
     'corner_reflector'
 
     Raises:
-        LayoutError: none, or several, with those there are.
+        LayoutError: no such object, or several; the message lists the names.
     """
-    asked = words(name)
-    said = {n: [words(n)] for n in names()} | {n: [words(n), words(e.label)] for n, e in objects.catalogue().items()}
-    same = [n for n, ways in said.items() if asked in ways]
-    matching = same or [n for n, ways in said.items() if asked and any(set(asked) <= set(way) for way in ways)]
+    wanted = words(name)
+    spellings = {n: [words(n)] for n in names()} | {n: [words(n), words(e.label)] for n, e in objects.catalogue().items()}
+    same = [n for n, known in spellings.items() if wanted in known]
+    matching = same or [n for n, known in spellings.items() if wanted and any(set(wanted) <= set(spelling) for spelling in known)]
     if len(matching) == 1:
         return matching[0]
     if matching:
         raise LayoutError(f"'{name}' may be {', '.join(matching)}; name one of them")
-    near = difflib.get_close_matches("_".join(asked), said, 2)
+    near = difflib.get_close_matches("_".join(wanted), spellings, 2)
     hint = f"did you mean {' or '.join(near)}? " if near else ""
-    raise LayoutError(f"no object is called '{name}'; {hint}there are {', '.join(said)}")
+    raise LayoutError(f"no object is called '{name}'; {hint}choose from {', '.join(spellings)}")
 
 
 def stock(name: str) -> Sequence[Surface]:
-    """Surfaces of an object in its own frame: z up, the origin on its axis, +x its front.
+    """Surfaces of an object in its own frame: z up, origin on its axis, front towards +x.
 
     Raises:
         LayoutError: an unknown name.
     """
-    name = known(name)
-    return [Surface(TARGETS[name](), "metal", name, role="object")] if name in TARGETS else objects.make(name)
+    name = identifier(name)
+    return [Surface(CANONICAL[name](), "metal", name, role="object")] if name in CANONICAL else objects.make(name)
 
 
 def from_file(item: Item) -> Sequence[Surface]:
-    """Surfaces of a layout's mesh in its own frame, as those of `stock`.
+    """Surfaces of a mesh file in the frame of `stock`.
 
     Raises:
-        MissingError, MeshError: no such file, unreadable, or of a size that no object has in the unit given.
-        MaterialError, SceneError: its material.
+        MissingError, MeshError: no such file, unreadable, or of an implausible size in the given unit.
+        MaterialError, SceneError: an invalid material.
     """
-    from radartwin.scene.storage import material_from_json
-
     return objects.from_mesh(item.object, material_from_json(item.material), unit=item.unit, up=item.up)

@@ -108,9 +108,7 @@ def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) ->
     times = max(moving, key=lambda link: len(link.times_s)).times_s
     times = times[(times >= max(m.times_s[0] for m in moving)) & (times <= min(m.times_s[-1] for m in moving))]
     if len(times) < 2:
-        raise PoseError(
-            f"{source}: the transforms between {child} and {at} share less than two times; choose another frame: {listed}"
-        )
+        raise PoseError(f"{source}: the transforms between {child} and {at} share less than two times; choose another frame: {listed}")
     poses = np.eye(4)
     for link in reversed(links):
         poses = poses @ (link.at(times) if isinstance(link, Track) else link)

@@ -51,9 +51,7 @@ class Track:
             raise PoseError(f"{self.source} spans {extent:.4g} m, over the limit of {MAX_EXTENT_M:.0f} m; {hint}")
         speed = float((np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1) / steps).max())
         if speed > MAX_SPEED_MPS:
-            raise PoseError(
-                f"{self.source} moves at {speed:.4g} m/s; are units millimetres or milliseconds? Convert to metres and seconds"
-            )
+            raise PoseError(f"{self.source} moves at {speed:.4g} m/s; are units millimetres or milliseconds? Convert to metres and seconds")
         object.__setattr__(self, "times_s", times)
         object.__setattr__(self, "poses", poses)
 
