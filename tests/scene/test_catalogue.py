@@ -1,4 +1,4 @@
-"""The twelve objects: their classes, sizes and contents; closed smooth meshes; meshes from files beside them."""
+"""The twelve objects: classes, sizes, contents and meshes; objects from mesh files."""
 
 import warnings
 from pathlib import Path
@@ -11,6 +11,7 @@ import trimesh
 from radartwin.errors import MeshError, MissingError, SceneError
 from radartwin.materials import Layered
 from radartwin.scene import objects
+from radartwin.scene.checks import welded
 from radartwin.scene.mesh_file import TextureWarning
 from radartwin.scene.objects import vessels
 from radartwin.simulation import geometry
@@ -21,17 +22,11 @@ NAMES = list(objects.catalogue())
 
 
 def visual(mesh: Any) -> Any:
-    """A mesh's texture or colours; trimesh declares neither."""
+    """The texture or colours of a mesh; trimesh declares no type for them."""
     return mesh.visual
 
 
-def welded(mesh):
-    out = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    out.merge_vertices(merge_tex=True, merge_norm=True)
-    return out
-
-
-def test_classes_give_the_majorities_of_the_study():
+def test_classes_have_the_counts_of_the_study():
     twelve, eleven = objects.catalogue(), objects.rover_set()
     assert (len(twelve), sum(e.symmetric for e in twelve.values())) == (12, 7)
     assert (len(eleven), sum(e.symmetric for e in eleven.values())) == (11, 6)
@@ -40,7 +35,7 @@ def test_classes_give_the_majorities_of_the_study():
     assert dropped in {e.name for e in cans}
     assert len(cans) == 6
     assert len({round(e.size_m[2], 4) for e in cans}) == 6  # they differ in height
-    assert np.ptp([e.size_m[0] for e in cans]) < 0.003  # and in little else
+    assert np.ptp([e.size_m[0] for e in cans]) < 0.003  # and hardly in diameter
     assert [e.material_class for e in twelve.values()].count("metal") == 7
     assert {e.name for e in twelve.values() if e.shape == "asymmetric"} == {"olive_oil", "mouthwash", "mustard", "dressing"}
     assert {e.contents for e in twelve.values() if e.contents} == {"oil", "mouthwash", "mustard", "dressing"}
@@ -48,7 +43,7 @@ def test_classes_give_the_majorities_of_the_study():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_objects_have_the_size_they_say_and_stand_on_their_axis(name):
+def test_objects_have_their_stated_size_and_stand_on_their_axis(name):
     entry = objects.entry(name)
     surfaces = entry.surfaces()
     low = np.min([s.mesh.bounds[0] for s in surfaces], axis=0)
@@ -72,18 +67,18 @@ def test_objects_are_closed_outward_and_smooth(name):
         assert solid.is_winding_consistent
         assert solid.volume > 0
         built = geometry.build([surface.mesh])
-        # Vertex normals of the mesh are those the tracer finds: smooth but for edges of 30 degrees and more.
+        # The tracer computes the same vertex normals: smooth except at edges of 30 degrees or more.
         mine = np.asarray(surface.mesh.vertex_normals)[surface.mesh.faces]
         assert len(built.normals) == len(mine)
-        turned = np.degrees(np.arccos(np.clip((mine * built.normals).sum(axis=2), -1, 1)))
-        assert np.percentile(turned, 99) < 6
+        angles = np.degrees(np.arccos(np.clip((mine * built.normals).sum(axis=2), -1, 1)))
+        assert np.percentile(angles, 99) < 6
         flat = np.degrees(np.arccos(np.clip((mine * np.asarray(surface.mesh.face_normals)[:, None]).sum(axis=2), -1, 1)))
         assert flat.max() < 35
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if objects.entry(n).volume_ml])
-def test_what_they_hold_is_what_the_label_says(name):
-    """Inside volume over the stated one: cans to the brim within 4 %, drinks, bottles and the mug with 1 to 12 % to spare."""
+def test_inside_volume_matches_the_label(name):
+    """Food cans hold their volume to the brim within 4 %; all other vessels have 0 to 12 % more."""
     entry = objects.entry(name)
     body = entry.surfaces()[0].mesh
     inside = (welded(body).volume - entry.wall_m * body.area) * 1e6
@@ -104,7 +99,7 @@ def test_no_bottle_is_a_body_of_revolution():
             assert len(np.unique(np.round(ring, 9))) <= 4  # rings of points are circles
 
 
-def test_filled_and_empty():
+def test_contents_are_the_backing_of_the_wall():
     filled, empty = objects.make("mustard")[0].material, objects.make("mustard", filled=False)[0].material
     assert filled == Layered([("hdpe", 0.0008)], backing="mustard")
     assert empty == Layered([("hdpe", 0.0008)], backing="air")
@@ -112,7 +107,7 @@ def test_filled_and_empty():
     assert objects.make("can_211_400")[0].material == "metal"
 
 
-def test_poses_carry_all_parts_together():
+def test_a_pose_moves_all_parts_together():
     pose = np.eye(4)
     pose[:3, 3] = [1.0, 2.0, 0.7]
     still, moved = objects.make("olive_oil"), objects.make("olive_oil", pose)
@@ -120,7 +115,7 @@ def test_poses_carry_all_parts_together():
         assert np.allclose(b.mesh.vertices - a.mesh.vertices, [1.0, 2.0, 0.7])
 
 
-def test_mustard_is_as_wide_as_its_scanned_model():
+def test_mustard_matches_its_scanned_model_in_width():
     path = DATA / "ycb" / "MustardBottle.obj"
     if not path.is_file():
         pytest.skip(f"needs the scanned model {path}")
@@ -138,7 +133,7 @@ def test_mustard_is_as_wide_as_its_scanned_model():
         assert np.abs(widths[0] - widths[1]).max() < 0.001
 
 
-def test_a_mesh_from_a_file_stands_where_the_catalogue_does(tmp_path):
+def test_a_mesh_from_a_file_gets_the_frame_of_the_catalogue(tmp_path):
     path = tmp_path / "tin.obj"
     objects.cylinder(34, 102).apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0])).apply_translation(
         [50, 60, 70]
@@ -155,11 +150,11 @@ def test_a_mesh_from_a_file_stands_where_the_catalogue_does(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["ycb/TomatoSoupCan.obj", "ycb/PottedMeatCan.obj", "ycb/Banana/textured_simple_reoriented.obj", FUZE])
-def test_real_meshes_load_as_objects(name):
+def test_scanned_meshes_load_as_objects(name):
     if not (DATA / name).is_file():
         pytest.skip(f"needs {DATA / name}")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", TextureWarning)  # some come without their pictures
+        warnings.simplefilter("ignore", TextureWarning)  # some pictures are missing
         surfaces = objects.from_mesh(DATA / name, "metal")
     assert surfaces[0].mesh.bounds[0, 2] == pytest.approx(0, abs=1e-9)
     if "Soup" in name:
@@ -168,7 +163,7 @@ def test_real_meshes_load_as_objects(name):
         assert visual(surfaces[0].mesh).kind == "texture"
 
 
-def test_unknown_objects_and_impossible_sections_are_named():
+def test_unknown_objects_and_invalid_sections_are_refused():
     with pytest.raises(SceneError, match="did you mean mug"):
         objects.make("mugg")
     for sections in ([(0, 1, 1, 2)], [(0, 1, 1, 2), (0, 1, 1, 2)], [(0, 1, 1, 2), (1, -1, 1, 2)], [(0, 1, 1, 0.5), (1, 1, 1, 2)]):

@@ -1,10 +1,10 @@
-"""Canonical targets have the size, orientation and smoothness their names promise."""
+"""Canonical shapes have the right size, orientation and normals."""
 
 import numpy as np
 import pytest
 
 from radartwin.errors import MeshError
-from radartwin.scene import objects
+from radartwin.scene import checks, objects
 
 SOLIDS = {
     # name: (mesh, exact volume, exact area)
@@ -18,8 +18,7 @@ SOLIDS = {
 @pytest.mark.parametrize("name", SOLIDS)
 def test_solids_are_closed_outward_and_of_the_right_size(name):
     mesh, volume, area = SOLIDS[name]
-    welded = mesh.copy()
-    welded.merge_vertices(merge_norm=True, merge_tex=True)
+    welded = checks.welded(mesh)
     assert welded.is_watertight
     assert welded.volume == pytest.approx(volume, rel=2e-3)  # inscribed facets lose up to 0.1 %
     assert welded.area == pytest.approx(area, rel=2e-3)
@@ -33,7 +32,7 @@ def test_sphere_normals_are_radial(name):
     assert np.abs(mesh.vertex_normals - radial).max() < 1e-9
 
 
-def test_can_is_smooth_around_and_sharp_at_the_rim():
+def test_cylinder_is_smooth_around_and_sharp_at_the_rim():
     mesh = objects.cylinder(0.033, 0.12, 32)
     side = np.abs(mesh.vertex_normals[:, 2]) < 0.5
     radial = np.column_stack([mesh.vertices[side, :2] / 0.033, np.zeros(side.sum())])
@@ -63,7 +62,7 @@ def test_trihedral_is_three_right_triangles_opening_to_plus_x(origin):
     assert np.isclose(mesh.vertices[:, 2].max(), leg * np.sqrt(2 / 3))  # one leg upright
 
 
-def test_ray_into_the_trihedral_returns_where_it_came_from():
+def test_a_ray_into_the_trihedral_returns_antiparallel():
     normals = objects.trihedral(0.1).face_normals
     ray = np.array([-0.9, 0.3, 0.2])
     back = ray.copy()
@@ -96,6 +95,6 @@ def test_plate_and_dihedral_face_plus_x():
         lambda: objects.box([0, 0, 0], [1, 0, 1]),
     ],
 )
-def test_impossible_sizes_are_refused(build):
+def test_invalid_sizes_are_refused(build):
     with pytest.raises(MeshError):
         build()

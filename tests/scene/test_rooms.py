@@ -1,92 +1,166 @@
-"""The procedural lab: closed shell, no overlaps, a clear bench, nested detail levels."""
+"""Procedural rooms: closed shells, furniture without contact, true materials on every surface, a clear bench."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
 from radartwin.errors import SceneError
+from radartwin.materials import Layered, roughness_m
+from radartwin.materials.minc import CATEGORIES
 from radartwin.scene import rooms
+from radartwin.scene.checks import inside_solid
 from radartwin.scene.scene import Scene
+from radartwin.simulation import geometry
+from radartwin.simulation.flat import panel_room
+
+CASES = {
+    "lab": {},
+    "lab of another size": {"size_m": (8.0, 6.0, 3.2)},
+    "atrium": {},
+    "atrium without a skylight": {"skylight": False},
+    "squash_court": {},
+    "squash_court with glass": {"back": "glass"},
+}
+SHELL = {"floor", "ceiling", "wall_front", "wall_back", "wall_left", "wall_right", "door", "skylight", "door_frame", "transom"}
 
 
-def planes(scene):
-    """(surface name, normal axis, signed position) of every axis-aligned face, from the triangles alone."""
+def visual(mesh: Any) -> Any:
+    """The texture or colours of a mesh; trimesh declares no type for them."""
+    return mesh.visual
+
+
+def built(case, detail="cluttered"):
+    return rooms.room(case.split()[0], detail=detail, **CASES[case])
+
+
+def solids(scene):
+    """(surface name, connected part) of all surfaces except walls, windows and doors."""
     for surface in scene:
+        if surface.name in SHELL or surface.name.startswith(("window", "lift", "glass_", "door_left", "door_right")):
+            continue
+        mesh = trimesh.Trimesh(surface.mesh.vertices, surface.mesh.faces, process=False)
+        mesh.merge_vertices()
+        for part in mesh.split(only_watertight=False):
+            yield surface.name, part
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_shell_is_closed_and_faces_inwards(case):
+    scene = built(case, "shell").without({"tin"} & set(built(case, "shell").names))
+    length, width, height = scene.provenance["size_m"]
+    area = sum(s.mesh.area for s in scene)
+    assert area == pytest.approx(2 * (length * width + length * height + width * height))
+    flux = sum(float((s.mesh.triangles_center * s.mesh.face_normals).sum(axis=1) @ s.mesh.area_faces) for s in scene)
+    assert flux / 3 == pytest.approx(-length * width * height)  # divergence theorem: no gap, no overlap, normals inwards
+    assert all(s.kind == "room" for s in scene)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_furniture_is_closed_and_touches_neither_walls_nor_other_furniture(case):
+    scene = built(case)
+    low, high = scene.bounds
+    parts = list(solids(scene))
+    assert parts
+    for name, part in parts:
+        assert part.is_watertight, name
+        assert part.volume > 0, name
+        assert (part.bounds[0] - low).min() > 0.005, name
+        assert (high - part.bounds[1]).min() > 0.005, name
+    boxes = np.array([part.bounds for _, part in parts])
+    for i, j in itertools.combinations(range(len(parts)), 2):
+        if (boxes[i, 0] < boxes[j, 1] + 0.002).all() and (boxes[j, 0] < boxes[i, 1] + 0.002).all():
+            (a, first), (b, second) = parts[i], parts[j]
+            for mine, other in ((first, second), (second, first)):
+                assert not inside_solid(other, mine.vertices).any(), (a, b)
+                distance = trimesh.proximity.closest_point_naive(other, mine.vertices)[1]
+                assert distance.min() > 0.002, (a, b)
+
+
+def test_faces_of_different_surfaces_do_not_overlap_in_one_plane():
+    by_plane = {}
+    for surface in rooms.lab(detail="cluttered"):
         for triangle, normal in zip(surface.mesh.triangles, surface.mesh.face_normals, strict=True):
             axis = int(np.argmax(np.abs(normal)))
             if abs(normal[axis]) > 1 - 1e-9:
-                yield surface.name, axis, float(triangle[0, axis]), np.delete(triangle, axis, axis=1)
-
-
-@pytest.mark.parametrize("size", [(6.0, 5.0, 2.8), (8.0, 6.0, 3.2), (5.0, 4.5, 2.4)])
-def test_shell_faces_inwards_and_encloses_the_room(size):
-    shell = rooms.lab(size, "shell")
-    area = sum(s.mesh.area for s in shell)
-    length, width, height = size
-    assert area == pytest.approx(2 * (length * width + length * height + width * height))
-    flux = sum(float((s.mesh.triangles_center * s.mesh.face_normals).sum(axis=1) @ s.mesh.area_faces) for s in shell)
-    assert flux / 3 == pytest.approx(-length * width * height)  # divergence theorem: closed, normals inwards
-    assert all(s.kind == "room" for s in shell)
-
-
-def test_no_two_faces_of_different_surfaces_overlap_in_one_plane():
-    scene = rooms.lab(detail="cluttered")
-    by_plane = {}
-    for name, axis, position, triangle in planes(scene):
-        by_plane.setdefault((axis, round(position, 6)), []).append((name, triangle.min(axis=0), triangle.max(axis=0)))
+                corners = np.delete(triangle, axis, axis=1)
+                face = (surface.name, corners.min(axis=0), corners.max(axis=0))
+                by_plane.setdefault((axis, round(float(triangle[0, axis]), 6)), []).append(face)
     for faces in by_plane.values():
         for (a, low_a, high_a), (b, low_b, high_b) in itertools.combinations(faces, 2):
             overlap = np.minimum(high_a, high_b) - np.maximum(low_a, low_b)
-            if a != b and (overlap > 1e-6).all():  # boxes of triangles overlap only inside openings
+            if a != b and (overlap > 1e-6).all():  # the boxes of triangles overlap at openings only
                 assert {a, b} <= {"wall_left", "window", "wall_front", "door"}
 
 
-def test_window_and_door_fill_their_openings_exactly():
-    shell = {s.name: s.mesh for s in rooms.lab(detail="shell")}
-    for wall, panel, full in (("wall_left", "window", 6.0 * 2.8), ("wall_front", "door", 5.0 * 2.8)):
-        assert shell[wall].area + shell[panel].area == pytest.approx(full)
-        origins = shell[panel].triangles_center + 0.1 * shell[panel].face_normals
-        inside = _hits(shell[wall], origins, -shell[panel].face_normals)
-        assert not inside.any()
-
-
-def _hits(mesh, origins, directions):
-    """Moeller-Trumbore, every ray against every triangle."""
-    a, b, c = (mesh.triangles[None, :, k] for k in range(3))
-    d, o = directions[:, None], origins[:, None]
-    p = np.cross(d, c - a)
-    det = (p * (b - a)).sum(-1)
-    det = np.where(np.abs(det) < 1e-12, np.inf, det)
-    u = ((o - a) * p).sum(-1) / det
-    q = np.cross(o - a, b - a)
-    v = (d * q).sum(-1) / det
-    t = ((c - a) * q).sum(-1) / det
-    return ((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)).any(axis=1)
-
-
-def test_boresight_is_clear_to_the_far_wall_and_clutter_lies_between_2_and_6_m():
-    scene = rooms.lab(detail="cluttered")
-    bench = rooms.lab_bench()
-    scene.check_sensor(bench.sensor_pose[:3, 3])
-    origin, forward = bench.sensor_pose[None, :3, 3], bench.sensor_pose[None, :3, 0]
-    blocking = [s.name for s in scene if _hits(s.mesh, origin, forward).any()]
-    assert blocking == ["wall_front"]
+@pytest.mark.parametrize("case", CASES)
+def test_every_surface_has_its_true_material(case):
+    scene = built(case) + rooms.support(np.array([3.0, 0, 0.4]))
+    assert len(set(scene.names)) == len(scene)
+    heights = {roughness_m(finish.roughness) for finish in rooms.FINISHES.values()}
     for surface in scene:
+        truth = surface.provenance
+        assert (truth["source"], truth["confidence"]) == ("true", 1.0)
+        assert truth["minc"] in CATEGORIES
+        assert isinstance(truth["stand_in"], bool)
+        assert surface.roughness_m in heights
+        assert visual(surface.mesh).kind == "texture", surface.name
+    assert all(isinstance(s.material, Layered) for s in scene if s.name.startswith("wall"))
+
+
+def test_category_and_material_of_a_finish_agree():
+    for name, finish in rooms.FINISHES.items():
+        if finish.minc == "metal":
+            assert finish.material == "metal", name
+        if finish.minc == "glass":
+            layers = finish.material.layers if isinstance(finish.material, Layered) else [(finish.material, 0)]
+            assert {material for material, _ in layers} <= {"glass", "air"}, name
+            assert roughness_m(finish.roughness) == 0
+    assert rooms.FINISHES["tiled floor"].stand_in
+    assert not rooms.FINISHES["court wall"].stand_in
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_tracer_treats_rooms_as_panels_except_for_clutter(case):
+    for detail in ("furnished", "cluttered"):
+        scene = built(case, detail)
+        merged = geometry.build([s.mesh for s in scene])
+        panels = panel_room.build(scene.surfaces, merged, None)  # type: ignore[arg-type]
+        assert panels.is_flat(scene.surfaces)
+        by_tubes = {scene.surfaces[i].name for i in np.unique(merged.surface[panels.compact])}
+        assert by_tubes <= set(scene.provenance["clutter"])
+
+
+@pytest.mark.parametrize("name", ["lab", "atrium", "squash_court"])
+def test_rover_and_objects_have_a_clear_place(name):
+    scene, bench = rooms.room(name, detail="cluttered"), rooms.bench(name)
+    assert bench.sensor_pose[2, 3] == 0.4
+    drive = [bench.sensor_pose[:3, 3] + [0.0, y, 0.0] for y in (-0.6, 0.0, 0.6)]
+    scene.check_sensor(np.array(drive + [bench.target_position(d) for d in rooms.ROVER_DISTANCES_M]))
+    for surface in scene:
+        if surface.name not in SHELL:
+            x, y, _ = surface.mesh.triangles.reshape(-1, 3).T
+            beside = (x > 1.0) & (x < bench.target_position(2.0)[0] + 0.3)
+            assert not (beside & (np.abs(y) < 0.75)).any(), surface.name
+
+
+def test_boresight_of_the_lab_bench_is_clear_and_clutter_lies_between_2_and_6_m():
+    scene, bench = rooms.lab(detail="cluttered"), rooms.lab_bench()
+    scene.check_sensor(bench.sensor_pose[:3, 3])
+    origin = bench.sensor_pose[:3, 3]
+    assert np.array_equal(bench.sensor_pose[:3, 0], [1, 0, 0])
+    for surface in scene:
+        triangles = surface.mesh.triangles[:, :, 1:] - origin[1:]  # seen along the boresight
+        a, b, c = triangles.transpose(1, 0, 2)
+        sides = np.stack([u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in ((a, b), (b, c), (c, a))])
+        blocks = (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
+        assert not blocks.any() or surface.name in ("wall_front", "wall_back"), surface.name
         if surface.name.startswith(("table", "cabinet", "shelf", *rooms.CLUTTER)):
             distance = np.linalg.norm(surface.mesh.vertices - origin, axis=1)
-            assert distance.min() > 2.0
-            assert distance.min() < 6.0
+            assert 2.0 < distance.min() < 6.0
     assert np.allclose(bench.target_position(1.5), [2.5, 0, 1.0])
-
-
-def test_furniture_is_closed_and_keeps_off_the_floor():
-    for surface in rooms.lab(detail="furnished").surfaces[8:]:
-        solid = surface.mesh.copy()
-        solid.merge_vertices(merge_norm=True, merge_tex=True)
-        assert solid.is_watertight, surface.name
-        assert surface.mesh.bounds[0, 2] > 0.005, surface.name
 
 
 def test_detail_levels_are_nested_and_clutter_can_be_left_out():
@@ -94,20 +168,76 @@ def test_detail_levels_are_nested_and_clutter_can_be_left_out():
     assert cluttered[: len(furnished)] == furnished
     assert furnished[: len(shell)] == shell
     assert rooms.lab(detail="cluttered").without(rooms.CLUTTER).names == furnished
-    assert len(set(cluttered)) == len(cluttered)
-    with pytest.raises(SceneError, match="shell, furnished"):
-        rooms.lab(detail="messy")  # type: ignore[arg-type]
-    with pytest.raises(SceneError, match="at least"):
-        rooms.lab((3.0, 2.0, 2.4))
+
+
+def test_squash_court_is_regulation():
+    scene = rooms.squash_court()
+    assert np.allclose(scene.bounds, [[0, -3.2, 0], [9.75, 3.2, 5.64]])
+    tin = next(s for s in scene if s.name == "tin")
+    assert tin.mesh.bounds[1, 2] == pytest.approx(0.48)
+    assert 9.75 - tin.mesh.bounds[0, 0] <= 0.045 + 1e-9
+    door = next(s for s in scene if s.name == "door")
+    assert np.allclose(door.mesh.extents, [0, 0.9, 2.13])
+    glass = rooms.squash_court(back="glass")
+    panes = sum(s.mesh.area for s in glass if s.provenance["minc"] == "glass")
+    assert 0.9 * 6.4 * 2.13 < panes < 6.4 * 2.13
+
+
+def test_court_lines_have_their_regulation_heights():
+    """Pixels of the front wall's picture at given heights are line or wall."""
+    wall = next(s for s in rooms.squash_court() if s.name == "wall_front")
+    texture = visual(wall.mesh)
+    image = np.asarray(texture.material.baseColorTexture).astype(int)
+    top = int(np.argmin(np.abs(wall.mesh.vertices[:, 2] - 5.64)))
+    assert texture.uv[top, 1] == pytest.approx(1.0)  # v rises with z; row 0 is the top
+
+    def red(height):
+        row = image[round((1 - height / 5.64) * (len(image) - 1)), image.shape[1] // 3]
+        return row[0] - row[2] > 80
+
+    assert [red(h) for h in (0.9, 1.80, 1.95, 4.40, 4.59, 4.75)] == [False, True, False, False, True, False]
+
+
+@pytest.mark.parametrize("size", [(10.0, 8.0, 3.5), (14.0, 10.0, 6.0)])
+def test_the_atrium_has_the_given_size(size):
+    assert np.allclose(np.ptp(rooms.atrium(size).bounds, axis=0), size)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("attic", {}, "choose lab, atrium, squash_court"),
+        ("lab", {"back": "glass"}, "no option 'back'; it takes size_m, detail"),
+        ("lab", {"detail": "messy"}, "shell, furnished"),
+        ("lab", {"size_m": (3.0, 2.0, 2.4)}, "at least"),
+        ("atrium", {"size_m": (3, 3, 3)}, "at least 10.0 x 8.0 x 3.5"),
+        ("atrium", {"size_m": (12, 9)}, "2 numbers"),
+        ("squash_court", {"back": "brick"}, "choose solid or glass"),
+        ("squash_court", {"detail": "messy"}, "choose shell, furnished"),
+    ],
+)
+def test_invalid_rooms_and_options_are_refused(name, options, words):
+    with pytest.raises(SceneError, match=words):
+        rooms.room(name, **options)
+
+
+def test_free_space_has_no_surfaces():
+    assert len(rooms.room("empty")) == len(rooms.room("void")) == 0
+    assert rooms.room("void").provenance["room"] == "void"
 
 
 def test_support_ends_under_the_object_and_clears_the_floor():
-    scene = rooms.support(np.array([2.5, 0, 0.95]))
+    scene = rooms.empty() + rooms.support(np.array([2.5, 0, 0.95]))
+    assert isinstance(scene, Scene)
     assert np.allclose(scene.bounds, [[2.35, -0.15, rooms.GAP], [2.65, 0.15, 0.95]])
     assert {s.kind for s in scene} == {"object"}
 
 
-def test_empty_is_free_space():
-    assert len(rooms.empty()) == 0
-    assert isinstance(rooms.empty() + rooms.support(np.array([1.0, 0, 1.0])), Scene)
-    assert isinstance(rooms.lab().surfaces[0].mesh, trimesh.Trimesh)
+def test_rooms_are_reproducible_and_differ_by_seed():
+    first, again, other = (rooms.atrium(seed=s) for s in (0, 0, 1))
+    for a, b in zip(first, again, strict=True):
+        assert np.array_equal(a.mesh.vertices, b.mesh.vertices)
+        assert np.array_equal(visual(a.mesh).uv, visual(b.mesh).uv)
+    pictures = [np.asarray(visual(s.surfaces[0].mesh).material.baseColorTexture) for s in (first, again, other)]
+    assert np.array_equal(pictures[0], pictures[1])
+    assert not np.array_equal(pictures[0], pictures[2])

@@ -1,4 +1,4 @@
-"""Scenes: what is refused and in which words, what survives the disk, where a sensor may stand."""
+"""Scenes: refusals and their messages, saving and loading, positions of a sensor."""
 
 import json
 
@@ -48,7 +48,7 @@ def test_scene_round_trips_through_its_folder(tmp_path):
         assert np.abs(a.mesh.vertex_normals - b.mesh.vertex_normals).max() < 1e-6
 
 
-def test_saving_twice_writes_the_same_bytes_and_leaves_no_temporary_files(tmp_path):
+def test_saving_is_reproducible_and_leaves_no_temporary_files(tmp_path):
     scene = labelled_scene()
     scene.save(tmp_path / "a")
     Scene.load(tmp_path / "a").save(tmp_path / "b")
@@ -59,7 +59,7 @@ def test_saving_twice_writes_the_same_bytes_and_leaves_no_temporary_files(tmp_pa
 
 
 @pytest.mark.parametrize("part", ["scene.glb", "manifest.json"])
-def test_either_file_of_the_folder_names_the_scene(tmp_path, part):
+def test_either_file_of_the_folder_loads_the_scene(tmp_path, part):
     labelled_scene().save(tmp_path)
     assert Scene.load(tmp_path / part).names == ("target", "floor", "window", "")
 
@@ -72,7 +72,7 @@ def test_geometry_of_another_scene_is_refused(tmp_path):
         Scene.load(tmp_path / "a")
 
 
-def test_incomplete_folder_names_the_missing_part(tmp_path):
+def test_an_incomplete_folder_is_refused_with_the_missing_part(tmp_path):
     labelled_scene().save(tmp_path)
     (tmp_path / "scene.glb").unlink()
     with pytest.raises(MissingError, match=r"has no scene\.glb"):
@@ -89,7 +89,7 @@ def test_manifest_with_an_unknown_material_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"format": "other", "version": 1, "surfaces": []}', '{"format": 1}'])
-def test_broken_manifest_is_named(tmp_path, text):
+def test_a_broken_manifest_is_refused(tmp_path, text):
     Scene([Surface(box(), "metal")]).save(tmp_path)
     (tmp_path / "manifest.json").write_text(text)
     with pytest.raises(SceneError, match=r"manifest\.json"):
@@ -97,7 +97,7 @@ def test_broken_manifest_is_named(tmp_path, text):
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj"])
-def test_plain_mesh_takes_one_explicit_material(tmp_path, suffix):
+def test_a_plain_mesh_needs_one_material(tmp_path, suffix):
     path = tmp_path / f"room{suffix}"
     box(2.0).export(path)
     with pytest.raises(SceneError, match=r"carries no material labels.*--material NAME"):
@@ -107,13 +107,13 @@ def test_plain_mesh_takes_one_explicit_material(tmp_path, suffix):
     assert np.allclose(surface.mesh.bounds, [[-1, -1, -1], [1, 1, 1]])
 
 
-def test_labelled_folder_refuses_a_second_material(tmp_path):
+def test_a_material_for_a_labelled_folder_is_refused(tmp_path):
     labelled_scene().save(tmp_path)
     with pytest.raises(SceneError, match="carries its own materials"):
         Scene.load(tmp_path, material="concrete")
 
 
-def test_missing_unreadable_and_foreign_files_are_named(tmp_path):
+def test_missing_damaged_and_unsupported_files_are_refused(tmp_path):
     with pytest.raises(MissingError, match=r"gone\.ply"):
         Scene.load(tmp_path / "gone.ply", material="metal")
     broken = tmp_path / "broken.glb"
@@ -128,7 +128,7 @@ def test_missing_unreadable_and_foreign_files_are_named(tmp_path):
         assert issubclass(error, ValueError | OSError)
 
 
-def test_nan_vertices_are_refused_in_memory_and_from_a_file(tmp_path):
+def test_nan_vertices_are_refused(tmp_path):
     mesh = box()
     mesh.vertices[3, 1] = np.nan
     with pytest.raises(MeshError, match=r"'lid'.*1 of 8 vertices are NaN"):
@@ -152,7 +152,7 @@ def test_empty_meshes_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(("size", "hint"), [(6400.0, "millimetres"), (250.0, "centimetres"), (5e7, "units")])
-def test_extent_over_100_m_hints_at_the_unit(size, hint):
+def test_an_extent_over_100_m_is_refused_with_a_hint_at_the_unit(size, hint):
     with pytest.raises(MeshError, match=f"over the limit of 100 m; .*{hint}"):
         Surface(box(size), "metal", "hall")
     Surface(box(100.0), "metal")
@@ -167,18 +167,18 @@ def test_extent_over_100_m_hints_at_the_unit(size, hint):
         ({"role": "furniture"}, SceneError, "auto, object or room"),
     ],
 )
-def test_surface_refuses_wrong_fields(kwargs, error, words):
+def test_invalid_fields_of_a_surface_are_refused(kwargs, error, words):
     with pytest.raises(error, match=words):
         Surface(box(), **{"material": "metal", **kwargs})
 
 
-def test_size_decides_the_role_unless_given():
+def test_size_determines_the_kind_unless_the_role_is_given():
     assert Surface(box(0.5), "metal").kind == "object"
     assert Surface(box(0.51), "metal").kind == "room"
     assert Surface(box(3.0), "metal", role="object").kind == "object"
 
 
-def test_sensor_inside_a_solid_is_refused_and_a_room_is_fine():
+def test_a_sensor_inside_a_solid_is_refused_and_inside_a_room_is_accepted():
     position = np.array([[5.0, 0, 0], [0.1, 0.2, 0.3]])
     solid = Scene([Surface(box(2.0), "concrete", "pillar")])
     with pytest.raises(SceneError, match="frame 1, is inside surface 'pillar'"):
@@ -195,21 +195,21 @@ def test_sensor_inside_a_solid_is_refused_and_a_room_is_fine():
     Scene([Surface(shell, "concrete")]).check_sensor(position)
 
 
-def test_doubled_vertices_do_not_open_a_solid():
+def test_a_solid_with_doubled_vertices_stays_closed():
     soup = box(2.0)
     soup = trimesh.Trimesh(soup.vertices[soup.faces.reshape(-1)], np.arange(36).reshape(-1, 3), process=False)
     with pytest.raises(SceneError):
         Scene([Surface(soup, "metal")]).check_sensor(np.zeros(3))
 
 
-def test_without_refuses_a_name_the_scene_lacks():
+def test_without_refuses_an_unknown_name():
     scene = labelled_scene()
     assert scene.without(["floor"]).names == ("target", "window", "")
     with pytest.raises(SceneError, match="no surface 'flor'"):
         scene.without(["flor"])
 
 
-def test_unwritable_folder_leaves_nothing(tmp_path):
+def test_a_failed_save_leaves_no_files(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(OutputError, match="file"):
         labelled_scene().save(tmp_path / "file" / "room")

@@ -1,6 +1,6 @@
 """Objects as triangle meshes: canonical targets, the catalogue of the study, and meshes from files.
 
-All dimensions in metres, all windings consistent. `catalogue()` names the twelve objects, `make(name)` builds one.
+All dimensions are in metres and all windings are consistent. `catalogue()` lists the twelve objects, `make(name)` builds one of them.
 """
 
 from radartwin.scene.objects.catalogue import Entry, catalogue, entry, make, rover_set

@@ -1,12 +1,12 @@
-"""The twelve objects: what each is, how large, of what, in which classes, and where the figures come from.
+"""The catalogue of the twelve objects: shape, size, materials, classes and the sources of the dimensions.
 
-Objects stand on z = 0 with their axis on z, the axis of the turntable; +x is the side that faces the radar first: a reflector's
-opening, a bottle's narrow side is along y, a mug's handle points to +x. `aim_m` is the height that a level radar aims at: half of the
-object's, the apex of the reflector.
+Objects stand on z = 0 with their axis on z, the axis of the turntable. The side +x faces the radar first: the opening of the reflector
+and the handle of the mug point to +x, and the narrow side of a bottle lies along y. `aim_m` is the height at which a level radar aims:
+half the height of the object, or the apex of the reflector.
 
-Can sizes are the Can Manufacturers Institute's: diameter x height over the seams, in inches and sixteenths (211 is 2 11/16 inches,
-68.3 mm). All six cans have a diameter of 211, the near-identical set that differs in height; the two for drinks are drawn with a wall of
-66 mm. Bottles are filled throughout, without head space, under a cap of their own.
+Can sizes are those of the Can Manufacturers Institute: diameter x height over the seams, in inches and sixteenths (211 is 2 11/16 inches,
+68.3 mm). All six cans have the diameter 211 and differ mainly in height; the wall of the two drink cans has a diameter of 66 mm. Bottles
+are filled without head space and have a separate cap.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from radartwin.errors import SceneError
 from radartwin.materials import Layered, roughness_m
 from radartwin.scene import textures
 from radartwin.scene.objects import shapes, vessels
-from radartwin.scene.scene import Surface
+from radartwin.scene.surface import Surface
 
 ShapeClass = Literal["symmetric", "faceted", "asymmetric"]
 MaterialClass = Literal["metal", "ceramic", "plastic"]
@@ -31,14 +31,14 @@ MaterialClass = Literal["metal", "ceramic", "plastic"]
 CAN_M = 0.0683  # 211: 2 11/16 inches
 OUNCE_ML = 28.35  # an avoirdupois ounce of water
 CMI = "Can Manufacturers Institute, dimensional food can standards"
-# No drawing or data sheet was found for these bottles: their height and section are of the right order, their inside is exact.
+# No drawing or data sheet was found for these bottles: height and section are estimates, the inside volume is that of the label.
 VOLUME = (
     "order of magnitude, no data sheet: ordinary retail proportions, sized so that the inside holds the label's volume; PET of 0.5 mm too"
 )
 
 
 class Part(NamedTuple):
-    """One closed piece of an object: its mesh, what it is made of, its roughness class and its look."""
+    """One closed part of an object: mesh, material, roughness class and look."""
 
     mesh: trimesh.Trimesh
     material: str | Layered
@@ -51,15 +51,16 @@ class Entry:
     """One object of the catalogue.
 
     Attributes:
-        name: identifier. label: what a person calls it.
-        size_m: width along x, depth along y, height; a handle is part of the width.
-        wall_m: thickness of the wall; 0 for sheet that is as good as solid.
+        name: identifier. label: everyday name.
+        size_m: width along x, depth along y, height; the width includes a handle.
+        wall_m: thickness of the wall; 0 for the sheet metal of the reflector.
         material: of the wall. contents: material inside, or None for air.
         shape, material_class: the classes of the study. minc: MINC category.
-        volume_ml: that it holds: a can to the brim, a bottle by its label; None for the reflector.
+        volume_ml: inside volume: of a can to the brim, of a bottle by its label; None for the reflector.
         description: for a text encoder. source: of the dimensions.
-        rover: whether it is in the set of the rover.
-        build: its parts, called with the contents ("air" when empty).
+        build: function from the contents ("air" if empty) to the parts.
+        aim_m: height at which a level radar aims.
+        rover: whether the object is in the set of the rover.
     """
 
     name: str
@@ -86,22 +87,22 @@ class Entry:
         """The object's parts as surfaces of one name, so that they move together.
 
         Args:
-            pose: (4, 4) object to world; its own frame unless given.
-            filled: with its contents; False leaves the bottle empty.
-            name: of the surfaces; the entry's unless given.
+            pose: (4, 4) object-to-world; by default the parts stay in the object's frame.
+            filled: with its contents; False gives an empty bottle.
+            name: of the surfaces; by default the name of the entry.
         """
         parts = self.build(self.contents if filled and self.contents else "air")
         provenance = {"source": "true", "confidence": 1.0, "stand_in": self.material == "glass", "minc": self.minc, "object": self.name}
         out = []
         for part in parts:
-            dressed = textures.textured(part.mesh, part.look, fit=textures.LOOKS[part.look].fits)
-            surface = Surface(dressed, part.material, name or self.name, roughness_m(part.roughness), "object", provenance)
+            mesh = textures.textured(part.mesh, part.look, fit=textures.LOOKS[part.look].fits)
+            surface = Surface(mesh, part.material, name or self.name, roughness_m(part.roughness), "object", provenance)
             out.append(surface if pose is None else surface.moved(pose))
         return tuple(out)
 
 
 def _can(kind: Callable[..., trimesh.Trimesh], diameter_m: float, height_m: float, look: str) -> Callable[[str], tuple[Part, ...]]:
-    return lambda contents: (Part(kind(diameter_m, height_m), "metal", "metal", look),)  # no wave passes sheet metal
+    return lambda contents: (Part(kind(diameter_m, height_m), "metal", "metal", look),)  # sheet metal is opaque
 
 
 def _food_can(size: str, height_m: float, water_oz: float, use: str, look: str, text: str, rover: bool = True) -> Entry:
@@ -127,7 +128,7 @@ def _bottle(
     cap: tuple[float, float],
     cap_look: str,
 ) -> Callable[[str], tuple[Part, ...]]:
-    """A lofted body and its cap, (radius, height), a millimetre above it."""
+    """A lofted body and, a millimetre above it, a cap of (radius, height)."""
 
     def build(contents: str) -> tuple[Part, ...]:
         radius, height = cap
@@ -150,9 +151,9 @@ def _mug(contents: str) -> tuple[Part, ...]:
 
 
 REFLECTOR_LEG_M = 0.1
-MUG_M, MUG_WALL_M = (0.082, 0.095, 0.034), 0.004  # diameter, height, how far the handle stands out
+MUG_M, MUG_WALL_M = (0.082, 0.095, 0.034), 0.004  # diameter, height, reach of the handle
 
-# Sections of the bottles: height, half width, half depth, exponent; metres. The cap comes on top.
+# Sections of the bottles: height, half width, half depth in metres, exponent. The cap is above the last section.
 MUSTARD = (
     (0.000, 0.0430, 0.0265, 2.4), (0.004, 0.0453, 0.0280, 2.3), (0.015, 0.0480, 0.0287, 2.3), (0.027, 0.0480, 0.0276, 2.4),
     (0.038, 0.0466, 0.0262, 2.6), (0.050, 0.0436, 0.0256, 2.7), (0.061, 0.0407, 0.0253, 2.8), (0.073, 0.0402, 0.0256, 2.7),
@@ -177,7 +178,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry(
         "corner_reflector", "trihedral corner reflector", (0.0577, 0.1414, 0.1225), 0.0, "metal", None, "faceted", "metal", "metal", None,
         "a metal trihedral corner reflector: three flat right-angled triangular plates that meet in one corner and open to one side",
-        "chosen, not measured: a calibration target of 10 cm legs, 13.9 m^2 at 77 GHz by 4 pi L^4 / (3 lambda^2)",
+        "chosen, not measured: a calibration target of 10 cm legs, 27.6 m^2 at 77 GHz by 4 pi L^4 / (3 lambda^2)",
         _reflector, REFLECTOR_LEG_M / np.sqrt(6),
     ),
     _food_can("211_300", 0.0762, 7.93, "short food can", "label_green",
@@ -237,7 +238,7 @@ def catalogue() -> dict[str, Entry]:
 
 
 def rover_set() -> dict[str, Entry]:
-    """The eleven of the rover: one can fewer."""
+    """The eleven objects of the rover, without one of the cans."""
     return {entry.name: entry for entry in ENTRIES if entry.rover}
 
 
@@ -245,7 +246,7 @@ def entry(name: str) -> Entry:
     """One object of the catalogue.
 
     Raises:
-        SceneError: no such object, with the nearest names.
+        SceneError: no such object; the message suggests similar names.
     """
     known = catalogue()
     if name not in known:

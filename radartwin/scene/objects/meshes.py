@@ -1,4 +1,4 @@
-"""Objects from mesh files: scanned or drawn by others, put where the catalogue's stand."""
+"""Objects from mesh files, scanned or drawn, in the frame of the catalogue's objects."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from radartwin.errors import MeshError
 from radartwin.materials import Layered
 from radartwin.scene.checks import check_mesh
 from radartwin.scene.mesh_file import read_meshes
-from radartwin.scene.scene import Surface
+from radartwin.scene.surface import Surface
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
-SMALLEST_M, LARGEST_M = 0.01, 1.0  # what stands on a table or a turntable
+SMALLEST_M, LARGEST_M = 0.01, 1.0  # size of an object on a table or a turntable
 UP = {"z": np.eye(4), "y": trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])}
 
 
@@ -28,17 +28,18 @@ def from_mesh(
     roughness_m: float = 0.0,
     minc: str | None = None,
 ) -> tuple[Surface, ...]:
-    """A mesh file as an object: in metres, z up, standing on z = 0, the middle of its base on the axis.
+    """A mesh file as an object: in metres, z up, standing on z = 0, centred on the z axis.
 
     Args:
         path: .obj, .ply or .glb; texture and colours are kept.
-        material: of all of it. name: of the surfaces; the file's stem unless given.
-        unit: of the file: m, cm, mm or in. up: the file's upward axis, z or y.
-        minc: its MINC category, where it is known.
+        material: of the whole object. name: of the surfaces; by default the stem of the file name.
+        unit: of the file: m, cm, mm or in. up: upward axis of the file, z or y.
+        minc: MINC category, if known.
     Returns:
-        One surface per mesh of the file, all of one name.
+        One surface per mesh of the file, all of the same name.
     Raises:
-        MissingError: no such file. MeshError: unreadable, empty, or of a size that no object on a table has.
+        MissingError: no such file.
+        MeshError: unreadable, empty, or not between 1 cm and 1 m long.
     """
     if unit not in UNITS:
         raise MeshError(f"{path}: unit is {unit!r}; choose {', '.join(UNITS)}")
@@ -53,7 +54,7 @@ def from_mesh(
     high = np.max([mesh.bounds[1] for mesh in moved], axis=0)
     extent = float((high - low).max())
     if np.isfinite(extent) and not SMALLEST_M <= extent <= LARGEST_M:
-        raise MeshError(f"{path} is {extent:.4g} m long in unit={unit}; objects measure 1 cm to 1 m.{_guess(extent / UNITS[unit])}")
+        raise MeshError(f"{path} is {extent:.4g} m long in unit={unit}; objects measure 1 cm to 1 m.{_unit_hint(extent / UNITS[unit])}")
     for mesh in moved:
         check_mesh(mesh, str(path))
     shift = -np.append((low + high)[:2] / 2, low[2])
@@ -63,7 +64,7 @@ def from_mesh(
     )
 
 
-def _guess(length: float) -> str:
-    """The units in which a length would be that of a household object, 5 to 35 cm."""
+def _unit_hint(length: float) -> str:
+    """A question with the units in which the length is that of a household object, 5 to 35 cm."""
     fits = [unit for unit, scale in UNITS.items() if 0.05 <= length * scale <= 0.35]
     return f" Pass unit={' or unit='.join(fits)}?" if fits else ""

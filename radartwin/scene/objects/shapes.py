@@ -1,8 +1,7 @@
 """Canonical targets as smooth parametric meshes: trihedral, dihedral, plate, sphere, cylinder, any body of revolution.
 
-All dimensions in metres, all windings consistent: outwards on solids, towards the opening on reflectors, which open
-towards +x. Curved sides carry exact vertex normals; sharp rims have their own vertices, so no normal is averaged
-across an edge.
+All dimensions are in metres. Normals point outwards on solids and into the opening on reflectors, which open towards +x. Curved sides have
+exact vertex normals. Sharp rims have separate vertices, so that no normal is an average across an edge.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import trimesh
 
 from radartwin.errors import MeshError
 
-SMOOTH_RAD = np.radians(30.0)  # edges bent less are curved, api.md 10
+SMOOTH_RAD = np.radians(30.0)  # an edge with a smaller angle belongs to a curved surface
 
 
 def plate(width_m: float, height_m: float) -> trimesh.Trimesh:
@@ -42,29 +41,27 @@ def trihedral(leg_m: float, origin: Literal["apex", "aperture"] = "apex") -> tri
 
     Args:
         leg_m: length of the two equal sides of each triangle.
-        origin: where the mesh origin lies: the apex (where a point target of the same phase would be) or the middle of
-            the aperture, leg/sqrt(3) in front of it.
+        origin: position of the mesh origin: the apex (the phase centre) or the centre of the aperture, leg/sqrt(3) in front of it.
     """
     _positive(leg_m=leg_m)
     azimuth = np.radians([90.0, 210.0, 330.0])
     legs = leg_m * np.stack([np.full(3, 1 / np.sqrt(3)), np.sqrt(2 / 3) * np.cos(azimuth), np.sqrt(2 / 3) * np.sin(azimuth)], axis=1)
     apex = np.zeros(3) if origin == "apex" else np.array([-leg_m / np.sqrt(3), 0, 0])
-    mesh = flat([[apex, apex + legs[k], apex + legs[(k + 1) % 3]] for k in range(3)])
-    return mesh
+    return flat([[apex, apex + legs[k], apex + legs[(k + 1) % 3]] for k in range(3)])
 
 
 def sphere(radius_m: float, subdivisions: int = 4, kind: Literal["ico", "uv"] = "ico") -> trimesh.Trimesh:
     """Sphere about the origin with exact normals.
 
     Args:
-        subdivisions: ico: 20 * 4^n faces; uv: 2^(n+2) segments around, half as many from pole to pole.
+        subdivisions: n; "ico" has 20 * 4^n faces, "uv" 2^(n+2) segments around and half as many from pole to pole.
     """
     _positive(radius_m=radius_m)
     if kind == "uv":
         segments = 2 ** (subdivisions + 2)
         polar = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 1)
         profile = radius_m * np.stack([np.cos(polar), np.sin(polar)], axis=1)
-        profile[[0, -1], 0] = 0.0  # cos(pi/2) is not quite zero, and the poles are closed only if it is
+        profile[[0, -1], 0] = 0.0  # cos(pi/2) is not exactly zero, but only a zero radius closes the poles
         mesh = revolution(profile, segments)
     else:
         mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius_m)
@@ -73,7 +70,7 @@ def sphere(radius_m: float, subdivisions: int = 4, kind: Literal["ico", "uv"] = 
 
 
 def cylinder(radius_m: float, height_m: float, segments: int = 64) -> trimesh.Trimesh:
-    """Closed can about z, centred at the origin: smooth side, flat caps, sharp rims."""
+    """Closed cylinder about z, centred at the origin, with a smooth side, flat caps and sharp rims."""
     _positive(radius_m=radius_m, height_m=height_m)
     z = height_m / 2
     return revolution([(0, -z), (radius_m, -z), (radius_m, z), (0, z)], segments)
@@ -83,9 +80,9 @@ def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: 
     """Body of revolution about z.
 
     Args:
-        profile_m: (N, 2) radius and height, from the bottom upwards along the outside; a radius of zero closes an end.
-            Where the profile turns by less than 30 degrees it is smooth, otherwise it is a sharp rim.
-        segments: facets around.
+        profile_m: (N, 2) radius and height along the outside, from the bottom upwards; a radius of zero closes an end.
+            A bend of less than 30 degrees is smooth, any other bend is a sharp rim.
+        segments: number of facets around z.
     Raises:
         MeshError: fewer than two points, a negative radius, fewer than 3 segments.
     """
@@ -118,7 +115,7 @@ def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: 
 
 
 def box(low_m: Sequence[float], high_m: Sequence[float]) -> trimesh.Trimesh:
-    """Solid box between two corners, each side with its own vertices."""
+    """Solid box between two corners; every side has its own vertices."""
     low, high = np.asarray(low_m, float), np.asarray(high_m, float)
     if not (high > low).all():
         raise MeshError(f"box: the corner {high.tolist()} is not above {low.tolist()}")
@@ -136,7 +133,7 @@ def box(low_m: Sequence[float], high_m: Sequence[float]) -> trimesh.Trimesh:
 
 
 def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """One mesh of several, vertices and normals untouched."""
+    """One mesh of several, with unchanged vertices and normals."""
     offsets = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
     return trimesh.Trimesh(
         np.vstack([m.vertices for m in meshes]),
@@ -147,7 +144,7 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]) -> trimesh.Trimesh:
-    """Convex planar polygons, counter-clockwise seen from their front, each a fan with its own vertices and normal."""
+    """A mesh of convex planar polygons, counter-clockwise seen from their front; each has its own vertices and normal."""
     vertices, faces, normals = [], [], []
     for polygon in polygons:
         corners = np.asarray(polygon, dtype=np.float64)
@@ -160,7 +157,7 @@ def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]
 
 
 def _end_normal(normals: np.ndarray, band: int, neighbour: int) -> np.ndarray:
-    """Profile normal at one end of a band: shared with the neighbour where the profile is smooth."""
+    """Profile normal at one end of a band, averaged with the neighbour's normal if the profile is smooth there."""
     own = normals[band]
     if 0 <= neighbour < len(normals) and own @ normals[neighbour] > np.cos(SMOOTH_RAD):
         own = own + normals[neighbour]
@@ -169,7 +166,7 @@ def _end_normal(normals: np.ndarray, band: int, neighbour: int) -> np.ndarray:
 
 
 def _without_doubles(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Merge vertices that agree in position AND normal; keep rims doubled."""
+    """The mesh with vertices of equal position and normal merged; rims keep two vertices."""
     key = np.round(np.hstack([mesh.vertices, mesh.vertex_normals]), 9)
     _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
     faces = inverse.reshape(-1)[mesh.faces]

@@ -1,6 +1,6 @@
 """Vessels as smooth parametric meshes: cans with seams, bottles of any oval or flat-sided section, a mug and its handle.
 
-All stand on z = 0 with their axis on z, closed and outward, and carry smooth vertex normals but for edges of 30 degrees and more.
+All meshes stand on z = 0 with their axis on z, are closed, and have outward normals that are smooth except at edges of 30 degrees or more.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from numpy.typing import ArrayLike
 from radartwin.errors import MeshError
 from radartwin.scene.objects.shapes import SMOOTH_RAD, revolution
 
-AROUND = 128  # facets of a body of revolution; the tracer bends them back by their vertex normals
+AROUND = 128  # facets of a body of revolution; the tracer restores the curvature from vertex normals
 QUADRANT = 24  # facets of a quarter of an oval
 RING_M = 0.004  # between rings of an oval
 
 
-def held(profile_m: Sequence[tuple[float, float]], least_m: float = 0.005, rim_m: float = 0.0003) -> list[tuple[float, float]]:
-    """A profile whose straight stretches of `least_m` and more stay straight: a point is put `rim_m` inside each of their ends.
+def straightened(profile_m: Sequence[tuple[float, float]], least_m: float = 0.005, rim_m: float = 0.0003) -> list[tuple[float, float]]:
+    """The profile with an extra point `rim_m` inside both ends of every straight segment of at least `least_m`.
 
-    A long facet whose vertex normals lean, because its neighbour bends, is a curve to the tracer, from end to end.
+    Without these points the averaged vertex normals at a bend would make the whole straight facet curved for the tracer.
     """
     out = [profile_m[0]]
     for start, stop in itertools.pairwise(np.asarray(profile_m, float)):
@@ -35,17 +35,17 @@ def held(profile_m: Sequence[tuple[float, float]], least_m: float = 0.005, rim_m
 
 
 def smoothed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh with vertex normals averaged over edges that bend less than 30 degrees, vertices doubled along all others."""
+    """The mesh with vertex normals averaged across edges of less than 30 degrees and doubled vertices along all other edges."""
     out = trimesh.graph.smooth_shade(mesh, angle=float(SMOOTH_RAD), facet_minarea=None)
     return trimesh.Trimesh(out.vertices, out.faces, vertex_normals=out.vertex_normals, process=False)
 
 
 def food_can(diameter_m: float, height_m: float, seam_m: float = 0.0012, around: int = AROUND) -> trimesh.Trimesh:
-    """A three-piece can: a straight body between two double seams that stand proud of it, ends sunk 4 mm inside them.
+    """A three-piece can: a straight body between two protruding double seams, with ends recessed by 4 mm.
 
     Args:
-        diameter_m: over the seams, as can sizes are given.
-        seam_m: how far a seam stands out.
+        diameter_m: over the seams, as in can sizes.
+        seam_m: protrusion of a seam.
     """
     outer, body, rim, deep = diameter_m / 2, diameter_m / 2 - seam_m, 0.003, 0.004
     half = [(0, deep), (body - 0.002, deep), (body - 0.001, 0.0005), (body, 0), (outer - 0.0004, 0), (outer, 0.0004), (outer, rim)]
@@ -54,10 +54,10 @@ def food_can(diameter_m: float, height_m: float, seam_m: float = 0.0012, around:
 
 
 def drink_can(diameter_m: float, height_m: float, end_m: float = 0.054, around: int = AROUND) -> trimesh.Trimesh:
-    """A two-piece can: domed base on a standing ring, straight wall, necked to an end sunk below its seam.
+    """A two-piece can: domed base with a standing ring, straight wall, neck, and an end recessed below its seam.
 
     Args:
-        diameter_m: of the wall; end_m: over the seam of the end.
+        diameter_m: of the wall. end_m: over the seam of the end.
     """
     wall, ring, end = diameter_m / 2, 0.024, end_m / 2
     dome = [(float(r), 0.0105 - 0.0095 * float(r / (ring - 0.002)) ** 2) for r in np.linspace(0, ring - 0.002, 9)]
@@ -65,18 +65,18 @@ def drink_can(diameter_m: float, height_m: float, end_m: float = 0.054, around: 
     bend = np.linspace(0, 1, 9)
     neck = [(wall - (wall - end + 0.0015) * float(3 * t**2 - 2 * t**3), height_m - 0.0025 - 0.0165 * float(1 - t)) for t in bend]
     seam = [(end, height_m - 0.0022), (end, height_m), (end - 0.002, height_m), (end - 0.003, height_m - 0.006), (0, height_m - 0.006)]
-    return revolution(held([*dome, *low, *neck, *seam]), around)
+    return revolution(straightened([*dome, *low, *neck, *seam]), around)
 
 
 def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, ring_m: float = RING_M) -> trimesh.Trimesh:
-    """A vessel lofted through superellipses |x/a|^n + |y/b|^n = 1, monotone cubics between them.
+    """A vessel lofted through superellipses |x/a|^n + |y/b|^n = 1, with monotone cubic interpolation between them.
 
     Args:
         sections_m: (N, 4) rows of height z, half width a along x, half depth b along y, and exponent n (2: an ellipse, 6: flat sides with
-            rounded corners), from the bottom upwards; the first and the last are closed by flat ends.
-        ring_m: largest distance between rings.
+            rounded corners), from the bottom upwards; flat ends close the first and the last section.
+        ring_m: largest distance between rings of vertices.
     Raises:
-        MeshError: fewer than two sections, not rising, or a width, depth or exponent that is no such shape.
+        MeshError: fewer than two sections, heights that do not rise, or an invalid width, depth or exponent.
     """
     sections = np.asarray(sections_m, float)
     if sections.ndim != 2 or sections.shape[1] != 4 or len(sections) < 2 or (np.diff(sections[:, 0]) <= 0).any():
@@ -108,7 +108,7 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, r
 
 
 def superellipse(a: float, b: float, n: float, quadrant: int = QUADRANT) -> np.ndarray:
-    """(4 * quadrant, 2) points counter-clockwise, closer where the curve turns: half by length and half by direction.
+    """(4 * quadrant, 2) points counter-clockwise; their density follows arc length and curvature with equal weight.
 
     >>> bool(np.allclose(np.linalg.norm(superellipse(1, 1, 2), axis=1), 1, atol=1e-3))
     True
@@ -129,24 +129,24 @@ def superellipse(a: float, b: float, n: float, quadrant: int = QUADRANT) -> np.n
 
 
 def mug(diameter_m: float, height_m: float, around: int = AROUND) -> trimesh.Trimesh:
-    """The outside of a mug: a straight cup with a rounded foot, its mouth closed by a lid of its own wall.
+    """The outside of a mug: a straight cup with a rounded foot; a lid of the wall's material closes its mouth.
 
-    The tracer's hollow bodies are closed; a radar that looks level sees the mouth on edge.
+    The tracer needs closed hollow bodies. A level radar sees the mouth edge-on, so the lid has little effect.
     """
     radius = diameter_m / 2
     foot = [(radius - 0.006 + 0.006 * np.sin(t), 0.006 - 0.006 * np.cos(t)) for t in np.linspace(0, np.pi / 2, 7)]
     lip = [(radius - 0.002 + 0.002 * np.cos(t), height_m - 0.002 + 0.002 * np.sin(t)) for t in np.linspace(0, np.pi / 2, 5)]
-    return revolution(held([(0, 0), *foot, *lip, (0, height_m)]), around)
+    return revolution(straightened([(0, 0), *foot, *lip, (0, height_m)]), around)
 
 
 def handle(
     wall_m: float, low_m: float, high_m: float, reach_m: float, width_m: float = 0.013, depth_m: float = 0.009, gap_m: float = 0.001
 ) -> trimesh.Trimesh:
-    """A bow in the xz plane from (wall, low) out to wall + reach and back to (wall, high), of elliptic section, its ends flat.
+    """A bow of elliptic section with flat ends in the xz plane, from (wall, low) out to wall + reach and back to (wall, high).
 
     Args:
-        wall_m: distance of the wall from the axis; gap_m: how far the ends stay off it.
-        width_m: of the section along y; depth_m: in the plane of the bow.
+        wall_m: distance of the wall from the axis. gap_m: between the wall and the ends.
+        width_m: of the section along y. depth_m: of the section in the plane of the bow.
     """
     t = np.linspace(0, np.pi, 33)
     middle, rise = (low_m + high_m) / 2, (high_m - low_m) / 2
@@ -155,7 +155,7 @@ def handle(
 
 
 def swept(path: np.ndarray, width_m: float, depth_m: float, ends: ArrayLike, around: int = 32) -> trimesh.Trimesh:
-    """An elliptic section along a path (N, 3) in the xz plane, closed by flat ends across the direction `ends` (3,)."""
+    """An elliptic section swept along a path (N, 3) in the xz plane, closed by flat ends with normals along `ends` (3,)."""
     tangent = np.gradient(path, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     tangent[0], tangent[-1] = np.asarray(ends), -np.asarray(ends)

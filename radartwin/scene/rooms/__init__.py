@@ -1,9 +1,9 @@
 """Procedural rooms with known truth. World frame: origin on the floor, x along the room, y to the left, z up; metres.
 
-Walls, floor and ceiling are single-sided rectangles facing into the room; windows and doors fill openings in their walls, so no two
-surfaces overlap. Furniture is closed boxes that keep 1 cm from floor and walls, because faces in contact shadow each other at the tracer's
-ray offset (up to 1 mm at 10 m, see physics.md). Every surface carries its material, roughness and look, and in its provenance the MINC
-category that is true of it.
+Walls, floor and ceiling are single-sided rectangles that face into the room. Windows and doors fill openings in their walls, so no two
+surfaces overlap. Furniture consists of closed boxes with a gap of 1 cm to floor and walls, because faces in contact shadow each other at
+the tracer's ray offset (up to 1 mm at 10 m). Every surface has a material, a roughness and a look; its provenance contains the true MINC
+category.
 """
 
 from __future__ import annotations
@@ -19,18 +19,11 @@ from radartwin.scene import objects
 from radartwin.scene.rooms.atrium import atrium
 from radartwin.scene.rooms.lab import CLUTTER, lab, lab_bench
 from radartwin.scene.rooms.parts import (
-    CEILING,
     DETAILS,
-    DOOR_LEAF,
-    DOUBLE_GLAZING,
     FINISHES,
-    FLOOR,
     GAP,
-    SHELF_BOARD,
     STUD_WALL,
-    TABLE_TOP,
     Bench,
-    Detail,
     Finish,
     rectangle,
     surface,
@@ -40,20 +33,13 @@ from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import look_at, pose
 
 __all__ = [
-    "CEILING",
     "CLUTTER",
     "DETAILS",
-    "DOOR_LEAF",
-    "DOUBLE_GLAZING",
     "FINISHES",
-    "FLOOR",
     "GAP",
     "ROOMS",
-    "SHELF_BOARD",
     "STUD_WALL",
-    "TABLE_TOP",
     "Bench",
-    "Detail",
     "Finish",
     "atrium",
     "bench",
@@ -67,19 +53,19 @@ __all__ = [
     "void",
 ]
 
-ROVER_HEIGHT_M = 0.4  # of the radar on the rover, above the floor
+ROVER_HEIGHT_M = 0.4  # of the rover's radar above the floor
 ROVER_DISTANCES_M = (0.5, 1.0, 2.0)
-# Where the rover starts: (x, y) on the long axis; (1, 0) elsewhere.
+# Start of the rover (x, y) on the long axis; (1, 0) in all other rooms.
 _STARTS = {"atrium": (2.0, 0.0), "squash_court": (2.0, 0.0)}
 
 
 def empty() -> Scene:
-    """Free space: no surfaces; add a target to it."""
+    """Free space: a scene without surfaces."""
     return Scene([], {"room": "empty"})
 
 
 def void() -> Scene:
-    """No room: what is left are an object and its stand, which the caller adds."""
+    """A scene without a room, for an object and its stand only."""
     return Scene([], {"room": "void"})
 
 
@@ -90,7 +76,7 @@ def room(name: str, **options: Any) -> Scene:
     """A room by name, e.g. `room("squash_court", back="glass", detail="cluttered")`.
 
     Raises:
-        SceneError: no such room, an option it does not take, or a value it refuses.
+        SceneError: no such room, an unknown option, or an invalid value.
 
     >>> room("empty").provenance["room"]
     'empty'
@@ -104,9 +90,9 @@ def room(name: str, **options: Any) -> Scene:
 
 
 def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
-    """Where a rover measures in a room: its start, looking along +x, with targets on its boresight at ROVER_DISTANCES_M.
+    """The start of the rover in a room, looking along +x, with targets on its boresight at ROVER_DISTANCES_M.
 
-    `lab_bench` is the lab's turntable, in the same place at its own height.
+    `lab_bench` is the bench of the lab's turntable, at the same place and another height.
     """
     if name not in ROOMS:
         raise SceneError(f"there is no room {name!r}; choose {', '.join(ROOMS)}")
@@ -115,14 +101,14 @@ def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
 
 
 def support(position: np.ndarray, radius_m: float = 0.15, thickness_m: float = 0.03) -> Scene:
-    """A turntable disc on a wooden post, its top centred at `position` (3,): what an object stands on.
+    """The stand of an object: a turntable disc on a wooden post, with the centre of its top at `position` (3,).
 
-    The post is round and thin and the disc ends below the object's base, so that neither faces the radar squarely.
+    The post is round and thin, and the disc is below the object's base, so that no flat face points at the radar.
     """
     x, y, top = (float(v) for v in position)
     post = top - thickness_m - 2 * GAP
     if post <= 0:
-        raise SceneError(f"support: its top is at z = {top} m, too low for a {thickness_m} m disc above the floor")
+        raise SceneError(f"support: its top is at z = {top} m, too low for a {thickness_m} m disc above the floor; raise it")
     disc = objects.cylinder(radius_m, thickness_m).apply_transform(pose([x, y, top - thickness_m / 2]))
     column = objects.cylinder(0.03, post, 32).apply_transform(pose([x, y, GAP + post / 2]))
     parts = (surface("turntable", disc, "turntable", role="object"), surface("stand", column, "solid wood", role="object"))

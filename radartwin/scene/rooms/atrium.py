@@ -1,7 +1,7 @@
 """A furnished atrium: wood-panelled walls, glass doors, metal fixtures, plasterboard.
 
-The paper names these (caption of its rover setup, and "a furnished atrium (glass doors, metal fixtures, plasterboard walls)") and no
-dimensions; size and furniture are those of an ordinary entrance hall. A strip 2 m wide along the long axis is free for the rover.
+The paper lists these features (caption of its rover setup, and "a furnished atrium (glass doors, metal fixtures, plasterboard walls)")
+without dimensions; size and furniture are those of an ordinary entrance hall. A strip 2 m wide along the long axis is free for the rover.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ def atrium(size_m: Sequence[float] = (12.0, 9.0, 5.0), detail: Detail = "furnish
     """An atrium, x in [0, length], y in [-width/2, width/2], z in [0, height]; the glass doors are in the front wall.
 
     Args:
-        size_m: length, width, height; furniture keeps its size and its place against the walls.
+        size_m: length, width, height; furniture keeps its size and its place at the walls.
         detail: "shell" (walls, doors, windows, lifts), "furnished" (columns, desk, seats, planters, railing, metal fixtures, lamps) or
             "cluttered" (also the small items of CLUTTER).
-        skylight: double glazing in the ceiling.
-        seed: of the textures and the shrubs.
+        skylight: whether the ceiling has double glazing.
+        seed: of the textures.
     Raises:
         SceneError: too small for the furniture, or an unknown detail.
     """
@@ -63,7 +63,7 @@ def _shell(shell: Shell, skylight: bool, seed: int) -> list[Surface]:
     return [
         surface("floor", shell.wall("floor"), "tiled floor", seed=seed),
         surface("ceiling", shell.wall("ceiling", roofs), "acoustic ceiling", seed=seed),
-        *(fill("ceiling", one, "skylight", "window") for one in roofs),
+        *(fill("ceiling", opening, "skylight", "window") for opening in roofs),
         surface("wall_front", shell.wall("wall_front", [entrance]), "white wall", seed=seed),
         surface("door_frame", shell.filling("wall_front", entrance, panes), "metal", seed=seed),
         *(fill("wall_front", pane, name, "glass leaf") for pane, name in zip(panes, ("door_left", "door_right", "transom"), strict=True)),
@@ -109,7 +109,7 @@ def _fixtures(length: float, width: float, height: float, skylight: bool, seed: 
 
 def _seats(length: float, width: float, seed: int) -> list[Surface]:
     y = width / 2
-    x = length / 2 + 0.2  # where the seating group begins, along the right wall
+    x = length / 2 + 0.2  # start of the seating group along the right wall
     rug = objects.box([x + 0.3, -y + 1.35, GAP], [x + 2.7, -y + 2.85, GAP + THIN_M])
     return [
         *furniture.sofa("sofa", [x + 0.4, -y + 0.35], [x + 2.5, -y + 1.25], "-y", "fabric", seed),

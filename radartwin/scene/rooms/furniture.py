@@ -1,8 +1,8 @@
-"""Furniture of boxes: closed, outward, each part clear of its neighbours by a few millimetres.
+"""Furniture of closed boxes with outward normals and gaps of a few millimetres between the parts.
 
-Faces in contact shadow each other at the tracer's ray offset (up to 1 mm at 10 m, see physics.md), so nothing touches:
-legs stop 5 mm under a top, and all stands `GAP` off floor and walls. And nothing is thinner than 12 mm: narrower faces than 10 mm are no
-panels, and tubes of a wavelength then trace the whole thing.
+Faces in contact shadow each other at the tracer's ray offset (up to 1 mm at 10 m), so no parts touch: legs end 5 mm below a top, and all
+furniture stands `GAP` off floor and walls. No part is thinner than 12 mm, because the tracer does not treat faces narrower than 10 mm as
+panels and would trace the whole surface with wavelength-scale tubes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from radartwin.scene import objects
 from radartwin.scene.rooms.parts import GAP, surface
 from radartwin.scene.scene import Surface
 
-JOINT = 0.005  # between parts of one piece, metres
+JOINT = 0.005  # gap between parts of one piece, metres
 
 
 def table(
@@ -32,7 +32,7 @@ def table(
     legs: str = "dark metal",
     seed: int = 0,
 ) -> list[Surface]:
-    """A top and four square metal legs; lowest corner at (x, y), standing GAP above `floor`."""
+    """A top and four square metal legs; the corner of least x and y is at (x, y), and the legs end GAP above `floor`."""
     board = objects.box([x, y, height - 0.025], [x + depth, y + width, height])
     side, inset = 0.04, 0.03
     posts = [
@@ -44,7 +44,7 @@ def table(
 
 
 def shelf(x: float, y: float, depth: float, width: float, height: float = 1.8, boards: int = 5) -> trimesh.Trimesh:
-    """An open shelf along y: two sides and evenly spaced boards between them."""
+    """An open shelf along y: two sides with evenly spaced boards between them."""
     t, gap = 0.018, JOINT
     parts = [objects.box([x, v, GAP], [x + depth, v + t, height]) for v in (y, y + width - t)]
     for z in np.linspace(0.08, height - t, boards):
@@ -56,7 +56,7 @@ def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, fini
     """A sofa or armchair on metal feet, within the rectangle low (x, y) to high (x, y).
 
     Args:
-        back: side of its backrest: "-x", "+x", "-y" or "+y".
+        back: side of the backrest: "-x", "+x", "-y" or "+y".
     """
     axis, sign = "xy".index(back[1]), 1 if back[0] == "+" else -1
     corner, size = np.asarray(low, float), np.asarray(high, float) - np.asarray(low, float)
@@ -64,7 +64,7 @@ def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, fini
     arm, depth, seat, top, rest = 0.16, 0.2, 0.42, 0.62, 0.82
 
     def part(span: tuple[float, float], run: tuple[float, float], z: tuple[float, float]) -> trimesh.Trimesh:
-        """A box: span along the back, run from the front to the back, both from the low side of the rectangle."""
+        """A box: `span` along the backrest, `run` from the front to the back, both measured from the low side."""
         a, b = np.zeros(2), np.zeros(2)
         a[across], b[across] = span
         a[axis], b[axis] = run if sign > 0 else (size[axis] - run[1], size[axis] - run[0])
@@ -89,7 +89,7 @@ def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, fini
 
 
 def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.5, tall: float = 1.1, seed: int = 0) -> list[Surface]:
-    """A box of brick with soil in it and a shrub over it; (x, y) is its middle."""
+    """A brick box with soil and a shrub, centred at (x, y)."""
     h, t = side / 2, 0.06
     walls = [
         objects.box([x - h, y - h, GAP], [x - h + t, y + h, height]),
@@ -106,12 +106,12 @@ def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.
 
 
 def shrub(base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
-    """A shrub on its base (3,), clipped to a body of eight sides, widest at a third of its height.
+    """A shrub on its base (3,), clipped to an eight-sided body that is widest at a third of its height.
 
-    Its edges bend by 30 degrees and more: it is made of panels, as the rest of the furniture.
+    All edges have angles of 30 degrees or more, so the tracer treats its faces as panels, like all furniture.
     """
-    turn = np.pi / 4 * np.arange(8) + np.pi / 8
-    around = np.stack([np.cos(turn), np.sin(turn), np.zeros(8)], axis=1)
+    azimuth = np.pi / 4 * np.arange(8) + np.pi / 8
+    around = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(8)], axis=1)
     tiers = ((0.03, 0.55 * spread), (0.36 * height, spread), (height - 0.15, 0.3 * spread))
     rings = [base + [0, 0, z] + radius * around for z, radius in tiers]
     sides = [[low[k], low[(k + 1) % 8], high[(k + 1) % 8], high[k]] for low, high in itertools.pairwise(rings) for k in range(8)]
@@ -119,7 +119,7 @@ def shrub(base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
 
 
 def railing(low: Sequence[float], high: Sequence[float], height: float = 1.0, posts: int = 5) -> trimesh.Trimesh:
-    """A metal railing along x or y from `low` to `high` (x, y): posts of 40 mm with five bars between them and a handrail on top."""
+    """A metal railing along x or y from `low` to `high` (x, y): 40 mm posts, five bars between two posts, and a handrail."""
     axis = int(np.argmax(np.subtract(high, low)))
     across = 1 - axis
     places = np.linspace(low[axis] + 0.02, high[axis] - 0.02, posts)

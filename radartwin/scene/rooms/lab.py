@@ -1,7 +1,7 @@
 """The laboratory of the turntable and rail experiments.
 
-The paper names its instruments, not its dimensions, so size and furniture are an ordinary laboratory's: each is a parameter or a named
-surface that can be left out.
+The paper gives no dimensions, so size and furniture are those of an ordinary laboratory. The size is a parameter, and every piece of
+furniture is a named surface that can be left out.
 """
 
 from __future__ import annotations
@@ -16,19 +16,14 @@ from radartwin.scene.rooms.parts import GAP, Bench, Detail, Shell, check_detail,
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import look_at, pose
 
-CLUTTER = (
-    "monitor",
-    "cardboard_box",
-    "waste_bin",
-    "stool_seat",
-    "extinguisher",
-)  # what "cluttered" adds and a scan may miss
+# The small items of "cluttered", which a scan may miss.
+CLUTTER = ("monitor", "cardboard_box", "waste_bin", "stool_seat", "extinguisher")
 
 
 def lab_bench(height_m: float = 1.0, wall_distance_m: float = 1.0) -> Bench:
-    """The lab's bench: sensor on the long axis, `wall_distance_m` in front of the back wall, looking along +x.
+    """The bench of the lab: sensor on the long axis, `wall_distance_m` in front of the back wall, looking along +x.
 
-    With the default room, targets at 0.5 to 2 m stand clear, and furniture and walls return between 2 and 6 m.
+    In the default room, targets at 0.5 to 2 m are free of clutter; furniture and walls reflect from 2 to 6 m.
     """
     position = np.array([wall_distance_m, 0.0, height_m])
     return Bench(look_at(position, position + np.array([1.0, 0.0, 0.0])))
@@ -38,7 +33,7 @@ def lab(size_m: Sequence[float] = (6.0, 5.0, 2.8), detail: Detail = "furnished",
     """A laboratory, x in [0, length], y in [-width/2, width/2], z in [0, height].
 
     Args:
-        size_m: length, width, height; furniture keeps its size and its place against the walls.
+        size_m: length, width, height; furniture keeps its size and its place at the walls.
         detail: "shell" (walls, floor, ceiling, window, door), "furnished" (tables, cabinet, shelf, radiator) or
             "cluttered" (also the small items of `CLUTTER`).
         seed: of the textures.

@@ -1,9 +1,9 @@
-"""What rooms are built of: walls with openings, finishes with their truth, a bench to measure from.
+"""Parts of rooms: walls with openings, finishes with their true materials, and the bench of a measurement.
 
-A finish is everything that is true of a surface: material, MINC category, roughness class and look. Roughness is that of
-`radartwin.materials.roughness` by class, with their sources there: painted plaster 0.05 mm, acoustic board 0.3 mm, planed wood 0.03 mm,
-metal 0.1 mm, concrete 0.3 mm, glass none. Layers are building practice: 12.5 mm plasterboard on 75 mm studs, 4-16-4 mm double glazing, an
-8 mm floor on concrete, 15 mm ceiling board, a 40 mm door leaf, 25 mm chipboard table tops.
+A finish is the true description of a surface: material, MINC category, roughness class and look. `radartwin.materials.roughness` gives the
+height of each roughness class and its source: painted plaster 0.05 mm, acoustic board 0.3 mm, planed wood 0.03 mm, metal 0.1 mm, concrete
+0.3 mm, glass 0. Layers follow building practice: 12.5 mm plasterboard on 75 mm studs, 4-16-4 mm double glazing, an 8 mm floor on concrete,
+15 mm ceiling board, a 40 mm door leaf, 25 mm chipboard table tops.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from radartwin.scene.scene import Scene, Surface
 
 Detail = Literal["shell", "furnished", "cluttered"]
 DETAILS: tuple[Detail, ...] = ("shell", "furnished", "cluttered")
-Opening = tuple[float, float, float, float]  # u0, v0, u1, v1 along a wall from its corner, and up
+Opening = tuple[float, float, float, float]  # u0, v0, u1, v1 in metres: along a wall from its corner, and up
 
-GAP = 0.01  # between furniture and what it stands on or leans against, metres
+GAP = 0.01  # between furniture and the floor or a wall, metres
 
 STUD_WALL = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
 FLOOR = Layered([("floorboard", 0.008)], backing="concrete")
@@ -34,22 +34,24 @@ DOOR_LEAF = Layered([("wood", 0.04)])
 TABLE_TOP = Layered([("chipboard", 0.025)])
 SHELF_BOARD = Layered([("chipboard", 0.018)])
 PANELLED_WALL = Layered([("wood", 0.019), ("air", 0.04), ("plasterboard", 0.0125)])  # veneered boards on battens
-TILED_FLOOR = Layered([("glass", 0.010)], backing="concrete")  # porcelain: the closest row is glass
+TILED_FLOOR = Layered([("glass", 0.010)], backing="concrete")  # glass is the closest row to porcelain
 CONCRETE_WALL = Layered([("concrete", 0.20)])
 SPRUNG_FLOOR = Layered([("wood", 0.022), ("air", 0.05)], backing="concrete")  # 22 mm beech on battens
 TOUGHENED_GLASS = Layered([("glass", 0.012)])
-CORRUGATED_BOARD = Layered([("wood", 0.004)])  # closest to thin wood
-CLOTH = Layered([("wood", 0.0005)])  # textile of 2.0 over foam, which is nearly air; sources of this and the next two: materials.minc
+CORRUGATED_BOARD = Layered([("wood", 0.004)])  # thin wood is the closest material
+CLOTH = Layered(
+    [("wood", 0.0005)]
+)  # textile (permittivity 2.0) over foam, which is nearly air; sources of this and the next two: materials.minc
 HIDE = Layered([("plasterboard", 0.0012)])
 LEAF = Layered([("detergent", 0.0003)])
 
 
 class Finish(NamedTuple):
-    """What is true of a surface.
+    """The true description of a surface.
 
     Attributes:
-        material: of the radar. minc: MINC category. roughness: class of `radartwin.materials.roughness`. look: of `textures`.
-        stand_in: whether the material is a row of P.2040 that stands for something it is not.
+        material: for the radar. minc: MINC category. roughness: class of `radartwin.materials.roughness`. look: of `textures`.
+        stand_in: whether the material is a substitute, because P.2040 has no row of it.
     """
 
     material: str | Layered
@@ -62,14 +64,13 @@ class Finish(NamedTuple):
 FINISHES: dict[str, Finish] = {
     "plaster wall": Finish(STUD_WALL, "painted", "painted", "plaster"),
     "white wall": Finish(STUD_WALL, "painted", "painted", "white_plaster"),
-    "blue wall": Finish(STUD_WALL, "painted", "painted", "blue_plaster"),
     "wood panelling": Finish(PANELLED_WALL, "wood", "wood", "wood_panelling"),
     "court wall": Finish(CONCRETE_WALL, "painted", "concrete", "painted_concrete"),
     "concrete": Finish(CONCRETE_WALL, "stone", "concrete", "concrete"),
     "board floor": Finish(FLOOR, "wood", "floorboard", "floorboards"),
     "court floor": Finish(SPRUNG_FLOOR, "wood", "wood", "court_floor"),
     "tiled floor": Finish(TILED_FLOOR, "tile", "tile", "tiles", stand_in=True),
-    "acoustic ceiling": Finish(CEILING, "other", "ceiling_board", "ceiling_board"),  # MINC has no category of its own for ceiling boards
+    "acoustic ceiling": Finish(CEILING, "other", "ceiling_board", "ceiling_board"),  # MINC has no category for ceiling boards
     "window": Finish(DOUBLE_GLAZING, "glass", "glass", "glass"),
     "glass leaf": Finish(TOUGHENED_GLASS, "glass", "glass", "glass"),
     "wood door": Finish(DOOR_LEAF, "wood", "wood", "wood"),
@@ -86,7 +87,7 @@ FINISHES: dict[str, Finish] = {
     "fabric": Finish(CLOTH, "fabric", "fabric", "fabric", stand_in=True),
     "red fabric": Finish(CLOTH, "fabric", "fabric", "red_fabric", stand_in=True),
     "leather": Finish(HIDE, "leather", "leather", "leather", stand_in=True),
-    "carpet": Finish(Layered([("wood", 0.008)]), "carpet", "carpet", "carpet", stand_in=True),  # as P.2040's carpet tile at 77 GHz
+    "carpet": Finish(Layered([("wood", 0.008)]), "carpet", "carpet", "carpet", stand_in=True),  # stand-in of P.2040's carpet tile at 77 GHz
     "foliage": Finish(LEAF, "foliage", "foliage", "foliage", stand_in=True),
     "brick": Finish("floorboard", "brick", "brick", "brick", stand_in=True),  # P.2040's brick ends at 40 GHz, see materials.itu
     "soil": Finish("concrete", "other", "food", "soil", stand_in=True),
@@ -100,7 +101,7 @@ FINISHES: dict[str, Finish] = {
 
 @dataclass(frozen=True)
 class Bench:
-    """Where the measurement stands: the sensor looks level along the room, targets stand on its boresight.
+    """The place of a measurement: the sensor looks level along the room, targets stand on its boresight.
 
     Attributes:
         sensor_pose: (4, 4) sensor-to-world.
@@ -124,31 +125,31 @@ def surface(
     picture: trimesh.Trimesh | None = None,
     seed: int = 0,
 ) -> Surface:
-    """A mesh with everything that is true of it.
+    """A mesh with the true material, roughness, look and category of a finish.
 
     Args:
-        finish: of FINISHES.
-        look: another look than the finish's; fit: one bitmap over each side.
-        picture: the mesh already dressed, in place of a look.
+        finish: a key of FINISHES.
+        look: a look that replaces that of the finish. fit: one bitmap over each side.
+        picture: the mesh with its texture, instead of a look.
         seed: of the bitmap.
     """
     kind = FINISHES[finish]
-    dressed = picture if picture is not None else textures.textured(mesh, look or kind.look, seed, fit)
+    shown = picture if picture is not None else textures.textured(mesh, look or kind.look, seed, fit)
     provenance = {"source": "true", "confidence": 1.0, "stand_in": kind.stand_in, "minc": kind.minc}
-    return Surface(dressed, kind.material, name, roughness_m(kind.roughness), role, provenance)
+    return Surface(shown, kind.material, name, roughness_m(kind.roughness), role, provenance)
 
 
 def room_scene(
     surfaces: Sequence[Surface], room: str, size_m: Sequence[float], detail: Detail, clutter: Sequence[str] = (), **more: object
 ) -> Scene:
-    """The scene of a room, with what built it in its provenance.
+    """The scene of a room, with its parameters in the provenance.
 
     Args:
-        clutter: names of the small things that a scan may miss; kept as far as the detail has them.
+        clutter: names of the small items that a scan may miss; the provenance lists those that are present.
     """
-    has = {s.name for s in surfaces}
-    kept = [name for name in clutter if name in has]
-    return Scene(surfaces, {"room": room, "size_m": [float(v) for v in size_m], "detail": detail, "clutter": kept, **more})
+    names = {s.name for s in surfaces}
+    present = [name for name in clutter if name in names]
+    return Scene(surfaces, {"room": room, "size_m": [float(v) for v in size_m], "detail": detail, "clutter": present, **more})
 
 
 def check_detail(room: str, detail: str) -> None:
@@ -157,10 +158,10 @@ def check_detail(room: str, detail: str) -> None:
 
 
 def check_size(room: str, size_m: Sequence[float], least: tuple[float, float, float], most: tuple[float, float, float]) -> list[float]:
-    """Length, width and height as floats, within bounds.
+    """Length, width and height as floats.
 
     Raises:
-        SceneError: not three numbers, or outside.
+        SceneError: not three numbers, or a number outside its limits.
     """
     size = [float(v) for v in size_m]
     bounds = f"at least {least[0]} x {least[1]} x {least[2]}, at most {most[0]:g} x {most[1]:g} x {most[2]:g}"
@@ -179,12 +180,12 @@ def rectangle(
     openings: Sequence[Opening] = (),
     inset: Opening | None = None,
 ) -> trimesh.Trimesh:
-    """Single-sided rectangle with rectangular openings, facing along x up; no T-junctions.
+    """Single-sided rectangle with rectangular openings and without T-junctions; its normal is along x up.
 
     Args:
-        corner: (3,); along, up: unit vectors; size: metres along both.
-        openings: (u0, v0, u1, v1) in metres from the corner, left out.
-        inset: only this part instead of the whole: what fills an opening.
+        corner: (3,). along, up: (3,) unit vectors. size: metres along both.
+        openings: left out of the rectangle; (u0, v0, u1, v1) in metres from the corner.
+        inset: build only this part, for example to fill an opening.
     """
     u0, v0, u1, v1 = inset if inset is not None else (0.0, 0.0, *size)
     us = np.unique(np.clip([u0, u1, *(o[k] for o in openings for k in (0, 2))], u0, u1))
@@ -205,9 +206,9 @@ def rectangle(
 
 @dataclass(frozen=True)
 class Shell:
-    """The six sides of a box x in [0, length], y in [-width/2, width/2], z in [0, height], each seen from inside.
+    """The six sides of a box x in [0, length], y in [-width/2, width/2], z in [0, height], each facing inwards.
 
-    `side(name)` gives corner, along, up and size of: floor and ceiling (from the corner at the back), wall_front (x = length),
+    `side(name)` returns corner, along, up and size of: floor and ceiling (from the corner at the back), wall_front (x = length),
     wall_back (x = 0), wall_left (y > 0), wall_right (y < 0).
     """
 
@@ -229,9 +230,9 @@ class Shell:
         return np.array(corner, float), along, up, size
 
     def wall(self, name: str, openings: Sequence[Opening] = ()) -> trimesh.Trimesh:
-        """One side with openings left out."""
+        """One side without its openings."""
         return rectangle(*self.side(name), openings=openings)
 
     def filling(self, name: str, inset: Opening, openings: Sequence[Opening] = ()) -> trimesh.Trimesh:
-        """What fills an opening of a side, with openings of its own."""
+        """A rectangle that fills an opening of a side, with openings of its own."""
         return rectangle(*self.side(name), openings=openings, inset=inset)

@@ -16,7 +16,7 @@ import trimesh
 
 from radartwin.errors import SceneError
 from radartwin.scene import objects, textures
-from radartwin.scene.rooms.parts import GAP, Detail, Shell, check_detail, check_size, room_scene, surface
+from radartwin.scene.rooms.parts import FINISHES, GAP, Detail, Shell, check_detail, check_size, room_scene, surface
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
@@ -24,7 +24,7 @@ SIZE_M = (9.75, 6.40, 5.64)
 TIN_M, SERVICE_M, OUT_FRONT_M, OUT_BACK_M = 0.48, 1.78, 4.57, 2.13
 SHORT_M, BOX_M, LINE_M = 4.26, 1.60, 0.05
 DOOR_M = (0.90, 2.13)
-TIN_DEPTH_M = 0.045  # front of the tin before the wall; the board may project so far
+TIN_DEPTH_M = 0.045  # distance of the tin's front from the wall, the maximum of the regulations
 LINE_RGB = np.array([0.72, 0.10, 0.12])
 PIXEL_M = 0.006
 CLUTTER = ("ball", "racket_bag", "water_bottle", "bench")
@@ -38,14 +38,14 @@ def squash_court(
     """A court, x in [0, length] towards the front wall, y in [-width/2, width/2], z in [0, height].
 
     Args:
-        size_m: regulation unless given.
+        size_m: length, width, height; by default those of the regulations.
         detail: "shell" (walls, floor, ceiling, door, tin), "furnished" (lamps, a ventilation grille, the door's plate and handle) or
             "cluttered" (also the small items of CLUTTER).
-        back: the back wall below 2.13 m: as the others, with a wooden door, or 12 mm glass with a glass door in a metal frame.
-        lines: painted court markings.
+        back: the back wall below 2.13 m: "solid" with a wooden door, or 12 mm "glass" with a glass door in a metal frame.
+        lines: whether the court has painted markings.
         seed: of the textures.
     Raises:
-        SceneError: an unknown detail or back, or a size that holds no court.
+        SceneError: an unknown detail or back, or a size outside the limits.
     """
     check_detail("squash_court", detail)
     if back not in ("solid", "glass"):
@@ -114,7 +114,7 @@ def _back(shell: Shell, back: Back, lines: bool, seed: int) -> list[Surface]:
 
 
 def _tin(length: float, width: float, seed: int) -> Surface:
-    """Sheet metal before the foot of the front wall; its upper 50 mm are a line."""
+    """Sheet metal at the foot of the front wall; its upper 50 mm are a line."""
     y = width / 2 - GAP
     mesh = objects.box([length - TIN_DEPTH_M, -y, GAP], [length - GAP, y, TIN_M])
     canvas = textures.tiled("painted_metal", (2 * y, TIN_M - GAP), PIXEL_M, seed)
@@ -159,14 +159,12 @@ def _clutter(length: float, width: float, seed: int) -> list[Surface]:
 
 
 def _bar(low: tuple[float, float], high: tuple[float, float]) -> np.ndarray:
-    """(2, 2) opposite corners of an upright line's rectangle: marked as wide as it is high."""
+    """(2, 2) opposite corners of the rectangle of a marking."""
     return np.array([low, high], float)
 
 
 def _marked(shell: Shell, side: str, mesh: trimesh.Trimesh, finish: str, marks: Sequence[np.ndarray], seed: int) -> trimesh.Trimesh:
-    """A side of the court with its markings: rectangles, and on the side walls lines between two points."""
-    from radartwin.scene.rooms.parts import FINISHES
-
+    """A side of the court with its markings: rectangles, or on the side walls lines between two points."""
     corner, along, up, size = shell.side(side)
     canvas = textures.tiled(FINISHES[finish].look, size, PIXEL_M, seed)
     rows, columns = canvas.shape[:2]
