@@ -1,12 +1,12 @@
-"""Benchmarks: what a frame costs, as ratios within one run.
+"""Benchmarks: run time per frame, as ratios within one run.
 
     python experiments/speed/bench.py [--repeats 5] [--only synthesis frames rfgenesis memory scan] [--variant cuda]
         [--json FILE] [--history]
 
-Methods alternate, so that a machine that slows down slows all of them; medians and ranges are printed, and the ratios are what to
-compare between machines; `--history` adds them as a line to bench_history.csv beside this file. The direct sum is timed on a share of the
-paths and scaled (its cost is linear in them); its error reference is that same share. Without `--variant`, the tracing benchmarks are
-repeated on a GPU where one is found, in a process of their own.
+Methods take turns, so that a machine that slows down slows all of them. Medians and ranges are printed; only the ratios can be compared
+between machines. `--history` adds the ratios as a line to bench_history.csv beside this file. The direct sum is timed on a share of the
+paths and multiplied, because its time is proportional to their number; its error is computed on the same share. Without `--variant`, the
+tracing benchmarks are repeated in a process of their own on a GPU if there is one.
 """
 
 import argparse
@@ -25,6 +25,7 @@ from pathlib import Path
 
 import numpy as np
 from bench_history import append
+from machine import processor
 
 import radartwin as rt
 from radartwin.constants import SPEED_OF_LIGHT
@@ -41,14 +42,14 @@ from radartwin.simulation.signal.synthesis import planar_phase, synthesize
 PATHS, DIRECT_PATHS = 100_000, 1_000
 FRAMES = 100
 ROOM_FRAMES = 20  # with a room around the object
-MOVING_FRAMES = {"panels": 50, "tubes": 5}  # of a sensor that moves by 2 cm a frame: a metre by panels; each costs the same by tubes
+MOVING_FRAMES = {"panels": 50, "tubes": 5}  # of a sensor that moves 2 cm per frame; by tubes every frame takes the same time
 MEMORY_RAYS = 3_000_000
 BENCHMARKS = ("synthesis", "frames", "rfgenesis", "memory", "scan")
 Rows = dict[str, object]
 
 
 def random_paths(count: int, rate_mps: float) -> Paths:
-    """Paths of one pose with lengths of a room, all directions and speeds up to `rate_mps`."""
+    """Paths of one pose with the lengths of a room, all directions, and speeds up to `rate_mps`."""
     rng = np.random.default_rng(0)
     unit = [d / np.linalg.norm(d, axis=1, keepdims=True) for d in rng.normal(size=(2, count, 3))]
     amplitude = rng.normal(size=(count, 1)) + 1j * rng.normal(size=(count, 1))
@@ -59,7 +60,7 @@ def random_paths(count: int, rate_mps: float) -> Paths:
 
 
 def direct_sum(paths: Paths, radar: Radar) -> np.ndarray:
-    """The signal's definition in NumPy: one exponential per path, chirp, channel and sample."""
+    """The definition of the signal in NumPy: one exponential per path, chirp, channel and sample."""
     t = np.arange(radar.num_samples) / radar.sample_rate_hz
     f = radar.start_frequency_hz + radar.slope_hz_per_s * t
     out = np.zeros((1, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), complex)
@@ -88,7 +89,7 @@ def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
 
 
 def show(rows: Rows, name: str, seconds: np.ndarray, note: str) -> float:
-    """Print and keep a row of a table; its median in seconds."""
+    """Print and store a row of a table; its median in seconds."""
     median = float(np.median(seconds))
     print(f"  {name:44s} {median * 1e3:9.2f} ms  ({seconds.min() * 1e3:.2f} to {seconds.max() * 1e3:.2f})  {note}")
     rows[name] = {"median_s": median, "least_s": float(seconds.min()), "most_s": float(seconds.max())}
@@ -170,7 +171,7 @@ def frames(repeats: int, rows: Rows, variant: str) -> None:
 
 
 def rfgenesis(repeats: int, rows: Rows, variant: str) -> None:
-    """A single frame of the naive tracer with its own signal synthesis against our frames of the same scene."""
+    """One frame of RF-Genesis with its own signal synthesis against our frames of the same scene."""
     radar, bench = rt.Radar.iwr1843(), rooms.lab_bench()
     turning = trajectory.turntable(bench.target_position(1.5), FRAMES, radar.frame_rate_hz)
     pose, target = bench.sensor_pose[None], rt.Scene([rt.Surface(objects.trihedral(0.1), "metal", "reflector")])
@@ -186,7 +187,7 @@ def rfgenesis(repeats: int, rows: Rows, variant: str) -> None:
 
 
 def memory(rows: Rows, variant: str) -> None:
-    """Peak resident memory of a fresh process that traces a furnished room with many rays."""
+    """Peak resident memory of a new process that traces a furnished room with many rays."""
     code = (
         "import resource, numpy as np, radartwin as rt; from radartwin.scene import rooms\n"
         f"rt.simulate(rooms.lab(), rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays={MEMORY_RAYS}, variant={variant!r})\n"
@@ -216,7 +217,7 @@ def main() -> None:
     parser.add_argument("--history", action="store_true", help="add the ratios as a line to bench_history.csv")
     chosen = parser.parse_args()
     variant, load = chosen.variant or "llvm", f"{os.getloadavg()[0]:.1f}"
-    print(f"{_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, NumPy {np.__version__}")
+    print(f"{processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, NumPy {np.__version__}")
     rows: Rows = {}
     if "synthesis" in chosen.only:
         synthesis(chosen.repeats, rows)
@@ -229,7 +230,7 @@ def main() -> None:
     if "scan" in chosen.only:
         scan(rows)
     rows["peak GiB of this process"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    results: dict[str, object] = {"processor": _processor(), "cores": os.cpu_count(), "repeats": chosen.repeats, variant: rows}
+    results: dict[str, object] = {"processor": processor(), "cores": os.cpu_count(), "repeats": chosen.repeats, variant: rows}
     on_gpu = [name for name in chosen.only if name not in ("synthesis", "scan")]
     if chosen.variant is None and on_gpu and variant_module.has_cuda():
         with tempfile.TemporaryDirectory() as folder:
@@ -238,7 +239,7 @@ def main() -> None:
             subprocess.run([sys.executable, __file__, *options], check=True)
             results["cuda"] = json.loads(file.read_text())["cuda"]
     if chosen.history:
-        machine = {"processor": _processor(), "cores": os.cpu_count(), "load": load, "python": platform.python_version()}
+        machine = {"processor": processor(), "cores": os.cpu_count(), "load": load, "python": platform.python_version()}
         machine["repeats"] = chosen.repeats
         for name in ("llvm", "cuda"):
             if ratios := _ratios(results.get(name, {})):
@@ -248,17 +249,9 @@ def main() -> None:
 
 
 def _ratios(rows: object) -> dict[str, float]:
-    """Ratios alone, by name."""
+    """The ratios by name."""
     assert isinstance(rows, dict)
     return {name.removeprefix("ratio "): value for name, value in rows.items() if name.startswith("ratio ")}
-
-
-def _processor() -> str:
-    if Path("/proc/cpuinfo").is_file():
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor() or platform.machine()
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""The history of benchmarks: a line per run in one CSV, of commit, machine and ratios.
+"""The history of benchmarks: one CSV with a line of commit, machine and ratios per run.
 
-Seconds belong to a machine, ratios within one run can be compared between machines and commits. A ratio that a run did not measure is
-left empty; one that is new gets a column at the end.
+Seconds depend on the machine; ratios within one run can be compared between machines and commits. A ratio that a run did not measure stays
+empty; a new ratio gets a column at the end.
 """
 
 import csv
@@ -18,11 +18,12 @@ FIXED = ("date", "commit", "changed", "processor", "cores", "load", "python", "r
 
 
 def append(machine: Mapping[str, object], ratios: Mapping[str, float], history: Path = HISTORY) -> Path:
-    """Add a line.
+    """Add a line to the history.
 
     Args:
-        machine: processor, cores, load (of others, as it began), python, repeats and variant. ratios: by name.
-        history: made where it is not yet; written whole or not at all.
+        machine: processor, cores, load of other programs at the start, python, repeats and variant.
+        ratios: by name.
+        history: the file, created if absent and replaced as a whole.
     """
     head, changed = commit.commit()
     line = {"date": time.strftime("%Y-%m-%d"), "commit": head[:12], "changed": "yes" if changed else "no", **machine}
@@ -37,7 +38,7 @@ def append(machine: Mapping[str, object], ratios: Mapping[str, float], history: 
 
 
 def read(history: Path = HISTORY) -> list[dict[str, str]]:
-    """Its lines, oldest first; none where there is no history."""
+    """Lines of the history, oldest first; none if the file does not exist."""
     if not history.is_file():
         return []
     with history.open(encoding="utf-8", newline="") as stream:

@@ -1,12 +1,14 @@
-"""What methods cost and tell on a campaign: the twin's turntable recordings of every object by each method, scored against the measured.
+"""Run time, feature error and recognition error of methods on the campaign: the twin's turntable recordings of every object by each method.
 
-Feature error: root mean square over the rotation features of a simulated turn less the measured ones' mean, in standard deviations of each
-feature over the measured recordings; brightness after one gain for all, which a reflector would tell, so that methods without an absolute
-level are judged by the rest. Recognition: a linear probe on ranks, trained on the simulated turns alone, tells symmetric from asymmetric
-objects (as turntable_label_free, without an encoder). Seconds are of the processors, of recordings as they were made by whichever process:
-the median over those that found everything set up, and a share of the least that setting up took; each method's
-in processes of its own. The campaign is the quick one in every
-profile.
+Feature error: root mean square over the rotation features of the difference between a simulated revolution and the mean of the measured
+ones, in standard deviations of each feature over the measured recordings. Brightness is compared after one common gain, as one corner
+reflector would give it, so that methods without an absolute level are judged by the other features.
+
+Recognition error: a linear probe on ranks, trained on the simulated revolutions only, separates symmetric from asymmetric objects (as
+turntable_label_free does, without an encoder).
+
+Run times are processor seconds, measured when each recording was made: the median over the recordings that found their set-up ready, plus
+a share of the shortest set-up. Each method runs in fresh processes. Every profile uses the quick campaign.
 """
 
 from __future__ import annotations
@@ -42,7 +44,7 @@ BRIGHTNESS = "brightness_db"
 
 @dataclass(frozen=True)
 class Twin:
-    """How one method makes the twin's recordings: overrides as on the command line, or of a configuration's parts."""
+    """How one method simulates the twin: overrides of the command line, or replaced parts of the configuration."""
 
     family: str
     setting: str
@@ -51,7 +53,7 @@ class Twin:
 
 
 def twins(full: bool) -> list[Twin]:
-    """The default first; `full` takes more settings."""
+    """The methods, the default first; `full` adds settings."""
     few = [
         Twin(OURS, DEFAULT),
         Twin(OURS, "no room", changed={"materials": MaterialsConfig(source="void")}),
@@ -72,7 +74,7 @@ def twins(full: bool) -> list[Twin]:
 
 
 def measure(config: Config, store: Store, progress: Progress, full: bool) -> list[dict[str, Any]]:
-    """A row of each method; the scan that all share is made beforehand."""
+    """One row per method. The scan that all methods share is made first."""
     virtual_scan.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
     rows = []
     for method in progress.over(twins(full), "methods on the campaign"):
@@ -91,14 +93,14 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
 
 
 def _configured(config: Config, method: Twin) -> Config:
-    """The twin of the recognition tables, with this method."""
+    """The twin of the recognition tables, simulated by this method."""
     own = compose(["experiment=labelled_probe", "profile=quick", *method.simulator])
     same = {name: getattr(config, name) for name in ("measured", "radar", "seed", "output", "jobs")}
     return replace(own, **same, **method.changed)
 
 
 def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
-    """Core seconds of a frame: of each recording that found its room set up, with a share of what setting up took."""
+    """Processor seconds per frame of each recording that found its room set up, with its share of the set-up time."""
     made = [campaign.clean("twin", case).read_json("meta") for case in cases]
     frames = [one["told"]["frames"] for one in made]
     setups = [int(one["told"].get(tally.SETUPS, 0)) for one in made]
@@ -112,7 +114,7 @@ def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
 
 
 def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
-    """In spreads of the measured features, and the standard error over recordings; features without a spread do not count."""
+    """(error in standard deviations of the measured features, standard error over recordings); constant features do not count."""
     spread = measured.values.std(axis=0)
     tells = spread > 1e-9 * np.abs(measured.values).max(axis=0)
     apart = np.stack([
@@ -127,6 +129,6 @@ def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
 
 
 def recognition_error(simulated: Samples, measured: Samples) -> float:
-    """Share of measured turns whose symmetry is not told from simulated ones."""
+    """Share of measured revolutions whose symmetry class a probe trained on simulated ones gets wrong."""
     split = label_free(ranked(simulated).relabelled(GEOMETRY), ranked(measured).relabelled(GEOMETRY))
     return float(np.mean(transferred_probe(split) != split.test.label))

@@ -1,4 +1,4 @@
-"""The chart of speed against accuracy, drawn from the rows of its table alone."""
+"""The chart of speed against accuracy, drawn from the rows of its table only."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ SHORT = {
 
 
 def short(setting: str) -> str:
-    """A setting as its label on the chart."""
+    """The label of a setting on the chart."""
     for words, shorter in SHORT.items():
         setting = setting.replace(words, shorter)
     return setting
 
 
 def chart(rows: Sequence[Row], error: str) -> Figure:
-    """Seconds of a frame against error, a panel per problem; the front is a line, the default a star."""
+    """Seconds per frame against error, one panel per problem. A line joins the front, a star marks the default."""
     measured = [row for row in rows if not row["claim"] and row[error] is not None]
     names = list(dict.fromkeys(row["problem"] for row in measured))
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=5.6, sharex=True, sharey=True)
@@ -58,7 +58,7 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
     for panel in panels[:, 0]:
         panel.set_ylabel(label)
     for panel in [*panels[-1, :2], panels[0, 2]]:
-        panel.set_xlabel("processor-seconds a frame")
+        panel.set_xlabel("processor seconds per frame")
     panels[0, 2].tick_params(labelbottom=True)
     _legend(panels.flat[-1], measured)
     drawing.draw_without_rendering()
@@ -71,7 +71,7 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
 
 
 def _named(mine: Sequence[Row], error: str) -> list[Row]:
-    """Rows that are told by name: those on the front, the default, the published pipeline and the most accurate of each family."""
+    """The rows with a label: those on the front, the default, the published pipeline and the most accurate of each family."""
     front = "front" if error == "profile_error_db" else "front of the signal"
     named = [row for row in mine if row[front] or row["setting"] in (DEFAULT, "as published")]
     families = dict.fromkeys(row["family"] for row in mine)
@@ -79,15 +79,15 @@ def _named(mine: Sequence[Row], error: str) -> list[Row]:
 
 
 def campaign(rows: Sequence[Row]) -> Figure:
-    """Seconds of a frame on the campaign against feature error and against what is not recognised."""
+    """Seconds per frame on the campaign against feature error and against recognition error."""
     mine = [row for row in rows if not row["claim"] and row["feature_error"] is not None]
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.0, sharex=True)
     shown = (
-        (panels[0], "error of the features (spreads of the measured)", "front of features", [row["feature_error"] for row in mine]),
-        (panels[1], "symmetry not recognised (share of turns)", "front of recognition", [row["recognition_error"] for row in mine]),
+        (panels[0], "feature error (std of the measured)", "front of features", [row["feature_error"] for row in mine]),
+        (panels[1], "symmetry not recognised (share)", "front of recognition", [row["recognition_error"] for row in mine]),
     )
     for panel, label, on_front, values in shown:
-        panel.set(xscale="log", xlabel="processor-seconds a frame", ylabel=label)
+        panel.set(xscale="log", xlabel="processor seconds per frame", ylabel=label)
         panel.grid(which="major", color="0.92", lw=0.5)
         panel.set_axisbelow(True)
         best = sorted((row["seconds_frame"], value) for row, value in zip(mine, values, strict=True) if row[on_front])
@@ -111,7 +111,7 @@ def _answer(truth: str) -> str:
 
 
 def _label(row: Row) -> str:
-    """What stands beside a point; of the published pipeline also how many times the default's seconds it takes."""
+    """The label of a point; the published pipeline's label also gives its time relative to the default."""
     if row["setting"] == "as published":
         return f"published ({row['value']:.0f} x)"
     return short(row["setting"])
@@ -150,12 +150,12 @@ def _legend(panel: Any, measured: Sequence[Row]) -> None:
             handles.append(Line2D([], [], color="none", marker=marker, ms=4.5, mfc=face, mec=colour, label=words.get(family, family)))
     marker, colour = LOOKS["RF-Genesis style"]
     handles.append(Line2D([], [], color="none", marker=marker, ms=4.5, mfc="white", mec=colour, label="RF-Genesis style, as published"))
-    handles.append(Line2D([], [], color="0.6", lw=1.0, label="front: nothing is faster and more accurate"))
+    handles.append(Line2D([], [], color="0.6", lw=1.0, label="front: no method beats these in both"))
     panel.legend(handles=handles, loc="upper left", fontsize=6.5, borderaxespad=0)
-    lines = ["Fast is left, accurate is down. Bars: least to most.", "Profiles count within 40 dB of their peak."]
+    lines = ["Left is fast, low is accurate. Bars: range over rounds.", "Profiles count within 40 dB of their peak."]
     lines += [
-        "(n x): times the default's seconds.",
-        "Without a name: other settings; the table has all.",
+        "(n x): time relative to the default.",
+        "Without a label: other settings; the table lists all.",
         *measured[0]["machine"].split("; "),
     ]
     panel.text(0, 0.0, "\n".join(lines), fontsize=5.5, color="0.35", va="bottom", transform=panel.transAxes)

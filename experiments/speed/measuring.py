@@ -1,10 +1,10 @@
-"""What methods cost on this machine: seconds of a frame by interleaved repetitions, memory at its peak, and the machine they are of.
+"""Run time and memory of methods on this machine, from interleaved repetitions.
 
-A recording is timed warm: kernels compiled, and of a radar at rest the room already traced. What the first recording took beyond a warm
-one is `setup_s`, which a recording of `Problem.frames` frames shares; a moving radar is timed as if nothing were kept. Seconds of a frame
-are setup over that number of frames, and the median warm recording over its own. Methods alternate, so that a machine that slows down
-slows all. Seconds are the processors', of all threads and of the processes of peers, which move little with what else runs; the wall clock
-stands beside them, and in their place where rays are traced on a GPU.
+Recordings are timed after compilation; a radar at rest also finds its room already traced. The extra time of the first recording over a
+later one is `setup_s`, and the `Problem.frames` frames of a whole recording share it. A moving radar is timed as if no room were cached.
+Seconds per frame are the set-up's share plus the median time of the later recordings. Methods take turns, so that a machine that slows
+down slows all of them. Seconds are processor seconds of all threads and of the processes of other simulators, because these depend little
+on the load; wall-clock seconds stand beside them, and replace them where a GPU traces the rays.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from experiments.speed.problems import RADAR, Problem
 from radartwin.simulation import variant
 from radartwin.store import array_cache
 
-ASIDE_M = 1e-6  # of a radar from one call to the next, where nothing may be kept
+ASIDE_M = 1e-6  # shift of the radar between calls that must not reuse cached paths
 
 
 class Peak:
-    """Resident memory above what it was, in MiB, of this process and of the processes of peers; None where the system does not tell."""
+    """Peak resident memory above the starting value, in MiB, of this process and of other simulators' processes; None if unknown."""
 
     def __init__(self) -> None:
         gc.collect()
@@ -45,7 +45,7 @@ class Peak:
 
 
 def clock() -> float:
-    """Seconds of this process and of the processes of peers, all threads; of the wall where a GPU does the work."""
+    """Processor seconds of this process and of other simulators' processes, all threads; wall-clock seconds if a GPU does the work."""
     if variant.activate("auto").startswith("cuda"):
         return time.perf_counter()
     total = time.process_time()
@@ -56,7 +56,7 @@ def clock() -> float:
 
 
 def _reset(pid: str) -> int | None:
-    """Start the high-water mark of a process anew; what it holds now, in KiB. Linux alone."""
+    """Reset the high-water mark of a process; its resident memory in KiB, or None outside Linux."""
     try:
         Path(f"/proc/{pid}/clear_refs").write_text("5")
     except OSError:
@@ -91,11 +91,11 @@ class Timed:
         return signal_error.compare(pairs, self.problem.parts[0].radar)
 
     def once(self, moved: bool = False) -> float:
-        """Seconds of all recordings once, over their frames. `moved`: with nothing that is kept."""
+        """Seconds per frame of all recordings, run once. `moved`: nothing cached can be reused."""
         if self.method.published:
             settings = self.method.simulator.settings
             found = [published_seconds(part, settings, RADAR, clock) for part in self.problem.parts]
-            self._last_wall = float(np.mean(found))  # of one thread, were it alone
+            self._last_wall = float(np.mean(found))  # of one thread
             return self._last_wall
         aside = ASIDE_M * self._count() if moved or not self.problem.resting else 0.0
         began, wall = clock(), time.perf_counter()
@@ -106,9 +106,10 @@ class Timed:
         return (clock() - began) / frames
 
     def prepare(self, budget_s: float, most: int) -> None:
-        """The first recording, with its memory and rays; then how many frames a repetition has.
+        """Run the first recordings, with their memory and rays, and choose the number of frames of a repetition.
 
-        This tracer takes all, for it shares work among them; others, whose frames cost the same each, what the budget allows.
+        This tracer takes all frames, because it shares work among them. The frames of other methods take the same time each, so they take
+        as many as the budget allows.
         """
         own = self.method.family == OURS
         if own and not self.problem.resting:
@@ -129,7 +130,7 @@ class Timed:
         self.frames = most if own else int(np.clip(budget_s / max(warm * len(self.problem.parts), 1e-9), self.frames, most))
 
     def _rays(self, each: float, once: float) -> float:
-        """Of a frame: those launched for it, and its share of those for all; or what a peer's settings tell."""
+        """Rays per frame: those launched for the frame plus its share of those for all frames, or the number in a peer's settings."""
         told = rays_of(self.method.simulator)
         return each + once / self.problem.frames if told is None else float(told)
 
@@ -141,7 +142,7 @@ class Timed:
         self.wall.append(self._last_wall)
 
     def row(self) -> dict[str, Any]:
-        """Its figures: error, cost and their spread."""
+        """Errors, run time and its spread."""
         shared = self.setup_s / self.problem.frames
         seconds = np.array(self.seconds) + shared
         errors = self.score()
@@ -167,11 +168,12 @@ class Timed:
 def measure(
     problem: Problem, methods: Sequence[Method], rounds: int, budget_s: float, slow_s: float, say: Callable[[str], None]
 ) -> list[dict[str, Any]]:
-    """All methods on a problem, in turn; the first is run once more beforehand, so that what all share is compiled.
+    """All methods on a problem, in turns. The first method runs once more beforehand, so that shared kernels are compiled.
 
     Args:
-        rounds: repetitions after the first two. budget_s: of one repetition, where it may hold more frames.
-        slow_s: of a repetition, beyond which a method is timed once and no more.
+        rounds: repetitions after the first two.
+        budget_s: time of one repetition, if it may hold more frames.
+        slow_s: time of a repetition above which a method is timed only once.
     """
     calls = iter(range(1, 1_000_000))
 

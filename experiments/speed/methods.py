@@ -1,7 +1,8 @@
-"""Methods that are compared in speed, accuracy and stability: this tracer at several settings, and every peer that runs here.
+"""The methods compared in speed, accuracy and stability: this tracer at several settings, and every other simulator that runs here.
 
-RF-Genesis style appears twice: through this project's synthesis, as all others, and with the signal generator that its published program
-has (`published`), whose echoes are summed one by one; of that one a share of the sums is timed and scaled, for each costs the same.
+RF-Genesis appears twice: with this project's synthesis, as all other methods, and with the signal generator of its published program
+(`published`), which adds echoes one by one. Of that generator's sums one is timed and multiplied by their number, because all take the
+same time.
 """
 
 from __future__ import annotations
@@ -36,8 +37,10 @@ class Method:
     """One setting of one method.
 
     Attributes:
-        family, setting: names. backend: of radartwin, with its settings; "" for the exact images of a box.
-        elements: as `simulate`. published: synthesised sum by sum.
+        family, setting: names.
+        backend: of radartwin, with its settings; "" for the exact images of a box.
+        elements: as in `simulate`.
+        published: synthesised by the published signal generator.
     """
 
     family: str
@@ -66,7 +69,7 @@ def ours(setting: str, elements: str = "exact", **settings: Any) -> Method:
 
 
 def of_problem(problem: Problem, full: bool) -> list[Method]:
-    """The methods that a problem is given to, this project's default first; `full` takes all settings."""
+    """The methods that run on a problem, this project's default first; `full` takes all settings."""
     images = [Method(IMAGES, "all of four bounces", "")] if problem.name == "empty room" else []
     return [ours(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
 
@@ -78,7 +81,7 @@ def _targets(full: bool) -> list[Method]:
 
 
 def _room(problem: Problem, full: bool) -> list[Method]:
-    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]  # references have few more
+    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]  # the reference has few more
     if problem.exact:
         rays = (100_000, 300_000, 1_200_000, 2_900_000) if full else (300_000,)
         return mine + [ours(f"tubes, {n / 1e6:g} million", room="tubes", rays=n) for n in rays]
@@ -101,7 +104,7 @@ def _peers(full: bool) -> list[Method]:
             peers.append(Method(RFGENESIS, f"{version}, {grid} x {grid}", "rfgenesis", (("version", version), ("grid", grid))))
     peers.append(Method(RFGENESIS, "as published", "rfgenesis", (("version", "shipped"), ("grid", 128)), published=True))
     if is_installed():
-        peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))  # where it finds most
+        peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))  # where it finds the most paths
         if full:
             peers.append(Method(SIONNA, "in one place", "sionna"))
     return peers
@@ -109,7 +112,7 @@ def _peers(full: bool) -> list[Method]:
 
 @dataclass(frozen=True)
 class ExactImages:
-    """Every image source of the bare office, as a simulator: no tracing, no other room."""
+    """Every image source of the bare office as a simulator: it traces nothing and knows no other room."""
 
     bounces: int = 4
     name = "images"
@@ -119,7 +122,7 @@ class ExactImages:
         return self
 
     def paths(self, scene: Any, radar: Radar, sensor_poses: np.ndarray, motion: Any = None) -> list[Paths]:
-        """Paths between isotropic antennas; the radar's own pattern is applied by the synthesis."""
+        """Paths between isotropic antennas; the synthesis applies the radar's own pattern."""
         reflection, frequency = rooms.wall_reflection("concrete"), radar.center_frequency_hz
         found: list[tuple[int, complex, float, np.ndarray, np.ndarray, int]] = []
         for number, pose in enumerate(sensor_poses):
@@ -139,7 +142,7 @@ class ExactImages:
 
 
 def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: Radar, clock: Callable[[], float]) -> float:
-    """Seconds of a frame of the naive tracer with its own signal generator: its trace, and one of its sums times their number."""
+    """Seconds per frame of RF-Genesis with its own signal generator: its trace, and one of its sums times their number."""
     poses, motion = part.sensor[:1], {name: pose[:1] for name, pose in part.motion.items()}
     began = clock()
     hits = rfgenesis.trace(part.scene, radar, poses, motion, settings)
@@ -155,7 +158,7 @@ def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: 
 
 @contextmanager
 def counted_rays() -> Iterator[list[int]]:
-    """Grids of tubes that are launched meanwhile, in tubes."""
+    """Record the number of tubes of every grid that is launched inside the `with` block."""
     counts: list[int] = []
     towards, all_around = tube_grid.towards, tube_grid.all_around
 
@@ -178,7 +181,7 @@ def counted_rays() -> Iterator[list[int]]:
 
 
 def rays_of(simulator: Any) -> int | None:
-    """Rays of a frame that a peer's settings tell."""
+    """Rays per frame by the settings of another simulator; None for this tracer."""
     if isinstance(simulator, rfgenesis.RFGenesisBackend):
         return simulator.settings.grid**2
     if isinstance(simulator, SionnaBackend):
@@ -188,14 +191,14 @@ def rays_of(simulator: Any) -> int | None:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """What Sionna cannot return is what the tables say; its warnings are tested elsewhere."""
+    """Suppress Sionna's warnings about paths that it cannot return; the tables show these and other tests check the warnings."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "sionna:")
         yield
 
 
 def worker_pids() -> list[int]:
-    """Processes that peers run in."""
+    """Processes of other simulators."""
     from radartwin.simulation.backends import child_process, sionna_worker
 
     kept = child_process._kept(sionna_worker.__name__)

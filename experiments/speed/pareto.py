@@ -1,4 +1,4 @@
-"""Which of several methods are not beaten in cost and error at once, and by how much one is."""
+"""The Pareto front of run time and error, and how far a method is from it."""
 
 from __future__ import annotations
 
@@ -10,20 +10,16 @@ Point = tuple[float, float]
 
 
 def front(points: Sequence[Point]) -> list[bool]:
-    """Whether no other point is as good in both coordinates and better in one.
+    """Whether no other point is at least as good in both coordinates and better in one.
 
     >>> front([(1, 3), (2, 2), (2, 3), (3, 1)])
     [True, True, False, True]
     """
-    return [not any(_beats(other, one) for other in points) for one in points]
-
-
-def _beats(other: Point, one: Point) -> bool:
-    return other[0] <= one[0] and other[1] <= one[1] and other != one
+    return [not any(other[0] <= one[0] and other[1] <= one[1] and other != one for other in points) for one in points]
 
 
 def shortfall(one: Point, others: Sequence[Point]) -> float:
-    """By which factor, at least, some other point is better in both coordinates: 1 on the front, 1.1 where one is 10 % better in both.
+    """The largest factor by which some other point is better in both coordinates: 1 on the front, 1.1 if one is 10 % better in both.
 
     >>> shortfall((2.0, 2.0), [(1.0, 1.9), (4.0, 0.1)])
     1.0526315789473684

@@ -1,13 +1,13 @@
-"""Problems that methods are compared on: a scene, what moves, and an answer that is exact or converged.
+"""Problems on which methods are compared: a scene, its motion, and an exact or converged reference.
 
 canonical    plate, sphere, cylinder and trihedral of metal at 1 m against quadrature and series.
 near         a 15 cm trihedral at 0.5 m, 25 dB below its far field, against quadrature.
-empty room   a bare concrete office, the radar moving, against all its image sources of four bounces.
-object       a filled bottle on a turntable in the furnished laboratory, against this tracer at finer settings and a bounce more.
-rover        a radar driving towards a can in the furnished squash court, likewise.
+empty room   a bare concrete office with a moving radar, against all its image sources of four bounces.
+object       a filled bottle on a turntable in the furnished laboratory, against this tracer at finer settings and one more bounce.
+rover        a radar driving towards a can in the furnished squash court, against the same finer settings.
 
-Exact answers are of one isotropic element in place of transmitter and receiver, so methods are scored there; they are timed with the whole
-array. A converged answer is no truth: it tells how far a setting is from where this tracer would end, not what its physics leaves out.
+Exact references exist for one isotropic element that transmits and receives. Methods are therefore scored with that element and timed with
+the whole array. A converged reference shows the distance to this tracer's own limit, not the physics that the tracer leaves out.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.simulate import simulate
 
 RADAR = Radar.iwr1843()
-TURN, DRIVE = 250, 50  # frames of a revolution and of a pass: what a scene at rest is shared among
-NODES = 9  # frequencies at which an echo is integrated; between them it is a polynomial but for the phase of its way
+TURN, DRIVE = 250, 50  # frames of a revolution and of a drive
+NODES = 9  # frequencies at which an echo is integrated; without the phase of its path it is a polynomial between them
 OFFICE, OFFICE_SENSOR = rooms.ROOMS["office"][1], np.array(rooms.ROOMS["office"][2])
 CONVERGED = TraceSettings(max_bounces=5, rays_per_wavelength2=16.0)
 
@@ -44,10 +44,10 @@ class Part:
     """One recording of a problem.
 
     Attributes:
-        scene, sensor, motion: as `simulate` takes them, of every frame that may be timed.
-        scored: frames, from the first, that are compared with the reference.
-        radar: that they are compared for.
-        reference: their samples (scored, chirps, tx, rx, samples) of that radar.
+        scene, sensor, motion: as `simulate` takes them, for every frame that may be timed.
+        scored: number of frames, from the first, that are compared with the reference.
+        radar: the radar of the comparison.
+        reference: samples (scored, chirps, tx, rx, samples) of that radar.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Part:
     reference: Callable[[], np.ndarray]
 
     def iq(self, frames: int, radar: Radar, simulator: object, elements: str = "exact", aside_m: float = 0.0) -> np.ndarray:
-        """Samples of the first frames; `aside_m` moves the radar, so that nothing kept is found again."""
+        """Samples of the first frames; `aside_m` moves the radar, so that no cached path is reused."""
         sensor = self.sensor[: frames if len(self.sensor) > 1 else 1].copy()
         sensor[:, 1, 3] += aside_m
         motion = {name: poses[:frames] for name, poses in self.motion.items()}
@@ -71,8 +71,11 @@ class Problem:
     """Recordings that are scored together.
 
     Attributes:
-        truth: what its reference is. frames: of a whole recording. resting: the radar is, so a room is traced once for all of them.
-        room: there is one. exact: the reference is not this tracer's.
+        truth: what the reference is.
+        frames: length of a whole recording.
+        resting: the radar is at rest, so a room is traced once for all frames.
+        room: the scene has a room.
+        exact: the reference does not come from this tracer.
     """
 
     name: str
@@ -92,7 +95,7 @@ class Problem:
 
 
 def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.ndarray:
-    """(1, 1, 1, samples) of an echo (F,) against frequency whose way is about twice a distance."""
+    """(1, 1, 1, samples) of an echo (F,) over frequency whose path is about twice a distance long."""
     frequencies = traced.frequencies(traced.MONOSTATIC)
     middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2
     nodes = middle + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
@@ -105,7 +108,7 @@ def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.nda
 
 
 def corner_echo(faces: Sequence[np.ndarray], pose: np.ndarray) -> np.ndarray:
-    """Samples of a plate or corner at a pose (4, 4), upright, before an antenna at the origin."""
+    """Samples of a plate or upright corner at a pose (4, 4) in front of an antenna at the origin."""
     here = -pose[:3, :3].T @ pose[:3, 3]
     return swept(
         lambda f: np.array([corner_quadrature(faces, here, SPEED_OF_LIGHT / one) for one in f]), float(np.linalg.norm(pose[:3, 3]))
@@ -113,13 +116,13 @@ def corner_echo(faces: Sequence[np.ndarray], pose: np.ndarray) -> np.ndarray:
 
 
 def _turned(distance_m: float, frames: int, start_deg: float) -> np.ndarray:
-    """(F, 4, 4) of what faces the radar from a distance, turning as on a turntable."""
+    """(F, 4, 4) poses of an object that faces the radar from a distance and turns as on a turntable."""
     return trajectory.turntable([distance_m, 0, 0], frames, RADAR.frame_rate_hz, 25.0, np.pi + np.radians(start_deg))
 
 
 @cache
 def canonical(frames: int, scored: int, distance_m: float = 1.0) -> Problem:
-    """Four metal targets; the flat and cornered ones turn."""
+    """Four metal targets; plate and trihedral turn."""
     parts = []
     for name, mesh, start_deg in (("plate", objects.plate(0.1, 0.1), 0.0), ("trihedral", objects.trihedral(0.1), 5.0)):
         parts.append(_corner_part(name, mesh, _turned(distance_m, frames, start_deg), scored))
@@ -159,7 +162,7 @@ def _corner_part(name: str, mesh: object, poses: np.ndarray, scored: int) -> Par
 
 @cache
 def empty_room(frames: int, scored: int, bounces: int = 4) -> Problem:
-    """A radar that moves 2 cm a frame, turned so that no image lies on its antennas' axis."""
+    """A radar that moves 2 cm per frame, tilted so that no image lies on its antennas' axis."""
     poses = np.stack([traced.pose(OFFICE_SENSOR + np.array([0.02 * n, 0, 0]), rooms.rotation()) for n in range(frames)])
     part = Part(
         "office", rooms.room_scene(OFFICE, "concrete"), poses, {}, scored, traced.MONOSTATIC,
@@ -207,7 +210,7 @@ def _converged(name: str, scene: Scene, sensor: np.ndarray, motion: Mapping[str,
 
 
 def problems(full: bool) -> tuple[Problem, ...]:
-    """All of them, in the order of the chart; `full` times and scores more frames."""
+    """All problems, in the order of the chart; `full` times and scores more frames."""
     turning, driven, exact, converged = (30, 25, 11, 3) if full else (16, 6, 4, 2)
     return (
         canonical(turning, exact), near(turning, exact), empty_room(driven, converged), object_in_room(turning, converged),

@@ -1,9 +1,9 @@
-"""How far a method's samples are from a reference: of the signal, of the range profile, and of the profile after one gain for all.
+"""Errors of a method's samples against a reference: of the signal, of the range profile, and of the profile after one common gain.
 
-Symbols: a -> samples of a method, b -> of the reference; P -> range profile, power with a Hann window, chirps added coherently, channels
-averaged in power. Profiles are compared in decibels over the ranges that the study reads (radartwin/features/profile.py), where the
-reference is within DYNAMIC_DB of its strongest bin, and what lies deeper counts as that deep: a method that returns nothing is off by
-DYNAMIC_DB at the peak. The signal's error is of everything.
+Symbols: a -> samples of a method, b -> samples of the reference, P -> range profile: power with a Hann window, chirps added coherently,
+channels averaged in power. Profiles are compared in decibels over the ranges that the study uses (radartwin/features/profile.py), where
+the reference is within DYNAMIC_DB of its strongest bin. Lower levels are raised to that floor, so a method that returns nothing is wrong
+by DYNAMIC_DB at the peak. The error of the signal covers all samples.
 """
 
 from __future__ import annotations
@@ -19,12 +19,19 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import range_fft
 
 DYNAMIC_DB = 40.0
-GAINS_DB = np.arange(-120.0, 120.5, 0.5)  # where the one gain is looked for
+GAINS_DB = np.arange(-120.0, 120.5, 0.5)  # search grid of the common gain
 
 
 @dataclass(frozen=True)
 class Errors:
-    """signal: |a - b|/|b|. profile_db: rms. offset_db: mean level over the reference's. free_db: rms after the best gain, gain_db."""
+    """Errors over all recordings.
+
+    Attributes:
+        signal: |a - b|/|b|.
+        profile_db: rms difference of the profiles.
+        offset_db: mean level relative to the reference.
+        free_db: rms difference after the best gain, `gain_db`.
+    """
 
     signal: float
     profile_db: float
@@ -40,7 +47,7 @@ def profiles(iq: np.ndarray, radar: Radar) -> np.ndarray:
 
 
 def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_db: float = 0.0) -> Errors:
-    """Errors over recordings (samples of the method, of the reference), each weighing alike; `gain_db` is applied first.
+    """Errors over pairs (samples of the method, samples of the reference), with equal weight; `gain_db` is applied to the method first.
 
     >>> one = np.exp(2j * np.pi * 20 * np.arange(256) / 256)[None, None, None, None]
     >>> found = compare([(0.5 * one, one)], Radar.iwr1843())

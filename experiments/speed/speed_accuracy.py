@@ -1,11 +1,11 @@
-"""Speed against accuracy: what each method costs and how far it is from the answer, problem by problem.
+"""Speed against accuracy: run time and error of each simulation method, problem by problem.
 
-Problems and their answers are in `problems`, methods in `methods`, how cost is taken in `measuring`, errors in `signal_error`. A method is
-on the Pareto front of a problem where no other is as fast and as accurate and better in one; methods that only know the problem's exact
-answer stand beside it. The default is where it should be if no other setting is better by more than NEAR in both. Figures of cost are of
-one machine and move with its load; ratios within one run are what to compare, which is why methods alternate and values are ratios.
+`problems` holds the problems with their references, `methods` the methods, `measuring` the timing and `signal_error` the errors. A method
+is on the Pareto front of a problem if no other method is at least as fast and as accurate, and better in one of the two. Methods that only
+know the exact answer of one problem are not on the front. The default passes if no other setting is better by more than the factor NEAR in
+both. Run times depend on the machine and its load, so methods take turns and the table gives ratios within one run.
 
-Beside the problems stands the campaign (`speed_campaign`): what methods cost there against feature error and recognition accuracy.
+A further problem, the campaign (`campaign_methods`), compares run time with feature error and recognition error.
 """
 
 from __future__ import annotations
@@ -49,27 +49,22 @@ NEAR = 1.1
 FASTER = 500.0
 ERRORS = {"signal_error": "error of the signal", "profile_error_db": "error of the range profile"}
 PUBLISHED = "as published"
-MEASURED = (  # of the problems alone
+MEASURED = (  # columns that are empty on the campaign
     "wall_s_frame", "setup_s", "frames timed", "memory_mib", "rays", "signal_error", "profile_error_db", "offset_db", "free_error_db",
 )  # fmt: skip
-UNSCORED = {
-    "feature_error": None,
-    "recognition_error": None,
-    "front of features": None,
-    "front of recognition": None,
-}  # what a campaign tells
+UNSCORED = dict.fromkeys(("feature_error", "recognition_error", "front of features", "front of recognition"))  # columns of the campaign
 SOURCES = ("experiments.speed.measuring", "experiments.speed.problems", "experiments.speed.methods")
-# rounds after the first two, seconds that one repetition may fill with frames, and beyond which a method is not repeated
+# rounds after the first two; seconds that a repetition may fill with frames; seconds above which a method is not repeated
 QUICK, PAPER = (2, 0.2, 1.0), (2, 2.0, 8.0)
 
 
 def identity() -> dict[str, Any]:
-    """What a run's key holds beside configuration and source: timings are of one machine."""
+    """Additional parts of the run key: the machine, because it decides the timings."""
     return {"machine": machine()}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Measure what this machine has not measured, and mark fronts."""
+    """Measure the problems that this machine has not measured yet, and mark the fronts."""
     full = config.profile.name != "quick"
     measured, keys = [], []
     for problem in progress.over(problems(full), "problems"):
@@ -110,7 +105,7 @@ def _measurement(problem: Problem, full: bool, progress: Progress) -> Callable[[
 
 
 def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], known: Mapping[str, Problem]) -> list[dict[str, Any]]:
-    """Rows of the table: each method on each problem with its cost over the default's, then the claims."""
+    """Rows of the table: run time of each method on each problem relative to the default, then the claims."""
     rows: list[dict[str, Any]] = []
     for name in dict.fromkeys(one["problem"] for one in measured):
         mine = [one for one in measured if one["problem"] == name]
@@ -135,7 +130,7 @@ def _case(one: Mapping[str, Any], machine: Mapping[str, str], problem: Problem) 
 
 
 def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str], domain: str) -> list[dict[str, Any]]:
-    """Each method's cost over the default's, feature and recognition error; then whether any other does as well for less."""
+    """Run time relative to the default, feature error and recognition error of each method; then claims about cheaper methods."""
     default = told[0]
     rows: list[dict[str, Any]] = []
 
@@ -164,7 +159,7 @@ def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str],
             "features": default["spread of feature_error"],
             "recognition": _share_error(default["recognition_error"], default["answers"]),
         }
-        as_good = [one for one in told if score(one) <= score(default) + worse[name]]  # within its standard error
+        as_good = [one for one in told if score(one) <= score(default) + worse[name]]  # within one standard error
         far = default["seconds_frame"] / min(one["seconds_frame"] for one in as_good)
         claim = f"no other that is as good in {name}, within a standard error, is more than {100 * (NEAR - 1):.0f} % faster"
         add(default, f"times the cheapest that is as good in {name}", (far, far, far), len(told), claim, far <= NEAR)
@@ -172,13 +167,13 @@ def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str],
 
 
 def _share_error(share: float, answers: int) -> float:
-    """Standard error of a share, by Laplace's rule where none or all are wrong."""
+    """Standard error of a share, by Laplace's rule of succession, which is above zero even if all or none are wrong."""
     fair = (share * answers + 1) / (answers + 2)
     return float(np.sqrt(fair * (1 - fair) / answers))
 
 
 def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> tuple[float, float, float]:
-    """(least, median, most) of the ratios of repetitions, round by round from the last one; of those that both have."""
+    """(least, median, greatest) ratio of two methods' repetitions, round by round from the last, for the rounds that both have."""
     n = min(len(seconds), len(default_s))
     ratio = np.array(seconds[-n:]) / np.array(default_s[-n:])
     return float(ratio.min()), float(np.median(ratio)), float(ratio.max())
@@ -197,7 +192,7 @@ def _on_front(mine: Sequence[Mapping[str, Any]], error: str) -> list[bool]:
 def _claims(
     name: str, mine: Sequence[Mapping[str, Any]], default: Mapping[str, Any], machine: Mapping[str, str], problem: Problem
 ) -> list[dict[str, Any]]:
-    """The default's distance from the front by both errors, and the naive pipeline's cost and error over the default's."""
+    """The default's distance from the front by both errors, and run time and error of the published pipeline relative to the default."""
     rows = []
 
     def add(one: Mapping[str, Any], metric: str, claim: str, value: tuple[float, float, float], n: int, holds: bool) -> None:
