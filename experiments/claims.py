@@ -1,4 +1,4 @@
-"""What the paper says of a figure, when that holds, and the row of a table that tells both."""
+"""Claims of the paper with the conditions under which they hold, and the table row that shows claim and result."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.store.digest import spec_digest
 
-SHOWN_KEYS = 12  # of a row; more are told by their number and digest, and are all in the run's result
+SHOWN_KEYS = 12  # in a cell; the run's result holds all keys
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What the paper says of a row, its figure, and what must be true of the interval for it to hold.
+    """A claim of the paper about a row, the paper's value, and the condition on our interval.
 
     Attributes:
         above, below: bounds between which the whole interval must lie.
-        contains: a value that the interval must hold, for a claim that there is no effect.
+        contains: a value inside the interval, for a claim of no effect.
         p_below: the level that p must not reach.
-        least: recordings that it takes; one has no interval.
+        least: required number of items; a single item has no interval.
     """
 
     text: str = ""
@@ -50,10 +50,10 @@ NONE = Claim()
 
 
 def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> dict[str, Any]:
-    """One row: `case` says which; then the claim, p, the items that the interval is over, seed, the recordings' keys, the score columns.
+    """One row: the columns of `case`, then claim, p, number of items, seed, keys of the recordings, and the score columns.
 
-    n counts recordings, where there are any; the verdict looks at the items. A figure that does not exist is None and untestable, a bound
-    that is not finite is None.
+    n counts recordings if there are any; the verdict uses the number of items. A value that is not finite becomes None and untestable; a
+    bound that is not finite becomes None.
     """
     keys = set(keys)
     value, low, high = (one if math.isfinite(one) else None for one in (found.value, found.low, found.high))
@@ -66,7 +66,7 @@ def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, k
 
 
 def told(keys: Iterable[str]) -> str:
-    """The keys of a row's recordings, or their number and digest."""
+    """The keys of a row's recordings as one cell, or their number and digest if there are more than SHOWN_KEYS."""
     unique = sorted(set(keys))
     if len(unique) <= SHOWN_KEYS:
         return " ".join(key[:8] for key in unique)

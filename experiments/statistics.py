@@ -1,7 +1,7 @@
-"""Figures with their intervals, p values and n, as the tables print them.
+"""Estimates with intervals, p values and n, as the tables print them.
 
-Library functions compute what they have (scipy: rank and product correlation, bootstrap; scikit-image: SSIM; exact shares as recognition
-scores them); the Mantel test is a permutation test over objects. Every random draw comes from the seed it is given. Intervals are 95 %.
+Library functions compute the statistics (scipy: rank and product correlation, bootstrap; scikit-image: SSIM; recognition scores: exact
+shares). The Mantel test is our own permutation test over objects. Every random draw uses the given seed. Intervals are 95 %.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Alternative = Literal["greater", "less", "two-sided"]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A figure: low <= value <= high, from n items; p against no effect, or NaN where nothing is tested."""
+    """An estimate with low <= value <= high from n items; p is against no effect, or NaN without a test."""
 
     value: float
     low: float
@@ -31,7 +31,7 @@ class Estimate:
 
 
 def bootstrap_mean(samples: np.ndarray, resamples: int, seed: int) -> tuple[float, float, float]:
-    """(low, mean, high): percentile bootstrap, 95 %. One sample has no spread to speak of and is its own interval.
+    """(low, mean, high) by a 95 % percentile bootstrap. A single sample is its own interval.
 
     >>> bootstrap_mean(np.array([2.0]), 100, 0)
     (2.0, 2.0, 2.0)
@@ -69,10 +69,10 @@ def resampled(value: float, drawn: ArrayLike, n: int) -> Estimate:
 
 
 def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
-    """Rank correlation over items, with a bootstrap over items and the exact p of all (or 9,999 drawn) pairings.
+    """Rank correlation over items, with a bootstrap over items and the exact p over all pairings (or 9,999 random ones).
 
     Raises:
-        InputError: as `pearson`.
+        InputError: as for `pearson`.
     """
     from scipy.stats import rankdata
 
@@ -81,11 +81,12 @@ def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alt
 
 
 def pearson(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
-    """Product correlation over items; interval and p as `spearman`. Neighbouring frames are no independent items: test nothing
-    there (alternative=None).
+    """Product correlation over items; interval and p as for `spearman`.
+
+    Neighbouring frames are not independent items, so pass alternative=None for them, which skips the test.
 
     Raises:
-        InputError: fewer than three items, or one of the two is constant.
+        InputError: fewer than three items, or constant values.
     """
     first, second = _pair(first, second)
     return _correlation(first, second, lambda x: x, resamples, seed, alternative)
@@ -97,16 +98,15 @@ def correlation(first: NDArray, second: NDArray) -> float:
 
 
 def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) -> Estimate:
-    """Mantel test: correlation of two distance matrices over the same objects.
+    """Mantel test: correlation of two distance matrices over the same objects. Ref: N. Mantel, Cancer Research 27 (1967).
 
-    The p value counts the permutations of the objects, out of `permutations` drawn, that correlate at least as well (the identity
-    included), so it is never below 1 / (permutations + 1); N. Mantel, Cancer Research 27, 1967. The interval bootstraps objects, pairs of
-    an object with itself left out.
+    p counts those of the random permutations of the objects, and the identity, that correlate at least as well, so p is never below 1 /
+    (permutations + 1). The interval is a bootstrap over objects without the pairs of an object with itself.
 
     Args:
         first, second: (n, n), symmetric.
     Raises:
-        InputError: matrices that are no distances of the same three or more objects, or constant.
+        InputError: the matrices are no distances of the same three or more objects, or constant.
     """
     first, second = (np.asarray(matrix, float) for matrix in (first, second))
     count = len(first)
@@ -125,14 +125,14 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
     for _ in range(permutations):
         chosen = rng.integers(count, size=count)
         a, b = chosen[upper[0]], chosen[upper[1]]
-        if np.sum(a != b) > 2:  # a draw of one object alone has no pairs
+        if np.sum(a != b) > 2:  # a draw of a single object has no pairs
             drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
     low, high = _quantiles(np.array(drawn), value)
     return Estimate(value, low, high, count, (as_good + 1) / (permutations + 1))
 
 
 def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
-    """Share of successes with its exact interval, and the exact binomial p of as many or more at `chance`.
+    """Share of successes with its exact interval, and the exact binomial p of as many or more successes at `chance`.
 
     >>> round(share(9, 9).p, 6)
     0.001953
@@ -146,7 +146,7 @@ def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
 
 
 def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
-    """Standard deviation (n - 1) over the mean, of positive values, with a bootstrap interval."""
+    """Standard deviation (n - 1) over the mean of positive values, with a bootstrap interval."""
     samples = np.asarray(samples, float)
     if len(samples) < 2 or not (samples > 0).all():
         raise InputError("a coefficient of variation needs two or more positive values")
@@ -157,7 +157,7 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
 
 
 def ssim(first: NDArray, second: NDArray) -> float:
-    """Structural similarity of two maps with levels from 0 to 1; a window of seven cells, smaller where a map is."""
+    """Structural similarity of two maps with levels from 0 to 1, in a window of seven cells, or fewer on a smaller map."""
     from skimage.metrics import structural_similarity
 
     size = min(7, *(side - 1 + side % 2 for side in first.shape))
@@ -191,14 +191,14 @@ def _correlation(first: NDArray, second: NDArray, change: Callable, resamples: i
 
 
 def _r(first: NDArray, second: NDArray) -> NDArray:
-    """Pearson's r along the last axis; NaN where one of the two is constant."""
+    """Pearson's r along the last axis; NaN for constant values."""
     first, second = first - first.mean(axis=-1, keepdims=True), second - second.mean(axis=-1, keepdims=True)
     norm = np.sqrt(np.sum(first**2, axis=-1) * np.sum(second**2, axis=-1))
     return np.divide(np.sum(first * second, axis=-1), norm, out=np.full(np.shape(norm), np.nan), where=norm > 0)[()]
 
 
 def _quantiles(drawn: NDArray, value: float) -> tuple[float, float]:
-    """Percentile interval over the draws in which the figure exists, widened to hold the value."""
+    """Percentile interval over the finite draws, extended to contain the value."""
     drawn = drawn[np.isfinite(drawn)]
     if not len(drawn):
         return value, value

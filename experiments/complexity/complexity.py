@@ -1,10 +1,10 @@
-"""How much model a scene needs: for each scene, object and feature set the cheapest model whose features stay within their repeatability.
+"""How much model a scene needs: the cheapest model whose features stay within their repeatability, by scene, object and feature set.
 
-What simulator=auto does (radartwin/adaptive), case by case: from the finest model everything is left out, one thing after another, that the
-features can do without. Beside it the fixed default, one setting for all: the cheapest that is known to be within for all cases, of what is
-chosen in the same way for all at once and of the shipped default. An error is of the worst feature, in its repeatability limit, against the
-finest model; it is told on the frames that the choice was made on and, which is what is judged, on as many between them. Costs are of whole
-recordings (complexity_cost). Rooms are the procedural ones as they are, and a scan where one is configured.
+This is the choice of simulator=auto (radartwin/adaptive), case by case. It starts from the finest model and leaves out one part after
+another that the features do not need. The fixed default is one setting for all cases: the cheaper of the shipped default and the choice
+for all cases at once, as far as both are sufficient. The error is that of the worst feature against the finest model, in units of its
+repeatability limit. It is reported on the frames of the choice, and judged on an equal number of frames between them. Run times are of
+whole recordings (`timing`). Rooms are the procedural ones without scan errors, and a scan if the configuration has one.
 """
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ TABLE = Table(
     "case; its interval is a bootstrap over cases. The quick profile has one case.",
 )
 
-PROBED = ("radartwin.adaptive.probe",)  # what decides a probe's recording
-CHEAPER = 3.0  # that auto is to be, in the median
-ROUNDS = 2  # of timing, but for one in the quick profile
-# Feature sets of each motion: what a claim may be about, its own set, and all that it exposes.
+PROBED = ("radartwin.adaptive.probe",)  # modules that decide the content of a probe's recording
+CHEAPER = 3.0  # required ratio of run times, fixed default to auto, in the median
+ROUNDS = 2  # of timing; the quick profile has one
+# Feature sets of each motion: those of claims, the motion's own set, and all of its features.
 SHAPE, MULTIPATH, EVERYTHING = "shape", "multipath share", "everything"
 _DRIVEN = {"track": ("track",), "depth": SETS["depth"], EVERYTHING: ALL["depth"]}
 ASKED: dict[str, dict[str, tuple[str, ...]]] = {
@@ -74,7 +74,7 @@ ASKED: dict[str, dict[str, tuple[str, ...]]] = {
     "lateral": {"envelope": ("harmonics", "envelope"), "lateral": SETS["lateral"], EVERYTHING: ALL["lateral"]},
     **dict.fromkeys(("depth", "radial", "diagonal"), _DRIVEN),
 }  # fmt: skip
-OWN = tuple(name for name in SETS if name != "raw")  # the sets that motions are named for: one of each case is in the median
+OWN = tuple(name for name in SETS if name != "raw")  # feature sets named after motions; the median takes one per case
 REFLECTOR = Case("corner_reflector", "lab", "turntable", 2.0)
 CASES = {
     "quick": (REFLECTOR,),
@@ -91,7 +91,7 @@ NEEDED = "parts of the room that are needed (0 none, 1 large, 2 whole)"
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """A probe whose recordings are kept in the store; `cost` tells core seconds of each."""
+    """A probe with recordings in the store; `cost` holds the core seconds of each."""
 
     probe: Probe
     store: Store
@@ -113,12 +113,12 @@ class Kept:
         return replace(self, probe=replace(self.probe, families=families))
 
 
-ProbeOf = Callable[[int | None, bool], Probe]  # so many frames, or a probe's; between those of a probe
+ProbeOf = Callable[[int | None, bool], Probe]  # (number of frames or None for a probe's, whether between the probe's frames)
 
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A feature set of a case: the probe that is chosen on, the one between, and the limits."""
+    """A feature set of a case: the probe of the choice, the probe of the frames between, and the limits."""
 
     name: str
     words: str
@@ -128,7 +128,7 @@ class Asked:
     probe_of: ProbeOf
 
     def error(self, model: Model, between: bool = False, finest: Model = FINEST) -> tuple[float, str]:
-        """By how many limits the worst feature is off the finest's, and which."""
+        """(error, name) of the feature with the largest difference from the finest model, in limits."""
         kept = self.between if between else self.kept
         names, values = kept.features(model)
         return self.limits.moved(names, values, kept.features(finest)[1])
@@ -136,13 +136,17 @@ class Asked:
 
 @dataclass(frozen=True)
 class Found:
-    """One scene, object and feature set.
+    """The result for one scene, object and feature set.
 
     Attributes:
-        name, asked: of the case, and of the feature set. choice: of auto. models: by who chose them.
-        errors: (limits, feature) of auto's on the frames it was chosen on; between: of each model on those between.
-        layers: of the shipped default without layers. seconds: core seconds a frame of each model, round by round.
-        choosing_s: core seconds of all the recordings that the choice read.
+        name, asked: names of the case and of the feature set.
+        choice: of auto.
+        models: by AUTO, FIXED and SHIPPED.
+        errors: (limits, feature) of each model on the frames of the choice.
+        between: (limits, feature) of each model on the frames between.
+        layers: error of the shipped default without layers.
+        seconds: core seconds per frame of each model, round by round.
+        choosing_s: core seconds of all recordings that the choice needed.
     """
 
     name: str
@@ -157,20 +161,20 @@ class Found:
 
     @property
     def saved(self) -> float:
-        """Cost of the fixed default over auto's."""
+        """Run time of the fixed default relative to auto."""
         return timing.ratio(self.seconds[FIXED], self.seconds[AUTO])
 
 
 def identity() -> dict[str, Any]:
-    """What a run's key holds beside configuration and source: timings are of one machine, limits of a file."""
+    """Additional parts of the run key: the machine, because it decides the timings, and the file of the limits."""
     return {"machine": machine(), "limits": path_digest(limits_module.SHIPPED)}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Choose for every case alone and for all together, then time what was chosen.
+    """Choose a model for every case alone and for all cases together, then time the chosen models.
 
     Raises:
-        ConfigError: a scan without a thing under test, or whose motion has no known repeatability.
+        ConfigError: a scan without an object under test, or with a motion of unknown repeatability.
     """
     cases = CASES.get(config.profile.name, CASES["paper"])
     if workers.hands(config.jobs, len(cases)) > 1:
@@ -181,7 +185,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         asked += _of_scan(config, store)
     alone = []
     for name in dict.fromkeys(one.name for one in asked):
-        with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):  # models share rooms, cases do not
+        with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):  # the models of one case share cached rooms
             mine = [one for one in asked if one.name == name]
             alone += [choose([(one.kept, one.limits)]) for one in progress.over(mine, name)]
     fixed = choose([(one.kept, one.limits) for one in progress.over(asked, "one for all")])
@@ -204,7 +208,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _recorded(case: Case, config: Config) -> None:
-    """Fill the store with what the choice for a case by itself reads, and what its errors read."""
+    """Store the recordings that the choice for one case and its errors need."""
     with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):
         for one in _of_case(case, config, Store(Path(config.output) / "cache")):
             chosen = choose([(one.kept, one.limits)]).model
@@ -214,7 +218,7 @@ def _recorded(case: Case, config: Config) -> None:
 
 
 def _plain(name: str) -> str:
-    """Without what names of metrics must not have."""
+    """Remove characters that metric names must not have."""
     return re.sub(r"[^\w .:/-]", "", name)
 
 
@@ -235,7 +239,7 @@ def _asked(name: str, probe_of: ProbeOf, motion: str, thing: str, store: Store) 
 
 
 def staged_case(case: Case, config: Config) -> ProbeOf:
-    """A case of the campaign in the room as it is: what gives so many of its frames, or those of a probe."""
+    """A case of the campaign in the room without scan errors: a function that returns a probe of some or all frames."""
     frames = timing.FRAMES[case.motion != "turntable"]
     nominal: Log = log(case, CampaignConfig(frames_per_turn=frames, rover_every=1), measured=False)
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
@@ -258,7 +262,7 @@ def _found(one: Asked, choice: Choice, fixed: Model, seconds: Mapping[Model, lis
 
 
 def _tried(choice: Choice) -> Iterable[Model]:
-    """Every model that a choice looked at."""
+    """Every model that a choice examined."""
     model = FINEST
     for step in choice.steps:
         candidate = replace(model, **{step.dimension: step.value})
@@ -267,7 +271,7 @@ def _tried(choice: Choice) -> Iterable[Model]:
 
 
 def table(config: Config, found: Sequence[Found], fixed: Choice) -> list[dict[str, Any]]:
-    """What each case needs, with what it saves and its error between the frames it was chosen on; then what is claimed of all."""
+    """The need of each case, its savings and its error between the frames of the choice; then the claims about all cases."""
     rows = []
     for one in found:
         case = {"case": one.name, "features": one.asked} | _told(one)
@@ -316,7 +320,7 @@ def _told(one: Found) -> dict[str, Any]:
 
 
 def _why(choice: Choice) -> str:
-    """What was refused: what a scene needs."""
+    """The reductions that were refused, which show what a scene needs."""
     refused = {(step.dimension, step.value): step.told for step in choice.steps if not step.taken}
     taken = {(step.dimension, step.value) for step in choice.steps if step.taken}
     return "; ".join(told for what, told in refused.items() if what not in taken)
@@ -327,7 +331,7 @@ def _alone(value: float) -> tuple[float, float, float]:
 
 
 def _median(values: Sequence[float], config: Config) -> tuple[float, float, float]:
-    """With its interval, a bootstrap over cases."""
+    """Median with its interval, a bootstrap over cases."""
     drawn = np.median(np.random.default_rng(config.seed).choice(values, (config.profile.resamples, len(values))), axis=1)
     low, high = np.quantile(drawn, [0.025, 0.975])
     return float(np.median(values)), float(low), float(high)
@@ -336,7 +340,7 @@ def _median(values: Sequence[float], config: Config) -> tuple[float, float, floa
 def _row(
     config: Config, case: Mapping[str, Any], metric: str, value: tuple[float, float, float], n: int, claim: Claim = NONE
 ) -> dict[str, Any]:
-    """A row; value with least and most."""
+    """A row; value with least and greatest."""
     return row(config, case, metric, Estimate(float(value[0]), float(value[1]), float(value[2]), n), [], claim) | {
         "domain": "this tracer, finest"
     }

@@ -1,4 +1,4 @@
-"""What each case needs, as a map of the chosen models beside what they save; drawn from the rows of the table alone."""
+"""The chosen model of each case as a map, beside what it saves; drawn from the rows of the table only."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ WORDS = {True: "yes", False: "no"}
 
 
 def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Dark is dear: a row per case and feature set, a column per dimension; bars are cost over the fixed default's."""
+    """One row per case and feature set, one column per dimension of the model; dark is expensive. Bars: run time of the fixed default over
+    auto."""
     cases = [row for row in rows if row["metric"] == "cost of the fixed default over auto's"]
     level = np.array([[_level(row, name) for name in HEADS] for row in cases])
     drawing, (table, bars) = figure(
@@ -55,7 +56,7 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _level(row: Mapping[str, Any], name: str) -> float:
-    """0 of the cheapest value, 1 of the dearest; ways over a room that is not there cost nothing."""
+    """0 for the cheapest value, 1 for the most expensive; settings of an absent room cost nothing."""
     if name == "coupling" and row["parts"] == "none":
         return 0.0
     values = LADDER[name]

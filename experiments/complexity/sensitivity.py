@@ -1,11 +1,11 @@
-"""What each simulator setting costs and changes: the twin's features against the finest setting's, and every fidelity figure.
+"""Run time and effect of each simulator setting: the twin's features against those of the finest setting, and every fidelity result.
 
-Each setting is the default with one thing changed, but for the finest, with more rays and a bounce more. The feature error of a
-recording is the root mean square, over the features of its motion's set, of the difference from the finest twin's, each in units of that
-feature's standard deviation over the finest twin's recordings of that motion: recordings of different objects, distances and rooms differ
-by 1.4. The measured side is the same throughout. What drives carry (simulation/drives.py) is as coarse in the finest as in the others, so
-that the error understates it. Costs are of recordings that found their track set up, set-ups apart, as they were made in this store. As a
-sweep: docs/sweeps.md.
+Each setting is the default with one parameter changed; only the finest setting changes two, rays and bounces. The feature error of a
+recording is the root mean square, over the features of its motion, of the difference from the finest twin, in units of the feature's
+standard deviation over the finest twin's recordings of that motion. For comparison, recordings of different objects, distances and rooms
+differ by 1.4. The measured side stays the same. Quantities that drives reuse along a track are as coarse in the finest setting as in the
+others, so the error is an underestimate. Run times are those of recordings that found the set-up of their track; set-up times are given
+apart. docs/sweeps.md shows the same as a sweep.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ FIDELITY = (
 FEATURES = {"turntable": "rotation", "depth": "depth", "lateral": "lateral"}  # by motion
 FINEST, DEFAULT = "finest", "default"
 ERROR, COST, SETUP = "feature error", "core time per frame (ms)", "core time of a set-up (s)"
-LEAST = 3  # recordings of a motion, below which features have no spread to speak of
+MIN_RECORDINGS = 3  # of a motion; fewer give no standard deviation of the features
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A name, what of the simulator it changes, and the twin's source of materials where that is another."""
+    """A name, the changed fields of the simulator, and another source of the twin's materials if it has one."""
 
     name: str
     simulator: dict[str, Any] = field(default_factory=dict)
@@ -90,9 +90,11 @@ class Twin:
     """The twin's recordings under one setting.
 
     Attributes:
-        values: {motion: (recordings, features)}. keys: {motion: of the recordings}.
-        frame_s: {motion: (recordings,) core seconds of a frame}. setups: {motion: (recordings,) set-ups made with each}.
-        frames: {motion: of one recording}.
+        values: {motion: (recordings, features)}.
+        keys: {motion: keys of the recordings}.
+        frame_s: {motion: (recordings,) core seconds per frame}.
+        setups: {motion: (recordings,) set-ups made with each}.
+        frames: {motion: frames of one recording}.
         figures: {(table, metric): (value, keys of the recordings)} of the fidelity tables.
     """
 
@@ -105,7 +107,7 @@ class Twin:
 
 
 def identity() -> dict[str, Any]:
-    """What a run's key holds beside configuration and source: how each fidelity table is configured, and the machine that was timed."""
+    """Additional parts of the run key: the configurations of the fidelity tables, and the machine."""
     return {"tables": {_name(module): semantic(_own(module)) for module in FIDELITY}, "machine": machine()}
 
 
@@ -118,10 +120,11 @@ def _own(module: ModuleType) -> Config:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Every setting on the twin's side of the campaign.
+    """Simulate the twin's side of the campaign with every setting.
 
     Raises:
-        ConfigError: a configured twin that is one of the settings already. UserError: a campaign that cannot be made.
+        ConfigError: the configured twin equals one of the settings.
+        UserError: the campaign cannot be simulated.
     """
     if config.materials.source in {setting.materials for setting in SETTINGS}:
         raise ConfigError(
@@ -145,9 +148,9 @@ def _changed(config: Config, setting: Setting) -> Config:
 
 
 def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
-    """Features and cost of the twin's recordings, and the fidelity figures, under one setting."""
+    """Features and run times of the twin's recordings, and the fidelity results, under one setting."""
     found = Twin({}, {}, {}, {}, {}, {})
-    cases = {motion: some for motion in FEATURES if len(some := campaign.cases("twin", motion=motion)) >= LEAST}
+    cases = {motion: some for motion in FEATURES if len(some := campaign.cases("twin", motion=motion)) >= MIN_RECORDINGS}
     campaign.prepare([("twin", case) for some in cases.values() for case in some])
     for motion, some in cases.items():
         values, keys, seconds, setups, frames = zip(*(_one(campaign, case) for case in progress.over(some, motion)), strict=True)
@@ -160,7 +163,7 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
         quick = {"ripple": False} if module is turntable_shape else {}
         try:
             result = module.score(replace(_own(module), **same), campaign, progress, **quick)
-        except UserError as error:  # a campaign without its motion, or with too few objects
+        except UserError as error:  # the campaign lacks the motion, or has too few objects
             progress.say(f"sensitivity: without {_name(module)}: {error}")
             continue
         for metric, value in result.metrics.items():
@@ -169,7 +172,7 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
 
 
 def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, int]:
-    """(features, key, core seconds a frame, set-ups made with it, frames) of a twin's recording."""
+    """(features, key, core seconds per frame, set-ups made with it, frames) of a twin's recording."""
     key, processed = campaign.processed("twin", case)
     made = campaign.clean("twin", case).read_json("meta")
     told = made["told"]
@@ -178,7 +181,7 @@ def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, i
 
 
 def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
-    """Per setting: error and cost by motion, and each fidelity figure beside the default's."""
+    """Error and run time by setting and motion, and each fidelity result beside that of the default."""
     finest, default = twins[FINEST], twins[DEFAULT]
     seeds = config.profile.resamples, config.seed
     rows = []
@@ -202,7 +205,7 @@ def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
 
 
 def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
-    """(recordings,) root mean square over features of the difference in spreads; features without spread do not count.
+    """(recordings,) root mean square over features of the difference in standard deviations; constant features do not count.
 
     Args:
         values, finest: (recordings, features).
@@ -213,7 +216,7 @@ def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
 
 
 def chart(rows: Sequence[dict[str, Any]]) -> Figure:
-    """Cost against feature error, a panel per motion, a mark per setting; the finest has no error to show."""
+    """Run time against feature error, one panel per motion, one mark per setting; the finest setting has no error."""
     motions = list(dict.fromkeys(r["motion"] for r in rows if r["metric"] == ERROR))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, squeeze=False)
     names = [one.name for one in SETTINGS if one.name != FINEST]

@@ -1,8 +1,8 @@
-"""What models cost on a whole recording: core seconds a frame, models in turn, from a short recording and a longer one.
+"""Run time of models per frame of a whole recording, estimated from a short recording and a longer one.
 
-A recording costs what it costs however short it is, such as the room, which a radar at rest traces once, and what each further frame adds.
-Both are told from recordings of a probe's frames and of half as many, each made several times while models take turns; a few frames are
-recorded beforehand, so that everything is compiled. Paths that are kept are dropped before each first recording.
+The run time of a recording has a fixed part, such as the room that is traced once for a radar at rest, and a part per frame. Both are
+estimated from recordings of a probe's frames and of half as many. The models take turns, several times. A few frames are recorded first,
+so that all kernels are compiled. Cached paths are dropped before each first recording.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from radartwin.store import array_cache
 from radartwin.store.products import Store, save_json
 
 ROOTS = ("experiments.complexity.timing",)
-FRAMES = 250, 50  # of a whole turn, and of a drive
-FIRST = 4  # of a probe's, to compile what models need
+FRAMES = 250, 50  # of a revolution, of a drive
+FIRST = 4  # frames that are recorded to compile the kernels
 
 
 def whole(probe: Probe) -> int:
-    """Frames of the recording that a probe is of."""
+    """Number of frames of the recording behind a probe."""
     return FRAMES[0] if probe.log.angle_rad is not None else FRAMES[1]
 
 
 def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store) -> dict[Model, list[float]]:
-    """{model: core seconds a frame of a whole recording, round by round}.
+    """Core seconds per frame of a whole recording, by model and round.
 
     Args:
-        probe_of: gives so many frames of the recording, or those of a probe.
+        probe_of: (number of frames, or None for those of a probe) -> probe.
     """
     many = probe_of(None, False)
     few = probe_of((many.frames + 1) // 2, False)
@@ -46,7 +46,7 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
         first = probe_of(FIRST, False)
         for model in ordered:
             first.record(model)
-        few.record(DEFAULT)  # memory that stays with the process
+        few.record(DEFAULT)  # so that memory that stays allocated is not counted for the first model
         found = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
         save_json(folder, "seconds", found)
 
@@ -57,7 +57,7 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
 def _once(few: Probe, many: Probe, model: Model) -> float:
     with tempfile.TemporaryDirectory() as empty, array_cache.in_folder(empty):
         first = _clocked(few, model)
-        short = _clocked(few, model) if few.log.angle_rad is not None else first  # a radar at rest finds its room traced
+        short = _clocked(few, model) if few.log.angle_rad is not None else first  # the room of a radar at rest is already traced
         long = _clocked(many, model)
     frames = whole(few)
     each = max(long - short, 0.0) / (many.frames - few.frames)
@@ -71,5 +71,5 @@ def _clocked(probe: Probe, model: Model) -> float:
 
 
 def ratio(one: Sequence[float], other: Sequence[float]) -> float:
-    """Of two models' times, in the median over rounds."""
+    """Ratio of two models' run times, the median over rounds."""
     return float(np.median(np.array(one) / np.array(other)))

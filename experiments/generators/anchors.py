@@ -1,6 +1,6 @@
-"""Write the shipped text anchors again after a description in the catalogue changes (needs the `text` extra).
+"""Write the shipped text anchors again after a description in the catalogue changes: `python -m experiments.generators.anchors`.
 
-python -m experiments.generators.anchors
+Needs the extra `text`.
 """
 
 from __future__ import annotations

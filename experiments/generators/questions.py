@@ -1,8 +1,10 @@
-"""The questions that the shipped answers belong to, made again: `python -m experiments.generators.questions lab --out FOLDER`.
+"""Write the questions again that the shipped answers belong to.
 
-A room is scanned, reconstructed and asked about as when its answers were recorded (virtual scan, strength 1, seed 0); of the real chair
-scan the frames and the exported mesh are. The questions and their pictures are written as `radartwin label SCENE --export` writes them,
-and compared by their digests with those that the shipped records name.
+    python -m experiments.generators.questions lab --out FOLDER
+
+A room is scanned and reconstructed as it was when its answers were recorded (virtual scan, strength 1, seed 0); the real chair scan gives
+its frames and its exported mesh. Questions and pictures are written as by `radartwin label SCENE --export`, and their digests are compared
+with those in the shipped records.
 """
 
 from __future__ import annotations
@@ -46,7 +48,7 @@ def asked(room: str, data: Path = DATA) -> list[Question]:
 
 
 def exact(room: str, questions: Sequence[Question]) -> float:
-    """Share of the questions, by the area of their surfaces, whose text and pictures are those that the shipped answers were given to."""
+    """Share of the questions, by surface area, whose text and pictures equal those of the shipped answers."""
     keys = {record.key for record in shipped(room)}
     return sum(q.place.area_m2 for q in questions if q.key in keys) / sum(q.place.area_m2 for q in questions)
 

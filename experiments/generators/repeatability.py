@@ -1,10 +1,10 @@
-"""How far features move between recordings of the same thing, set up anew each time: what a model's error is measured by.
+"""Measure the repeatability limits of features, which are the unit of a model's error.
 
-    python -m experiments.generators.repeatability            writes radartwin/adaptive/repeatability.json, some twenty core minutes
+    python -m experiments.generators.repeatability            writes radartwin/adaptive/repeatability.json, about twenty core minutes
 
-Testbed recordings of each object at a metre, REPEATS times: placed anew by hand, with the drive's slip, the turntable's wobble, the room's
-drift and the receiver's noise drawn anew. A limit is of one object, and pooled over all where an object is not known; the standard
-deviation of so few recordings is itself uncertain by a third, which the limit allows for.
+The testbed records each object REPEATS times at one metre: placed again by hand, with new draws of the drive's slip, the turntable's
+wobble, the room's drift and the receiver noise. There is a limit for each object, and a pooled one for unknown objects. The standard
+deviation of so few recordings is uncertain by a third, and the limit allows for that.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Read = tuple[Sequence[str], np.ndarray]
 
 
 def repeated(config: Config, motion: Motion) -> list[list[Case]]:
-    """The recordings of each object."""
+    """The cases to record, by object."""
     campaign = config.profile.campaign
     if motion == "turntable":
         from radartwin.scene.objects.catalogue import catalogue
@@ -56,7 +56,7 @@ def repeated(config: Config, motion: Motion) -> list[list[Case]]:
 
 
 def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
-    """Feature names and values (recordings, features) of one object's recordings."""
+    """Feature names and values (recordings, features) of one object."""
     rows = []
     for case in cases:
         processed = campaign.processed("measured", case)[1]
@@ -66,7 +66,11 @@ def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
 
 
 def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
-    """What the shipped file holds. Args: groups: {motion: {object: names and values}}."""
+    """Content of the shipped file.
+
+    Args:
+        groups: {motion: {object: names and values}}.
+    """
 
     def rounded(some: Sequence[Read]) -> dict[str, float]:
         return {name: float(f"{limit:.3g}") for name, limit in limits.measured(some).items()}
@@ -80,7 +84,7 @@ def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure and write."""
+    """Measure the limits and write the file."""
     config = compose(["experiment=campaign"])
     config = replace(config, profile=replace(config.profile, campaign=replace(config.profile.campaign, turns=1)))
     progress = Progress()

@@ -1,6 +1,6 @@
-"""What the systems that run here can do, found by making them do it: seconds each, no recording is simulated.
+"""Checks of what the systems that run here can do. Each check exercises a capability within seconds and simulates no recording.
 
-A check returns what it found, as a cell, and whether that is what the paper's cell says.
+A check returns the content of its cell, and whether it agrees with the paper's cell.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from radartwin.simulation.paths import Paths
 
 Check = Callable[[], tuple[str, bool]]
 ROOM_M = (4.0, 3.0, 2.5)
-BOUNCES = 4  # of the paper's row
+BOUNCES = 4  # in the paper's row
 FORMATS = (".glb", ".ply", ".obj")
-CATEGORIES = 23  # of MINC
+CATEGORIES = 23  # in MINC
 RADAR = Radar.iwr1843(element="isotropic")
 
 
@@ -47,7 +47,7 @@ def _bounces(simulator: Backend) -> int:
 
 
 def _materials_matter(simulator: Backend) -> bool:
-    """Whether a metal room returns more than one of wood."""
+    """Whether a metal room returns more power than a wooden one."""
     metal, wood = (sum(float(np.abs(p.amplitude).max()) for p in _traced(simulator, _box(m))) for m in ("metal", "wood"))
     return metal > 1.5 * wood
 
@@ -74,13 +74,13 @@ def _mechanism(simulator: Callable[[], Backend], words: str) -> Check:
 
     def check() -> tuple[str, bool]:
         nearest = min(float(part.length_m.min()) / 2 for part in _traced(simulator(), _box()))
-        return words, abs(nearest - 1.05) < 0.02  # the floor, or the first ray on it
+        return words, abs(nearest - 1.05) < 0.02  # the floor
 
     return check
 
 
 def _mesh_formats() -> tuple[str, bool]:
-    """A room's mesh read back from every format, to its area."""
+    """A room's mesh keeps its area in every file format."""
     from radartwin.reconstruct.mesh_file import load_scan
 
     mesh, read = _box().surfaces[0].mesh, []
@@ -93,7 +93,7 @@ def _mesh_formats() -> tuple[str, bool]:
 
 
 def _scanned_room() -> tuple[str, bool]:
-    """A mesh as a phone leaves it, one piece of small noisy triangles, becomes a room of its walls."""
+    """A mesh as a phone writes it, one piece of small noisy triangles, becomes a room with walls."""
     from radartwin.reconstruct.build import ScanOptions, reconstruct
 
     mesh: Any = _box().surfaces[0].mesh.subdivide_to_size(0.12)
@@ -107,7 +107,7 @@ def _scanned_room() -> tuple[str, bool]:
 
 
 def _labelled() -> tuple[str, bool]:
-    """The model's recorded answers become materials of the package, and every category has one."""
+    """The model's recorded answers become materials of the package, and every category has a material."""
     from radartwin import materials
     from radartwin.label.sources import material_source
     from radartwin.materials.minc import MINC, names_in
@@ -121,7 +121,7 @@ def _labelled() -> tuple[str, bool]:
 
 
 def _no_measurement() -> tuple[str, bool]:
-    """Nothing that reconstructs, labels or simulates reaches the modules that read recordings of a campaign."""
+    """No module that reconstructs, labels or simulates imports a module that reads recordings of a campaign."""
     from radartwin.store.digest import import_closure
 
     reached = import_closure(("radartwin.reconstruct.build", "radartwin.label.sources", "radartwin.simulation.simulate"))
@@ -129,7 +129,7 @@ def _no_measurement() -> tuple[str, bool]:
 
 
 def _targets() -> tuple[str, bool]:
-    """Objects in more than one class of shape, and of material."""
+    """The catalogue has objects of more than one shape class and more than one material class."""
     entries = objects.catalogue().values()
     classes = [{getattr(entry, kind) for entry in entries} for kind in ("shape", "material_class")]
     return "objects & materials", all(len(kinds) > 1 for kinds in classes)

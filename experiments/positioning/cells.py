@@ -1,8 +1,8 @@
-"""The paper's Table 1 as it stands there, cell by cell, and what else the paper says for each cell.
+"""The paper's Table 1, cell by cell, with the sentences of the paper about each cell.
 
-Every cell's first source is the table itself (`tab:positioning`); SAID adds the sentences of the paper's text that speak of a cell. The
-test compares both with the paper where it lies beside the checkout. "yes", "partly", "no" and "-" stand for its marks: a capability
-present, in part, absent, and an axis that does not apply.
+The first source of every cell is the table itself (`tab:positioning`); SAID adds sentences of the paper's text. A test compares both with
+the paper if it lies beside the checkout. "yes", "partly", "no" and "-" stand for the table's marks: present, partly present, absent, and
+not applicable.
 """
 
 from __future__ import annotations
@@ -56,6 +56,6 @@ SAID: dict[tuple[str, str], str] = {
 
 
 def source(system: str, axis: str) -> str:
-    """Where a cell comes from."""
+    """The source of a cell."""
     said = SAID.get((system, axis))
     return f'{axis}: Table 1 and the text, "{said}"' if said else f"{axis}: Table 1"

@@ -1,8 +1,8 @@
-"""Where this system stands among others: the paper's Table 1, every cell with its source, and what runs here checked.
+"""Where this system stands among others: the paper's Table 1, the source of every cell, and checks of the systems that run here.
 
-Cells of the other systems are the paper's (`positioning_cells`). Our row is what the checks of `capabilities` find, and where they find
-nothing it is empty; Sionna RT and the re-implemented RF-Genesis run here too, so two of their cells each are checked. A row holds where
-every checked cell is what the paper says. The paper's last claim, that no other system does all of it, is counted from its own cells.
+The cells of other systems are the paper's (`cells`). Our row holds the results of the checks in `capabilities`; a cell is empty if its
+check fails. Sionna RT and the re-implemented RF-Genesis run here too, so two cells of each are checked. A row holds if every checked cell
+agrees with the paper. The paper's claim that no other system has all capabilities is counted from the paper's own cells.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ TABLE = Table(
 )
 
 DOMAINS = {"RF-Genesis": "capability check of the re-implementation"}
-MATERIALS_BY_HAND = ("EM solvers", "Sionna RT")  # "manual per-surf.", and the ITU row that a user gives each imported surface
+MATERIALS_BY_HAND = ("EM solvers", "Sionna RT")  # the paper says "manual per-surf."; a user of Sionna RT gives each surface an ITU material
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table, ours last, and the count of systems with every mark."""
+    """The table, and the number of other systems with every mark."""
     rows = [row(system) for system in progress.over(list(CELLS), "systems")]
     rows.append(_alone())
     ours = next(r for r in rows if r["method"] == OURS)
@@ -37,7 +37,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def row(system: str) -> dict[str, Any]:
-    """One line of the table."""
+    """The row of one system."""
     cells: dict[str, str] = dict(zip(AXES, CELLS[system], strict=True))
     notes: list[str] = []
     agree: list[bool] = []
@@ -59,7 +59,7 @@ def row(system: str) -> dict[str, Any]:
 
 
 def _alone() -> dict[str, Any]:
-    """How many others have all three marks, and materials that nobody gives by hand."""
+    """The number of other systems with all three marks whose materials are not assigned by hand."""
     marked = [s for s, cells in CELLS.items() if s != OURS and all(cells[AXES.index(axis)] == "yes" for axis in TICKS)]
     rivals = [system for system in marked if system not in MATERIALS_BY_HAND]
     note = f"all three marks: {', '.join(marked)}; of these with materials not given by hand: {', '.join(rivals) or 'none'}"

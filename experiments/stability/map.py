@@ -1,4 +1,4 @@
-"""The map of where methods fail, drawn from the rows of its table alone: a block a sweep, a line a method, a cell a value."""
+"""The map of where methods fail, drawn from the rows of its table only: one block per sweep, one line per method, one cell per value."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 Row = Mapping[str, Any]
 COLUMNS = 2
 STEPS_DB = (0.0, 0.5, 1.0, 3.0, 6.0, 12.0, 40.0)
-COLOURS = ("#08519c", "#4292c6", "#9ecae1", "#fdd0a2", "#fd8d3c", "#a63603")  # blue is safe, brown is not; readable without colour vision
+COLOURS = ("#08519c", "#4292c6", "#9ecae1", "#fdd0a2", "#fd8d3c", "#a63603")  # blue is safe and brown is not, also without colour vision
 NAMES = {"this tracer": "this tracer", "points": "points, RCS table", "Sionna RT": "Sionna RT"}
 
 
 def map_of(rows: Sequence[Row]) -> Figure:
-    """Errors of every method at every value, its safe region told at the right."""
+    """Errors of every method at every value, with its safe region on the right."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     rows = [row for row in rows if row["family"]]
@@ -35,7 +35,7 @@ def map_of(rows: Sequence[Row]) -> Figure:
     images = [panel.images[0] for panel in panels.flat if panel.images]
     free = panels.T.flat[len(names)] if len(names) < panels.size else None
     bar = drawing.colorbar(images[0], ax=free or panels, orientation="horizontal", fraction=0.5 if free else 0.02, pad=0.05, aspect=30)
-    bar.set_label("error against the true answer (dB); a safe region ends where 3 dB are passed", fontsize=6.5)
+    bar.set_label("error against the reference (dB); a safe region ends at the first error above 3 dB", fontsize=6.5)
     bar.ax.tick_params(labelsize=6)
     return drawing
 
@@ -55,14 +55,14 @@ def _block(panel: Any, mine: Sequence[Row], colours: Any, norm: Any) -> None:
             text = "40+" if one >= 40 else f"{one:.1f}" if one < 9.95 else f"{one:.0f}"
             panel.text(column, line, text, ha="center", va="center", fontsize=5.3, color="white" if one < 1 or one >= 12 else "black")
         words = mine[line]["fails at"]
-        panel.text(len(row) - 0.42, line, told(mine[line]), fontsize=5.8, va="center")
+        panel.text(len(row) - 0.42, line, verdict(mine[line]), fontsize=5.8, va="center")
         if words:
             first = words.split()[0]
             panel.add_patch(_frame(values.index(first), line))
 
 
-def told(row: Row) -> str:
-    """Where a method fails, in words."""
+def verdict(row: Row) -> str:
+    """Where a method fails, as text."""
     return "safe throughout" if not row["fails at"] else "never safe" if not row["value"] else f"fails at {row['fails at']}"
 
 

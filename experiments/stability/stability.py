@@ -1,7 +1,7 @@
-"""Where methods fail, and by how much: error along sweeps that get harder (experiments/stability/sweeps.py), per method, as a map.
+"""Where methods fail: the error of every method along sweeps of increasing difficulty (experiments/stability/sweeps.py), shown as a map.
 
-A method's safe region on a sweep is from the easiest value to the last one before its error passes LIMIT_DB. A row's value is the number of
-values in it. Recognition that is lost along a sweep belongs here too, once campaigns hold its recordings.
+The safe region of a method on a sweep starts at the easiest value and ends before the first error above LIMIT_DB. The value of a row is
+the number of swept values in that region.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FINITE = "no method crashes or returns what is no number"
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """All sweeps; both profiles compute the same."""
+    """Run all sweeps; both profiles compute the same."""
     chosen = methods()
     rows: list[dict[str, Any]] = []
     parts = [(number, method) for number in range(len(SWEEPS)) for method in chosen]
@@ -64,12 +64,12 @@ def _figures(rows: list[dict[str, Any]]) -> dict[str, Callable[[], Figure]]:
 
 
 def _errors(number: int, method: Method) -> list[float]:
-    """Along one sweep."""
+    """Errors along one sweep."""
     return [error(SWEEPS[number], method, value) for value in SWEEPS[number].values]
 
 
 def error(sweep: Sweep, method: Method, value: float) -> float:
-    """dB; NaN where the method returned what is no number."""
+    """Error in dB; NaN if the method returns samples that are not finite."""
     try:
         return sweep.error_db(method, value)
     except FloatingPointError:
@@ -77,7 +77,7 @@ def error(sweep: Sweep, method: Method, value: float) -> float:
 
 
 def safe(errors_db: Sequence[float]) -> int:
-    """Values before the first error over the limit.
+    """Number of values before the first error above the limit.
 
     >>> safe([0.1, 2.9, 3.1, 0.2])
     2
@@ -86,7 +86,7 @@ def safe(errors_db: Sequence[float]) -> int:
 
 
 def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) -> list[dict[str, Any]]:
-    """Rows of one sweep, a row a method; ours claims the largest safe region."""
+    """Rows of one sweep, one per method; this tracer's row claims the largest safe region."""
     best = max(safe(errors) for _, errors in found)
     rows = []
     for method, errors in found:
@@ -109,7 +109,7 @@ def _verdict(count: int, best: int) -> str:
 
 
 def safe_words(sweep: Sweep, count: int) -> str:
-    """The safe region for a reader."""
+    """The safe region as text."""
     if not count:
         return "none"
     first, last = sweep.values[0], sweep.values[count - 1]

@@ -1,8 +1,8 @@
-"""Sweeps in which methods fail: a scene that gets harder, or a setting that gets coarser, from one value to the next, with the true answer.
+"""Sweeps along which methods fail: a scene becomes harder, or a setting coarser, from value to value, with the true answer at each.
 
-Levels are of whole samples, against closed forms, series and quadrature; rooms are compared profile by profile (`signal_error`). Nothing
-is off by more than `DYNAMIC_DB`: a method that returns nothing is off by that. Methods without absolute level get one gain, which makes
-their metal sphere at 1 m right, as calibrating them would.
+Levels of whole samples are compared with closed forms, series and quadrature; rooms are compared by range profile (`signal_error`). No
+error exceeds DYNAMIC_DB, which is also the error of a method that returns nothing. Methods without an absolute level get the gain that
+makes their level of a metal sphere at 1 m correct.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ METHODS = (
 
 
 def methods() -> list[Method]:
-    """Those that run here."""
+    """The methods that run here."""
     return [one for one in METHODS if one.backend != "sionna" or is_installed()]
 
 
@@ -57,8 +57,11 @@ class Sweep:
     """One row of the map.
 
     Attributes:
-        title, unit: for readers. kind: why it fails: "physical", "numerical", "a setting" or "knowledge". values: easiest first.
-        error_db: of a method at a value. why: the failure in a sentence.
+        title, unit: for readers.
+        kind: of the failure: "physical", "numerical", "a setting" or "knowledge".
+        values: easiest first.
+        error_db: error of a method at a value.
+        why: the reason of the failure, one sentence.
     """
 
     name: str
@@ -71,10 +74,10 @@ class Sweep:
 
 
 def samples(method: Method, scene: Scene, pose: np.ndarray | None = None, motion: Any = None, **settings: Any) -> np.ndarray:
-    """One frame of a method, its settings changed where it has them.
+    """One frame of a method, with those of the settings that it has.
 
     Raises:
-        FloatingPointError: what it returned is not finite.
+        FloatingPointError: the samples are not finite.
     """
     simulator = backend(method.backend, **(dict(method.settings) | settings))
     with quiet():
@@ -85,13 +88,13 @@ def samples(method: Method, scene: Scene, pose: np.ndarray | None = None, motion
 
 
 def level_db(iq: np.ndarray) -> float:
-    """Mean power of a frame's samples, which for an echo alone is its level."""
+    """Mean power of a frame's samples; for a single echo this is its level."""
     return float(10 * np.log10(np.mean(np.abs(iq) ** 2) + 1e-30))
 
 
 @cache
 def gain_db(method: Method) -> float:
-    """What makes the level of a method's metal sphere at 1 m right; nothing for methods that have an absolute level."""
+    """Gain that makes a method's level of a metal sphere at 1 m correct; 0 for methods with an absolute level."""
     if method.backend != "rfgenesis":
         return 0.0
     return 20 * np.log10(abs(sphere_echo(BALL_M, 1.0, MIDDLE_HZ)[0])) - level_db(samples(method, *alone(objects.sphere(BALL_M, 4), 1.0)))
@@ -111,7 +114,7 @@ def alone(
 
 
 def facing(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0) -> complex:
-    """True amplitude of a plate or corner at the middle of the sweep."""
+    """True amplitude of a plate or corner in the middle of the frequency sweep."""
     turn = np.radians(turn_deg)
     here = distance_m * np.array([np.cos(turn), -np.sin(turn), 0.0])
     return corner_quadrature(corner_faces(mesh), here, WAVELENGTH_M)
@@ -136,7 +139,7 @@ def _facets(method: Method, value: float) -> float:
 
 
 def sheet(side_m: float, cells: int) -> trimesh.Trimesh:
-    """A plate as a scan has it: cells x cells squares of two triangles, flat normals."""
+    """A plate as a scan gives it: cells x cells squares of two triangles with flat normals."""
     across = np.linspace(-side_m / 2, side_m / 2, cells + 1)
     z, y = np.meshgrid(across, across, indexing="ij")
     vertices = np.stack([np.zeros(y.size), y.ravel(), z.ravel()], axis=1)
@@ -166,7 +169,7 @@ def _noise(method: Method, value: float) -> float:
 
 
 def _tilt(method: Method, value: float) -> float:
-    """Powers in the mean over a degree, so that no single null decides."""
+    """Mean powers over one degree, so that no single null decides."""
     mesh, turns = objects.plate(0.1, 0.1), value + np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
     found = np.mean([10 ** (level_db(samples(method, *alone(mesh, 1.0, turn))) / 10) for turn in turns])
     true = np.mean([abs(facing(mesh, 1.0, turn)) ** 2 for turn in turns])
@@ -203,7 +206,7 @@ def _bounces(method: Method, value: float) -> float:
 
 
 def _missing(method: Method, value: float) -> float:
-    """Walls are left out from the far end of the office: x high, ceiling, y low, x low, floor."""
+    """Walls are removed in this order: x high, ceiling, y low, x low, floor."""
     mesh = rooms.room_scene(OFFICE, "concrete").surfaces[0].mesh
     centre, size = mesh.triangles_center, np.array(OFFICE)
     gone = [
@@ -215,7 +218,7 @@ def _missing(method: Method, value: float) -> float:
 
 
 def _far(method: Method, value: float) -> float:
-    """Level in the gate where the ball is; beyond the fold there is no such bin, and the echo stands where nothing is."""
+    """Level in the range gate of the ball; beyond the unambiguous range no such gate exists."""
     if value > RADAR.unambiguous_range_m:
         return DYNAMIC_DB
     return off(method, samples(method, *alone(objects.sphere(BALL_M, 4), value)), sphere_echo(BALL_M, value, MIDDLE_HZ)[0])
@@ -228,7 +231,7 @@ def _speed(method: Method, value: float) -> float:
 
 
 def _thickness(method: Method, value: float) -> float:
-    """A wall of plasterboard taken for one that is thicker by so many millimetres."""
+    """A plasterboard wall that is simulated too thick by `value` millimetres."""
     te, _ = stack.stack([("plasterboard", BOARD_M)], "air", 0.0, MIDDLE_HZ)
     wall = objects.plate(6.0, 6.0).apply_translation((1.5, 0, 0))
     scene = Scene([Surface(wall, Layered([("plasterboard", BOARD_M + value / 1e3)]), "wall", role="room")])
@@ -241,7 +244,7 @@ def _thickness(method: Method, value: float) -> float:
 
 
 def _gap(method: Method, value: float) -> float:
-    """A metal plate behind one of concrete, which hides it."""
+    """A metal plate hidden behind a concrete plate."""
     front, behind = objects.plate(0.2, 0.2), objects.plate(0.2, 0.2).apply_translation((-value / 1e3, 0, 0))
     scene = Scene([Surface(front, "concrete", "front", role="object"), Surface(behind, "metal", "behind", role="object")])
     pose = alone(front, 2.0)[2]["target"]
@@ -250,7 +253,7 @@ def _gap(method: Method, value: float) -> float:
 
 
 def _snr(method: Method, value: float) -> float:
-    """Mean power in the target's bin, with receiver noise so many decibels below the true echo there, and no noise taken off."""
+    """Mean power in the target's bin with receiver noise `value` dB below the true echo in that bin; no noise is subtracted."""
     level = np.abs(samples(method, *alone(objects.sphere(BALL_M, 4), 1.0))).mean() * 10 ** (gain_db(method) / 20)
     truth = abs(sphere_echo(BALL_M, 1.0, MIDDLE_HZ)[0])
     noise = np.random.default_rng(1).normal(size=(DRAWS, 2)) @ [1, 1j] * truth * 10 ** (-value / 20) / np.sqrt(2)
