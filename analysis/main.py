@@ -15,7 +15,7 @@ from radartwin.io import files, memory
 from radartwin.io.progress import Progress
 from radartwin.plotting import style
 from radartwin.runs.experiment import Result, Table, declared
-from radartwin.store.products import Counts
+from radartwin.store.products import RUN, Counts
 
 STUDY_PACKAGES = ("miepython", "plotly")  # the extra `study` of pyproject.toml
 
@@ -38,10 +38,9 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
     names = only or registry.of_profile(profile)
     kept = [name for name in names if index.unchanged(output, name, profile)]
     made, counts = _run([name for name in names if name not in kept], profile, output)
-    counts.reused += len(kept)
+    counts.found |= {(RUN, name) for name in kept}
     page = report.path(output) if len(kept) == len(names) and index.report_unchanged(output) else write_report(output, fresh=kept + made)
-    totals = f"simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}"
-    print(f"tables: {len(kept + made)} written, {totals}; report: {page}")
+    print(f"tables: {len(kept + made)} written, {counts}; report: {page}")
     return 0 if len(kept + made) == len(names) else 1
 
 
@@ -54,7 +53,7 @@ def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], C
     from radartwin.runs import workers  # brings the numerical packages along
     from radartwin.runs.run import run_experiment, run_key, summary
 
-    with workers.kept():
+    with workers.reused():
         for name in names:
             progress.say(f"--- {name} ({profile})")
             overrides = [f"experiment={name}", f"profile={profile}", path_override("output", output)]

@@ -11,9 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from experiments.campaign import crew, tally, truth, twin
+from experiments.campaign import tally, truth, twin
 from experiments.campaign.cases import Case, Log, log, planned
 from experiments.campaign.recorded import Recorded
+from experiments.campaign.schedule import RecordingTask, Schedule
 from experiments.campaign.turned import Turned
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
@@ -112,14 +113,14 @@ class Campaign:
 
     def missing(
         self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, clean: bool = False, setup: str = ""
-    ) -> dict[str, crew.Wanted]:
-        """{key: recording}, for `make_together`, of those that are not in the store and can be made (`clean`, `setup`: see crew.Wanted)."""
+    ) -> dict[str, RecordingTask]:
+        """{key: task} for `make_together`, of the recordings that are missing and can be made. `clean` and `setup` as in RecordingTask."""
         config, found = replace(self.config, materials=self._materials("twin", materials)), {}
         for domain, case in wanted:
             if self._recorded is None or domain != "measured":
                 spec, _, roots = self._clean(domain, case, materials)
                 if not self.store.holds(CLEAN, spec, roots):
-                    found[self.store.key(CLEAN, spec, roots)] = crew.Wanted(config, self.store.root, domain, case, clean, setup)
+                    found[self.store.key(CLEAN, spec, roots)] = RecordingTask(config, self.store.root, domain, case, clean, setup)
         return found
 
     def plan(self, *domains: str) -> list[tuple[str, Case]]:
@@ -171,14 +172,44 @@ class Campaign:
             raise InputError(f"campaign: there is no domain {domain!r}; choose {', '.join(DOMAINS)}")
 
 
-def make_together(missing: Mapping[str, crew.Wanted], progress: Progress, fresh: bool = False) -> None:
-    """Make recordings that are missing of one campaign or of several, by several processes where there are many (config.jobs); where there
-    are few, whoever reads them first makes them."""
-    wanted = list(missing.values())
-    count = workers.hands(wanted[0].config.jobs, len(wanted)) if wanted else 1
+def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False) -> None:
+    """Make the missing recordings of one or more campaigns in several workers (config.jobs). Few recordings are left to their first reader.
+
+    Args:
+        fresh: as for workers.run.
+    Raises:
+        as workers.run.
+    """
+    tasks = list(missing.values())
+    count = workers.worker_count(tasks[0].config.jobs, len(tasks)) if tasks else 1
     if count > 1:
-        with progress.task("recordings", len(wanted)) as made:
-            crew.make(wanted, count, made, fresh)
+        schedule = Schedule(tasks)
+
+        def next_call(worker: int) -> tuple[RecordingTask] | None:
+            task = schedule.next_task(worker)
+            return None if task is None else (task,)
+
+        with progress.task("recordings", len(tasks)) as made:
+            workers.run(_make, next_call, lambda _: made(), count, fresh)
+
+
+def _make(task: RecordingTask) -> None:
+    """Make one recording, in a worker."""
+    campaign = _campaign_of(task.config, task.root)
+    if task.clean:
+        campaign.clean(task.domain, task.case)
+    else:
+        campaign.process(task.domain, task.case)
+
+
+_last: list[tuple[Config, Path, Campaign]] = []
+
+
+def _campaign_of(config: Config, root: Path) -> Campaign:
+    """The campaign of the last task of this worker, or a new one."""
+    if not _last or _last[0][:2] != (config, root):
+        _last[:] = [(config, root, Campaign(config, Store(root), Progress(quiet=True)))]
+    return _last[0][2]
 
 
 def load_clean(product: Product) -> Recording:

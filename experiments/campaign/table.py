@@ -200,7 +200,7 @@ def _paper(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
         radar = build_radar(config.radar)
         counts = [count for (domain, _), cases in wanted.items() for count in _states(domain, cases, paper)]
         disk = sum(expected_bytes(radar, *count) for count in counts) / 1e9
-    at_once = workers.hands(config.jobs, sum(len(cases) for cases in wanted.values()))
+    at_once = workers.worker_count(config.jobs, sum(len(cases) for cases in wanted.values()))
     case = {
         "of": "both", "motion": ALL, "made": sum(one.now for one in made), "found": sum(not one.now for one in made),
         "frames": sum(one.frames for one in made), "traced": sum(one.traced for one in made), "set_ups": sum(one.setups for one in made),

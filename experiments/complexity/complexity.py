@@ -177,7 +177,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         ConfigError: a scan without an object under test, or with a motion of unknown repeatability.
     """
     cases = CASES.get(config.profile.name, CASES["paper"])
-    if workers.hands(config.jobs, len(cases)) > 1:
+    if workers.worker_count(config.jobs, len(cases)) > 1:
         with progress.task("cases recorded", len(cases)) as done:
             workers.each(_recorded, [(case, config) for case in cases], config.jobs, done)
     asked = [one for case in cases for one in _of_case(case, config, store)]

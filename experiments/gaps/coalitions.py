@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.campaign import crew
 from experiments.campaign.campaign import Campaign, load_clean, make_together
 from experiments.campaign.cases import Case
+from experiments.campaign.schedule import RecordingTask
 from experiments.gaps.shapley import Coalition
 from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import right
@@ -101,7 +101,7 @@ class Sides:
 
     def make(self, some: Sequence[tuple[str, Coalition]]) -> None:
         """Make what is missing of these sides, by several processes."""
-        missing: dict[str, crew.Wanted] = {}
+        missing: dict[str, RecordingTask] = {}
         for domain, on in some:
             for case in self.cases:
                 setup, clean = _setup(domain, _switched(on, case)), not _received(domain, on)

@@ -27,7 +27,7 @@ from radartwin.recognize.split import Split, label_free
 
 if TYPE_CHECKING:
     from experiments.campaign.campaign import Campaign as Kept
-    from experiments.campaign.crew import Wanted
+    from experiments.campaign.schedule import RecordingTask
 
 ENERGY = "_db"  # ends the names of features that depend on energy, and that the reflector calibrates
 
@@ -49,7 +49,7 @@ def read(campaign: Campaign, room: str, motion: str, domain: str = "twin", mater
     return Frames(ours.samples, theirs.samples, tuple(sorted((*ours.keys, *theirs.keys))))
 
 
-def missing(campaign: Kept, room: str, motion: str, domain: str = "twin", materials: Any = None) -> dict[str, Wanted]:
+def missing(campaign: Kept, room: str, motion: str, domain: str = "twin", materials: Any = None) -> dict[str, RecordingTask]:
     """What `read` would have to make, for several campaigns to make it together (experiments/campaign/campaign.py)."""
     measured, simulated = readings.shared_cases(campaign, motion, room, domain)
     ours = campaign.missing([(domain, case) for case in simulated], materials)

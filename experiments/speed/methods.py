@@ -198,8 +198,7 @@ def quiet() -> Iterator[None]:
 
 
 def worker_pids() -> list[int]:
-    """Processes of other simulators."""
-    from radartwin.simulation.backends import child_process, sionna_worker
+    """Ids of the processes that run other simulators."""
+    from radartwin.simulation.backends import sionna_process
 
-    kept = child_process._kept(sionna_worker.__name__)
-    return [one._child.pid for one in kept.values() if one.usable]
+    return sionna_process.process_ids()

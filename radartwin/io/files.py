@@ -1,11 +1,11 @@
-"""Files that survive a kill: whole or absent. Temporary name beside the target, fsync, rename; and a lock between
-processes.
+"""Files that are complete or absent also after a kill, arrays read from files, and locks between processes.
+
+A file is written under a temporary name beside its target, forced to the disk and renamed.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import io
 import math
 import os
@@ -15,21 +15,23 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
+from filelock import FileLock, Timeout
+
 from radartwin.errors import InputError, OutputError
 
 if TYPE_CHECKING:
     import numpy as np
 
-TEMPORARY = ".tmp"  # suffix of everything unfinished, so that a start can sweep what a killed one left
+TEMPORARY = ".tmp"  # suffix of everything unfinished, so that a start can remove what a killed process left
 _UNFINISHED = re.compile(rf"\..+\.radartwin-(\d{{1,9}}){re.escape(TEMPORARY)}")  # .NAME.radartwin-PID.tmp
-LOCK = "lock"  # inside an unfinished folder, held while somebody fills it
+LOCK = "lock"  # file in an unfinished folder, locked by the process that fills the folder
 
 
 def check_folder(folder: Path) -> Path:
-    """Refuse a folder that cannot be written or made, without making it: before long work, not after.
+    """Check that a folder can be made or written, without making it, so that long work is refused before it starts.
 
     Raises:
-        OutputError: naming what is in the way.
+        OutputError: a file is in the way, or the folder cannot be written.
     """
     existing = Path(folder).absolute()
     while not existing.exists():
@@ -42,7 +44,7 @@ def check_folder(folder: Path) -> Path:
 
 
 def make_folder(folder: Path) -> Path:
-    """Create the folder. Raises OutputError where it cannot be made or written."""
+    """Create the folder. Raises OutputError if it cannot be made or written."""
     check_folder(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -52,15 +54,15 @@ def make_folder(folder: Path) -> Path:
 
 
 def unfinished(path: Path) -> Path:
-    """The name beside `path` under which this process writes it until it is whole."""
+    """The temporary name beside `path` under which this process writes it."""
     return path.with_name(f".{path.name}.radartwin-{os.getpid()}{TEMPORARY}")
 
 
 def write_atomically(path: Path, content: bytes | str) -> Path:
-    """Write the file whole or not at all.
+    """Write the complete file or nothing.
 
     Raises:
-        OutputError: the folder cannot be made or written; nothing is left behind.
+        OutputError: the folder cannot be made or written. No temporary file is left.
     """
     make_folder(path.parent)
     temporary = unfinished(path)
@@ -79,11 +81,11 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
 
 
 def read_arrays(source: Path | bytes) -> dict[str, np.ndarray]:
-    """The arrays of an .npz by name, none of them unpickled.
+    """The arrays of an .npz file by name. Nothing is unpickled.
 
     Raises:
-        InputError: no such archive; arrays of Python objects, or larger than what is stored of them; one that unpacks to far more than
-            it is (ours are stored as they are). OSError: it cannot be read.
+        InputError: the content is no such archive, holds Python objects, or declares arrays that are much larger than the archive.
+        OSError: the file cannot be read.
     """
     import zipfile
     import zlib
@@ -98,21 +100,21 @@ def read_arrays(source: Path | bytes) -> dict[str, np.ndarray]:
                 return dict(stored)
     except InputError:
         raise
-    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError) as error:  # the last for what zipfile cannot unpack
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError) as error:  # RuntimeError: an unknown compression
         raise InputError(f"{label} is no archive of arrays ({str(error).splitlines()[0] if str(error) else 'it ends early'})") from error
 
 
 def read_array(path: Path) -> np.ndarray:
-    """The array of a .npy, not unpickled.
+    """The array of a .npy file. Nothing is unpickled.
 
     Raises:
-        InputError: no such array, one of Python objects, or one that says it is larger than the file. OSError: it cannot be read.
+        InputError: the file is no such array, holds Python objects, or declares an array larger than the file. OSError: it cannot be read.
     """
     import numpy as np
 
     try:
         with path.open("rb") as stream:
-            _check_head(stream, path.stat().st_size, str(path))
+            _check_header(stream, path.stat().st_size, str(path))
             stream.seek(0)
             return np.load(stream, allow_pickle=False)
     except InputError:
@@ -122,21 +124,21 @@ def read_array(path: Path) -> np.ndarray:
 
 
 def _check_archive(stream: IO[bytes], label: str) -> None:
-    """Judge an archive by its heads, before memory is taken for what they ask. The stream ends at its beginning."""
+    """Check the headers of an archive before memory is allocated for its arrays. Rewinds the stream."""
     import zipfile
 
     with zipfile.ZipFile(stream) as archive:
         unpacked, size = sum(member.file_size for member in archive.infolist()), stream.seek(0, os.SEEK_END)
-        if unpacked > 16 * size + (64 << 20):
+        if unpacked > 16 * size + (64 << 20):  # radartwin writes arrays uncompressed
             raise InputError(f"{label} is {size:,} bytes and would unpack to {unpacked:,}; that is no file of arrays that radartwin wrote")
         for member in archive.infolist():
             with archive.open(member) as content:
-                _check_head(content, member.file_size, f"{label}, {member.filename},")
+                _check_header(content, member.file_size, f"{label}, {member.filename},")
     stream.seek(0)
 
 
-def _check_head(stream: IO[bytes], size: int, label: str) -> None:
-    """Refuse an array in the .npy format that is of Python objects, or that `size` bytes do not hold. Raises InputError, ValueError."""
+def _check_header(stream: IO[bytes], size: int, label: str) -> None:
+    """Refuse a .npy array of Python objects, or larger than `size` bytes. Raises InputError, ValueError."""
     from numpy.lib import format as npy
 
     read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(npy.read_magic(stream))
@@ -151,7 +153,7 @@ def inside(folder: Path, name: str) -> Path:
     """FOLDER/NAME of a file that an index in the folder names.
 
     Raises:
-        InputError: it leads out of the folder, by "..", from the root or through a link.
+        InputError: the path leads out of the folder, by "..", from the root or through a link.
     """
     path = folder / name
     if "\0" in name or not path.resolve().is_relative_to(folder.resolve()):
@@ -159,8 +161,18 @@ def inside(folder: Path, name: str) -> Path:
     return path
 
 
+def folder_bytes(folder: Path) -> int:
+    """Size of all files in a folder, in bytes; 0 if there is no folder."""
+    total = 0
+    for parent, _, names in os.walk(folder):
+        for name in names:
+            with contextlib.suppress(OSError):  # removed by another process
+                total += os.lstat(os.path.join(parent, name)).st_size
+    return total
+
+
 def sync(path: Path, deep: bool = True) -> None:
-    """Force a file, or a folder (with all it holds, if deep), to the disk."""
+    """Force a file or folder to the disk, with `deep` also the content of the folder."""
     if deep and path.is_dir():
         for child in path.iterdir():
             sync(child)
@@ -173,54 +185,47 @@ def sync(path: Path, deep: bool = True) -> None:
 
 @contextlib.contextmanager
 def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None]:
-    """Hold the file `path` as a lock between processes; it exists only while somebody holds it or waits for it.
+    """Hold the file `path` as a lock between processes. The file exists only while a process holds the lock or waits for it.
 
-    The kernel releases the lock of a process that dies. A waiter may wake up holding a file that its last owner
-    deleted, so it checks that the name still leads to what it locked.
+    The kernel releases the lock of a process that dies.
 
     Args:
-        waiting: called once if somebody else holds the lock.
+        waiting: called once if another process holds the lock.
     Raises:
         OutputError: the file cannot be made or opened.
     """
-    while True:
+    holder = FileLock(path)
+    while not holder.is_locked:
         make_folder(path.parent)
         try:
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
-        except FileNotFoundError:  # the folder went away between the two lines above
+            holder.acquire(blocking=waiting is None)
+        except Timeout:
+            if waiting:
+                waiting()
+            waiting = None
+        except FileNotFoundError:  # another process has removed the folder
             continue
         except OSError as error:
             raise _cannot_lock(path, error) from error
-        try:
-            if waiting and not _try_lock(descriptor):
-                waiting()
-                waiting = None
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-            if not _leads_to(path, descriptor):
-                continue
-            try:
-                yield
-            finally:
-                path.unlink(missing_ok=True)
-            return
-        finally:
-            os.close(descriptor)
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        holder.release()
 
 
 def drop_stale(path: Path) -> None:
-    """Remove a lock file that a killed process left; one that is held, or waited for, stays.
+    """Remove a lock file that a killed process left, unless another process holds the lock or waits for it.
 
     Raises:
-        OutputError: what has its name cannot be opened or removed.
+        OutputError: the file cannot be opened or removed.
     """
+    if not os.path.lexists(path):
+        return
     try:
-        descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
-        try:
-            if _try_lock(descriptor) and _leads_to(path, descriptor):
-                path.unlink(missing_ok=True)
-        finally:
-            os.close(descriptor)
-    except FileNotFoundError:
+        with FileLock(path).acquire(blocking=False):
+            path.unlink(missing_ok=True)
+    except Timeout:
         return
     except OSError as error:
         raise _cannot_lock(path, error) from error
@@ -231,56 +236,35 @@ def _cannot_lock(path: Path, error: OSError) -> OutputError:
 
 
 def sweep(folder: Path) -> None:
-    """Remove from the folder the `unfinished` files of processes that are gone; nothing else is ours."""
+    """Remove the `unfinished` files of dead processes from the folder. Other files stay."""
     for path in sorted(folder.glob(f".*{TEMPORARY}")):
         if (ours := _UNFINISHED.fullmatch(path.name)) and path.is_file() and not alive(int(ours.group(1))):
             path.unlink(missing_ok=True)
 
 
 def drop_abandoned(folder: Path) -> None:
-    """Remove a folder that is filled under its lock, FOLDER/lock, unless a living process holds or awaits that lock.
+    """Remove a folder that is filled under the lock FOLDER/lock, unless a living process holds that lock or waits for it.
 
-    The lock is held while the folder is emptied and goes last: whoever comes in between waits, then starts afresh.
+    The lock is held until the folder is empty, so a process that wants to fill the folder waits and then starts anew.
     """
     with contextlib.suppress(OSError):
-        folder.rmdir()  # killed before it held its lock
-    with contextlib.suppress(OSError):
-        descriptor = os.open(folder / LOCK, os.O_RDWR)
-        try:
-            if not _try_lock(descriptor) or not _leads_to(folder / LOCK, descriptor):
-                return
-            for child in folder.iterdir():
-                if child.is_dir() and not child.is_symlink():
-                    shutil.rmtree(child)
-                elif child.name != LOCK:
-                    child.unlink()
-            (folder / LOCK).unlink()
-            folder.rmdir()  # fails if somebody has taken the lock anew
-        finally:
-            os.close(descriptor)
-
-
-def _try_lock(descriptor: int) -> bool:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
-
-
-def _leads_to(path: Path, descriptor: int) -> bool:
-    try:
-        return os.path.samestat(path.stat(), os.fstat(descriptor))
-    except FileNotFoundError:
-        return False
+        folder.rmdir()  # empty: its process was killed before it held the lock
+    with contextlib.suppress(OSError), FileLock(folder / LOCK).acquire(blocking=False):
+        for child in folder.iterdir():
+            if child.is_dir() and not child.is_symlink():
+                shutil.rmtree(child)
+            elif child.name != LOCK:
+                child.unlink()
+        (folder / LOCK).unlink()
+        folder.rmdir()  # fails if another process has taken the lock anew
 
 
 def alive(process: int) -> bool:
-    """Whether a process of this number runs on this machine."""
+    """Whether a process with this id runs on this machine."""
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
         return False
-    except OSError:  # somebody else's
+    except OSError:  # a process of another user
         return True
     return True

@@ -25,7 +25,7 @@ from radartwin.config.compose import typed
 from radartwin.errors import UserError
 from radartwin.io import files
 from radartwin.io.progress import Progress
-from radartwin.runs.run import run_experiment, telling
+from radartwin.runs.run import naming, run_experiment
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -71,7 +71,7 @@ class Outcome:
 
 def job_name(overrides: Sequence[str]) -> str:
     """materials=void,seed=1: what tells a job apart from others of its sweep."""
-    return ",".join(f"{key}={value}" for key, value in telling(overrides).items()) or "defaults"
+    return ",".join(f"{key}={value}" for key, value in naming(overrides).items()) or "defaults"
 
 
 def job(composed: DictConfig) -> None:
@@ -105,8 +105,7 @@ def _outcome(composed: DictConfig, overrides: Sequence[str]) -> Outcome:
     except Exception as error:
         traceback.print_exc()
         return Outcome(name, FAILED, f"{type(error).__name__}: {error}".splitlines()[0])
-    line = f"simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}"
-    return Outcome(name, DONE if counts.scored else CACHED, line, result.run_key, metrics=dict(result.metrics))
+    return Outcome(name, DONE if counts.scored else CACHED, str(counts), result.run_key, metrics=dict(result.metrics))
 
 
 @contextlib.contextmanager

@@ -1,7 +1,7 @@
-"""One experiment: compose -> store -> experiment -> track, with resume. A sweep of them is radartwin/runs/sweep.py.
+"""One experiment: compose the configuration, compute or read back the result, track it. For sweeps see radartwin/runs/sweep.py.
 
-The result is in the store before it is in MLflow: a tracking store that fails at the end costs a warning, not the result,
-and the next start of the same run tracks it.
+The result is in the store before it is in MLflow. If tracking fails at the end, the run only warns, and the next start of the same run
+tracks the result.
 """
 
 from __future__ import annotations
@@ -19,36 +19,41 @@ from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.artifacts import Record
-from radartwin.runs.experiment import Result, load, module_name, read, save
+from radartwin.runs.experiment import VERDICTS, Result, load, module_name, read, save
 from radartwin.runs.tracking import Tracker
+from radartwin.store import products
 from radartwin.store.digest import semantic
 from radartwin.store.products import RUN, Counts, Store
 
-_UNTOLD = ("experiment", "output", "jobs", "tracking", "hydra")  # overrides that do not tell runs of one table apart
+_UNNAMED = ("experiment", "output", "jobs", "tracking", "hydra")  # overrides that do not distinguish the runs of one table
 
 
 def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Progress | None = None) -> tuple[Result, Counts]:
-    """The result of a composed experiment, computed or read back, and what that took.
+    """The result of a composed experiment, computed or read back, and the counts of products that were built and found.
 
     Raises:
-        UserError: what the configuration asks for cannot be done.
+        UserError: the configuration cannot be run.
     """
-    from radartwin.store import array_cache  # imports the numerical packages
+    with products.counting() as counts:
+        return _run_experiment(config, overrides, progress or Progress()), counts
 
-    progress = progress or Progress()
+
+def _run_experiment(config: Config, overrides: Sequence[str], progress: Progress) -> Result:
+    from radartwin.store import array_cache  # imports NumPy
+
     experiment = load(config.experiment)
     store = Store(Path(config.output) / "cache", progress.say)
     tracker = Tracker(config.tracking, Path(config.output))
-    spec, roots = _identity(config)
-    key = store.key(RUN, spec, roots)
-    name, told = config.experiment.name or roots[0], telling(overrides)
-    title = ",".join(f"{k}={v}" for k, v in told.items()) or name
+    spec, entries = _identity(config)
+    key = store.key(RUN, spec, entries)
+    name, named = config.experiment.name or entries[0], naming(overrides)
+    title = ",".join(f"{k}={v}" for k, v in named.items()) or name
 
     with contextlib.ExitStack() as tracked:
         records: list[Record] = []
 
         def track() -> None:
-            records.append(tracked.enter_context(tracker.run(name, key, title, told)))
+            records.append(tracked.enter_context(tracker.run(name, key, title, named)))
 
         def build(folder: Path) -> None:
             track()
@@ -57,18 +62,18 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
             save(computed, folder)
             (folder / "config.json").write_text(json.dumps(asdict(config), indent=1) + "\n", encoding="utf-8")
 
-        product = store.fetch(RUN, spec, roots, build)
+        product = store.fetch(RUN, spec, entries, build)
         result = read(product)
         if product.reused and not tracker.known(name, key):  # computed with tracking=off, or tracked elsewhere
             track()
         for record in records:
             record.metrics, record.artifacts = result.metrics, sorted(product.path.iterdir())
-            record.rows, record.inputs = result.rows, _kinds(store, result.keys)
-    return result, store.counts
+            record.rows, record.inputs = result.rows, _keys_by_kind(store, result.keys)
+    return result
 
 
-def _kinds(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
-    """Keys by the kind of product they name in the store; others are of a user's recording set."""
+def _keys_by_kind(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
+    """Keys by the kind of their product. A key outside the store belongs to a recording set of the user."""
     found: dict[str, list[str]] = {}
     for key in keys:
         place = next(store.root.glob(f"*/{key}"), None)
@@ -77,32 +82,30 @@ def _kinds(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
 
 
 def finished(config: Config) -> bool:
-    """Whether the run of this configuration is in the store, whole."""
-    load(config.experiment)
+    """Whether the store holds the complete run of this configuration."""
     return Store(Path(config.output) / "cache").holds(RUN, *_identity(config))
 
 
 def run_key(config: Config) -> str:
-    """Key that the run of this configuration has, or would have, with the source as it is now."""
-    load(config.experiment)
+    """Key of the run of this configuration, with the source code as it is now."""
     return Store(Path(config.output) / "cache").key(RUN, *_identity(config))
 
 
 def _identity(config: Config) -> tuple[dict[str, Any], list[str]]:
-    """What the key of a run is made of: its semantic configuration, what its module adds (a machine it times), and that module."""
+    """What forms the key of a run: its configuration, what its module adds (such as the machine that it times), and the module."""
     own = getattr(load(config.experiment), "identity", dict)()
     return {"config": semantic(config), **own}, [module_name(config.experiment)]
 
 
-def telling(overrides: Sequence[str]) -> dict[str, str]:
+def naming(overrides: Sequence[str]) -> dict[str, str]:
     """The overrides that name a run, by key: {"materials": "void"}."""
     pairs = (override.lstrip("+~").partition("=") for override in overrides)
-    return {key: value for key, _, value in pairs if key.partition(".")[0].partition("/")[0] not in _UNTOLD}
+    return {key: value for key, _, value in pairs if key.partition(".")[0].partition("/")[0] not in _UNNAMED}
 
 
 def summary(result: Result) -> str:
-    """Rows with their verdicts and the headline numbers, as lines for a terminal."""
-    verdicts = ", ".join(f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in ("holds", "fails", "untestable"))
+    """Number of rows by verdict and the metrics, as lines for a terminal."""
+    verdicts = ", ".join(f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in VERDICTS)
     numbers = [f"  {name} = {value:.4g}" for name, value in result.metrics.items()]
     return "\n".join([f"{result.table}: {len(result.rows)} rows ({verdicts}); run {result.run_key[:8]}", *numbers])
 
@@ -113,15 +116,15 @@ def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     config = compose(overrides, config_dirs)
     result, counts = run_experiment(config, overrides)
     page = getattr(load(config.experiment), "page", None)
-    if callable(page):  # an experiment that is read row by row says how
+    if callable(page):  # an experiment may print its rows in its own form
         print(page(result.rows))
     print(summary(result))
-    print(f"run: simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}")
+    print(f"run: {counts}")
     return 0
 
 
 def extend_path(config_dirs: Sequence[Path]) -> None:
-    """A user's experiment module may lie in, or beside, the folder of its configuration; workers inherit the path."""
+    """Find a user's experiment module in the folder of its configuration or the folder around that, here and in worker processes."""
     for folder in config_dirs:
         for root in (str(folder.resolve()), str(folder.resolve().parent)):
             if root not in sys.path:

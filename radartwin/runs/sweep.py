@@ -22,7 +22,7 @@ from radartwin.io.progress import Progress
 from radartwin.runs.experiment import load, module_name
 from radartwin.runs.job import CACHED, FAILED, REFUSED, STARTED, STATUSES, UNFINISHED, Outcome, job_name
 from radartwin.runs.launchers import Launcher, status_line
-from radartwin.runs.run import extend_path, finished, run_experiment, telling
+from radartwin.runs.run import extend_path, finished, naming, run_experiment
 from radartwin.runs.tracking import Tracker
 
 TABLE = "jobs.csv"
@@ -34,7 +34,7 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     ours, hydras = split(overrides)
     jobs = combinations(ours)
     configs = composed(jobs, config_dirs)
-    told = " ".join(override for override in ours if telling([override]))
+    told = " ".join(override for override in ours if naming([override]))
     with Sweep(configs[0], hydras, config_dirs, told) as running:
         running.run({number: (job, config) for number, (job, config) in enumerate(zip(jobs, configs, strict=True))})
     return running.close()
@@ -143,8 +143,9 @@ def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
         result, counts = run_experiment(config, overrides, Progress(quiet=True))
     except UserError:  # the job itself will say so
         return None
-    line = f"simulated {counts.simulated}, reused {counts.reused}, scored {counts.scored}"
-    return Outcome(job_name(overrides), CACHED, line, result.run_key, round(time.monotonic() - started, 3), metrics=dict(result.metrics))
+    return Outcome(
+        job_name(overrides), CACHED, str(counts), result.run_key, round(time.monotonic() - started, 3), metrics=dict(result.metrics)
+    )
 
 
 def table_text(outcomes: Iterable[Outcome]) -> str:

@@ -1,284 +1,171 @@
-"""Pieces of work made by several processes at once, which end with whoever started them.
+"""Calls spread over worker processes. A result must not depend on which worker computed it; only its run time may.
 
-What a process makes must not depend on which it is, or on what it made before; what it takes may. Within `kept` processes outlive the work
-that they were started for, and the next finds them with everything imported and compiled.
+Within `reused` the workers of one task go on to the next, with all modules imported and all kernels compiled.
 """
 
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 import os
-import signal
-import sys
-import threading
-import time
-import traceback
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from multiprocessing.connection import Connection, wait
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import Any
 
 from radartwin.compiled import cores
-from radartwin.errors import BackendError, UserError
+from radartwin.errors import BackendError
 from radartwin.io import memory
+from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, in_worker
+from radartwin.store import products
 
-MEMORY = 8e9  # bytes of one process, along the atrium
-LIGHT = 2e9  # bytes that a process may hold while it waits for more
-LEAST = 4  # pieces below which a second process is not worth its start
-ENDS_WITHIN_S = 5.0
-Tell = Callable[[Any], None]
-Started = tuple[Connection, Any]
+BYTES_PER_WORKER = 8e9  # memory of one worker that simulates the atrium
+IDLE_BYTES = 2e9  # memory that a worker may keep between two tasks
+FEWEST_ITEMS = 4  # for fewer items a second process is not worth its start
 
-_idle: list[Started] = []
-_keeping = False
+_pool: ProcessPool | None = None
+_reusing = False
 
 
-def hands(jobs: int, pieces: int) -> int:
-    """Processes for so many pieces: `jobs`, or with 0 as many as there are cores and memory for, but no more than have two pieces each.
-    1 is this process itself."""
-    if pieces < LEAST or multiprocessing.current_process().daemon:
+def worker_count(jobs: int, items: int) -> int:
+    """Number of workers for so many items; 1 means that this process does the work itself.
+
+    Args:
+        jobs: as configured; 0 means as many as there are cores and memory for. At most one worker per two items is used.
+    """
+    if items < FEWEST_ITEMS or in_worker():
         return 1
-    fit = max(1, int((_free_bytes() + sum(_held_bytes(process.pid) for _, process in _idle)) / MEMORY))
-    return min(jobs or min(cores(), fit), -(-pieces // 2))
+    idle_bytes = sum(memory.resident_bytes(pid) for pid in _pool.pids) if _pool else 0.0
+    fit = max(1, int((memory.free_bytes(otherwise=BYTES_PER_WORKER) + idle_bytes) / BYTES_PER_WORKER))
+    return min(jobs or min(cores(), fit), -(-items // 2))
 
 
 @contextlib.contextmanager
-def kept() -> Iterator[None]:
-    """Processes that are started meanwhile go on to the next work, and end with this."""
-    global _keeping
-    before, _keeping = _keeping, True
+def reused() -> Iterator[None]:
+    """Within the `with`, workers wait for the next task after each one."""
+    global _reusing
+    before, _reusing = _reusing, True
     try:
         yield
     finally:
-        _keeping = before
+        _reusing = before
         if not before:
-            _end_idle()
+            _end_pool()
 
 
 def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: int, done: Callable[[], None] = lambda: None) -> list[Any]:
-    """[function(*item) for item in items], by several processes where it pays.
+    """[function(*item) for item in items], in workers where there are enough items.
 
     Args:
-        function: of a module. What it takes and gives can be pickled; UserErrors and defects are raised here.
-        jobs: as of the configuration. done: called after each item.
+        function: a function of a module; its arguments and results can be pickled.
+        jobs: as for `worker_count`. done: called after each item.
+    Raises:
+        as `run`.
     """
-    count, found = hands(jobs, len(items)), {}
+    count = worker_count(jobs, len(items))
     if count == 1:
-        for number, item in enumerate(items):
-            found[number] = function(*item)
+        results = []
+        for item in items:
+            results.append(function(*item))
             done()
-    else:
-        left = iter(enumerate(items))
+        return results
+    found: dict[int, Any] = {}
+    waiting = iter(enumerate(items))
 
-        def heard(answer: tuple[int, Any]) -> None:
-            found[answer[0]] = answer[1]
-            done()
+    def next_call(_: int) -> tuple[Any, ...] | None:
+        numbered = next(waiting, None)
+        return None if numbered is None else (function, *numbered)
 
-        def give(_: Hashable) -> Any:
-            piece = next(left, None)
-            return None if piece is None else (function, *piece)
+    def on_result(numbered: tuple[int, Any]) -> None:
+        number, found[number] = numbered
+        done()
 
-        run(_answer, give, heard, count)
+    run(_numbered, next_call, on_result, count)
     return [found[number] for number in range(len(items))]
 
 
-def _answer(piece: tuple[Callable[..., Any], int, tuple[Any, ...]], tell: Tell) -> None:
-    function, number, item = piece
-    tell((number, function(*item)))
+def _numbered(function: Callable[..., Any], number: int, item: tuple[Any, ...]) -> tuple[int, Any]:
+    return number, function(*item)
 
 
 def run(
-    function: Callable[[Any, Tell], None],
-    give: Callable[[Hashable], Any],
-    heard: Callable[[Any], object],
+    function: Callable[..., Any],
+    next_call: Callable[[int], tuple[Any, ...] | None],
+    on_result: Callable[[Any], object],
     count: int,
     fresh: bool = False,
 ) -> None:
-    """Have `count` processes run function(piece, tell) until there are no pieces.
+    """Call a function in `count` workers until there are no more arguments.
 
     Args:
-        give: the next piece for a process, None at the end. heard: what a process told.
-        fresh: in new processes, for work whose cost is told: what was made before must not make it cheaper.
+        next_call: arguments of the next call for the worker with this number (0 to count - 1); None at the end.
+        on_result: called with each value, in the order of completion.
+        fresh: start new workers, for work whose run time is measured: earlier work must not make it faster.
     Raises:
-        UserError: what one of the processes was refused; BackendError: one of them ended or ran out of memory; RuntimeError: a defect, with
-            its traceback.
+        UserError: raised by the function. BackendError: a worker died or ran out of memory. Any other error is a defect of the function
+            and carries the worker's traceback.
     """
-    if fresh:
-        _end_idle()
-    working: dict[Connection, Any] = {}
-    free: list[Started] = []
+    pool = _pool_of(count, fresh)
+    running: dict[Future[Any], int] = {}
 
-    def next_of(one: Connection) -> None:
-        piece = give(one)
-        if piece is None:
-            free.append((one, working.pop(one)))
-        else:
-            _send(one, working[one], (function, piece))
+    def submit(worker: int) -> None:
+        if (arguments := next_call(worker)) is not None:
+            running[pool.submit(_counted, function, arguments)] = worker
 
     try:
-        while len(working) < count:
-            here, process = _hired()
-            working[here] = process
-        for one in list(working):
-            next_of(one)
-        while working:
-            for one in wait(list(working)):
-                assert isinstance(one, Connection)
-                if _heard(one, working[one], heard):
-                    next_of(one)
-    except BaseException:
-        _end([*working.items(), *free])
+        for worker in range(count):
+            submit(worker)
+        while running:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                value, counts = future.result()
+                products.count(counts)
+                on_result(value)
+                submit(running.pop(future))
+        if not _reusing or any(memory.resident_bytes(pid) > IDLE_BYTES for pid in pool.pids):
+            _end_pool()
+    except BaseException as error:
+        _end_pool()
+        if isinstance(error, BrokenProcessPool):
+            raise _failed("ended unexpectedly, perhaps because memory ran out") from None
+        if isinstance(error, MemoryError):
+            raise _failed(f"ran out of memory ({str(error) or 'no details'})") from None
         raise
-    _rest(free)
 
 
-def _rest(free: Sequence[Started]) -> None:
-    """Processes that have done their work wait for more where they are kept and hold little."""
-    light = []
-    if _keeping:
-        for here, process in free:
-            with contextlib.suppress(BackendError):  # who ends here has done what it was to do
-                _send(here, process, (_gave_back, None))
-                _heard(here, process, lambda _: None)
-                if _held_bytes(process.pid) < LIGHT:
-                    light.append((here, process))
-    _idle.extend(light)
-    _end([one for one in free if one not in light])
-
-
-def _gave_back(*_: object) -> None:
-    memory.give_back()
-
-
-def _hired() -> Started:
-    """One that waits, unless it has died meanwhile, or a new one."""
-    while _idle:
-        one = _idle.pop()
-        if one[1].is_alive() and not one[0].poll():  # it says nothing unasked: what can be read is its end
-            return one
-        _end([one])
-    context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe()
-    process = context.Process(target=_work, args=(there,), daemon=True)
-    process.start()
-    there.close()
-    return here, process
-
-
-def _end_idle() -> None:
-    _end(_idle)
-    _idle.clear()
-
-
-def _end(some: Sequence[Started]) -> None:
-    """End processes: asked first, all at once, then not."""
-    for _, process in some:
-        process.terminate()
-    end = time.monotonic() + ENDS_WITHIN_S
-    for here, process in some:
-        process.join(max(0.0, end - time.monotonic()))
-        process.kill()
-        process.join()
-        here.close()
-
-
-def _send(to: Connection, process: Any, message: Any) -> None:
-    try:
-        to.send(message)
-    except (BrokenPipeError, ConnectionResetError):
-        raise _ended(process) from None
-
-
-def _heard(one: Connection, process: Any, heard: Callable[[Any], object]) -> bool:
-    """Take in a message; whether it was that a piece is done."""
-    try:
-        kind, told = one.recv()
-    except (EOFError, OSError):
-        raise _ended(process) from None
-    if kind == "told":
-        heard(told)
-    elif kind == "refused":
-        raise told
-    elif kind == "failed":
-        what, where = told
-        defect = RuntimeError(what)
-        defect.add_note(f"in one of the processes at work:\n{where}")
-        raise defect
-    elif kind == "short":
-        raise _short_of_memory(f"ran out of memory ({told})")
-    return kind == "done"
-
-
-def _ended(process: Any) -> BackendError:
-    process.join()
-    return _short_of_memory(f"ended (exit status {process.exitcode}), perhaps for want of memory")
-
-
-def _short_of_memory(what: str) -> BackendError:
+def _failed(reason: str) -> BackendError:
     return BackendError(
-        f"one of the processes at work {what}. "
-        "Recordings and tables that are finished are kept and the same command makes the rest; jobs=1 needs least memory"
+        f"a worker process {reason}. Finished recordings and tables are kept and the same command makes the rest; "
+        "jobs=1 needs the least memory"
     )
 
 
-def _work(parent: Connection) -> None:
-    """A process: until there is nothing more, or nobody to work for."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # and temporary folders go
-    threading.Thread(target=_outlive_nobody, daemon=True).start()
+def _counted(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, products.Counts]:
+    """The value of the call and the counts of the products that it built and found."""
+    with products.counting() as counts:
+        value = function(*arguments)
+    if memory.resident_bytes(os.getpid()) > IDLE_BYTES:
+        memory.give_back()
+    return value, counts
 
-    def send(kind: str, told: Any = None) -> None:
-        try:
-            parent.send((kind, told))
-        except (BrokenPipeError, ConnectionResetError):
-            raise SystemExit from None
 
+def _pool_of(count: int, fresh: bool) -> ProcessPool:
+    """The waiting pool if it is large enough and none of its workers has died; else a new one."""
+    global _pool
+    if _pool is not None and (fresh or _pool.size < count or not _responds(_pool)):
+        _end_pool()
+    if _pool is None:
+        _pool = ProcessPool(count)
+    return _pool
+
+
+def _responds(pool: ProcessPool) -> bool:
     try:
-        while (message := _next(parent)) is not None:
-            function, piece = message
-            function(piece, lambda told: send("told", told))
-            send("done")
-    except UserError as refused:
-        send("refused", refused)
-    except MemoryError as short:
-        send("short", str(short) or "no more is to be had")
-    except Exception as defect:
-        send("failed", (f"{type(defect).__name__}: {defect}", traceback.format_exc()))
+        pool.submit(os.getpid).result()
+    except BrokenProcessPool:
+        return False
+    return True
 
 
-def _outlive_nobody() -> None:
-    """End with the parent, whatever is being made."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
-
-
-def _next(parent: Connection) -> Any:
-    """What is to be made now; None where there is no parent any more."""
-    try:
-        return parent.recv()
-    except (EOFError, ConnectionResetError):
-        return None
-
-
-def _held_bytes(pid: int) -> float:
-    """Memory of a process, where the system tells; otherwise none."""
-    try:
-        with open(f"/proc/{pid}/statm", encoding="ascii") as told:
-            return float(told.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, IndexError, ValueError):
-        return 0.0
-
-
-def _free_bytes() -> float:
-    """Memory that is free or can be freed, where the system tells; otherwise half of all, or enough for one process."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as told:
-            return next(1024.0 * int(line.split()[1]) for line in told if line.startswith("MemAvailable"))
-    except (OSError, StopIteration):
-        pass
-    try:
-        return 0.5 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):
-        return MEMORY
+def _end_pool() -> None:
+    global _pool
+    if _pool is not None:
+        pool, _pool = _pool, None
+        pool.end()

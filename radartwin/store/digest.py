@@ -124,8 +124,14 @@ def import_closure(entries: tuple[str, ...]) -> frozenset[str]:
 
 
 def include(top: str) -> None:
-    """Count the source of one more top-level package or module, such as a user's own experiment, and read all source again."""
-    _tops.add(top)
+    """Count the source of one more top-level package or module, such as a user's own experiment."""
+    if top not in _tops:
+        _tops.add(top)
+        forget()
+
+
+def forget() -> None:
+    """Read all source again for the next digest."""
     for function in (_source_digest, import_closure, _imports, _parsed, _source):
         function.cache_clear()
 

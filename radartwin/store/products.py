@@ -1,11 +1,10 @@
-"""The cache of everything computed: a product is a folder under its key, whole or absent.
+"""The store of computed products. A product is a folder named by its key; it is complete or absent.
 
-    output/cache/KIND/KEY/          the product, with meta.json beside what `build` wrote
-    output/cache/KIND/KEY.tmp/      while it is being built, under a lock; left by a killed process, swept at a start
+    output/cache/KIND/KEY/          the product: the files that `build` wrote, and meta.json
+    output/cache/KIND/KEY.tmp/      a product under construction, with a lock; the next start removes what a killed process left
 
-The key of a product is the digest of three things (radartwin/store/digest.py): the specification, the source of the modules
-that compute it, and the content of its input files. A finished key is not computed again while its files are
-what meta.json recorded (size and SHA-256); a failed, killed or damaged one is.
+The key is a digest of the specification, of the source code of the packages that compute the product, and of its input files
+(radartwin/store/digest.py). A product is computed again only if its files no longer have the sizes and SHA-256 sums in meta.json.
 """
 
 from __future__ import annotations
@@ -35,20 +34,20 @@ if TYPE_CHECKING:
 KEY_LENGTH = 32  # 128 bits of the digest name the folder
 SHORT = 8
 META = "meta.json"
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 RUN = "run"  # the kind of a scored experiment
 
 
 @dataclass(frozen=True)
 class Product:
-    """A finished folder of the cache. `reused` says that this process did not compute it."""
+    """A finished folder of the store. `reused` is False if this call computed it."""
 
     path: Path
     key: str
     reused: bool
 
     def arrays(self, name: str = "arrays") -> dict[str, np.ndarray]:
-        """What `save_arrays` wrote."""
+        """The arrays that `save_arrays` wrote."""
         return files.read_arrays(self.path / f"{name}.npz")
 
     def read_json(self, name: str) -> Any:
@@ -57,174 +56,190 @@ class Product:
 
 @dataclass
 class Counts:
-    """What one process did: products simulated, products found in the cache, experiments scored."""
+    """Products, as (kind, key), that were built, and those that were found in the store. A product that is found after it was built counts
+    as built."""
 
-    simulated: int = 0
-    reused: int = 0
-    scored: int = 0
-    by_kind: Counter[str] = field(default_factory=Counter)
+    built: set[tuple[str, str]] = field(default_factory=set)
+    found: set[tuple[str, str]] = field(default_factory=set)
 
-    def add(self, kind: str, reused: bool) -> None:
-        self.by_kind[f"{kind} {'reused' if reused else 'built'}"] += 1
-        if reused:
-            self.reused += 1
-        elif kind == RUN:
-            self.scored += 1
-        else:
-            self.simulated += 1
+    @property
+    def simulated(self) -> int:
+        return len(self.built) - self.scored
+
+    @property
+    def reused(self) -> int:
+        return len(self.found - self.built)
+
+    @property
+    def scored(self) -> int:
+        return sum(kind == RUN for kind, _ in self.built)
+
+    @property
+    def by_kind(self) -> Counter[str]:
+        """Numbers by "KIND built" and "KIND reused"."""
+        built, reused = (Counter(kind for kind, _ in some) for some in (self.built, self.found - self.built))
+        return Counter({f"{kind} built": n for kind, n in built.items()} | {f"{kind} reused": n for kind, n in reused.items()})
+
+    def __str__(self) -> str:
+        return f"simulated {self.simulated}, reused {self.reused}, scored {self.scored}"
 
     def __add__(self, other: Counts) -> Counts:
-        return Counts(
-            self.simulated + other.simulated,
-            self.reused + other.reused,
-            self.scored + other.scored,
-            self.by_kind + other.by_kind,
-        )
+        return Counts(self.built | other.built, self.found | other.found)
+
+
+_open_counts: list[Counts] = []
+
+
+@contextlib.contextmanager
+def counting() -> Iterator[Counts]:
+    """Counts of all products that this process and its workers fetch within the `with`, from any store."""
+    counts = Counts()
+    _open_counts.append(counts)
+    try:
+        yield counts
+    finally:
+        _open_counts[:] = [other for other in _open_counts if other is not counts]
+
+
+def count(more: Counts) -> None:
+    """Add what a worker fetched to the counts that are open in this process."""
+    for counts in _open_counts:
+        counts.built |= more.built
+        counts.found |= more.found
 
 
 class Store:
-    """The cache below one output folder; any number of processes may share it.
+    """The cache below one output folder. Any number of processes may share it.
 
     Args:
-        root: usually output/cache; created, and swept of what killed processes left.
-        say: receives a line when another process is computing what this one needs, and when a product is damaged.
+        root: usually output/cache. It is created, and unfinished products of killed processes are removed.
+        say: receives a line when another process is computing a needed product, and when a product is damaged.
     Raises:
         OutputError: the folder cannot be written.
     """
 
     def __init__(self, root: Path, say: Callable[[str], None] = lambda line: None) -> None:
         self.root = files.make_folder(Path(root).absolute())
-        self.counts = Counts()
         self._say = say
-        self._sound: set[Path] = set()
+        self._verified: set[Path] = set()
         for work in sorted(self.root.glob(f"*/*{files.TEMPORARY}")):
             if re.fullmatch(rf"[0-9a-f]{{{KEY_LENGTH}}}", work.name.removesuffix(files.TEMPORARY)) and work.is_dir():
                 files.drop_abandoned(work)
 
-    def key(self, kind: str, spec: Mapping[str, Any], roots: Iterable[str], inputs: Mapping[str, str] | None = None) -> str:
-        """Key of a product; `roots` name the modules that compute it, `inputs` are digests of files it reads."""
-        parts = {"kind": kind, "spec": spec, "source": source_digest(roots), "inputs": dict(inputs or {})}
+    def key(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], inputs: Mapping[str, str] | None = None) -> str:
+        """Key of a product; the arguments are those of `fetch`."""
+        parts = {"kind": kind, "spec": spec, "source": source_digest(entries), "inputs": dict(inputs or {})}
         return spec_digest(parts)[:KEY_LENGTH]
 
     def fetch(
         self,
         kind: str,
         spec: Mapping[str, Any],
-        roots: Iterable[str],
+        entries: Iterable[str],
         build: Callable[[Path], object],
         inputs: Mapping[str, str] | None = None,
     ) -> Product:
-        """The product of this specification, from the cache or built now.
+        """The product of this specification, from the store or built now.
 
         Args:
-            kind: folder of the cache, e.g. "recording"; "run" counts as scored, all else as simulated.
-            spec: everything that decides the content: plain values, arrays and dataclasses (radartwin/store/digest.py).
-            roots: modules whose source, with all they import, decides the content.
-            build: fills the empty folder it is given; a mapping that it returns is kept as `told` in meta.json, beside the time it took. If
-                it raises, nothing is kept and the next fetch tries again.
+            kind: folder of the cache, such as "recording". A product of kind "run" counts as scored, every other as simulated.
+            spec: everything that decides the content: plain values, arrays and dataclasses.
+            entries: modules or packages where the computation starts. Their packages and all packages that they import enter the key.
+            build: fills an empty folder. If it returns a mapping, meta.json keeps it as "told". If it raises, nothing is kept.
+            inputs: digests of files that the computation reads, by name.
+        Raises:
+            OutputError: the disk is full or can only be read.
         """
-        roots = list(roots)
-        key = self.key(kind, spec, roots, inputs)
-        with _room_told(self.root):
-            return self._fetch(kind, key, spec, roots, build)
+        entries = list(entries)
+        key = self.key(kind, spec, entries, inputs)
+        with _disk_errors(self.root):
+            product = self._fetch(kind, key, build, {"spec": spec, "modules": entries})
+        count(Counts(found={(kind, key)}) if product.reused else Counts(built={(kind, key)}))
+        return product
 
-    def holds(self, kind: str, spec: Mapping[str, Any], roots: Iterable[str], inputs: Mapping[str, str] | None = None) -> bool:
-        """Whether the product is in the cache, whole. Computes nothing."""
-        return self._whole(self.root / kind / self.key(kind, spec, list(roots), inputs))
+    def holds(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], inputs: Mapping[str, str] | None = None) -> bool:
+        """Whether the complete product is in the store. Computes nothing."""
+        return self._complete(self.root / kind / self.key(kind, spec, list(entries), inputs))
 
-    def _fetch(self, kind: str, key: str, spec: Mapping[str, Any], roots: list[str], build: Callable[[Path], object]) -> Product:
+    def _fetch(self, kind: str, key: str, build: Callable[[Path], object], described: dict[str, Any]) -> Product:
         final, work = self.root / kind / key, self.root / kind / f"{key}{files.TEMPORARY}"
-        if self._whole(final):
-            return self._count(kind, Product(final, key, reused=True))
+        if self._complete(final):
+            return Product(final, key, reused=True)
         try:
             with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
-                if self._whole(final):
-                    return self._count(kind, Product(final, key, reused=True))
+                if self._complete(final):
+                    return Product(final, key, reused=True)
                 if os.path.lexists(final):
                     self._say(f"{kind} {key[:SHORT]} in the cache is damaged (its files are not as they were written); building it again")
                     shutil.rmtree(final) if final.is_dir() and not final.is_symlink() else final.unlink()
-                self._build(kind, key, spec, roots, build, work / "product", final)
+                _build(build, work / "product", final, {"kind": kind, "key": key, **described})
         finally:
-            with contextlib.suppress(OSError):  # somebody may be waiting in it; the last one out removes it
+            with contextlib.suppress(OSError):  # another process may wait in the folder; the last process removes it
                 work.rmdir()
-        return self._count(kind, Product(final, key, reused=False))
+        return Product(final, key, reused=False)
 
-    @staticmethod
-    def _build(
-        kind: str,
-        key: str,
-        spec: Mapping[str, Any],
-        roots: list[str],
-        build: Callable[[Path], object],
-        folder: Path,
-        final: Path,
-    ) -> None:
-        shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed here
-        folder.mkdir()
-        try:
-            started, worked = time.monotonic(), time.process_time()
-            told = build(folder)
-            meta = {
-                "kind": kind,
-                "key": key,
-                "spec": json.loads(canonical(spec)),
-                "modules": roots,
-                "radartwin": __version__,
-                "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-                "seconds": round(time.monotonic() - started, 3),
-                "core_seconds": round(time.process_time() - worked, 3),
-                "told": dict(told) if isinstance(told, Mapping) else {},
-                "bytes": _sizes(folder),
-                "sha256": {name: _digest(folder / name) for name in _sizes(folder)},
-            }
-            save_json(folder, META.removesuffix(".json"), meta)
-            files.sync(folder)
-            folder.rename(final)
-            files.sync(final.parent, deep=False)
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
+    def _complete(self, product: Path) -> bool:
+        """Whether the files are as they were written. Their content is read the first time; later only sizes are compared."""
+        complete = _as_written(product, read=product not in self._verified)
+        if complete:
+            self._verified.add(product)
+        return complete
 
-    def _whole(self, product: Path) -> bool:
-        """Whether a finished product is as it was written: its content is read once, then its sizes are compared."""
-        verified = _verified(product, content=product not in self._sound)
-        if verified:
-            self._sound.add(product)
-        return verified
 
-    def _count(self, kind: str, product: Product) -> Product:
-        self.counts.add(kind, product.reused)
-        return product
+def _build(build: Callable[[Path], object], folder: Path, final: Path, described: dict[str, Any]) -> None:
+    """Build a product in a temporary folder and rename the folder when it is complete."""
+    shutil.rmtree(folder, ignore_errors=True)  # left by a killed process
+    folder.mkdir()
+    try:
+        started, worked = time.monotonic(), time.process_time()
+        told = build(folder)
+        meta = described | {
+            "spec": json.loads(canonical(described["spec"])),
+            "radartwin": __version__,
+            "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "seconds": round(time.monotonic() - started, 3),
+            "core_seconds": round(time.process_time() - worked, 3),
+            "told": dict(told) if isinstance(told, Mapping) else {},
+            "bytes": _sizes(folder),
+            "sha256": {name: _sha256(folder / name) for name in _sizes(folder)},
+        }
+        save_json(folder, META.removesuffix(".json"), meta)
+        files.sync(folder)
+        folder.rename(final)
+        files.sync(final.parent, deep=False)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sizes(folder: Path) -> dict[str, int]:
     return {path.relative_to(folder).as_posix(): path.stat().st_size for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-def _verified(product: Path, content: bool) -> bool:
-    """Whether every file has the size, and the content, that meta.json recorded; others may lie beside them, but no link to elsewhere."""
+def _as_written(product: Path, read: bool) -> bool:
+    """Whether every file has the size, and with `read` the content, that meta.json records. Other files are allowed, links are not."""
     try:
         meta = untrusted_json.read(product / META)
         if not meta["bytes"].items() <= _sizes(product).items() or any(path.is_symlink() for path in product.rglob("*")):
             return False
-        return not content or all(_digest(product / name) == digest for name, digest in meta.get("sha256", {}).items())
+        return not read or all(_sha256(product / name) == digest for name, digest in meta.get("sha256", {}).items())
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return False
 
 
-def _digest(file: Path) -> str:
+def _sha256(file: Path) -> str:
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 @contextlib.contextmanager
-def _room_told(root: Path) -> Iterator[None]:
-    """A disk that is full, or can only be read, is the user's to mend: one line instead of a traceback."""
+def _disk_errors(root: Path) -> Iterator[None]:
+    """Turn the error of a full or read-only disk into one line for the user."""
     try:
         yield
     except UserError:
         raise
     except OSError as error:
-        if error.errno not in NO_ROOM:
+        if error.errno not in NO_SPACE:
             raise
         where = error.filename or root
         raise OutputError(

@@ -19,7 +19,7 @@ from radartwin.scene import objects, rooms
 from radartwin.scene.rooms.parts import FINISHES
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation import poses
-from radartwin.simulation.backends import child_process, sionna, sionna_worker
+from radartwin.simulation.backends import sionna, sionna_process
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
@@ -77,7 +77,7 @@ def test_it_shares_no_process_with_the_tracer():
 @pytest.mark.parametrize(("material", "thickness_m"), [("glass", 0.004), ("plasterboard", 0.0125), ("wood", 0.022), ("hdpe", 0.003)])
 def test_a_slab_in_air_is_what_sionna_says_itself(material, thickness_m):
     frequency, cosine = 77e9, np.linspace(0.02, 1, 50)
-    answer = child_process.shared(sionna_worker.__name__, "sionna").ask({
+    answer = sionna_process.ask({
         "variant": "auto", "cosine": cosine, "permittivity": complex(permittivity(material, frequency)), "thickness_m": thickness_m,
         "frequency_hz": frequency,
     })  # fmt: skip

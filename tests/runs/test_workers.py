@@ -1,18 +1,19 @@
-"""Work shared among processes: the answers of one, whoever gives them, and what is told when one of the processes fails."""
+"""Work in several processes has the results of one process, and a failing worker is reported in the parent."""
 
 from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from radartwin.errors import BackendError, ConfigError
 from radartwin.runs import workers
+from radartwin.store import products
+from radartwin.store.products import Store, save_arrays
 
 ITEMS = [(number, number + 1) for number in range(6)]
 
@@ -43,7 +44,11 @@ def hungry(one: int, other: int) -> int:
     return other
 
 
-def test_answers_come_in_the_order_of_the_items_from_one_process_or_several() -> None:
+def pids() -> set[int]:
+    return {pid for _, pid in workers.each(product, ITEMS, 2)}
+
+
+def test_results_come_in_the_order_of_the_items_from_one_process_or_several() -> None:
     counted = []
     alone = workers.each(product, ITEMS, 1, lambda: counted.append(1))
     shared = workers.each(product, ITEMS, 2, lambda: counted.append(1))
@@ -53,91 +58,99 @@ def test_answers_come_in_the_order_of_the_items_from_one_process_or_several() ->
     assert len(counted) == 2 * len(ITEMS)
 
 
-def test_few_pieces_start_no_process() -> None:
-    assert {pid for _, pid in workers.each(product, ITEMS[: workers.LEAST - 1], 2)} == {os.getpid()}
+def test_few_items_start_no_worker() -> None:
+    assert {pid for _, pid in workers.each(product, ITEMS[: workers.FEWEST_ITEMS - 1], 2)} == {os.getpid()}
     assert workers.each(product, [], 2) == []
 
 
-def test_processes_that_are_kept_do_the_next_work_too_and_end_with_it() -> None:
-    with workers.kept():
-        first = {pid for _, pid in workers.each(product, ITEMS, 2)}
-        second = {pid for _, pid in workers.each(product, ITEMS, 2)}
-        assert first | second == set(map(_alive, first | second))
-        assert len(first | second) <= 2
-    for pid in first | second:
-        with pytest.raises(ProcessLookupError):
-            os.kill(pid, 0)
-    assert {pid for _, pid in workers.each(product, ITEMS, 2)}.isdisjoint(first)
+def test_reused_workers_do_the_next_task_and_end_afterwards() -> None:
+    with workers.reused():
+        both = pids() | pids()
+        assert len(both) <= 2
+        assert all(_runs(pid) for pid in both)
+    assert not any(_runs(pid) for pid in both)
+    assert pids().isdisjoint(both)
 
 
-def test_a_process_that_died_while_it_waited_is_replaced() -> None:
-    with workers.kept():
-        for pid in {pid for _, pid in workers.each(product, ITEMS, 2)}:
+def test_workers_that_hold_much_memory_are_not_reused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "IDLE_BYTES", 1.0)
+    with workers.reused():
+        assert pids().isdisjoint(pids())
+
+
+def test_workers_that_died_while_they_waited_are_replaced() -> None:
+    with workers.reused():
+        for pid in pids():
             os.kill(pid, signal.SIGKILL)
         time.sleep(0.2)
         assert [value for value, _ in workers.each(product, ITEMS, 2)] == [one * other for one, other in ITEMS]
 
 
-def test_work_whose_cost_is_told_finds_no_process_that_was_kept() -> None:
-    def pids(fresh: bool) -> set[int]:
+def test_run_times_are_measured_in_fresh_workers() -> None:
+    def used(fresh: bool) -> set[int]:
         found: set[int] = set()
-        left = iter([(0, 0)] * 4)
-        workers.run(told_pid, lambda _: next(left, None), found.add, 2, fresh)
+        waiting = iter([()] * 4)
+        workers.run(slow_pid, lambda _: next(waiting, None), found.add, 2, fresh)
         return found
 
-    with workers.kept():
-        before = pids(False)
-        assert pids(True).isdisjoint(before)
+    with workers.reused():
+        before = used(False)
+        assert used(True).isdisjoint(before)
 
 
-def told_pid(piece: object, tell: workers.Tell) -> None:
+def slow_pid() -> int:
     time.sleep(0.1)
-    tell(os.getpid())
+    return os.getpid()
 
 
-def test_processes_end_with_a_parent_that_is_killed_in_the_middle_of_their_work(tmp_path: Path) -> None:
-    script = tmp_path / "busy.py"
-    script.write_text(
-        "import os, sys, time\n"
-        "from pathlib import Path\n"
-        "from radartwin.runs import workers\n"
-        "def busy(number):\n"
-        "    (Path(sys.argv[1]) / f'{os.getpid()}.pid').touch()\n"
-        "    time.sleep(600)\n"
-        "if __name__ == '__main__':\n"
-        "    workers.each(busy, [(number,) for number in range(4)], 2)\n"
-    )
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
-    parent = subprocess.Popen([sys.executable, str(script), str(tmp_path)], env=environment)
-    end = time.monotonic() + 60
-    while len(started := list(tmp_path.glob("*.pid"))) < 2:
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    parent.kill()
-    parent.wait()
-    while any(Path(f"/proc/{one.stem}").exists() and " Z " not in Path(f"/proc/{one.stem}/stat").read_text() for one in started):
-        assert time.monotonic() < end, "a process outlives its parent"
-        time.sleep(0.1)
+def test_each_worker_gets_calls_by_its_number() -> None:
+    waiting, found = {0: [(0, 0)] * 3, 1: [(1, 0)] * 3}, []
+    workers.run(product_slowly, lambda worker: waiting[worker].pop() if waiting[worker] else None, found.append, 2)
+    assert sorted(found) == [0, 0, 0, 1, 1, 1]
 
 
-def _alive(pid: int) -> int:
-    os.kill(pid, 0)
-    return pid
+def product_slowly(one: int, other: int) -> int:
+    time.sleep(0.05)
+    return one
+
+
+def build(root: Path, seed: int) -> bool:
+    return Store(root).fetch("recording", {"seed": seed}, ["radartwin.constants"], lambda f: save_arrays(f, {"x": np.ones(3)})).reused
+
+
+def test_products_that_workers_build_are_counted_in_the_parent(tmp_path: Path) -> None:
+    items = [(tmp_path, seed) for seed in range(4)]
+    with products.counting() as counts:
+        workers.each(build, items, 2)
+        build(tmp_path, 0)
+    assert str(counts) == "simulated 4, reused 0, scored 0"
+    with products.counting() as counts:
+        workers.each(build, items, 2)
+    assert str(counts) == "simulated 0, reused 4, scored 0"
 
 
 @pytest.mark.parametrize(
-    ("function", "error", "words"),
+    ("function", "error", "message"),
     [
         (refused, ConfigError, "^number 3 is refused$"),
-        (broken, RuntimeError, "(?m)^ZeroDivisionError: division by zero$"),
-        (killed, BackendError, r"ended \(exit status -9\).*jobs=1"),
+        (broken, ZeroDivisionError, "^division by zero$"),
+        (killed, BackendError, r"worker process ended unexpectedly, perhaps because memory ran out.*jobs=1"),
         (hungry, BackendError, r"ran out of memory \(unable to allocate 8 TiB\).*jobs=1"),
     ],
 )
-def test_what_goes_wrong_in_a_process_is_told_here_and_ends_them_all(function, error: type[Exception], words: str) -> None:
-    with workers.kept():
-        before = {pid for _, pid in workers.each(product, ITEMS, 2)}
-        with pytest.raises(error, match=words):
+def test_an_error_in_a_worker_is_raised_in_the_parent_and_ends_all_workers(function, error: type[Exception], message: str) -> None:
+    with workers.reused():
+        before = pids()
+        with pytest.raises(error, match=message) as raised:
             workers.each(function, ITEMS, 2)
-        after = {pid for _, pid in workers.each(product, ITEMS, 2)}
-        assert after.isdisjoint(before)
+        if error is ZeroDivisionError:
+            assert "in broken" in str(raised.value.__cause__), "the worker's traceback is lost"
+        assert pids().isdisjoint(before)
+
+
+def _runs(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True

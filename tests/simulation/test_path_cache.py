@@ -49,11 +49,9 @@ def test_arrays_of_different_lengths_are_refused():
 def test_every_setting_and_array_changes_the_key(tmp_path):
     traced = []
     grid = np.arange(6.0)
-    choices = [
-        ({"a": 1}, {"x": grid}), ({"a": 1.0}, {"x": grid}), ({"a": True}, {"x": grid}), ({"a": "1"}, {"x": grid}), ({"a": None}, {"x": grid}),
-        ({"a": [1]}, {"x": grid}), ({"b": 1}, {"x": grid}), ({"a": 1}, {"y": grid}), ({"a": 1}, {"x": grid.reshape(2, 3)}),
-        ({"a": 1}, {"x": grid.astype(np.float32)}), ({"a": 1}, {"x": grid[::-1]}),
-    ]  # fmt: skip
+    settings = [{"a": 1}, {"a": 1.0}, {"a": True}, {"a": "1"}, {"a": None}, {"a": [1]}, {"b": 1}]
+    arrays = [{"y": grid}, {"x": grid.reshape(2, 3)}, {"x": grid.astype(np.float32)}, {"x": grid[::-1]}]
+    choices = [*((some, {"x": grid}) for some in settings), *(({"a": 1}, some) for some in arrays)]
     with array_cache.in_folder(tmp_path):
         for choice in [*choices, *choices]:
             traced_once(*choice, lambda: traced.append(1) or [paths(3)])

@@ -72,17 +72,18 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / f"{name}.py").write_text(source)
     monkeypatch.syspath_prepend(str(tmp_path))
+    digest.include("study_x")
+    digest.forget()
     return folder
 
 
 def source_digest(*entries: str) -> str:
     """The digest as a new process computes it."""
-    digest.include("study_x")
+    digest.forget()
     return digest.source_digest(entries)
 
 
 def test_closure_follows_imports_in_functions_and_relative_ones_but_not_those_for_type_checkers(package: Path) -> None:
-    digest.include("study_x")
     reached = digest.import_closure(("study_x.top",))
     assert reached == {"study_x", "study_x.top", "study_x.near", "study_x.near.middle", "study_x.near.leaf"}
 
@@ -113,7 +114,7 @@ def test_a_package_as_entry_stands_for_all_its_modules(package: Path) -> None:
 def test_a_name_that_radartwin_loads_on_first_use_counts_with_its_module(package: Path) -> None:
     def reached(statement: str) -> frozenset[str]:
         (package / "top.py").write_text(statement)
-        digest.include("study_x")
+        digest.forget()
         return digest.import_closure(("study_x.top",))
 
     everything = reached("import radartwin as rt\n")

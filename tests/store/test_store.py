@@ -17,7 +17,7 @@ import pytest
 
 from radartwin.errors import OutputError
 from radartwin.io import files
-from radartwin.store.products import Store, save_arrays, save_json
+from radartwin.store.products import Store, counting, save_arrays, save_json
 
 ROOTS = ["radartwin.constants"]
 
@@ -30,12 +30,13 @@ def one(folder: Path) -> None:
 def test_a_product_is_built_once_and_read_back(tmp_path: Path) -> None:
     first = Store(tmp_path).fetch("recording", {"seed": 1}, ROOTS, one)
     store = Store(tmp_path)
-    again = store.fetch("recording", {"seed": 1}, ROOTS, lambda folder: pytest.fail("built twice"))
+    with counting() as counts:
+        again = store.fetch("recording", {"seed": 1}, ROOTS, lambda folder: pytest.fail("built twice"))
     assert (first.reused, again.reused) == (False, True)
     assert again.arrays()["x"].tolist() == [0, 1, 2, 3]
     assert again.read_json("note") == {"a": 1}
     assert again.read_json("meta")["spec"] == {"seed": 1}
-    assert (store.counts.simulated, store.counts.reused, store.counts.scored) == (0, 1, 0)
+    assert str(counts) == "simulated 0, reused 1, scored 0"
 
 
 def test_another_specification_or_input_or_kind_is_another_product(tmp_path: Path) -> None:

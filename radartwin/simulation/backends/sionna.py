@@ -27,7 +27,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation import reflection_table
-from radartwin.simulation.backends import child_process, sionna_limits, sionna_worker
+from radartwin.simulation.backends import sionna_limits, sionna_process
 from radartwin.simulation.paths import Paths
 
 RAYS = 200_000  # per pose; what finds every path of the furnished rooms within 40 dB of the strongest (tested)
@@ -118,7 +118,7 @@ class SionnaBackend:
         diffuse = self.settings.diffuse
         entries = [(s.material, 0.0 if diffuse else s.roughness_m) for s in scene.surfaces]
         te, tm, row, frequencies = _table(entries, radar)
-        answer = child_process.shared(sionna_worker.__name__, "simulator sionna").ask({
+        answer = sionna_process.ask({
             "variant": self.settings.variant, "vertices": mesh.vertices, "faces": mesh.faces, "te": te, "tm": tm,
             "row": row[mesh.surface], "frequencies_hz": frequencies,
             "scattering": (scattering(scene.surfaces, radar.center_frequency_hz) if diffuse else np.zeros(len(row)))[mesh.surface],

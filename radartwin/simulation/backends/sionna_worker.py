@@ -1,7 +1,7 @@
 """Sionna RT in a process of its own: one Mitsuba variant per process, and Sionna needs a polarised one.
 
-Answers the messages of `radartwin.simulation.backends.sionna` (run by `radartwin.simulation.backends.child_process`).
-Ref: J. Hoydis et al., Sionna RT: Differentiable ray tracing for radio propagation modeling, IEEE Globecom Workshops 2023; sionna-rt 2.2.0.
+`sionna_process` calls `answer` in that process. Ref: J. Hoydis et al., Sionna RT:
+Differentiable ray tracing for radio propagation modeling, IEEE Globecom Workshops 2023; sionna-rt 2.2.0.
 """
 
 from typing import Any, cast

@@ -1,6 +1,6 @@
-"""A campaign by several processes when one of them runs out of memory, is killed or has a defect, and when the user has had enough.
+"""A campaign in several workers when one of them runs out of memory, is killed or has a defect, and when the user interrupts it.
 
-The signals are made up as in test_campaign_kills.py; who makes them is real.
+The signals are made up as in test_campaign_kills.py; the workers are real.
 """
 
 from __future__ import annotations
@@ -72,12 +72,12 @@ def members(group: int) -> list[int]:
 @pytest.mark.parametrize(
     ("how", "status", "words"),
     [
-        ("EAT", 2, ("ran out of memory", "that are finished are kept", "jobs=1 needs least memory")),
-        ("DIE", 2, ("ended (exit status -9), perhaps for want of memory", "that are finished are kept", "jobs=1")),
+        ("EAT", 2, ("ran out of memory", "Finished recordings and tables are kept", "jobs=1 needs the least memory")),
+        ("DIE", 2, ("ended unexpectedly, perhaps because memory ran out", "Finished recordings and tables are kept", "jobs=1")),
         ("BREAK", 1, ("ZeroDivisionError: the tracer broke", 'campaign.py", line')),  # a defect keeps its traceback
     ],
 )
-def test_a_process_of_the_crew_that_fails_is_told_and_loses_nothing(how: str, status: int, words: tuple[str, ...], tmp_path: Path) -> None:
+def test_a_failing_worker_loses_no_finished_recording(how: str, status: int, words: tuple[str, ...], tmp_path: Path) -> None:
     output = tmp_path / "out"
     (tmp_path / how).touch()
     code, _, complained = ended(tmp_path, output)
@@ -97,7 +97,7 @@ def test_a_process_of_the_crew_that_fails_is_told_and_loses_nothing(how: str, st
 
 
 @pytest.mark.slow
-def test_interrupted_twice_a_crew_ends_with_all_its_processes_and_resumes(tmp_path: Path) -> None:
+def test_two_interrupts_end_all_workers_and_the_campaign_resumes(tmp_path: Path) -> None:
     output = tmp_path / "out"
     (tmp_path / "HOLD").touch()
     campaign, end = started(tmp_path, output), time.monotonic() + 120
@@ -107,7 +107,7 @@ def test_interrupted_twice_a_crew_ends_with_all_its_processes_and_resumes(tmp_pa
         time.sleep(0.05)
     interrupted_twice(campaign)
     while members(campaign.pid):
-        assert time.monotonic() < end, "a process of the crew lives on"
+        assert time.monotonic() < end, "a worker lives on"
         time.sleep(0.05)
     kept = products(output)
     (tmp_path / "HOLD").unlink()

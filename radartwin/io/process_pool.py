@@ -1,0 +1,103 @@
+"""Worker processes on concurrent.futures that end with their parent (docs/decisions/011-worker-pool.md)."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection
+from typing import Any
+
+__all__ = ["BrokenProcessPool", "ProcessPool", "in_worker"]
+
+ENDS_WITHIN_S = 5.0  # time that a worker has to remove its temporary files
+_in_worker = False
+
+
+class ProcessPool:
+    """Up to `size` worker processes, started when they are needed.
+
+    A worker that dies breaks the pool: calls that are not finished raise BrokenProcessPool, and so does the next `submit`.
+
+    Args:
+        prepare: called first in each worker.
+        import_main: False where workers must not import the script that the user started, which may lack `if __name__ == "__main__"`.
+    """
+
+    def __init__(self, size: int, prepare: Callable[[], object] | None = None, import_main: bool = True) -> None:
+        self.size, self.pids = size, set[int]()  # pids: processes that have finished a call
+        self._import_main = import_main
+        context = multiprocessing.get_context("spawn")
+        lifeline, self._own_end = context.Pipe(duplex=False)
+        self._executor = ProcessPoolExecutor(size, context, _start, (lifeline, prepare))
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Call a function of a module in a worker. Arguments, value and exceptions are pickled."""
+        with contextlib.nullcontext() if self._import_main else _without_main():
+            future = self._executor.submit(_call, function, arguments)
+        result: Future[Any] = Future()
+        future.add_done_callback(lambda done: self._pass_on(done, result))
+        return result
+
+    def _pass_on(self, done: Future[Any], result: Future[Any]) -> None:
+        if error := done.exception():
+            result.set_exception(error)
+        else:
+            pid, value = done.result()
+            self.pids.add(pid)
+            result.set_result(value)
+
+    def end(self) -> None:
+        """End the workers, also in the middle of a call."""
+        self._own_end.close()
+        self._executor.shutdown(cancel_futures=True)
+
+
+def in_worker() -> bool:
+    """Whether this process is a worker of a ProcessPool."""
+    return _in_worker
+
+
+@contextlib.contextmanager
+def _without_main() -> Iterator[None]:
+    """Hide the file of the main module, which `spawn` would import in the new process."""
+    main = sys.modules["__main__"]
+    hidden = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}
+    vars(main).update(dict.fromkeys(hidden))
+    try:
+        yield
+    finally:
+        vars(main).update(hidden)
+
+
+def _start(lifeline: Connection, prepare: Callable[[], object] | None) -> None:
+    """Prepare a new worker."""
+    global _in_worker
+    _in_worker = True
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Ctrl-C the parent ends its workers
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
+    if prepare is not None:
+        prepare()
+
+
+def _end_with_parent(lifeline: Connection) -> None:
+    """Wait until the parent closes its end of the pipe or dies, then end this process."""
+    lifeline.poll(None)
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(ENDS_WITHIN_S)
+    os._exit(1)
+
+
+def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[int, Any]:
+    try:
+        return os.getpid(), function(*arguments)
+    except SystemExit:  # from SIGTERM; the executor would take it for an error of the call and go on
+        os._exit(1)

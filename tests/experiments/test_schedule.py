@@ -1,0 +1,69 @@
+"""Tracks stay with their worker, and one worker scans a room while others do something else."""
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from experiments.campaign.cases import ROVER, planned
+from experiments.campaign.schedule import RecordingTask, Schedule
+from radartwin.config.compose import compose
+from radartwin.config.materials import MaterialsConfig
+
+CONFIG = compose(["profile=quick"])
+
+
+@pytest.fixture
+def tasks() -> list[RecordingTask]:
+    return [
+        RecordingTask(CONFIG, Path("cache"), domain, case)
+        for domain in ("measured", "twin")
+        for case in planned(CONFIG.profile.campaign, domain == "measured")
+    ]
+
+
+def _track(task: RecordingTask) -> tuple[str, str, str]:
+    return task.domain, task.case.room, task.case.motion if task.case.motion in ROVER else "bench"
+
+
+def test_scanned_rooms_come_first_one_for_each_worker(tasks: list[RecordingTask]) -> None:
+    schedule = Schedule(tasks)
+    first, second, third = (schedule.next_task(worker) for worker in range(3))
+    assert first
+    assert second
+    assert third
+    assert {_track(first)[:2], _track(second)[:2]} == {("twin", "lab"), ("twin", "squash_court")}
+    assert third.domain == "measured", "a third worker would wait for a scan"
+
+
+def test_every_recording_is_made_once_and_a_worker_stays_on_its_track(tasks: list[RecordingTask]) -> None:
+    schedule, given = Schedule(tasks), {0: [], 1: []}
+    workers = list(given)
+    while workers:
+        for worker in list(workers):
+            task = schedule.next_task(worker)
+            if task is None:
+                workers.remove(worker)
+            else:
+                given[worker].append(task)
+    names = sorted((task.domain, task.case.name) for some in given.values() for task in some)
+    assert names == sorted((task.domain, task.case.name) for task in tasks)
+    for some in given.values():
+        followed = [_track(task) for task in some]
+        assert len(set(followed)) == len(list(itertools.groupby(followed)))
+
+
+def test_two_materials_of_a_room_are_two_tracks_unless_they_share_a_setup(tasks: list[RecordingTask]) -> None:
+    driven = [task for task in tasks if _track(task) == ("twin", "squash_court", "lateral")]
+    other = replace(CONFIG, materials=MaterialsConfig("true"))
+    assert other.materials != CONFIG.materials
+    mixed = [replace(task, config=config) for task in driven for config in (CONFIG, other)]
+    schedule = Schedule(mixed)
+    assert len(schedule.tracks) == 2
+    for worker, config in enumerate((CONFIG, other)):
+        assert [schedule.next_task(worker) for _ in driven] == [replace(task, config=config) for task in driven]
+    alike = [replace(task, setup="same") for task in mixed]
+    together = Schedule(alike)
+    assert [together.next_task(0) for _ in alike] == alike
+    assert len(together.tracks) == 1

@@ -1,0 +1,124 @@
+"""Worker processes end with their parent, with the pool, and never in between without notice."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, in_worker
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def wait_until(condition: Callable[[], bool], message: str, seconds: float = 60) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, message
+        time.sleep(0.05)
+
+
+def runs(pid: int) -> bool:
+    status = Path(f"/proc/{pid}/stat")
+    return status.exists() and " Z " not in status.read_text()
+
+
+def hold(folder: Path) -> None:
+    """A call that takes long and removes its file when it is ended."""
+    mine = folder / f"{os.getpid()}.pid"
+    mine.touch()
+    try:
+        time.sleep(600)
+    finally:
+        mine.unlink()
+
+
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def mark() -> None:
+    os.environ["PREPARED"] = "1"
+
+
+def test_a_worker_is_prepared_and_knows_that_it_is_a_worker() -> None:
+    pool = ProcessPool(1, mark)
+    assert pool.submit(os.getenv, "PREPARED").result() == "1"
+    assert pool.submit(in_worker).result()
+    assert not in_worker()
+    assert pool.pids == {pool.submit(os.getpid).result()}
+    pool.end()
+    assert not any(map(runs, pool.pids))
+
+
+def test_a_dead_worker_breaks_the_pool() -> None:
+    pool = ProcessPool(1)
+    with pytest.raises(BrokenProcessPool):
+        pool.submit(die).result()
+    with pytest.raises(BrokenProcessPool):
+        pool.submit(os.getpid).result()
+    pool.end()
+
+
+def test_a_pool_that_ends_interrupts_its_calls_which_clean_up(tmp_path: Path) -> None:
+    pool = ProcessPool(2)
+    calls = [pool.submit(hold, tmp_path) for _ in range(2)]
+    wait_until(lambda: len(list(tmp_path.iterdir())) == 2, "the calls do not start")
+    pids = [int(path.stem) for path in tmp_path.iterdir()]
+    pool.end()
+    assert not any(map(runs, pids))
+    assert list(tmp_path.iterdir()) == []
+    assert all(isinstance(call.exception(), BrokenProcessPool) for call in calls)
+
+
+BUSY = """
+import sys
+from pathlib import Path
+from radartwin.io.process_pool import ProcessPool
+sys.path.insert(0, sys.argv[1])
+from test_process_pool import hold
+if __name__ == "__main__":
+    pool = ProcessPool(2)
+    calls = [pool.submit(hold, Path(sys.argv[2])) for _ in range(2)]
+    calls[0].result()
+"""
+
+
+def test_workers_end_with_a_parent_that_is_killed_during_their_calls(tmp_path: Path) -> None:
+    script, folder = tmp_path / "busy.py", tmp_path / "pids"
+    script.write_text(BUSY)
+    folder.mkdir()
+    parent = subprocess.Popen(
+        [sys.executable, str(script), str(Path(__file__).parent), str(folder)], env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
+    wait_until(lambda: len(list(folder.iterdir())) == 2, "the calls do not start")
+    pids = [int(path.stem) for path in folder.iterdir()]
+    parent.kill()
+    parent.wait()
+    wait_until(lambda: not any(map(runs, pids)), "a worker outlives its parent")
+
+
+PLAIN = """
+import os
+from radartwin.io.process_pool import ProcessPool
+pool = ProcessPool(1, import_main=False)
+print(pool.submit(len, "four").result(), __file__)
+"""
+
+
+def test_a_script_without_main_guard_can_use_a_pool_that_does_not_import_it(tmp_path: Path) -> None:
+    (tmp_path / "plain.py").write_text(PLAIN)
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "plain.py")],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == f"4 {tmp_path / 'plain.py'}\n", done.stderr
