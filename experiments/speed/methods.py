@@ -147,7 +147,7 @@ def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: 
     began = clock()
     hits = rfgenesis.trace(part.scene, radar, poses, motion, settings)
     traced = clock() - began
-    seen = hits.distance[0] > rfgenesis.LEAST
+    seen = hits.distance[0] > rfgenesis.MIN_VISIBLE
     distance = hits.distance[0, seen]
     points = distance[:, None] * hits.directions[seen]
     one = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])

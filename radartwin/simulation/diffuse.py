@@ -1,35 +1,34 @@
-"""Diffuse scatter: a cloud of scatterers fixed in the world, carrying the power that roughness takes from mirror reflections.
+"""Diffuse scattering from a cloud of points on rough surfaces, with the power that roughness removes from mirror reflections.
 
-A patch of area A lit under theta_i from r_i, power P_t, isotropic antennas, returns to a receiver at r_s under theta_s
+A patch of area A at distance r_i from the transmitter (power P_t, incidence theta_i) and r_s from the receiver (theta_s) returns, between
+isotropic antennas,
 
     |a|^2 = A cos theta_i / (4 pi r_i^2) * D(theta_i) cos theta_s / pi * lambda^2 / (4 pi r_s^2)
     D = (1 - rho_s^2) (|E_s|^2 |Gamma_TE|^2 + |E_p|^2 |Gamma_TM|^2)
 
-rho_s is Ament's factor, which tubes and images keep; their rho_s^2 |Gamma|^2 and D add up to |Gamma|^2. The lobe is Lambert's: its integral
-over the half-space is D times the incident power. This is the effective-roughness model of V. Degli-Esposti, F. Fuschini, E. Vitucci,
-G. Falciasecca, IEEE Trans. AP 55 (2007) 143, with S^2 = 1 - rho_s^2 from physics instead of a fit.
+rho_s is Ament's factor. Tubes and images apply it, so that their rho_s^2 |Gamma|^2 and D add up to |Gamma|^2. The lobe is Lambertian; its
+integral over the half-space is D times the incident power. This is the effective-roughness model of V. Degli-Esposti, F. Fuschini,
+E. Vitucci, G. Falciasecca, IEEE Trans. AP 55 (2007) 143, with S^2 = 1 - rho_s^2 from physics instead of a fit.
 
-Polarisation: what a gently rough surface throws back has met it once, on a facet that faces the radar, and keeps its polarisation (the
-first order of perturbation theory and Kirchhoff's approximation agree); all of it is received by antennas of equal polarisation.
+Polarisation: a slightly rough surface scatters once, from a facet that faces the radar, and preserves the polarisation (first-order
+perturbation theory and Kirchhoff's approximation agree). Antennas of equal polarisation therefore receive all of the power.
 
-Speckle: a point stands for a cell of hundreds of square wavelengths, the sum of many independent facets. Its field is therefore a complex
-circular Gaussian of unit mean power, drawn once: every resolution cell has the statistics of full speckle whatever the number of points in
-it, where unit phasors would need a dozen.
+Speckle: a point represents a cell of hundreds of square wavelengths, the sum of many independent facets. Its field is a complex circular
+Gaussian of unit mean power, drawn once. Every resolution cell then has the statistics of full speckle with any number of points; unit
+phasors would need a dozen points per cell.
 
-Near the sensor, r^-4 of a point would exceed what its cell can return. It is multiplied by q = (1 + x/2)/(1 + x)^2, x = A/(pi r_i r_s), the
-exact ratio for a disc seen head on. At the default density a wall's mean power is right to 0.1 dB from 1 m on, 0.2 dB low at 0.5 m, 1 dB
-low at 0.15 m and lower still nearer.
+Near field: close to the sensor, r^-4 of a point would exceed the return of its cell. The power is multiplied by q = (1 + x/2)/(1 + x)^2,
+x = A/(pi r_i r_s), the exact ratio for a disc at normal incidence. At the default density, the mean power of a wall is accurate to 0.1 dB
+beyond 1 m, 0.2 dB low at 0.5 m and 1 dB low at 0.15 m.
 
-Lambert's lobe knows no correlation length. A gently undulating surface, longer than the wavelength, throws its diffuse power about the
-mirror direction instead, so that what comes back from oblique walls is here an upper estimate, with the total right.
-
-Points depend on the surfaces and a seed only. One bounce; paths from point to point or by way of mirrors are not modelled, nor the shadow
-of what moves.
+Limits: the Lambertian lobe has no correlation length. A surface that undulates over more than a wavelength scatters about the mirror
+direction instead, so the return of oblique walls is an upper limit here, with the correct total power. Points depend only on the surfaces
+and a seed. There is one bounce; paths between points or with mirror reflections, and shadows of moving objects, are not modelled.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,13 +43,13 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
 
-DENSITY_PER_M2 = 60.0  # a furnished room of 140 m^2 has 8,400 points, a range bin at 3 m some fifty on a wall it faces
-FEWEST, MOST = 200, 50_000
-PRUNED_POWER = 1e-4  # share of a pose's diffuse power that points too weak to matter may carry: 1 % of its signal
-COS_GRAZING = 0.02  # below it a patch is seen edge on: under 1e-3 of its power head on
+DENSITY_PER_M2 = 60.0  # 8,400 points in a furnished room of 140 m^2, about fifty per range bin of a wall at 3 m
+MIN_POINTS, MAX_POINTS = 200, 50_000
+PRUNED_POWER = 1e-4  # largest share of a pose's diffuse power in dropped points: 1 % of its signal
+COS_GRAZING = 0.02  # at smaller cosines of incidence, a patch returns under 1e-3 of its power at normal incidence
 COSINES = 1024
-LANES = 200_000  # point and pose pairs at a time, some 30 MB
-_SHARES_HZ = 77e9  # where surfaces are weighed against each other when points are dealt out
+LANES = 200_000  # pairs of point and pose in memory, about 30 MB
+_SAMPLING_HZ = 77e9  # frequency of the scattered shares by which points are distributed over surfaces
 
 
 @dataclass(frozen=True)
@@ -58,10 +57,10 @@ class Cloud:
     """Scatterers on the rough surfaces of a scene.
 
     Attributes:
-        points: (P, 3) metres, world. normals: (P, 3) unit, of either side.
-        area: (P,) square metres each stands for.
+        points: (P, 3) metres, world. normals: (P, 3) unit, on either side.
+        area: (P,) square metres per point.
         field: (P,) complex, circular Gaussian of unit mean power.
-        surface: (P,) index into the surfaces given.
+        surface: (P,) index of the surface.
     """
 
     points: np.ndarray
@@ -76,10 +75,10 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Strengths:
-    """What surfaces scatter: D of a surface, by cosine of incidence.
+    """Scattered share D of the incident power, by surface and cosine of incidence.
 
     Attributes:
-        te, tm: (S, COSINES) share of the incident power, averaged over the sweep; row c stands for cosine c/(COSINES - 1).
+        te, tm: (S, COSINES), averaged over the sweep; column c is the cosine c/(COSINES - 1).
         frequency_hz: middle of the sweep.
     """
 
@@ -89,15 +88,16 @@ class Strengths:
 
 
 def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) -> Cloud:
-    """Scatterers on those surfaces that are rough; none, at no cost, where none is.
+    """Scatterers on the rough surfaces; an empty cloud if all surfaces are smooth.
 
-    Points are dealt out by area times scattered share at 77 GHz and normal incidence, so that each carries about the same power, and lie on
-    every triangle in a sequence of low discrepancy (M. Roberts' R2), which keeps the mean power of sparse clouds close to the integral.
+    The number of points on a triangle is proportional to its area times its scattered share at 77 GHz and normal incidence, so that all
+    points have about the same power. Points on a triangle follow a low-discrepancy sequence (M. Roberts' R2), which keeps the mean power of
+    sparse clouds close to the integral.
 
     Args:
-        surfaces: static ones, in the world.
-        count: points in all; None: DENSITY_PER_M2, within FEWEST and MOST.
-        seed: of positions and fields; a property of the scene, not of a run or a frame.
+        surfaces: static surfaces in the world.
+        count: total number of points; None: DENSITY_PER_M2, from MIN_POINTS to MAX_POINTS.
+        seed: of positions and fields; it belongs to the scene, not to a run or a frame.
     Raises:
         InputError: a count below one.
     """
@@ -111,13 +111,13 @@ def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) 
     corner = np.concatenate(corners)
     across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     twice = np.linalg.norm(across, axis=1)
-    wavenumber = 2 * np.pi * _SHARES_HZ / SPEED_OF_LIGHT
+    wavenumber = 2 * np.pi * _SAMPLING_HZ / SPEED_OF_LIGHT
     scattered = np.array([1 - float(ament(surface.roughness_m, np.array(1.0), wavenumber)) ** 2 for surface in surfaces])
     weight = twice * scattered[owner]
     if count is None:
-        count = int(np.clip(DENSITY_PER_M2 * twice.sum() / 2, FEWEST, MOST))
+        count = int(np.clip(DENSITY_PER_M2 * twice.sum() / 2, MIN_POINTS, MAX_POINTS))
     rng = np.random.default_rng(np.random.SeedSequence([seed, *b"diffuse cloud"]))
-    # systematic sampling: a triangle gets its expected number of points, rounded up or down
+    # systematic sampling: each triangle has its expected number of points, rounded up or down
     upto = np.cumsum(weight)
     face = np.searchsorted(upto, (np.arange(count) + rng.random()) * (upto[-1] / count), side="right").clip(0, len(upto) - 1)
     u, v = np.mod(rng.random(2)[:, None] + np.outer((0.7548776662466927, 0.5698402909980532), np.arange(count)), 1.0)
@@ -129,7 +129,7 @@ def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) 
 
 
 def strengths(surfaces: Sequence[Surface], radar: Radar) -> Strengths:
-    """What each surface scatters in the radar's sweep; smooth ones nothing."""
+    """Scattered shares of the surfaces in the radar's sweep; zero for smooth surfaces."""
     frequency = radar.start_frequency_hz + radar.sampled_bandwidth_hz * np.linspace(0, 1, 5)
     cosine = np.linspace(0, 1, COSINES)
     cosine[0] = 1e-6
@@ -145,17 +145,17 @@ def strengths(surfaces: Sequence[Surface], radar: Radar) -> Strengths:
 
 
 def scattered_share(material: str | Layered, roughness_m: float, cosine: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray:
-    """(2, C): D for TE and TM at C cosines, averaged over frequencies: what smooth reflection returns and rough reflection does not."""
+    """(2, C) D for TE and TM at C cosines, averaged over frequencies: smooth minus rough power reflection."""
     coherent = ament(roughness_m, cosine[:, None], 2 * np.pi * frequency_hz / SPEED_OF_LIGHT)
     return np.stack([((1 - coherent**2) * np.abs(c) ** 2).mean(axis=1) for c in reflection(material, cosine[:, None], frequency_hz)])
 
 
 @compiled
 def scattered_power(area, strength, cos_in, cos_out, distance_in, distance_out, wavelength_m):
-    """Received over transmitted power of patches between isotropic antennas, both polarisations together; all arguments broadcast.
+    """Received over transmitted power of patches between isotropic antennas, over both polarisations. All arguments broadcast.
 
     Args:
-        area: square metres; strength: D; cosines from the normal on the lit side, zero or less: nothing; distances: metres.
+        area: square metres. strength: D. cos_in, cos_out: from the normal on the lit side; zero power if not positive. distances: metres.
     """
     product = distance_in * distance_out
     x = area / (np.pi * product)
@@ -167,16 +167,16 @@ def scattered_power(area, strength, cos_in, cos_out, distance_in, distance_out, 
 def paths(
     scatterers: Cloud, strength: Strengths, geometry: Geometry, radar: Radar, poses: np.ndarray, velocity: np.ndarray | None = None
 ) -> Paths:
-    """Single-bounce paths by way of the cloud, for all poses.
+    """Single-bounce paths over the cloud, for all poses. A Mitsuba variant must be active.
 
     Args:
-        scatterers: the cloud; strength: of the same surfaces.
-        geometry: what may stand between, in the world; a Mitsuba variant is active.
-        radar: element pattern, which decides what is too weak to keep; gains are not in the amplitudes.
-        poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor, m/s, world; None at rest.
+        scatterers: the cloud. strength: of the same surfaces.
+        geometry: blocking surfaces in the world.
+        radar: element pattern, used only to drop weak points; amplitudes exclude its gain.
+        poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor, m/s, world; None: at rest.
     Returns:
-        Paths of F poses at one frequency node. Per pose, points whose power (pattern included) is below PRUNED_POWER over the number of
-        points are left out, so that at most that share of the power is.
+        Paths of F poses at one frequency node. Points are dropped if their power (with the pattern) is below PRUNED_POWER of the pose's
+        power divided by the number of points, so that at most PRUNED_POWER is lost.
     """
     frames = len(poses)
     velocity = np.zeros((frames, 3)) if velocity is None else velocity
@@ -194,10 +194,10 @@ def paths(
 def _block(
     scatterers: Cloud, strength: Strengths, geometry: Geometry, radar: Radar, poses: np.ndarray, velocity: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Pose, amplitude, distance, direction in the sensor's frame and rate of the paths of some poses."""
+    """Pose, amplitude, distance, direction in the sensor frame, and rate of the paths of some poses."""
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
     pose, point, distance, direction, power, start = _returns(
-        scatterers.points, scatterers.normals, scatterers.area, scatterers.surface, strength.te, strength.tm,
+        CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm,
         np.ascontiguousarray(poses, float), wavelength, radar.element != "isotropic", _lift(geometry),
     )  # fmt: skip
     seen = np.flatnonzero(_visible(geometry, start, direction, distance))
@@ -212,13 +212,23 @@ def _block(
     return pose, amplitude[:, None], distance, towards[kept], rate
 
 
+class CloudArrays(NamedTuple):
+    """The arrays of a Cloud for the compiled kernel."""
+
+    points: Any
+    normals: Any
+    area: Any
+    surface: Any
+
+
 @compiled
-def _returns(points, normals, area, surface, te, tm, poses, wavelength_m, forward, lift):
-    """What each point returns to each pose if nothing is in the way, where that is anything.
+def _returns(cloud, te, tm, poses, wavelength_m, forward, lift):
+    """Pairs of pose and point with positive power, without occlusion.
 
     Returns:
-        pose, point: (N,); distance: (N,); direction: (3, N) from the sensor; power: (N,); start: (3, N) float32 just above the lit side.
+        pose, point, distance (N,); direction (3, N) from the sensor; power (N,); start (3, N) float32, `lift` above the lit side.
     """
+    points, normals, area, surface = cloud.points, cloud.normals, cloud.area, cloud.surface
     most = len(poses) * len(points)
     pose, point = np.empty(most, np.int64), np.empty(most, np.int64)
     distance, power = np.empty(most), np.empty(most)
@@ -240,7 +250,7 @@ def _returns(points, normals, area, surface, te, tm, poses, wavelength_m, forwar
             cosine = min(abs(facing), 1.0)
             if cosine < COS_GRAZING:
                 continue
-            # share of the field, the sensor's z projected across the ray, that is perpendicular to the plane of incidence
+            # share of the field (the sensor's z projected across the ray) that is perpendicular to the plane of incidence
             ux, uy, uz = rotation[0, 2], rotation[1, 2], rotation[2, 2]
             across = ux * (y * nz - z * ny) + uy * (z * nx - x * nz) + uz * (x * ny - y * nx)
             size = (1 - cosine * cosine) * (1 - (ux * x + uy * y + uz * z) ** 2)
@@ -259,12 +269,12 @@ def _returns(points, normals, area, surface, te, tm, poses, wavelength_m, forwar
 
 
 def _lift(geometry: Geometry) -> float:
-    """Height above a surface, metres, at which float32 rays are clear of it."""
+    """Height in metres at which float32 rays start clear of a surface."""
     return max(2e-6 * geometry.extent_m, 1e-7)
 
 
 def _visible(geometry: Geometry, start: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """(N,) whether the ways against `direction` (3, N) from `start` (3, N) to the sensor are free."""
+    """(N,) whether the lines from `start` (3, N) against `direction` (3, N) to the sensor are free."""
     import mitsuba as mi
 
     if not len(distance):

@@ -112,3 +112,16 @@ def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float)
 def moments(*poses: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Several pose sequences (F, 4, 4) at frame starts, and MOMENT of a frame later."""
     return poses, tuple(_advanced(one, MOMENT) for one in poses)
+
+
+def rigid_groups(motion: Mapping[str, np.ndarray]) -> list[list[str]]:
+    """Names of surfaces that move alike and therefore keep their relative positions."""
+    groups: list[list[str]] = []
+    for name, poses in motion.items():
+        for group in groups:
+            if np.array_equal(motion[group[0]], poses):
+                group.append(name)
+                break
+        else:
+            groups.append([name])
+    return groups

@@ -1,7 +1,7 @@
-"""What finds paths, behind one interface, and the choice of it by name.
+"""The Protocol of simulators, and the choice of a simulator by name.
 
-A new simulator is a module with a settings dataclass and a class that keeps the Protocol, and a line in `_kinds`; the contract tests
-(tests/contract/test_simulators.py) take it from there. Modules are imported by statement, so that their source is part of every run key.
+A new simulator is a module with a settings dataclass and a class that follows the Protocol, plus a line in `_kinds`. The contract tests
+(tests/contract/test_simulators.py) then include it.
 """
 
 from collections.abc import Mapping
@@ -13,18 +13,18 @@ import numpy as np
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
-from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.backends.mitsuba import MitsubaBackend
+from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.paths import Paths
 
 SIMULATORS = ("mitsuba", "rfgenesis", "points", "sionna")
 
 
 class Backend(Protocol):
-    """Anything that finds paths.
+    """A simulator that finds propagation paths.
 
     Attributes:
-        name: as in SIMULATORS; recordings name it.
-        settings: a dataclass; recordings keep its fields.
+        name: as in SIMULATORS. settings: a dataclass. Recordings store both.
     """
 
     name: ClassVar[str]
@@ -36,12 +36,12 @@ class Backend(Protocol):
         """Paths of every static part and moving group.
 
         Args:
-            scene: surfaces; those named in `motion` in their own frames.
-            radar: waveform, frame rate, and element pattern, which the synthesis applies.
+            scene: surfaces; surfaces named in `motion` in their own frames.
+            radar: waveform, frame rate and element pattern. The synthesis applies the pattern, so amplitudes exclude it.
             sensor_poses: (F, 4, 4) sensor to world, checked.
             motion: (F, 4, 4) object-to-world poses by surface name, checked.
         Returns:
-            Parts to be added up, each of F poses, or of one pose that holds for all frames; none for an empty scene.
+            Parts to add up, each of F poses, or of one pose that holds for all frames; none for an empty scene.
         """
         ...
 
@@ -51,9 +51,9 @@ def backend(name: str, **settings: Any) -> Backend:
 
     Args:
         name: one of SIMULATORS.
-        settings: fields of its settings dataclass; those left out take its defaults.
+        settings: fields of its settings dataclass; missing fields have their defaults.
     Raises:
-        InputError: an unknown name or setting, or a value the simulator refuses.
+        InputError: unknown name or setting, or a wrong value.
 
     >>> backend("rfgenesis", version="corrected").settings.grid
     128
@@ -68,17 +68,19 @@ def backend(name: str, **settings: Any) -> Backend:
     return kind(describe(**settings))
 
 
-def resolve(simulator: str | Backend, tubes: TraceSettings) -> Backend:
-    """The simulator of a call that also carries settings of the tubes.
+def resolve(simulator: str | Backend, settings: TraceSettings) -> Backend:
+    """The simulator of a call that also has tracer settings.
 
     Raises:
-        InputError: not a simulator, an unknown name, or settings of the tubes beside another simulator, which would not read them.
+        InputError: not a simulator, an unknown name, or changed tracer settings for a simulator that does not read them.
     """
     if simulator == MitsubaBackend.name:
-        return MitsubaBackend(tubes)
-    if tubes != TraceSettings():
-        changed = [f.name for f in fields(tubes) if getattr(tubes, f.name) != f.default]
-        raise InputError(f"{changed[0]} is read by simulator mitsuba alone; configure others by backend(name, ...) and pass the result")
+        return MitsubaBackend(settings)
+    if settings != TraceSettings():
+        changed = [f.name for f in fields(settings) if getattr(settings, f.name) != f.default]
+        raise InputError(
+            f"{changed[0]} is read by simulator mitsuba only; configure other simulators by backend(name, ...) and pass the result"
+        )
     if isinstance(simulator, str):
         return backend(simulator)
     if not callable(getattr(simulator, "paths", None)):
@@ -87,7 +89,7 @@ def resolve(simulator: str | Backend, tubes: TraceSettings) -> Backend:
 
 
 def settings_of(name: str) -> frozenset[str]:
-    """Names of a simulator's settings."""
+    """Names of the settings of a simulator."""
     return frozenset(f.name for f in fields(_kinds()[name][1]))
 
 

@@ -74,7 +74,7 @@ class MitsubaBackend:
             static = StaticScene.build(surfaces, radar)
             parts += self.cached_static_paths(static, radar, sensor_poses[:1] if resting else sensor_poses)
             surroundings = Surroundings(static.room.beside(), static.geometry)
-        for names in _groups(motion):
+        for names in poses_module.rigid_groups(motion):
             poses = motion[names[0]]
             frames = slice(1) if resting and poses_module.at_rest(poses) else slice(None)
             group = target([s for s in scene.surfaces if s.name in names], radar)
@@ -162,16 +162,3 @@ def target(surfaces: list[Surface], radar: Radar) -> Target:
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     table = reflection_table.build([(s.material, s.roughness_m) for s in surfaces], radar.start_frequency_hz, high)
     return Target(geometry_module.build([s.mesh for s in surfaces]), table)
-
-
-def _groups(motion: Mapping[str, np.ndarray]) -> list[list[str]]:
-    """Names of surfaces that move alike and therefore keep their relative positions."""
-    groups: list[list[str]] = []
-    for name, poses in motion.items():
-        for group in groups:
-            if np.array_equal(motion[group[0]], poses):
-                group.append(name)
-                break
-        else:
-            groups.append([name])
-    return groups

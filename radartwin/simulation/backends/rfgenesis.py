@@ -1,28 +1,28 @@
-"""The naive tracer: one ray per pixel of a camera at the radar, each hit a diffuse scatterer with one coherent phase.
+"""The naive tracer of RF Genesis: one ray per camera pixel, and each hit is a scatterer with a single coherent phase.
 
 Re-implemented from X. Chen, X. Zhang, RF Genesis: Zero-Shot Generalization of mmWave Sensing through Simulation-Based Data
-Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798) and from what its published program computes. A
-baseline: it is right in range and direction only.
+Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798) and from the behaviour of its published program. It is a
+baseline, correct in range and direction only. Its versions are:
 
-`shipped`: rays through the corners of 128 x 128 pixels over 60 degrees; surfaces of albedo 0.8 lit by a spot of intensity 1000 (full to
-30 degrees off axis, none at 40) beside the camera; hits nearer than 0.1 m or darker than 0.1 are dropped. The signal's amplitude is the
-free-space POWER loss (lambda/(4 pi L))^2 over the whole path L, times what its signal generator takes for the rendered intensity and is
-the distance, for the two columns are exchanged. Between two frames each pixel's hit moves on a straight line, and a pixel that misses
-keeps the hit of the frame before, or takes that of the next. The chirps of a frame are spread over the whole time to the next one, all
-transmitters at once.
-`columns`: the same with distance and intensity in their places.
-`corrected`: what can be put right within the method. Each ray returns the power of the Lambert patch it stands for,
-rho cos(t) dOmega lambda^2/(16 pi^3 r^2) with rho the material's mean power reflection, and its square root is the amplitude; rays
-through pixel centres; exact radial speed of the rigid surface; chirp times as the radar has them; an isotropic source, so that the
-radar's own pattern counts.
-What stays wrong in all: no mirror direction, hence no flash of plates and no bounce in corners; one phase for a patch of many
-wavelengths, so that levels grow with the number of rays wherever patches add in phase; nothing outside the field of view; no
-polarisation.
+- `shipped`: as published. Rays pass through the corners of 128 x 128 pixels over 60 degrees. Surfaces have albedo 0.8 and are lit by a spot
+  of intensity 1000 beside the camera, full up to 30 degrees off axis and zero beyond 40 degrees. Hits nearer than 0.1 m or darker than 0.1
+  are dropped. The amplitude is the free-space POWER loss (lambda/(4 pi L))^2 over the whole path L, times a weight. The weight should be the
+  rendered intensity but is the distance, because the published program exchanges the two columns. Between two frames, the hit of each pixel
+  moves on a straight line. A pixel that misses keeps the hit of the previous frame, or takes that of the next. The chirps of a frame are
+  spread over the whole time to the next frame, and all transmitters fire at once.
+- `columns`: as shipped, with distance and intensity in the right columns.
+- `corrected`: as far as the method allows. Each ray returns the power of its Lambert patch, rho cos(t) dOmega lambda^2/(16 pi^3 r^2) with
+  the material's mean power reflection rho; the amplitude is the square root. Rays pass through pixel centres, the radial speed of rigid
+  surfaces is exact, chirps have the radar's timing, and the source is isotropic, so that the radar's own pattern applies.
 
-Departures from the published program: meshes are two-sided here; the rendered intensity is that of the ray's own hit, not a mean of 32
-jittered samples; the camera stands at the radar, which the default scene of the program leaves to the user; a pixel whose hit moves over
-`JUMP_M` within a frame has met another surface and is held instead of sweeping through the air. Where its paths go through
-`radartwin.simulation.signal.synthesis`, transmitters fire in turn, half a stretched loop apart; `rfgenesis_signal` has the original timing.
+Errors that remain in all versions: there is no mirror reflection, hence no flash of plates and no multiple bounces in corners. A patch of
+many wavelengths has a single phase, so that levels grow with the number of rays where patches add in phase. Nothing outside the field of
+view returns power. There is no polarisation.
+
+Differences from the published program: meshes are two-sided; the rendered intensity is that of the ray's own hit, not the mean of 32
+jittered samples; the camera is at the radar; a pixel whose hit moves more than `JUMP_M` within a frame is held, because it has met another
+surface. In paths for `radartwin.simulation.signal.synthesis`, transmitters fire in turn, half a stretched loop apart; `rfgenesis_signal`
+has the original timing.
 """
 
 from collections.abc import Mapping
@@ -38,27 +38,27 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation import reflection_table, variant
+from radartwin.simulation.checks import check_option, check_whole
 from radartwin.simulation.paths import Paths
 
 VERSIONS = ("shipped", "columns", "corrected")
 ALBEDO, SPOT_INTENSITY = 0.8, 1000.0
 SPOT_FULL_DEG, SPOT_END_DEG = 30.0, 40.0
-LEAST = 0.1  # metres, and of the rendered intensity
-LOSS_WAVELENGTH_M = 3e8 / 77e9  # its loss knows one frequency and a round speed of light
+MIN_VISIBLE = 0.1  # smallest distance in metres, and smallest rendered intensity, of a visible hit
+LOSS_WAVELENGTH_M = 3e8 / 77e9  # the published loss uses one frequency and this speed of light
 JUMP_M = 0.1
-SLOW_MPS = 0.02  # apart from faster paths, whose synthesis costs more
+SLOW_MPS = 0.02  # slower paths form a part of their own, because the synthesis of faster paths takes longer
 MAX_GRID = 4096
 MAX_RAYS = 50_000_000  # some gigabytes of paths
 RAYS_PER_BLOCK = 2_000_000
-AT_REST = 1e-12
 
 
 @dataclass(frozen=True)
 class RFGenesisSettings:
-    """What the camera sees and how its hits become signal.
+    """Camera and signal model of the naive tracer.
 
     Attributes:
-        version: "shipped", "columns" or "corrected"; see the module.
+        version: "shipped", "columns" or "corrected"; see the module's description.
         grid: pixels along each side of the camera.
         fov_deg: full field of view, in azimuth and elevation.
         variant: "auto", "llvm" or "cuda".
@@ -72,24 +72,22 @@ class RFGenesisSettings:
     variant: str = "auto"
 
     def __post_init__(self) -> None:
-        if self.version not in VERSIONS:
-            raise InputError(f"rfgenesis: version {self.version!r} is not one of {', '.join(VERSIONS)}")
-        if isinstance(self.grid, bool) or not isinstance(self.grid, int) or not 1 <= self.grid <= MAX_GRID:
-            raise InputError(f"rfgenesis: grid must be a whole number from 1 to {MAX_GRID}, not {self.grid!r}")
+        check_option("rfgenesis: version", self.version, VERSIONS)
+        check_whole("rfgenesis: grid", self.grid, 1, MAX_GRID)
         if not 0 < self.fov_deg < 180:
             raise InputError(f"rfgenesis: fov_deg must lie between 0 and 180 degrees, not {self.fov_deg!r}")
 
 
 @dataclass(frozen=True)
 class Hits:
-    """What P rays of F poses meet.
+    """First hits of P rays in F poses.
 
     Attributes:
         directions: (P, 3) unit, in the sensor frame.
-        distance: (F, P) metres along the ray, 0 where it meets nothing.
-        cosine: (F, P) of the angle from the surface's normal.
-        surface: (F, P) index of the surface in the scene, -1 where it meets nothing.
-        speed: (F, P) rate of the distance at the ray's hit by rigid motion, m/s.
+        distance: (F, P) metres along the ray, 0 for a miss.
+        cosine: (F, P) of the angle between ray and normal.
+        surface: (F, P) index of the surface in the scene, -1 for a miss.
+        speed: (F, P) rate of change of the distance by rigid motion, m/s.
     """
 
     directions: np.ndarray
@@ -107,11 +105,10 @@ class RFGenesisBackend:
     name: ClassVar[str] = "rfgenesis"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """One path per ray that hits, in every frame; of one pose where nothing moves.
+        """One path per hit and frame; a single pose if nothing moves. Arguments as in `radartwin.simulation.backends.backend.Backend`.
 
-        Args and returns as in `radartwin.simulation.backends.backend.Backend`.
         Raises:
-            InputError: more rays than memory holds; BackendError: no usable LLVM.
+            InputError: more than MAX_RAYS rays. BackendError: no usable LLVM.
         """
         if not len(scene):
             return []
@@ -122,9 +119,9 @@ class RFGenesisBackend:
         hits, moved = _between_frames(hits)
         intensity = _rendered(hits)
         weight = hits.distance if self.settings.version == "shipped" else intensity
-        seen = (hits.distance > LEAST) & (intensity > LEAST)
-        loss = power_loss(2 * np.maximum(hits.distance, LEAST))
-        # a loop of our timing stands for a share of the whole frame of theirs
+        seen = (hits.distance > MIN_VISIBLE) & (intensity > MIN_VISIBLE)
+        loss = power_loss(2 * np.maximum(hits.distance, MIN_VISIBLE))
+        # the published timing spreads the loops over the whole frame
         spread = 1 / (radar.num_chirps * radar.loop_interval_s)
         classes = (moved == 0, np.abs(moved) * radar.frame_rate_hz <= SLOW_MPS, np.full(moved.shape, True))
         parts, left = [], seen
@@ -136,7 +133,7 @@ class RFGenesisBackend:
 
 
 def power_loss(length_m: np.ndarray) -> np.ndarray:
-    """(lambda/(4 pi L))^2 of the whole path, which the method takes for an amplitude."""
+    """(lambda/(4 pi L))^2 over the whole path length, which the published program uses as amplitude."""
     return (LOSS_WAVELENGTH_M / (4 * np.pi * length_m)) ** 2
 
 
@@ -150,18 +147,18 @@ def pixel_directions(settings: RFGenesisSettings) -> np.ndarray:
 
 
 def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], settings: RFGenesisSettings) -> Hits:
-    """First hits of all rays and poses; of one pose where neither sensor nor surfaces move.
+    """First hits of all rays and poses; of a single pose if neither sensor nor surfaces move.
 
     Raises:
         InputError: more than MAX_RAYS.
     """
     variant.activate(settings.variant)
-    if all(float(np.abs(poses - poses[:1]).max()) < AT_REST for poses in (sensor_poses, *motion.values())):
+    if poses_module.at_rest(sensor_poses, *motion.values()):
         sensor_poses, motion = sensor_poses[:1], {name: poses[:1] for name, poses in motion.items()}
     directions = pixel_directions(settings)
     frames, rays = len(sensor_poses), len(directions)
     if frames * rays > MAX_RAYS:
-        raise InputError(f"rfgenesis: {frames} frames of {rays} rays are over {MAX_RAYS:_}; take fewer frames or a smaller grid")
+        raise InputError(f"rfgenesis: {frames} frames of {rays} rays are over {MAX_RAYS:_}; use fewer frames or a smaller grid")
     distance = np.full((frames, rays), np.inf)
     cosine, speed, surface = np.zeros((frames, rays)), np.zeros((frames, rays)), np.full((frames, rays), -1)
     for indices, group in _rigid_parts(scene.surfaces, motion):
@@ -196,35 +193,28 @@ def first_hits(built: geometry_module.Geometry, origins: np.ndarray, directions:
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True))[face]
     slope = np.einsum("ni,ni->n", directions, normals)
     height = np.einsum("ni,ni->n", built.corners[face, 0] - origins, normals)
-    steep = np.abs(slope) > 1e-4  # at grazing incidence the float32 distance is the better one
+    steep = np.abs(slope) > 1e-4  # at grazing incidence, the float32 distance is more accurate
     exact = np.where(steep, height / np.where(steep, slope, 1.0), rough)
     return np.where(valid, exact, np.inf), np.abs(slope), face
 
 
 def _rigid_parts(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> list[tuple[list[int], np.ndarray | None]]:
-    """Indices of the surfaces that keep their place to one another, with their poses; None for the static ones."""
+    """Indices of the surfaces that keep their relative positions, with their poses; None for static surfaces."""
+    moving = poses_module.rigid_groups({s.name: motion[s.name] for s in surfaces if s.name in motion})
     parts: list[tuple[list[int], np.ndarray | None]] = [([i for i, s in enumerate(surfaces) if s.name not in motion], None)]
-    for index, surface in enumerate(surfaces):
-        if surface.name in motion:
-            poses = motion[surface.name]
-            for indices, known in parts[1:]:
-                if known is not None and np.array_equal(known, poses):
-                    indices.append(index)
-                    break
-            else:
-                parts.append(([index], poses))
+    parts += [([i for i, s in enumerate(surfaces) if s.name in names], motion[names[0]]) for names in moving]
     return [part for part in parts if part[0]]
 
 
 def _rendered(hits: Hits) -> np.ndarray:
-    """(F, P) radiance of a Lambert surface lit by a spot beside the camera."""
+    """(F, P) radiance of a Lambert surface lit by the spot beside the camera."""
     off_axis = np.degrees(np.arccos(np.clip(hits.directions[:, 0], -1, 1)))
     spot = SPOT_INTENSITY * np.clip((SPOT_END_DEG - off_axis) / (SPOT_END_DEG - SPOT_FULL_DEG), 0, 1)
     return np.where(hits.surface >= 0, ALBEDO / np.pi * spot * hits.cosine / np.maximum(hits.distance, 1e-3) ** 2, 0.0)
 
 
 def _between_frames(hits: Hits) -> tuple[Hits, np.ndarray]:
-    """Hits with the pixels that missed filled from their neighbours in time, and the metres (F, P) each moves until the next frame."""
+    """Hits with missing pixels filled from the neighbouring frames, and the movement (F, P) in metres until the next frame."""
     distance, cosine, surface = hits.distance.copy(), hits.cosine.copy(), hits.surface.copy()
     for frame in range(len(distance) - 1):
         for into, source in ((frame, frame + 1), (frame + 1, frame)):

@@ -1,7 +1,8 @@
-"""Signal of the naive tracer as its published program forms it, sum by sum: for timing a whole frame, not for campaigns.
+"""Signal of the naive tracer computed as in its published program, to time a whole frame.
 
-For every chirp, transmitter and receiver each hit's echo is evaluated at every sample with its carrier, weighted, summed and mixed with the
-transmitted chirp: s = tx conj(sum of echoes). The residual video phase S L^2/(2 c^2) that the shared synthesis leaves out is in it.
+For every chirp, transmitter and receiver, the program evaluates each hit's echo at every sample with its carrier, sums the weighted echoes
+and mixes them with the transmitted chirp: s = tx conj(sum of echoes). Unlike the shared synthesis, this includes the residual video phase
+S L^2/(2 c^2).
 """
 
 import time
@@ -18,7 +19,7 @@ from radartwin.simulation.backends import rfgenesis
 
 @dataclass(frozen=True)
 class FrameSeconds:
-    """Wall-clock seconds of one frame, and the hits it had."""
+    """Number of hits and wall-clock seconds of one frame."""
 
     hits: int
     trace_s: float
@@ -30,10 +31,10 @@ class FrameSeconds:
 
 
 def direct_frame(start_m: np.ndarray, stop_m: np.ndarray, weight: np.ndarray, radar: Radar) -> np.ndarray:
-    """One frame, hits moving from `start_m` to `stop_m` until the next one, all transmitters at once.
+    """One frame with all transmitters at once; the hits move from `start_m` to `stop_m` until the next frame.
 
     Args:
-        start_m, stop_m: (N, 3) hits in the sensor frame, now and a frame later.
+        start_m, stop_m: (N, 3) hits in the sensor frame, at this frame and the next.
         weight: (N,) factor on the free-space power loss.
     Returns:
         complex (C, T, R, samples).
@@ -65,7 +66,7 @@ def whole_frame_seconds(
     motion: Mapping[str, np.ndarray] | None = None,
     settings: rfgenesis.RFGenesisSettings | None = None,
 ) -> FrameSeconds:
-    """Trace and synthesise one frame of the shipped version, the tracer's kernels compiled beforehand.
+    """Time the tracing and synthesis of one frame of the shipped version, after its kernels are compiled.
 
     Args:
         sensor_pose: (4, 4). motion: (1, 4, 4) poses by surface name.
@@ -75,7 +76,7 @@ def whole_frame_seconds(
     began = time.perf_counter()
     hits = rfgenesis.trace(scene, radar, poses, motion, settings)
     traced = time.perf_counter()
-    seen = hits.distance[0] > rfgenesis.LEAST
+    seen = hits.distance[0] > rfgenesis.MIN_VISIBLE
     distance = hits.distance[0, seen]
     points = distance[:, None] * hits.directions[seen]
     direct_frame(points, points, distance, radar)

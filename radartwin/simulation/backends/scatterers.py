@@ -1,14 +1,13 @@
-"""Point scatterers: an object is one or a few isotropic points with a far-field cross-section, a room is nothing or its first images.
+"""Point scatterers: an object is one or a few isotropic points with a far-field cross-section; a room is empty or its first images.
 
-The simplest model in use, and the reason this project traces: no near field, no shape beyond a table, no coupling, no occlusion.
-For a point at distance R the radar equation gives a = sqrt(sigma lambda^2 / ((4 pi)^3 R^4)); a wall whose perpendicular from the
-sensor meets it at distance d gives its image, a = Gamma(0) lambda/(4 pi 2d).
+This is the simplest model in use. It has no near field, no coupling, no occlusion, and no shape beyond a table of cross-sections. A point
+at distance R has the amplitude a = sqrt(sigma lambda^2 / ((4 pi)^3 R^4)) by the radar equation. A wall at the perpendicular distance d
+returns the image of the sensor, a = Gamma(0) lambda/(4 pi 2d).
 """
 
 import functools
-import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -21,28 +20,29 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import geometry, reflection_table
 from radartwin.simulation import poses as poses_module
+from radartwin.simulation.checks import check_option, check_positive
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.rcs import rcs
+from radartwin.store.digest import array_digest
 
 CROSS_SECTIONS = ("table", "sphere")
 POINTS = ("centre", "box")
 ROOMS = ("images", "void")
-AT_REST = 1e-12
 NEAREST_M = 1e-3
-EDGE = 1e-9  # a foot on the diagonal of a wall of two triangles is on both, and counted once
+EDGE = 1e-9  # tolerance of barycentric coordinates; a point on the diagonal of a wall lies on both triangles
 TABLE_ENTRIES = 100_000
 
 
 @dataclass(frozen=True)
 class PointSettings:
-    """What stands for an object, and for the room.
+    """Point model of objects and of the room.
 
     Attributes:
-        cross_section: "table", the far-field cross-section by aspect, or "sphere", that of a ball of the object's mean half extent.
-        points: "centre" of the bounding box, or the centres of the "box" faces that look towards the sensor, in equal shares of power.
-        room: "images" of the sensor in each wall it faces, or "void".
-        step_deg: of the table, in azimuth and elevation; it is filled where it is read.
-        rays_per_wavelength2: of the table's cross-sections.
+        cross_section: "table", the far-field cross-section by aspect, or "sphere", that of a ball with the object's mean half extent.
+        points: "centre" of the bounding box, or "box": the centres of the box faces towards the sensor, with equal power.
+        room: "images" of the sensor in each wall, or "void".
+        step_deg: step of the table in azimuth and elevation. Entries are computed on first use.
+        rays_per_wavelength2: tubes per square wavelength for the table.
     Raises:
         InputError: an unknown option, or a step or density that is not positive.
     """
@@ -55,12 +55,10 @@ class PointSettings:
 
     def __post_init__(self) -> None:
         for name, options in (("cross_section", CROSS_SECTIONS), ("points", POINTS), ("room", ROOMS)):
-            if (value := getattr(self, name)) not in options:
-                raise InputError(f"points: {name} {value!r} is not one of {', '.join(options)}")
+            check_option(f"points: {name}", getattr(self, name), options)
         if not 0 < self.step_deg <= 90:
             raise InputError(f"points: step_deg must be above 0 and at most 90 degrees, not {self.step_deg!r}")
-        if not 0 < self.rays_per_wavelength2 < np.inf:
-            raise InputError(f"points: rays_per_wavelength2 must be above zero and finite, not {self.rays_per_wavelength2!r}")
+        check_positive("points: rays_per_wavelength2", self.rays_per_wavelength2)
 
 
 @dataclass(frozen=True)
@@ -71,19 +69,19 @@ class PointBackend:
     name: ClassVar[str] = "points"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """One part per object and one for the room; of one pose where nothing moves against the sensor.
+        """One part per object and one for the room; of one pose if nothing moves relative to the sensor.
 
-        Args and returns as in `radartwin.simulation.backends.backend.Backend`.
+        Arguments and result as in `radartwin.simulation.backends.backend.Backend`.
         """
         motion = motion or {}
         parts = []
         walls = [s for s in scene.surfaces if s.name not in motion and s.kind == "room"]
         for surface in scene.surfaces:
             if surface.name in motion or surface.kind == "object":
-                sensor, velocity = _seen_from(sensor_poses, motion.get(surface.name), radar.frame_rate_hz)
+                sensor, velocity = _relative(sensor_poses, motion.get(surface.name), radar.frame_rate_hz)
                 parts.append(self._object(surface, radar, sensor, velocity))
         if walls and self.settings.room == "images":
-            sensor, velocity = _seen_from(sensor_poses, None, radar.frame_rate_hz)
+            sensor, velocity = _relative(sensor_poses, None, radar.frame_rate_hz)
             parts.append(_images(walls, radar, sensor, velocity))
         return [part for part in parts if len(part)]
 
@@ -97,8 +95,8 @@ class PointBackend:
             points = centre + np.concatenate([np.diag(half), -np.diag(half)])
             outwards = np.concatenate([np.eye(3), -np.eye(3)])
             lit = np.einsum("fpi,pi->fp", sensor[:, None, :3, 3] - points, outwards) > 0
-            none = ~lit.any(axis=1)  # the sensor is inside the box
-            share = np.where(none[:, None], 1 / len(points), lit / np.maximum(lit.sum(axis=1), 1)[:, None])
+            inside = ~lit.any(axis=1)
+            share = np.where(inside[:, None], 1 / len(points), lit / np.maximum(lit.sum(axis=1), 1)[:, None])
         pose, point = np.nonzero(share > 0)
         away = points[point] - sensor[pose, :3, 3]
         distance = np.maximum(np.linalg.norm(away, axis=1), NEAREST_M)
@@ -108,7 +106,7 @@ class PointBackend:
         return _paths(sensor, velocity, pose, level[:, None], frequencies, away / distance[:, None], distance)
 
     def _cross_section(self, surface: Surface, frequency_hz: float, towards: np.ndarray, radius_m: float) -> np.ndarray:
-        """(F,) m^2 seen from directions (F, 3) in the object's frame."""
+        """(F,) m^2 for directions towards the sensor (F, 3) in the object's frame."""
         if self.settings.cross_section == "sphere":
             table = reflection_table.build([(surface.material, surface.roughness_m)], frequency_hz)
             return np.full(len(towards), np.pi * radius_m**2 * abs(table.te[0, -1, 0]) ** 2)
@@ -116,32 +114,24 @@ class PointBackend:
         azimuth = np.rint(np.degrees(np.arctan2(towards[:, 1], towards[:, 0])) / step).astype(int)
         elevation = np.rint(np.degrees(np.arctan2(towards[:, 2], np.hypot(towards[:, 0], towards[:, 1]))) / step).astype(int)
         turn = round(360 / step)
-        mesh = _Mesh(surface.mesh)
+        mesh = _MeshKey(array_digest(np.asarray(surface.mesh.vertices)) + array_digest(np.asarray(surface.mesh.faces)), surface.mesh)
         return np.array([
             _entry(mesh, surface.material, frequency_hz, self.settings.rays_per_wavelength2, step, int(a) % turn, int(e))
             for a, e in zip(azimuth, elevation, strict=True)
         ])  # fmt: skip
 
 
-class _Mesh:
-    """A mesh that is a key by its content."""
+@dataclass(frozen=True)
+class _MeshKey:
+    """A mesh as a cache key, compared by its content."""
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
-        self.mesh = mesh
-        total = hashlib.sha256(np.ascontiguousarray(mesh.vertices).tobytes())
-        total.update(np.ascontiguousarray(mesh.faces).tobytes())
-        self.digest = total.hexdigest()
-
-    def __hash__(self) -> int:
-        return hash(self.digest)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Mesh) and other.digest == self.digest
+    digest: str
+    mesh: trimesh.Trimesh = field(compare=False)
 
 
 @functools.lru_cache(maxsize=TABLE_ENTRIES)
 def _entry(
-    mesh: _Mesh, material: str | Layered, frequency_hz: float, density: float, step_deg: float, azimuth: int, elevation: int
+    mesh: _MeshKey, material: str | Layered, frequency_hz: float, density: float, step_deg: float, azimuth: int, elevation: int
 ) -> float:
     """Far-field cross-section at one aspect of the table."""
     a, e = np.radians(azimuth * step_deg), np.radians(elevation * step_deg)
@@ -150,7 +140,7 @@ def _entry(
 
 
 def _images(walls: Sequence[Surface], radar: Radar, sensor: np.ndarray, velocity: np.ndarray) -> Paths:
-    """First images of the sensor in the planes of the walls, where the foot of the perpendicular lies on a wall."""
+    """First images of the sensor in the walls on which the foot of the perpendicular lies."""
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     table = reflection_table.build([(s.material, s.roughness_m) for s in walls], radar.start_frequency_hz, high)
     built = geometry.build([s.mesh for s in walls])
@@ -169,14 +159,14 @@ def _images(walls: Sequence[Surface], radar: Radar, sensor: np.ndarray, velocity
     pose, face = _once_per_plane(on, height, normals, built.surface)
     away = -height[pose, face, None] * normals[face]
     distance = np.abs(height[pose, face])
-    # reflection is exp(+j omega t), paths are exp(+j k L)
+    # reflection uses exp(+j omega t), paths use exp(+j k L)
     gamma = np.conj(table.te[built.surface[face], -1])
     level = gamma * (SPEED_OF_LIGHT / table.frequencies_hz) / (8 * np.pi * distance[:, None])
     return _paths(sensor, velocity, pose, level, table.frequencies_hz, away / distance[:, None], distance)
 
 
 def _once_per_plane(on: np.ndarray, height: np.ndarray, normals: np.ndarray, surface: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(pose, face) of the chosen faces, a foot on the edge of two coplanar triangles of one surface counted once."""
+    """(pose, face) of the chosen faces; a foot on the common edge of two coplanar triangles counts once."""
     pose, face = np.nonzero(on)
     foot = np.rint(height[pose, face, None] * normals[face] * 1e6).astype(np.int64)
     _, first = np.unique(np.column_stack([pose, surface[face], foot]), axis=0, return_index=True)
@@ -184,19 +174,17 @@ def _once_per_plane(on: np.ndarray, height: np.ndarray, normals: np.ndarray, sur
     return pose[first], face[first]
 
 
-def _seen_from(sensor_poses: np.ndarray, group: np.ndarray | None, frame_rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sensor poses and velocities in the frame of a surface, one of each where they do not change."""
+def _relative(sensor_poses: np.ndarray, group: np.ndarray | None, frame_rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sensor poses and velocities in the frame of a surface; a single pose if they do not change."""
     sensor, velocity = poses_module.relative(sensor_poses, group, frame_rate_hz)
-    if float(np.abs(sensor - sensor[:1]).max()) < AT_REST:
-        return sensor[:1], velocity[:1]
-    return sensor, velocity
+    return (sensor[:1], velocity[:1]) if poses_module.at_rest(sensor) else (sensor, velocity)
 
 
 def _paths(
     sensor: np.ndarray, velocity: np.ndarray, pose: np.ndarray, level: np.ndarray, frequencies_hz: np.ndarray, ray: np.ndarray,
     distance: np.ndarray,
 ) -> Paths:  # fmt: skip
-    """Paths out and back along unit vectors (N, 3) in the surface's frame."""
+    """Paths out and back along the unit vectors `ray` (N, 3) in the surface's frame."""
     local = np.einsum("nij,ni->nj", sensor[pose, :3, :3], ray)
     rate = -2 * np.einsum("ni,ni->n", ray, velocity[pose])
     one = np.ones(len(pose), int)
