@@ -89,7 +89,7 @@ def test_a_slab_in_air_is_what_sionna_says_itself(material, thickness_m):
 @pytest.mark.parametrize("finish", ["plaster wall", "board floor", "court floor", "wood panelling", "window", "metal", "concrete"])
 def test_tables_are_fine_enough_for_stacks(finish):
     material, roughness = FINISHES[finish].material, 1e-4
-    te, tm, row, frequencies = sionna._table([(material, roughness)], RADAR)
+    te, tm, row, frequencies = sionna.reflection_tables([(material, roughness)], RADAR)
     assert row.tolist() == [0]
     grid = np.linspace(0, 1, te.shape[1])
     cosine = np.linspace(0.005, 1, 7919)
@@ -160,7 +160,7 @@ def test_what_has_no_mirror_point_is_silent_and_named():
         parts, texts = told(trihedral, separation_m=separation)
         assert parts == []
         assert len(texts) == 1
-        assert "no path by way of 'reflector'" in texts[0]
+        assert "no path over 'reflector'" in texts[0]
     parts, texts = told(rt.Scene([rt.Surface(objects.sphere(0.05).apply_transform(at(2.0)), "metal", "ball")]))
     assert (parts, "'ball'" in texts[0]) == ([], True)
 
@@ -184,7 +184,7 @@ def test_a_plate_of_any_size_returns_a_mirrors_level(size_m, excess_db):
         assert texts == []
     else:
         (text,) = texts
-        assert f"'small plate' returns the level of an infinite mirror, {excess_db} dB more than its area can" in text
+        assert f"'small plate' returns the level of an infinite mirror, {excess_db} dB more than its area allows" in text
         assert excess_db == pytest.approx(20 * np.log10(RADAR.wavelength_m * 2.0 / (2 * size_m**2)), abs=0.1)
 
 
@@ -195,7 +195,7 @@ def test_diffuse_paths_add_up_to_their_number():
     sums, powers = [], []
     for rays in (30_000, 300_000):
         (_, scattered), texts = told(wall, diffuse=True, rays=rays, max_bounces=1)
-        assert texts == ["sionna: diffuse paths are added coherently; their level grows with `rays` and is no power"]
+        assert texts == ["sionna: diffuse paths add coherently; their level grows with `rays` and is not a power"]
         phase = np.exp(2j * np.pi * scattered.frequencies_hz[0] * scattered.length_m / SPEED_OF_LIGHT)
         sums.append(20 * np.log10(np.abs((scattered.amplitude[:, 0] * phase).sum())))
         powers.append(10 * np.log10((np.abs(scattered.amplitude[:, 0]) ** 2).sum()))

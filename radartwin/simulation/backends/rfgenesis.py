@@ -1,13 +1,13 @@
 """The naive tracer of RF Genesis: one ray per camera pixel, and each hit is a scatterer with a single coherent phase.
 
 Re-implemented from X. Chen, X. Zhang, RF Genesis: Zero-Shot Generalization of mmWave Sensing through Simulation-Based Data
-Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798) and from the behaviour of its published program. It is a
-baseline, correct in range and direction only. Its versions are:
+Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798) and from the behaviour of its published program.
+It is a baseline, correct in range and direction only. Its versions are:
 
 - `shipped`: as published. Rays pass through the corners of 128 x 128 pixels over 60 degrees. Surfaces have albedo 0.8 and are lit by a spot
   of intensity 1000 beside the camera, full up to 30 degrees off axis and zero beyond 40 degrees. Hits nearer than 0.1 m or darker than 0.1
-  are dropped. The amplitude is the free-space POWER loss (lambda/(4 pi L))^2 over the whole path L, times a weight. The weight should be the
-  rendered intensity but is the distance, because the published program exchanges the two columns. Between two frames, the hit of each pixel
+  are dropped. The amplitude is the free-space POWER loss (lambda/(4 pi L))^2 over the whole path L, times a weight. The weight should be
+  the rendered intensity but is the distance, because the published program exchanges the two columns. Between frames, the hit of each pixel
   moves on a straight line. A pixel that misses keeps the hit of the previous frame, or takes that of the next. The chirps of a frame are
   spread over the whole time to the next frame, and all transmitters fire at once.
 - `columns`: as shipped, with distance and intensity in the right columns.

@@ -1,17 +1,16 @@
-"""Sionna RT as a simulator: exact specular paths over facets, in a process of its own.
+"""Sionna RT as a simulator: exact specular paths over facets, computed in a worker process.
 
-A peer, not this project's tracer: every facet is an infinite mirror where the mirror point falls on it, and nothing where it does not.
-So walls come out exactly, and objects do not: a plate of any size returns a mirror's level, a trihedral or a sphere nothing, and diffuse
-paths add coherently. `sionna_limits` says so where it happens. Seen from the one place of transmitter and receiver, the mirror point in a
-corner lies on an edge, where Sionna finds it or not by rounding; `separation_m` moves the receiver aside while paths are looked for.
+Sionna treats every facet that contains the mirror point as an infinite mirror and ignores other facets. Walls are therefore exact, but
+objects are not: a plate of any size returns the level of a mirror, a trihedral or a sphere returns nothing, and diffuse paths add
+coherently. `sionna_limits` warns about these cases. If transmitter and receiver are at one point, the mirror point of a corner lies on an
+edge, where rounding decides whether Sionna finds it. `separation_m` moves the receiver aside during the search for paths.
 
-Materials are those of the scene, layer by layer (radartwin/simulation/backends/sionna_material.py). Delays are not normalised, and the
-carrier's phase is not Sionna's single-precision one: of each path the facets are kept, and its length, angles and mirror follow from them
-in double precision. A path's rate is that of the line through its hits as they move with their surfaces.
+Materials are those of the scene, layer by layer (`sionna_material`). Sionna's single-precision phases are not used. Length, angles and
+mirror of each path are recomputed from its facets in double precision. The rate of a path is that of the line through its hits, which move
+with their surfaces.
 """
 
 import importlib.metadata
-import numbers
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,27 +27,27 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation import reflection_table
 from radartwin.simulation.backends import sionna_limits, sionna_process
+from radartwin.simulation.backends.sionna_mesh import Mesh, merged
+from radartwin.simulation.checks import check_flag, check_whole
 from radartwin.simulation.paths import Paths
 
-RAYS = 200_000  # per pose; what finds every path of the furnished rooms within 40 dB of the strongest (tested)
-ASIDE = np.array([0.74, 0.53, 0.41]) / np.linalg.norm([0.74, 0.53, 0.41])  # of the receiver, in the sensor frame: along no wall
-COSINES = 4096  # of the tables; a stud wall's two leaves need more than a tracer's own interpolation
-LEAST_AREA_M2 = 1e-14
-AT_REST = 1e-12
-MOST_RAYS = 50_000_000
+RAYS = 200_000  # per pose; finds every path of the furnished rooms within 40 dB of the strongest (tested)
+ASIDE = np.array([0.74, 0.53, 0.41]) / np.linalg.norm([0.74, 0.53, 0.41])  # direction of separation_m in the sensor frame, along no wall
+COSINES = 4096  # of the tables; the two leaves of a stud wall need more than the tracer's table has
+MAX_RAYS = 50_000_000
 
 
 @dataclass(frozen=True)
 class SionnaSettings:
-    """How Sionna looks for paths.
+    """Settings of Sionna's path search.
 
     Attributes:
-        max_bounces: reflections per path.
-        rays: Sionna's samples per pose, over the sphere; None: RAYS.
-        diffuse: its diffuse reflection too, with the share of power that roughness takes from the mirror's at normal incidence.
-        separation_m: of the receiver from the transmitter while paths are looked for; lengths and angles are those of one place.
+        max_bounces: largest number of reflections per path, 1 to 32.
+        rays: samples per pose over the sphere; None: RAYS.
+        diffuse: also diffuse reflection, with the power that roughness removes from the mirror reflection at normal incidence.
+        separation_m: distance of the receiver from the transmitter during the search, 0 to 1 m. Lengths and angles assume a common point.
         variant: "auto", "llvm" or "cuda".
-        seed: of its sampler, which scatters diffuse rays.
+        seed: of Sionna's sampler for diffuse rays.
     Raises:
         InputError: a value out of range.
     """
@@ -61,13 +60,11 @@ class SionnaSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name, least, most in (("max_bounces", 1, 32), ("rays", 1, MOST_RAYS), ("seed", 0, 2**32 - 1)):
-            value = getattr(self, name)
-            whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-            if not (whole and least <= int(value) <= most) and not (name == "rays" and value is None):
-                raise InputError(f"sionna: {name} must be a whole number from {least} to {most}, not {value!r}")
-        if not isinstance(self.diffuse, bool):
-            raise InputError(f"sionna: diffuse must be True or False, not {self.diffuse!r}")
+        check_whole("sionna: max_bounces", self.max_bounces, 1, 32)
+        if self.rays is not None:
+            check_whole("sionna: rays", self.rays, 1, MAX_RAYS)
+        check_whole("sionna: seed", self.seed, 0, 2**32 - 1)
+        check_flag("sionna: diffuse", self.diffuse)
         if not 0 <= self.separation_m <= 1:
             raise InputError(f"sionna: separation_m must be from 0 to 1 m, not {self.separation_m!r}")
 
@@ -80,22 +77,22 @@ class SionnaBackend:
     name: ClassVar[str] = "sionna"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Specular paths in one part, diffuse ones in another; of one pose where nothing moves.
+        """Specular paths in one part and diffuse paths in another; a single pose if nothing moves.
 
-        Args and returns as in `radartwin.simulation.backends.backend.Backend`.
+        Arguments as in `radartwin.simulation.backends.backend.Backend`.
         Raises:
             BackendError: sionna-rt is not installed, or its process ended.
         Warns:
-            UserWarning: what of this scene Sionna cannot return.
+            UserWarning: Sionna cannot return a part of this scene correctly.
         """
         motion = motion or {}
-        if all(float(np.abs(poses - poses[:1]).max()) < AT_REST for poses in (sensor_poses, *motion.values())):
+        if poses_module.at_rest(sensor_poses, *motion.values()):
             sensor_poses, motion = sensor_poses[:1], {name: poses[:1] for name, poses in motion.items()}
         mesh = merged(scene.surfaces, motion)
         if not len(mesh.faces):
             return []
         found = self.found(scene, mesh, radar, sensor_poses)
-        for text in sionna_limits.met(scene.surfaces, mesh, found, radar.wavelength_m, self.settings.diffuse):
+        for text in sionna_limits.warnings_for(scene.surfaces, mesh, found, radar.wavelength_m, self.settings.diffuse):
             warnings.warn(text, stacklevel=2)
         usable = np.isfinite(found["amplitude"]).all(axis=1) & (found["face"][:, 0] >= 0)
         sets = (usable & ~found["scattered"], usable & found["scattered"])
@@ -108,8 +105,8 @@ class SionnaBackend:
     def _offset(self) -> np.ndarray:
         return self.settings.separation_m * ASIDE
 
-    def found(self, scene: Scene, mesh: "Mesh", radar: Radar, sensor_poses: np.ndarray) -> dict[str, np.ndarray]:
-        """What Sionna itself answers for one mesh of a scene: see `sionna_worker.trace`; with frequencies_hz (Q,), what it is for.
+    def found(self, scene: Scene, mesh: Mesh, radar: Radar, sensor_poses: np.ndarray) -> dict[str, np.ndarray]:
+        """The paths that Sionna finds for the mesh of a scene: the arrays of `sionna_worker.trace` and their frequencies_hz (Q,).
 
         Raises:
             BackendError: sionna-rt is not installed, or its process ended.
@@ -117,7 +114,7 @@ class SionnaBackend:
         check_installed()
         diffuse = self.settings.diffuse
         entries = [(s.material, 0.0 if diffuse else s.roughness_m) for s in scene.surfaces]
-        te, tm, row, frequencies = _table(entries, radar)
+        te, tm, row, frequencies = reflection_tables(entries, radar)
         answer = sionna_process.ask({
             "variant": self.settings.variant, "vertices": mesh.vertices, "faces": mesh.faces, "te": te, "tm": tm,
             "row": row[mesh.surface], "frequencies_hz": frequencies,
@@ -128,24 +125,8 @@ class SionnaBackend:
         return answer | {"frequencies_hz": frequencies}
 
 
-@dataclass(frozen=True)
-class Mesh:
-    """All surfaces as one.
-
-    Attributes:
-        vertices: (F, V, 3) in the world, or (1, V, 3) where no surface moves. faces: (T, 3). surface: (T,) index.
-        point_surface: (V,) index. poses: (F, 4, 4) of each surface that moves, by index.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    surface: np.ndarray
-    point_surface: np.ndarray
-    poses: Mapping[int, np.ndarray]
-
-
 def is_installed() -> bool:
-    """Whether the package is here; even to look for its module would import it, and set its Mitsuba variant in this process."""
+    """Whether sionna-rt is installed. Reads the package list, because importing sionna.rt would set the Mitsuba variant of this process."""
     try:
         importlib.metadata.version("sionna-rt")
     except importlib.metadata.PackageNotFoundError:
@@ -154,48 +135,34 @@ def is_installed() -> bool:
 
 
 def check_installed() -> None:
+    """Raises BackendError if sionna-rt is not installed."""
     if not is_installed():
         raise BackendError("simulator sionna needs the package sionna-rt: pip install 'radartwin[sionna]'")
 
 
-def merged(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> Mesh:
-    """One mesh of all surfaces; faces without area are left out."""
-    moving = {i: motion[s.name] for i, s in enumerate(surfaces) if s.name in motion}
-    frames = max((len(poses) for poses in moving.values()), default=1)
-    vertices, faces, surface, count = [np.zeros((frames, 0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)], [0]
-    for i, one in enumerate(surfaces):
-        kept = np.asarray(one.mesh.faces)[one.mesh.area_faces > LEAST_AREA_M2]
-        points = np.asarray(one.mesh.vertices, float)
-        turned = np.einsum("fij,vj->fvi", moving[i][:, :3, :3], points) + moving[i][:, None, :3, 3] if i in moving else points[None]
-        vertices.append(np.broadcast_to(turned, (frames, len(points), 3)))
-        faces.append(kept + sum(count))
-        surface.append(np.full(len(kept), i))
-        count.append(len(points))
-    point_surface = np.repeat(np.arange(len(surfaces)), count[1:])
-    return Mesh(np.concatenate(vertices, axis=1), np.concatenate(faces), np.concatenate(surface), point_surface, moving)
-
-
-def _table(entries: Sequence[tuple[str | Layered, float]], radar: Radar) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def reflection_tables(
+    entries: Sequence[tuple[str | Layered, float]], radar: Radar
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """te, tm (D, COSINES, Q) complex64 of the distinct (material, roughness_m), the row of each entry, and the frequencies (Q,)."""
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     frequencies = reflection_table.build(entries, radar.start_frequency_hz, high).frequencies_hz
     distinct = list(dict.fromkeys(entries))
     cosines = np.linspace(0, 1, COSINES)
-    cosines[0] = 1e-6  # grazing limit, where TM turns over
+    cosines[0] = 1e-6  # grazing limit, where TM reflection changes sign
     both = [np.stack(reflection(material, cosines[:, None], frequencies, rough)) for material, rough in distinct]
     te, tm = np.swapaxes(np.array(both, np.complex64), 0, 1)
     return te, tm, np.array([distinct.index(entry) for entry in entries]), frequencies
 
 
 def scattering(surfaces: tuple[Surface, ...], frequency_hz: float) -> np.ndarray:
-    """(S,) Sionna's coefficient: what roughness takes from the mirror's power at normal incidence, as an amplitude."""
+    """(S,) Sionna's scattering coefficient: square root of the power that roughness removes at normal incidence."""
     wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
     kept = np.array([float(ament(s.roughness_m, np.array(1.0), wavenumber)) if s.roughness_m else 1.0 for s in surfaces])
     return np.sqrt(1 - kept**2)
 
 
 def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray, rate: np.ndarray) -> Paths:
-    """Paths from their facets: images of the sensor, mirrored in each in turn."""
+    """Specular paths from their facets, in which the sensor is mirrored one after the other."""
     pose = found["pose"]
     rotation, place = sensor_poses[pose, :3, :3], sensor_poses[pose, :3, 3]
     mirror, shift = np.tile(np.eye(3), (len(pose), 1, 1)), np.zeros((len(pose), 3))
@@ -214,7 +181,7 @@ def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray
     there = length > 0
     length = np.where(there, length, 1.0)
     departure, arrival = (np.einsum("nji,nj->ni", rotation, line / length[:, None]) for line in (away, towards))
-    # Sionna is exp(+j omega t), paths are exp(+j k L)
+    # Sionna uses exp(+j omega t), paths use exp(+j k L)
     amplitude = found["amplitude"].conj() * (found["length_m"] / length)[:, None]
     local = np.swapaxes(rotation, 1, 2) @ mirror @ rotation
     bounces = (found["face"] >= 0).sum(axis=1)
@@ -225,7 +192,7 @@ def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray
 
 
 def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, offset: np.ndarray, rate: np.ndarray) -> Paths:
-    """Paths with a diffuse hit: the line through their hits."""
+    """Paths with a diffuse hit, along the line through their hits."""
     pose, bounces = found["pose"], (found["face"] >= 0).sum(axis=1)
     rotation, legs = sensor_poses[pose, :3, :3], _legs(found, found["vertex"], sensor_poses, offset)
     length = np.linalg.norm(legs, axis=2)
@@ -239,7 +206,7 @@ def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, offset: n
 
 
 def _legs(found: dict[str, np.ndarray], vertex: np.ndarray, sensor_poses: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """(N, D + 1, 3) from transmitter to receiver by way of the hits; zeros after the last."""
+    """(N, D + 1, 3) legs from the transmitter over the hits to the receiver; zeros after the last leg."""
     pose, bounces = found["pose"], (found["face"] >= 0).sum(axis=1)
     stops = np.concatenate([sensor_poses[pose, None, :3, 3], vertex, vertex[:, :1]], axis=1)
     end = sensor_poses[pose, :3, 3] + np.einsum("nij,j->ni", sensor_poses[pose, :3, :3], offset)
@@ -248,7 +215,7 @@ def _legs(found: dict[str, np.ndarray], vertex: np.ndarray, sensor_poses: np.nda
 
 
 def _rate(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray, offset: np.ndarray, frame_rate_hz: float) -> np.ndarray:
-    """(N,) growth of the line through the hits, m/s, as sensor and surfaces move on."""
+    """(N,) rate of change of the line through the hits, m/s, as sensor and surfaces move."""
     pose, face = found["pose"], found["face"]
     vertex = found["vertex"].copy()
     on = mesh.surface[face]

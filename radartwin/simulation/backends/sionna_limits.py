@@ -1,51 +1,52 @@
-"""What Sionna RT cannot return of a scene, seen from what it returned.
+"""Warnings about parts of a scene that Sionna RT returns incorrectly.
 
-A facet reflects as an infinite mirror, or not at all. A flat face of area A at distance d returns at most 2 A/(lambda d) of a mirror's
-field: below one, the mirror's level is too high. A curved or cornered object mostly has no mirror point on any facet. Diffuse paths carry
-the phase of their length alone and are added as fields: about the mirror direction they agree, and their sum grows with their number.
+- Sionna reflects a facet like an infinite mirror. A flat face of area A at distance d returns at most 2 A/(lambda d) of a mirror's field;
+  if this ratio is below one, Sionna's level is too high.
+- A curved or cornered object mostly has no mirror point on any facet, so Sionna returns nothing.
+- Diffuse paths have the phase of their length and add as fields. Near the mirror direction they are in phase, so their sum grows with their
+  number.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from radartwin.scene.scene import Surface
-
-if TYPE_CHECKING:
-    from radartwin.simulation.backends.sionna import Mesh
+from radartwin.simulation.backends.sionna_mesh import Mesh
 
 COPLANAR_COSINE, COPLANAR_M = 1 - 1e-6, 1e-4
 
 
-def met(surfaces: Sequence[Surface], mesh: "Mesh", found: dict[str, np.ndarray], wavelength_m: float, diffuse: bool) -> Iterator[str]:
-    """One sentence per limit that a scene met.
+def warnings_for(
+    surfaces: Sequence[Surface], mesh: Mesh, found: dict[str, np.ndarray], wavelength_m: float, diffuse: bool
+) -> Iterator[str]:
+    """One sentence per limit that applies to the scene.
 
     Args:
-        found: the worker's answer: pose (N,), face (N, D), length_m (N,).
+        found: paths from the worker: pose (N,), face (N, D), length_m (N,), scattered (N,).
     """
     silent = _silent(surfaces, mesh, found["face"])
     if silent:
-        yield f"sionna: no path by way of {_listed(silent)}: facets that are corners or curves mirror nothing back to their source"
+        yield f"sionna: no path over {_listed(silent)}: facets of corners and curves reflect nothing back to their source"
     over = _too_small(surfaces, mesh, found, wavelength_m)
     if over:
         worst = max(over, key=lambda name: over[name])
         yield (
             f"sionna: {_listed(list(over))} returns the level of an infinite mirror, "
-            f"{'up to ' if len(over) > 1 else ''}{over[worst]:.1f} dB more than its area can"
+            f"{'up to ' if len(over) > 1 else ''}{over[worst]:.1f} dB more than its area allows"
         )
     if diffuse and found["scattered"].any():
-        yield "sionna: diffuse paths are added coherently; their level grows with `rays` and is no power"
+        yield "sionna: diffuse paths add coherently; their level grows with `rays` and is not a power"
 
 
-def _silent(surfaces: Sequence[Surface], mesh: "Mesh", face: np.ndarray) -> list[str]:
-    """Objects that no path leads over."""
-    heard = set(np.unique(mesh.surface[face[face >= 0]]).tolist())
-    return [s.name or f"surface {i}" for i, s in enumerate(surfaces) if s.kind == "object" and i not in heard]
+def _silent(surfaces: Sequence[Surface], mesh: Mesh, face: np.ndarray) -> list[str]:
+    """Names of objects without any path."""
+    with_paths = set(np.unique(mesh.surface[face[face >= 0]]).tolist())
+    return [s.name or f"surface {i}" for i, s in enumerate(surfaces) if s.kind == "object" and i not in with_paths]
 
 
-def _too_small(surfaces: Sequence[Surface], mesh: "Mesh", found: dict[str, np.ndarray], wavelength_m: float) -> dict[str, float]:
-    """Excess in dB by name, of surfaces whose flat face under a single bounce is less than half a wavelength times its distance."""
+def _too_small(surfaces: Sequence[Surface], mesh: Mesh, found: dict[str, np.ndarray], wavelength_m: float) -> dict[str, float]:
+    """Excess level in dB by name, of surfaces with a single-bounce path on a face smaller than lambda d/2."""
     single = (found["face"] >= 0).sum(axis=1) == 1
     excess: dict[str, float] = {}
     corners = mesh.vertices[0][mesh.faces]

@@ -1,10 +1,10 @@
-"""A Sionna radio material that looks reflection up in a table, by face and angle.
+"""A Sionna radio material with tabulated reflection by face and angle.
 
-Sionna's own material is one homogeneous slab in air. Walls here are stacks, so what is looked up is `radartwin.materials.reflection` on an
-even grid of 4096 cosines, interpolated linearly: within 3e-3 of the incident field for every finish of the rooms, from 89.7 degrees to
-normal incidence (tested), and for a slab in air what Sionna computes itself (tested too). Everything else, polarisation, diffuse
-pattern and probabilities, stays Sionna's. One material serves all surfaces, because Dr.Jit records every material's code on each call.
-Import only in the worker process, once its Mitsuba variant is active.
+Sionna's own material is one homogeneous slab in air, but walls here are stacks of layers. The table holds `radartwin.materials.reflection`
+on a uniform grid of 4096 cosines with linear interpolation. Its error is below 3e-3 of the incident field for every finish of the rooms,
+from 89.7 degrees to normal incidence, and it agrees with Sionna for a slab in air (both tested). Polarisation, diffuse pattern and
+probabilities are Sionna's. One material serves all surfaces, because Dr.Jit traces the code of every material on each call. Import only in
+the worker process, after its Mitsuba variant is active.
 """
 
 from typing import Any
@@ -16,16 +16,15 @@ from sionna.rt import RadioMaterial
 
 
 class TabulatedMaterial(RadioMaterial):
-    """Reflection by table.
+    """Tabulated reflection.
 
     Args:
-        row: (F,) of each face in the tables.
-        scattering: (F,) Sionna's scattering coefficient of each face, 0 to 1: the square root of the share of the reflected power that is
-            scattered.
+        row: (F,) row of each face in the tables.
+        scattering: (F,) Sionna's scattering coefficient, 0 to 1: square root of the scattered share of the reflected power.
     """
 
     def __init__(self, row: np.ndarray, scattering: np.ndarray) -> None:
-        # what Sionna samples interactions by: a metal, so that no angle is without a reflection
+        # Sionna samples interactions by this conductivity; a metal reflects at every angle
         super().__init__(name="tabulated", conductivity=1e7)
         self._rows = mi.UInt(np.ascontiguousarray(row, np.uint32))
         self._scattering = mi.Float(np.ascontiguousarray(scattering, np.float32))
@@ -35,33 +34,33 @@ class TabulatedMaterial(RadioMaterial):
         dr.make_opaque(self._rows, self._scattering)
 
     def use(self, te: np.ndarray, tm: np.ndarray) -> None:
-        """Take tables (D, C) complex on an even grid of cosines from 0 to 1."""
+        """Use tables (D, C), complex, on a uniform grid of cosines from 0 to 1."""
         self._cosines = te.shape[1]
         parts = (np.real(te), np.imag(te), np.real(tm), np.imag(tm))
         self._table = [mi.Float(np.ascontiguousarray(part, np.float32).ravel()) for part in parts]
         dr.make_opaque(self._table)
 
     def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> Any:
-        self._meet(si)
+        self._select(si)
         return super().sample(ctx, si, sample1, sample2, active)
 
     def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        self._meet(si)
+        self._select(si)
         return super().eval(ctx, si, wo, active)
 
     def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        self._meet(si)
+        self._select(si)
         return super().pdf(ctx, si, wo, active)
 
-    def _meet(self, si: Any) -> None:
-        """Which surface is asked about; its scattering coefficient stands in the attribute that Sionna reads."""
+    def _select(self, si: Any) -> None:
+        """Set the table row of the hit faces, and the scattering coefficient in the attribute that Sionna reads."""
         self._row = dr.gather(mi.UInt, self._rows, si.prim_index)
         self._s = dr.gather(mi.Float, self._scattering, si.prim_index)
 
     def _specular_reflection_transmission_matrix(
         self, to_world: Any, ki_local: Any, ko_local: Any, reflection: Any, r_te: Any, r_tm: Any, t_te: Any, t_tm: Any
     ) -> Any:
-        """Sionna's Jones matrix with the table's coefficients in place of r_te and r_tm."""
+        """Sionna's Jones matrix with tabulated r_te and r_tm."""
         place = dr.clip(-ki_local.z, 0, 1) * (self._cosines - 1)
         below = dr.minimum(mi.UInt(place), self._cosines - 2)
         share, index = place - mi.Float(below), below + self._row * self._cosines

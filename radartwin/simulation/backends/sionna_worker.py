@@ -37,14 +37,14 @@ def slab(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Paths of all poses.
+    """Trace the paths of all poses.
 
     Args:
         message: vertices (F or 1, V, 3) in the world; faces (T, 3); te, tm (D, C, Q); row (T,) of each face in them; scattering (T,);
             frequencies_hz (Q,); sensor (F, 4, 4); offset_m (3,) of the receiver in the sensor frame; max_bounces, samples, diffuse, seed.
     Returns:
         pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), vertex (N, D, 3), face (N, D) with -1 after the last
-        hit, scattered (N,) whether a path has a diffuse hit.
+        hit, scattered (N,) whether the path has a diffuse hit.
     """
     import mitsuba as mi
     from sionna.rt import PathSolver
@@ -76,7 +76,7 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _build(message: dict[str, np.ndarray]) -> tuple[Any, Any]:
-    """Sionna's scene of one mesh, its sensor with isotropic antennas polarised along z, and its material."""
+    """Sionna's scene with the mesh and isotropic antennas polarised along z, and its material."""
     import mitsuba as mi
     from sionna.rt import PlanarArray, Receiver, SceneObject, Transmitter, load_scene
 
@@ -110,7 +110,7 @@ def _place(scene: Any, sensor: np.ndarray, offset_m: np.ndarray) -> None:
 
 
 def _found(pose: int, scene: Any, solver: Any, paths: Any, material: Any, message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """One pose's paths, in the order in which the deterministic solver finds them; in Sionna's tensors they stand as threads finish."""
+    """Paths of one pose, in the deterministic solver's order; the order in Sionna's tensors depends on threads."""
     from sionna.rt import InteractionType
 
     order = np.array(paths._path_ind)
@@ -133,10 +133,9 @@ def _nothing(nodes: int) -> dict[str, np.ndarray]:
 
 
 def _amplitudes(scene: Any, solver: Any, paths: Any, material: Any, message: dict[str, np.ndarray]) -> np.ndarray:
-    """(N, Q) coefficients at every frequency: the fields along the paths once found, replayed with that frequency's table.
+    """(N, Q) coefficients at every frequency, computed along the known paths with the table of that frequency.
 
-    Sionna's solver knows one frequency a call and would look for the paths again; its field calculator, which is no public name, takes
-    the paths it has.
+    Sionna's solver has one frequency per call and would search the paths again, so this uses its field calculator, which is not public.
     """
     import drjit as dr
     import mitsuba as mi

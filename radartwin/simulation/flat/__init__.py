@@ -1,1 +1,1 @@
-"""Panel images: specular paths over flat surfaces."""
+"""Image sources for rooms of flat panels."""

@@ -1,19 +1,19 @@
-"""Fresnel factor of a flat polygon: what share of an image's field comes through it; and the compiled loop over images that uses it.
+"""Fresnel factor of a flat polygon, and the compiled loop over images. One kernel and its parts, hence over 300 lines.
 
-The field that a plane returns of a source is its image's. What a polygon of that plane returns is the image's times
+A plane returns the field of a source's image. A polygon of this plane returns the image's field times
 
     F = W - 1/(2 pi) sum over edges of s [G(d, t_b) - G(d, t_a)],   G(d, t) = integral_0^t d/(d^2 + x^2) exp(+j pi (d^2 + x^2)/2) dx
 
-the boundary form of 1/(2j) times the integral of exp(+j pi r^2/2) over the polygon, r = 0 at the specular point. W is 1 with the
-specular point inside and 0 outside, s = +-1 the side of the edge it lies on. In place of the paraxial r, the EXACT excess D of the path
-over the point above the specular path enters: pi r^2/2 = k D, at the corners and at the least excess along the edge's line, which has a
-closed form; each edge counts with the obliquity and spreading of the currents at its nearest point, over those at the specular point
-(0.1 to 1 m metal panels at 0.5 to 4 m, sensor up to a width beyond the edge: 0.0003 rms and 0.002 at most from quadrature; without this
-weight 0.002 and 0.01). On a straight edge far from all corners F is the half-plane factor (1 - (1 - j)(C + jS))/2; for a rectangle it is
-the product of two such differences. Polygons are convex here, counter-clockwise; whatever is left of one behind another is a few convex
-pieces.
-`evaluate` is the loop of `radartwin.simulation.flat.images`, where it is described; it stands here because machine code that is kept on
-disk is renewed when its own file changes, not when a file it calls does.
+This is the boundary form of 1/(2j) times the integral of exp(+j pi r^2/2) over the polygon, with r = 0 at the specular point. W is 1 if the
+specular point is inside and 0 outside; s = +-1 is its side of the edge. Instead of the paraxial r, the exact excess D of the path over the
+specular path is used, pi r^2/2 = k D, at the corners and at the point of least excess on the edge's line (closed form). Each edge has the
+weight of obliquity and spreading of the currents at its nearest point, relative to the specular point. The error against quadrature is
+0.0003 rms and at most 0.002 (without the weight 0.002 and 0.01), for metal panels of 0.1 to 1 m at 0.5 to 4 m and sensors up to a width
+beyond the edge. On a straight edge far from all corners, F is the half-plane factor (1 - (1 - j)(C + jS))/2; for a rectangle it is the
+product of two such differences. Polygons are convex and counter-clockwise; a polygon minus its shadows is a few convex pieces.
+
+`evaluate` is the loop of `radartwin.simulation.flat.images`. It is in this file because Numba recompiles cached code when its own file
+changes, but not when a called function's file changes.
 Ref: K. Miyamoto, E. Wolf, J. Opt. Soc. Am. 52 (1962) 615, for diffraction as a boundary wave.
 """
 
@@ -24,12 +24,12 @@ import numpy as np
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.reflection_table import COSINES
 
-MAX_CORNERS = 24  # of a polygon in the making; a rectangle cut by eight planes has twelve
+MAX_CORNERS = 24  # of an intermediate polygon; a rectangle cut by eight planes has twelve
 MAX_PIECES = 64
 MAX_SHADOWS = 256  # on one aperture
-BEHIND = 1e-6  # metres within which a point lies on a plane
-SAME_M = 1e-9  # corners nearer each other are one
-SLIVER_M2 = 2e-9  # twice the area below which a piece is rounding
+BEHIND = 1e-6  # metres; a point closer to a plane lies on it
+SAME_M = 1e-9  # corners closer to each other coincide
+SLIVER_M2 = 2e-9  # twice the area of the largest piece that is only rounding
 _NEAR = 2.0  # Fresnel coordinate below which the integral is summed directly
 _X, _WX = np.polynomial.legendre.leggauss(16)
 _LAGUERRE, _WL = np.polynomial.laguerre.laggauss(14)
@@ -55,7 +55,7 @@ def _to_infinity(d: float) -> complex:
         share = _WH[i] / (d * d * d * d + y * y)
         re += share * d * d
         im -= share * y
-    turn = 0.5 * math.pi * d * d + 0.25 * math.pi  # of j over the root of j too
+    turn = 0.5 * math.pi * d * d + 0.25 * math.pi  # includes the phase of j over the root of j
     return d / math.sqrt(2 * math.pi) * complex(math.cos(turn), math.sin(turn)) * complex(re, im)
 
 
@@ -115,11 +115,11 @@ def _signed(d: float, t: float) -> complex:
 
 @innermost
 def clip(polygon: np.ndarray, count: int, a: float, b: float, c: float, out: np.ndarray) -> int:
-    """Part of a convex polygon (count, 2) with a x + b y + c >= 0, written to `out`; its number of corners."""
+    """Write the part of a convex polygon (count, 2) with a x + b y + c >= 0 to `out`; returns its number of corners."""
     kept = 0
     previous = count - 1
     before = 0.0
-    # the last corner goes first by the same instructions: fused ones elsewhere could put it on the other side of a plane through it
+    # the last corner is also tested first, in this loop: instructions fused elsewhere could put it on the other side of the plane
     for turn in range(-1, count):
         i = turn if turn >= 0 else count - 1
         here = a * polygon[i, 0] + b * polygon[i, 1] + c
@@ -141,7 +141,7 @@ def clip(polygon: np.ndarray, count: int, a: float, b: float, c: float, out: np.
 
 @innermost
 def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, side: float, offset: float, out: np.ndarray) -> int:
-    """Part of a convex polygon (count, 3) with side normal . x >= offset, side +-1, written to `out`; its number of corners."""
+    """Write the part of a convex polygon (count, 3) with side normal . x >= offset, side +-1, to `out`; returns its number of corners."""
     kept = 0
     previous = count - 1
     before = 0.0
@@ -166,7 +166,7 @@ def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, side: float,
 
 @innermost
 def orient(polygon: np.ndarray, count: int) -> float:
-    """Twice the area of a polygon (count, 2), which is made counter-clockwise."""
+    """Make a polygon (count, 2) counter-clockwise; returns twice its area."""
     area = 0.0
     previous = count - 1
     for i in range(count):
@@ -184,19 +184,19 @@ def orient(polygon: np.ndarray, count: int) -> float:
 
 @innermost
 def _copy(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
-    """Corners (count, 2) to `out`: much faster than by slices."""
+    """Copy corners (count, 2) to `out`, much faster than slices."""
     for i in range(count):
         out[i, 0], out[i, 1] = polygon[i, 0], polygon[i, 1]
 
 
 @innermost
 def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, spare: np.ndarray) -> int:
-    """Make `polygon` its intersection with the convex, counter-clockwise `other`; its number of corners."""
+    """Replace `polygon` by its intersection with the convex, counter-clockwise `other`; returns its number of corners."""
     previous = corners - 1
     for i in range(corners):
         x, y = other[previous, 0], other[previous, 1]
         a, b = y - other[i, 1], other[i, 0] - x
-        if a * a + b * b < SAME_M * SAME_M:  # two corners in one place: the direction of their edge is rounding
+        if a * a + b * b < SAME_M * SAME_M:  # coinciding corners: the direction of their edge is only rounding
             continue
         count = clip(polygon, count, a, b, -(a * x + b * y), spare)
         _copy(spare, count, polygon)
@@ -208,7 +208,7 @@ def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, 
 
 @innermost
 def box(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
-    """Least and greatest coordinates of a polygon (count, 2), in `out` (2, 2)."""
+    """Write the bounding box of a polygon (count, 2) to `out` (2, 2)."""
     for k in range(2):
         out[0, k] = out[1, k] = polygon[0, k]
         for i in range(1, count):
@@ -217,13 +217,13 @@ def box(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
 
 @innermost
 def _are_apart(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two boxes (2, 2) have at most their rims in common."""
+    """Whether two boxes (2, 2) are disjoint or only touch."""
     return one[0, 0] >= other[1, 0] or one[1, 0] <= other[0, 0] or one[0, 1] >= other[1, 1] or one[1, 1] <= other[0, 1]
 
 
 @innermost
 def split(polygon: np.ndarray, count: int, a: float, b: float, c: float, inside: np.ndarray, outside: np.ndarray) -> tuple[int, int]:
-    """Both parts of a convex polygon, as `clip` by a line and by the same line turned round; their numbers of corners."""
+    """Both parts of a convex polygon, as `clip` by a line and by its reverse; returns their numbers of corners."""
     kept, left = 0, 0
     previous = count - 1
     before = a * polygon[previous, 0] + b * polygon[previous, 1] + c
@@ -256,10 +256,10 @@ def subtract(
     pieces: np.ndarray, counts: np.ndarray, number: int, other: np.ndarray, corners: int, around: np.ndarray, spare: np.ndarray,
     bounds: np.ndarray,
 ) -> int:  # fmt: skip
-    """Take a convex, counter-clockwise polygon away from convex pieces (MAX_PIECES, MAX_CORNERS, 2), in place; how many are left.
+    """Subtract a convex, counter-clockwise polygon from convex pieces (MAX_PIECES, MAX_CORNERS, 2) in place; returns the number of pieces.
 
     Args:
-        around: (2, 2) the polygon's `box`. spare: (3, MAX_CORNERS, 2), bounds: (2, 2): room to work in.
+        around: (2, 2) the polygon's `box`. spare, bounds: (3, MAX_CORNERS, 2), (2, 2), workspace.
     """
     total = number
     left = 0
@@ -283,7 +283,7 @@ def subtract(
                 counts[total] = outside
                 total += 1
             previous, now = i, 1 - now
-        if rest == 0 or orient(spare[now], rest) < SLIVER_M2:  # nothing in common: the piece stays whole
+        if rest == 0 or orient(spare[now], rest) < SLIVER_M2:  # nothing in common: the piece stays unchanged
             total = before
             if left != p:
                 _copy(pieces[p], counts[p], pieces[left])
@@ -311,8 +311,8 @@ def polygon_factor(
     """F of one convex polygon.
 
     Args:
-        polygon: (count, 2) counter-clockwise, metres along `u_axis`, `v_axis` (3,) from `origin` (3,), the specular point.
-        source: (3,) image of the source, behind the plane; receiver: (3,). length: between them, metres.
+        polygon: (count, 2) counter-clockwise, metres along `u_axis`, `v_axis` (3,) from the specular point `origin` (3,).
+        source: (3,) image of the source, behind the plane. receiver: (3,). length: distance between them, metres.
         wavenumber: rad/m.
     """
     normal = np.cross(u_axis, v_axis)
@@ -332,10 +332,10 @@ def polygon_factor(
         excess_b = _distance(b, source) + _distance(b, receiver) - length
         cross = polygon[previous, 0] * polygon[i, 1] - polygon[previous, 1] * polygon[i, 0]
         side = math.sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2])
-        if side > 1e-7:  # shorter ones are two corners in the same place, whose order is rounding
+        if side > 1e-7:  # the order of coinciding corners is only rounding
             inside &= cross >= 0
             sides += 1
-            # the least excess along the edge's line: unfold source and receiver about it
+            # point of least excess on the edge's line: unfold source and receiver about the line
             z_s, z_r = 0.0, 0.0
             for k in range(3):
                 along[k] /= side
@@ -362,7 +362,7 @@ def polygon_factor(
 
 @innermost
 def _spreading(point: np.ndarray, source: np.ndarray, receiver: np.ndarray, normal: np.ndarray) -> float:
-    """Obliquity over path length at a point of the plane, up to a factor: what currents there weigh per unit of excess."""
+    """Obliquity over path length at a point of the plane, up to a factor: the weight of the currents per unit of excess."""
     down, up = _distance(point, source), _distance(point, receiver)
     depth_in, depth_out = 0.0, 0.0
     for k in range(3):
@@ -398,9 +398,9 @@ def _project(
     spare: np.ndarray,
     out: np.ndarray,
 ) -> int:
-    """Polygon (count, 3) seen from `centre` on the plane `depth` before it along `normal`: (n, 2) in `out`, and n.
+    """Project a polygon (count, 3) from `centre` onto the plane at `depth` along `normal`: (n, 2) in `out`; returns n.
 
-    Only what lies between the two counts; it is cut a thousandth of the depth before the centre.
+    The polygon is clipped to the space between centre and plane, with a margin of 0.001 of the depth at the centre.
     """
     at = centre[0] * normal[0] + centre[1] * normal[1] + centre[2] * normal[2]
     kept = clip_space(points, count, normal, 1.0, at + 1e-3 * depth, spare)
@@ -421,7 +421,7 @@ def _project(
 
 @innermost
 def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
-    """Convex hull of points (count, 2), counter-clockwise in `out` (MAX_CORNERS, 2), and its size."""
+    """Write the convex hull of points (count, 2) counter-clockwise to `out` (MAX_CORNERS, 2); returns its size."""
     start = 0
     for i in range(1, count):
         if points[i, 0] < points[start, 0] or (points[i, 0] == points[start, 0] and points[i, 1] < points[start, 1]):
@@ -481,7 +481,7 @@ def _is_aside(
         away += (centre[k] - image[k] - t * along[k]) ** 2
     if t < -radius or t > total + radius:
         return True
-    middle = min(max(0.5 * total, t - radius), t + radius)  # where along the ball the path's zone is widest
+    middle = min(max(0.5 * total, t - radius), t + radius)  # where the Fresnel zone is widest within the ball
     middle = min(max(middle, 0.0), total)
     width = reach * np.sqrt(np.pi * middle * (total - middle) / (total * wavenumber))
     return np.sqrt(away) - radius > width
@@ -489,8 +489,7 @@ def _is_aside(
 
 @compiled
 def transverse(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Normalised part of an axis across a direction. Along the axis itself it has no limit, but what an antenna sends and receives there
-    has: any one direction across, the same at both ends."""
+    """Normalised component of an axis perpendicular to a direction. Along the axis, any fixed perpendicular is used, equal at both ends."""
     across = axis - direction * np.dot(axis, direction)
     size = norm(across)
     if size < 1e-6:
@@ -524,7 +523,7 @@ def evaluate(
         m = order[s]
         image = source[n].copy()
         lit = True
-        for i in range(m):  # images; each panel must be met from its side
+        for i in range(m):  # images; the path must meet each panel from its side
             p = panel[s, i]
             height = image[0] * normal[p, 0] + image[1] * normal[p, 1] + image[2] * normal[p, 2] - offset[p]
             if side[s, i] * height <= BEHIND:
@@ -585,11 +584,11 @@ def evaluate(
         v_axis = np.cross(facing, u_axis)
 
         number = 0
-        for i in range(m - 1, -1, -1):  # the aperture: common part of all panels
+        for i in range(m - 1, -1, -1):  # the aperture: intersection of all panels
             p = panel[s, i]
             c = count[p]
             space[:c] = corners[p, :c]
-            for j in (i - 1, i + 1):  # before the panels it sends to and receives from
+            for j in (i - 1, i + 1):  # in front of the neighbouring panels
                 if 0 <= j < m:
                     o = panel[s, j]
                     c = clip_space(space, c, normal[o], side[s, j], side[s, j] * offset[o], spare3)
@@ -622,7 +621,7 @@ def evaluate(
         if strongest * (f.real * f.real + f.imag * f.imag) <= (least[n] * total) ** 2:
             continue
         shaded = 0
-        for leg in range(m + 1):  # less what stands in the way
+        for leg in range(m + 1):  # minus the obstacles
             for b in range(first[s, leg], last[s, leg]):
                 o = blocker[b]
                 if _is_aside(seen[b], o_radius[o], image, along, total, wavenumber, reach):
@@ -657,7 +656,7 @@ def evaluate(
                 c = intersect(flat, c, pieces[0], counts[0], spare2[0])
                 if c == 0 or shaded == MAX_SHADOWS or orient(flat, c) < SLIVER_M2:
                     continue
-                # its shadow on the aperture, less the shadows before it
+                # its shadow on the aperture, minus earlier shadows
                 _copy(flat, c, shadows[shaded])
                 corners_of[shaded] = c
                 box(flat, c, boxes[shaded])

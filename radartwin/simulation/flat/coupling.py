@@ -1,9 +1,10 @@
-"""An object in a room of panels: traced from the sensor and from its images, received at the sensor and at its images.
+"""Paths between an object and a room of panels.
 
-A leg is a way between sensor and object: direct, or over a sequence of panels. For every pair of legs that could matter the object is
-traced from the first one's image and received at the second one's, all pairs and poses in one launch; of two different legs one way
-round, for the other is the same paths backwards. Each hit is then weighted by what its two legs carry there, the panels' Fresnel factors,
-reflections and obstacles included. Paths object - panel - object are left out: they need a hollow object or a third mirror.
+A leg connects sensor and object, directly or over a sequence of panels. For each pair of legs that can matter, the object is traced from
+the image of the first leg and received at the image of the second leg. All pairs and poses form one grid of tubes. A pair of two different
+legs is traced in one direction; the other direction has the same paths reversed. Each hit is then weighted by the field of its two legs,
+which includes the panels' Fresnel factors, reflections and obstacles. Paths object - panel - object are not modelled: they need a hollow
+object or a third mirror.
 """
 
 from dataclasses import dataclass, replace
@@ -25,12 +26,12 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
-SCOUT_PRUNE = 2e-4  # while tracing, before antenna gains are known
-FEW_TUBES = 300  # up to so many on an object, those across its edges are divided: the smaller it is, the more of it they are
-EARLY = 0.3  # of the last prune: a hit that could not matter if its legs carried all they do anywhere is dropped before they are looked at
-COUPLED = 3_000_000  # paths between a small static thing and the room, over all frames: the furniture of a scan would fill the memory
-BISTATIC = 4.0  # by which what goes to another image may be stronger than the echo straight back
-SHORT_M = 1e-4  # by which a test of the direct way stops before the object
+SCOUT_PRUNE = 2e-4  # during tracing, before the antenna gains are known
+FEW_TUBES = 300  # on an object with at most this many tubes, tubes across its edges are divided
+EARLY = 0.3  # of the final prune: hits below it with the largest field of their legs are dropped before the legs are evaluated
+COUPLED = 3_000_000  # limit of paths between a small static object and the room over all frames; a scan's furniture would fill the memory
+BISTATIC = 4.0  # largest ratio of an object's bistatic to its monostatic echo
+SHORT_M = 1e-4  # visibility tests of the direct leg end before the object by this length
 
 
 def group_paths(
@@ -49,19 +50,20 @@ def group_paths(
     least: float = 0.0,
     ball: tuple[np.ndarray, float] | None = None,
 ) -> list[Paths] | None:
-    """Paths by way of an object: direct ones, and those over the room's panels; None where no planar grid of tubes holds the object.
+    """Direct paths of an object and its paths over the room's panels; None if the object is too close for a planar grid of tubes.
 
     Args:
-        room: panels; None for free space. built, table: the object in its own frame.
+        room: panels; None: free space. built, table: the object in its own frame.
         sensor_poses, object_poses: (F, 4, 4) to the world.
-        cell_m: width of a tube on the object; coupled_cell_m: on ways over the room, if it is another.
+        cell_m: width of a tube on the object. coupled_cell_m: width for paths over the room; None: cell_m.
         occluder: static geometry that hides the object on direct legs.
-        least: amplitude that does not matter; pairs of legs that stay below it are left out.
-        ball: centre (3,) and radius, metres, that hold the object in every frame: legs are found for it, and kept for what comes after.
+        prune: drop paths below this share of the strongest path of their pose.
+        least: amplitude below which pairs of legs are dropped.
+        ball: centre (3,) and radius in metres of a ball that contains the object in every frame. Legs are found for the ball and cached.
     """
     share, most = SHARE, np.inf
     if room is not None and least > 0:
-        alone = group_paths(  # in plain view: what hides it from the sensor may not hide it from an image
+        alone = group_paths(  # without occluder, because an object hidden from the sensor may be visible from an image
             None, built, table, sensor_poses, object_poses, radar, max_bounces=1, cell_m=cell_m, occluder=None, prune=prune
         )
         if alone is None:
@@ -75,7 +77,7 @@ def group_paths(
     radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
     if ball is not None:
         centre, radius = np.repeat(ball[0][None], frames, axis=0), ball[1]
-    elif np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # what turns or slides a little before a sensor at rest is in one place
+    elif np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # small motions in front of a resting sensor share one place
         step = radius / 2
         centre, radius = np.round(centre / max(step, 1e-9)) * step, radius + np.sqrt(3) / 2 * step
     seen = np.concatenate([sensor_poses[:, :3, 3], centre, sensor_poses[:, :3, 2]], axis=1)
@@ -140,7 +142,7 @@ def group_paths(
 
 
 def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
-    """With the same ways backwards, of those over two different legs."""
+    """The paths and, for paths over two different legs, their reverse."""
     if not cross.any():
         return part
     there, first = part.where(cross), first_m[cross]
@@ -149,7 +151,7 @@ def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
 
 
 def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int) -> Hits | None:
-    """Hits of the chosen rows of legs out and back, by row; None where no planar grid holds the object."""
+    """Hits of the chosen rows of leg pairs; None if the object is too close for a planar grid."""
     grid = tube_grid.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
     if grid is None:
         return None
@@ -161,11 +163,11 @@ def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: n
 
 @dataclass(frozen=True)
 class _End:
-    """Where N legs start or arrive, as the object sees it.
+    """Sensor images at the ends of N legs, in the object's frame.
 
     Attributes:
-        place: (N, 3) image of the sensor in the object's frame; velocity: (N, 3) m/s there; axis: (N, 3) of its antenna.
-        turn: (N, 3, 3) of directions in the object's frame, at the image, to the sensor's own frame.
+        place: (N, 3) position of the image. velocity: (N, 3) m/s. axis: (N, 3) of its antenna.
+        turn: (N, 3, 3) rotation of directions at the image to the sensor's frame.
     """
 
     place: np.ndarray
@@ -175,32 +177,32 @@ class _End:
 
     @staticmethod
     def of(legs: Legs | None, leg: np.ndarray, pose: np.ndarray, sensor: np.ndarray, objects: np.ndarray, radar: Radar) -> "_End":
-        """Ends of legs (N,) at frames `pose` (N,), with poses (F, 4, 4)."""
+        """Ends of legs (N,) at frames `pose` (N,), for poses (F, 4, 4)."""
         mirror, shift = (np.tile(np.eye(3), (len(pose), 1, 1)), np.zeros((len(pose), 3))) if legs is None else legs.maps(leg)
         at = []
         for sensor_then, objects_then in poses_module.moments(sensor, objects):
             image = np.einsum("nij,nj->ni", mirror, sensor_then[pose, :3, 3]) + shift
             at.append(np.einsum("nji,nj->ni", objects_then[pose, :3, :3], image - objects_then[pose, :3, 3]))
         velocity = (at[1] - at[0]) / poses_module.MOMENT * radar.frame_rate_hz
-        to_object = np.swapaxes(objects[pose, :3, :3], 1, 2) @ mirror  # of what the sensor has in the world; its inverse is its transpose
+        to_object = np.swapaxes(objects[pose, :3, :3], 1, 2) @ mirror  # world to object; orthogonal, so the inverse is the transpose
         axis = np.einsum("nij,nj->ni", to_object, sensor[pose, :3, 2])
         return _End(at[0], velocity, axis, np.swapaxes(to_object @ sensor[pose, :3, :3], 1, 2))
 
 
 def _to_world(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (N, 3) of the objects' frames in the world."""
+    """Points (N, 3) from the objects' frames to the world."""
     return np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]
 
 
 def _matters(level: np.ndarray, frame: np.ndarray, frames: int, share: float) -> np.ndarray:
-    """(N,) mask of levels of at least `share` of their frame's largest."""
+    """(N,) whether each level is at least `share` of the largest of its frame."""
     largest = np.zeros(frames)
     np.maximum.at(largest, frame, level)
     return (level >= share * largest[frame]) & (level > 0)
 
 
 def _free(geometry: Geometry, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """(N,) whether nothing of a geometry stands between points (N, 3) of the world."""
+    """(N,) whether the lines between points (N, 3) in the world are free of the geometry."""
     import mitsuba as mi
 
     if not len(start):
@@ -213,7 +215,7 @@ def _free(geometry: Geometry, start: np.ndarray, stop: np.ndarray) -> np.ndarray
 
 
 def _loudest(part: Paths, radar: Radar) -> float:
-    """The largest sum of paths over poses and frequency nodes, element pattern included."""
+    """The largest sum of paths over poses and frequency nodes, with the element pattern."""
     gain = element_gain(radar.element, part.departure) * element_gain(radar.element, part.arrival)
     turned = part.amplitude * np.exp(2j * np.pi / SPEED_OF_LIGHT * part.length_m[:, None] * part.frequencies_hz) * gain[:, None]
     total = np.zeros((part.poses, turned.shape[1]), complex)
@@ -222,7 +224,7 @@ def _loudest(part: Paths, radar: Radar) -> float:
 
 
 def _least_of_strongest(values: np.ndarray, most: float) -> float:
-    """The least of the `most` largest; infinite where there are none."""
+    """The smallest of the `most` largest values; infinity if there are none."""
     chosen = int(min(most, len(values)))
     return float(np.partition(values, -chosen)[-chosen]) if chosen else np.inf
 
@@ -230,9 +232,9 @@ def _least_of_strongest(values: np.ndarray, most: float) -> float:
 def _pairs(
     legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int, least: float, most: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(frame, leg out, leg back) of everything to be traced, one of each pair and its reverse; the direct pair of every frame always is.
+    """(frame, leg out, leg back) of the pairs to trace, without reverse pairs; the direct pair of every frame is always in.
 
-    Of pairs that carry at least `least` of the direct one the strongest are taken, so that every frame has `most` or a few more.
+    Pairs weaker than `least` of the direct pair are dropped. Each frame has the `most` strongest of the others, and equally strong pairs.
     """
     rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
     if legs is not None and max_bounces > 1:

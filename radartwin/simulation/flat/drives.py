@@ -1,11 +1,11 @@
-"""Many drives along one track: a sensor that moves through a room at rest, past a thing at rest.
+"""Paths of many drives along one track: a sensor moves through a resting room, past a resting object.
 
-Drives that follow one log differ by centimetres, their echoes by radians, so nothing traced for one serves another as it is. What can be
-shared is: which panel sequences matter along the track, scouted once and evaluated exactly at every pose of every drive; and paths by way
-of clutter, and of a thing by way of the room, traced at places along the track and carried from the nearest one to wherever the sensor is:
-lengths, directions and rates exactly for the points they meet first and last, amplitudes as they are. Neither panel images are carried nor
-the echoes straight back from a thing under test: the waves from an edge turn against the flash beside it within millimetres, which left
-0.23 of the signal.
+Drives after the same log differ by centimetres and their echoes by radians of phase, so they cannot share traced paths unchanged. They
+share two results. First, the panel sequences that matter along the track are found once and evaluated exactly at every pose of every drive.
+Second, paths of clutter, and paths of an object over the room, are traced at places along the track and moved from the nearest place to
+each sensor pose: lengths, directions and rates exactly for the first and last points of the path, amplitudes unchanged. Panel images
+and direct echoes of a target are not moved, because the edge waves of an object change phase against the specular flash within millimetres
+(error 0.23 of the signal).
 """
 
 from collections.abc import Callable, Sequence
@@ -25,28 +25,28 @@ from radartwin.simulation.backends.tube_paths import PRUNE
 from radartwin.simulation.paths import Paths
 
 SPACING_M = 0.04  # between places along a track
-OVER_ROOM = 0.25  # tubes a square wavelength on a thing's ways over the room, carried: 0.03 of all it returns; half as many, 0.06
-CLUTTER_OVER_ROOM = 0.125  # on clutter's; against one: 0.03 of a metal umbrella stand's, 0.10 of a litter bin's
-PAIRS = 0.1  # ten times what a radar at rest leaves out of clutter's ways over the room
-BEYOND_M = 0.04  # both ends of the nominal drive: the actual one starts early or rolls on
-CLUTTER_PRUNE = 1e-2  # of the strongest path by way of a piece of clutter: 0.003 of its signal straight back, 0.01 of it over the room
-THING_PRUNE = 3e-3  # of the strongest path by way of a thing; against a third of it 0.006 of its signal
-SCOUT_SHARE = 0.3  # of the last prune: what is a little less at one place may be more at the next
-TOGETHER = 8  # places traced in one go, which bounds memory
-TURNED_RAD = np.deg2rad(3.0)  # that a shared drive may swerve: what is carried was judged by the element pattern at the start's heading
-ASIDE_M = 0.015  # by which hands put things beside their marks: three standard deviations
-BALL_M, BALL_STEP = 0.1, 1.5  # balls that legs are found for: so large, and so much larger from one size to the next
+OVER_ROOM = 0.25  # tubes per square wavelength for an object's paths over the room: error 0.03 of its return (0.06 with half as many)
+CLUTTER_OVER_ROOM = 0.125  # ... for clutter: error 0.03 of a metal umbrella stand's return, 0.10 of a litter bin's
+PAIRS = 0.1  # ten times the threshold of a resting radar for clutter's paths over the room
+BEYOND_M = 0.04  # extension at both ends of the nominal drive, because the actual drive starts early or rolls on
+CLUTTER_PRUNE = 1e-2  # of the strongest path of a clutter object: changes its direct signal by 0.003, its signal over the room by 0.01
+THING_PRUNE = 3e-3  # of the strongest path of an object; a third of this value changes its signal by 0.006
+SCOUT_SHARE = 0.3  # of the final prune, because a sequence that is weak at one place may be strong at the next
+TOGETHER = 8  # places traced at once, which limits memory
+TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths were pruned with the element pattern at the start's heading
+ASIDE_M = 0.015  # placement error of an object: three standard deviations
+BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls for which legs are found, and the ratio of successive radii
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Paths at places (P, 4, 4) of the sensor, evenly along a line."""
+    """Paths at sensor places (P, 4, 4), equally spaced on a line."""
 
     places: np.ndarray
     parts: Sequence[Paths]
 
     def seen(self, poses: np.ndarray, frame_rate_hz: float) -> list[Paths]:
-        """Parts of F poses, from a sensor that drives through `poses` (F, 4, 4)."""
+        """Parts of F poses for a sensor that drives through `poses` (F, 4, 4)."""
         velocity = np.einsum("fji,fj->fi", poses[:, :3, :3], poses_module.relative(poses, None, frame_rate_hz)[1])
         along = self.places[-1, :3, 3] - self.places[0, :3, 3]
         where = (poses[:, :3, 3] - self.places[0, :3, 3]) @ along / (along @ along) * (len(self.places) - 1)
@@ -56,11 +56,11 @@ class Track:
         return [self._carried(part, place, shift, np.swapaxes(frame, 1, 2) @ there, velocity) for part in self.parts]
 
     def _carried(self, part: Paths, place: np.ndarray, shift: np.ndarray, turn: np.ndarray, velocity: np.ndarray) -> Paths:
-        """Paths at the place (F,) nearest to every pose, moved to it.
+        """Paths of the nearest place (F,) moved to each pose.
 
         Args:
-            shift: (F, 3) of the sensor, in its frame at the place. turn: (F, 3, 3) from there to its frame at the pose.
-            velocity: (F, 3) in the latter.
+            shift: (F, 3) from place to pose, in the sensor frame at the place. turn: (F, 3, 3) from this frame to the frame at the pose.
+            velocity: (F, 3) in the sensor frame at the pose.
         """
         assert part.mirror is None
         first = np.searchsorted(part.pose, np.arange(len(self.places) + 1))
@@ -81,7 +81,7 @@ def _carry(
     low, high, start, first, shift, turn, velocity, amplitude, bounces, length_in, length_out, departure, arrival,
     amplitude_to, bounces_to, length_to, way_to, rate_to,
 ):  # fmt: skip
-    """Paths of poses low..high from the places next to them."""
+    """Paths of poses low..high, moved from their nearest places."""
     moved = np.empty(3)
     for f in range(low, high):
         for row in range(start[f], start[f + 1]):
@@ -106,7 +106,7 @@ def _carry(
 
 
 def straight(poses: np.ndarray) -> bool:
-    """Whether a drive (F, 4, 4) is one that can be shared: along one line, one way, facing as at its start."""
+    """Whether a drive (F, 4, 4) follows one line in one direction with constant heading, so that tracks can be shared."""
     at, way = poses[:, :3, 3] - poses[0, :3, 3], poses[-1, :3, 3] - poses[0, :3, 3]
     length = float(np.linalg.norm(way))
     along = at @ (way / length) if length > 0 else np.zeros(len(at))
@@ -117,8 +117,10 @@ def straight(poses: np.ndarray) -> bool:
 
 
 def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np.ndarray:
-    """(P, 4, 4) places along a straight nominal drive (F, 4, 4), from before its start to behind its end, facing as it starts; further on
-    by `offset` of a spacing."""
+    """(P, 4, 4) places along a straight nominal drive (F, 4, 4), beyond both ends, with the heading of its start.
+
+    All places are shifted forward by `offset` times the spacing.
+    """
     start, way = poses[0, :3, 3], poses[-1, :3, 3] - poses[0, :3, 3]
     length = float(np.linalg.norm(way))
     beyond = int(np.ceil(BEYOND_M / spacing_m))
@@ -129,7 +131,7 @@ def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np
 
 
 def _in_turn(parts: Sequence[Paths | None], poses: int) -> Paths:
-    """Parts of TOGETHER poses each, one after the other, as one of all poses."""
+    """Consecutive parts of TOGETHER poses each, joined to one part of all poses."""
     shifted = [replace(part, poses=poses, pose=part.pose + k * TOGETHER) for k, part in enumerate(parts) if part is not None]
     return Paths.concatenate(shifted)
 
@@ -138,11 +140,11 @@ class Drives:
     """Drives along one track through one room.
 
     Args:
-        surfaces: the room, at rest; none for free space.
+        surfaces: static surfaces of the room; none: free space.
         radar: waveform, frame rate and element pattern.
-        nominal: (F, 4, 4) the drive of the log, straight.
-        settings: of the tracer; `rays` and room="tubes" are not for this.
-        offset: of a spacing, by which the places are set off, so that two courses of one track do not share what carrying gets wrong.
+        nominal: (F, 4, 4) the straight drive of the log.
+        settings: of the tracer, without `rays` and with a room of panels.
+        offset: shift of the places in spacings, so that two drives along one track have independent errors.
     """
 
     def __init__(self, surfaces: Sequence[Surface], radar: Radar, nominal: np.ndarray, settings: TraceSettings, offset: float = 0.0):
@@ -155,7 +157,7 @@ class Drives:
         self._still = StaticScene.build(list(surfaces), radar) if len(surfaces) else None
 
     def room(self, poses: np.ndarray) -> list[Paths]:
-        """What the room alone returns to a drive through `poses` (F, 4, 4)."""
+        """Paths of the room alone for a drive through `poses` (F, 4, 4)."""
         if self._still is None:
             return []
         if (poses == poses[0]).all():
@@ -190,12 +192,12 @@ class Drives:
         return None if self._still is None else self._still.room.beside()
 
     def over_room(self, surfaces: Sequence[Surface], aside: np.ndarray | None = None) -> Track:
-        """Paths by way of both something compact at rest in the world and the room, along the track; `aside` as in `moving`."""
+        """Paths over both a compact resting object and the room, along the track; `aside` as in `moving`."""
         at_rest = np.eye(4)[None]
-        return self._track(lambda places: self._moving(self._things, surfaces, places, at_rest, True, aside)[1:])  # without the echo itself
+        return self._track(lambda places: self._moving(self._things, surfaces, places, at_rest, True, aside)[1:])  # without the direct echo
 
     def _track(self, traced: Callable[[np.ndarray], list[Paths]]) -> Track:
-        """What is `traced` at places along the track, a few at once."""
+        """The paths that `traced` returns for the places along the track."""
         places = self._places
         some = [traced(places[low : low + TOGETHER]) for low in range(0, len(places), TOGETHER)]
         longest = max(len(parts) for parts in some)
@@ -204,11 +206,11 @@ class Drives:
     def moving(
         self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True, aside: np.ndarray | None = None
     ) -> list[Paths]:
-        """Paths by way of something compact, in its own frame, at `poses` (F, 4, 4), seen from `sensor` (F, 4, 4); either may be one.
+        """Paths of a compact object at `poses` (F, 4, 4) for the sensor poses `sensor` (F, 4, 4); a single pose holds for all frames.
 
         Args:
-            aside: (3,) metres from where the log has it to where it stands. Ways over the room are found for a ball about where the log
-                has it, so that all that is put there shares them.
+            aside: (3,) metres from the logged to the actual position. Legs over the room are found for a ball around the logged position,
+                so that all objects placed there share them.
         """
         return self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
 

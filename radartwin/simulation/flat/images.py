@@ -1,13 +1,13 @@
-"""Panel images: specular paths over flat panels, each with the Fresnel factor of what the panels leave open and furniture covers.
+"""Image sources: specular paths over flat panels, each with a Fresnel factor for the panels' edges and for obstacles.
 
 A sequence of panels p_1 .. p_m mirrors the source to its image S_m; the path to a receiver R is the straight line S_m R. Every panel, and
-everything that stands in the way of one of the m + 1 legs, is unfolded by the mirrors after it and projected from S_m onto the last
-panel's plane (what covers the last leg, from R): the aperture there is the common part of the panels' projections less the
-obstacles', and `aperture.polygon_factor` of its convex pieces multiplies the image's field. That is what tubes add up to when they are
-fine enough, but smooth in the pose and free of any grid. A corner of two walls comes out right only because the apertures are
-intersected: each order of the two contributes its half, where a product of the factors would give two quarters.
+every obstacle of one of the m + 1 legs, is unfolded by the following mirrors and projected from S_m onto the last panel's plane (obstacles
+of the last leg are projected from R). The aperture is the intersection of the projected panels minus the projected obstacles.
+`aperture.polygon_factor` of its convex pieces multiplies the image's field. Fine tubes add up to the same result, but the images are smooth
+in the pose and independent of a grid. The intersection is essential in a corner of two walls: each order of the walls contributes half of
+the field, whereas a product of the two factors would give two quarters.
 
-Fields: along a path E is mirrored by TE/TM coefficients in double precision, amplitude(f) = lambda/(4 pi L) P . E_m F.
+Fields: along a path, E is mirrored by TE and TM coefficients in double precision; amplitude(f) = lambda/(4 pi L) P . E_m F.
 """
 
 from collections.abc import Sequence
@@ -22,11 +22,11 @@ from radartwin.simulation.flat import aperture
 from radartwin.simulation.flat.panels import MAX_SIDES, Panels
 from radartwin.simulation.reflection_table import ReflectionTable
 
-# The factor is taken this far beside the receiver, in units of 1/k: seen from the sensor itself, a corner's image lies exactly behind its
-# edge, where rounding would decide between inside and outside. It moves the factor by a thousandth.
+# Offset of the receiver in units of 1/k at which the factor is evaluated. Seen from the sensor itself, a corner's image lies exactly behind
+# its edge, where rounding would decide between inside and outside. The offset changes the factor by 0.001.
 NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])
-REACH = 25.0  # an edge this far out, in Fresnel coordinates, moves a factor by 0.01 at most
-SUPPORTS = 24  # points that stand for a curved obstacle
+REACH = 25.0  # Fresnel coordinate; an edge beyond changes a factor by at most 0.01
+SUPPORTS = 24  # hull points of a curved obstacle
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Sequences:
     """S sequences of panels, prepared for evaluation.
 
     Attributes:
-        chain: (S,) index of the panel sequence in what was asked for, which may have several choices of sides.
-        reverse: (S,) index of the same panels backwards, or of itself where these were not asked for.
-        mirror: (S, 3, 3), shift: (S, 3): the image of a point x is mirror x + shift.
-        order: (S,) panels in each. panel: (S, M) indices; side: (S, M) +-1, the side of each panel's normal the path is on.
-        first, last: (S, M + 1) range of each leg in `blocker`; blocker: (B,) obstacle indices; seen: (B, 3) their centres, unfolded.
+        chain: (S,) index of the panel sequence in the given sequences; a sequence may occur with several choices of sides.
+        reverse: (S,) index of the reversed sequence, or of the sequence itself if the reverse is not given.
+        mirror, shift: (S, 3, 3), (S, 3); the image of a point x is mirror x + shift.
+        order: (S,) number of panels. panel: (S, M) indices. side: (S, M) +-1, side of each panel's normal on which the path is.
+        first, last: (S, M + 1) range of each leg in `blocker`. blocker: (B,) obstacle indices. seen: (B, 3) their unfolded centres.
     """
 
     chain: np.ndarray
@@ -59,11 +59,11 @@ class Sequences:
 
 @dataclass(frozen=True)
 class Obstacles:
-    """What can stand in the way: every panel; then convex solids and curved things, each as the hull of its outermost points.
+    """Obstacles: every panel, then convex solids and curved objects as hulls of their outermost points.
 
     Attributes:
-        points: (O, SUPPORTS, 3); count: (O,). normal, offset: of the plane of a panel; hull: (O,) true for solids and curved things.
-        body: (O,) the solid a panel bounds or a hull is; -1 for none.
+        points, count: (O, SUPPORTS, 3), (O,). normal, offset: of a panel's plane. hull: (O,) whether it is a solid or curved object.
+        body: (O,) index of the solid (of the panel or hull), or -1.
     """
 
     points: np.ndarray
@@ -75,20 +75,20 @@ class Obstacles:
 
     @cached_property
     def centre(self) -> np.ndarray:
-        """(O, 3) middle of each one's bounding box."""
+        """(O, 3) centres of the bounding boxes."""
         used = (np.arange(SUPPORTS) < np.maximum(self.count, 1)[:, None])[..., None]
         low, high = np.where(used, self.points, np.inf).min(axis=1), np.where(used, self.points, -np.inf).max(axis=1)
         return (low + high) / 2
 
     @cached_property
     def radius(self) -> np.ndarray:
-        """(O,) of the ball about the centre that holds it."""
+        """(O,) radius of the ball about the centre that contains the obstacle."""
         used = np.arange(SUPPORTS) < self.count[:, None]
         return np.where(used, np.linalg.norm(self.points - self.centre[:, None], axis=2), 0.0).max(axis=1)
 
 
 def obstacles(panels: Panels, others: Sequence[np.ndarray] = (), present: np.ndarray | None = None) -> Obstacles:
-    """Panels (those `present`, (P,), or all), the solids they bound, and curved things given by their points (N, 3)."""
+    """Obstacles of the panels `present` ((P,); None: all), of the solids they bound, and of curved objects given by points (N, 3)."""
     present = np.ones(len(panels), bool) if present is None else present
     solids = np.unique(panels.body[(panels.body >= 0) & present])
     used = np.arange(MAX_SIDES) < panels.count[:, None]
@@ -109,7 +109,7 @@ def obstacles(panels: Panels, others: Sequence[np.ndarray] = (), present: np.nda
 
 
 def _supports(points: np.ndarray) -> np.ndarray:
-    """At most SUPPORTS points of a cloud: all, or the farthest out in directions spread evenly over the sphere."""
+    """At most SUPPORTS points of a cloud: all, or the outermost points in directions spread evenly over the sphere."""
     points = np.unique(np.round(points, 7), axis=0)
     if len(points) <= SUPPORTS:
         return points
@@ -123,8 +123,8 @@ def prepare(panels: Panels, things: Obstacles, chains: Sequence[tuple[int, ...]]
     """Sides and possible obstacles of panel sequences.
 
     Args:
-        chains: panel indices, first met first.
-        sources, receivers: (N, 3) points the ends of a path may be at; only their extent is used.
+        chains: panel indices in the order of the path.
+        sources, receivers: (N, 3) possible ends of the paths; only their bounding boxes are used.
     """
     ends = [_box(sources), _box(receivers)]
     rows = [(chain, sides, index) for index, chain in enumerate(chains) for sides in _sides(panels, chain, ends)]
@@ -180,7 +180,7 @@ def _polygon(panels: Panels, index: int) -> np.ndarray:
 
 
 def _sides(panels: Panels, chain: tuple[int, ...], ends: list[np.ndarray]) -> list[tuple[int, ...]]:
-    """Every choice of sides on which each panel has its neighbours (or the ends' box) before it."""
+    """All choices of panel sides that have the neighbouring panels (or the box of the ends) in front."""
     stops = [ends[0], *(_polygon(panels, p) for p in chain), ends[1]]
     choices: list[list[int]] = []
     for i, p in enumerate(chain, 1):
@@ -199,7 +199,7 @@ def _sides(panels: Panels, chain: tuple[int, ...], ends: list[np.ndarray]) -> li
 
 
 def _between(panels: Panels, things: Obstacles, start: tuple, stop: tuple, ends: list[np.ndarray]) -> np.ndarray:
-    """Obstacles that can touch the leg from one stop, ("source",), (panel, side) or ("receiver",), to the next."""
+    """Obstacles that can touch the leg from one stop to the next; a stop is ("source",), (panel, side) or ("receiver",)."""
     used = np.arange(SUPPORTS) < things.count[:, None]
     keep, whole = np.ones(len(things.count), bool), np.ones(len(things.count), bool)
     between = []
@@ -210,14 +210,14 @@ def _between(panels: Panels, things: Obstacles, start: tuple, stop: tuple, ends:
         index, side = stop_
         between.append(_polygon(panels, index))
         keep[index] = False
-        if panels.body[index] >= 0:  # a convex solid is never between its own face and what that face sees
+        if panels.body[index] >= 0:  # a convex solid never blocks its own faces
             keep &= things.body != panels.body[index]
         height = side * (things.points @ panels.normal[index] - panels.offset[index])
         keep &= np.where(used, height, -np.inf).max(axis=1) > aperture.BEHIND
         whole &= np.where(used, height, np.inf).min(axis=1) > -aperture.BEHIND
     height = np.concatenate(between) @ things.normal.T - things.offset
     keep &= things.hull | ((height.max(axis=0) > aperture.BEHIND) & (height.min(axis=0) < -aperture.BEHIND))
-    # a solid stands for its faces where no panel's plane cuts it, and its faces for the solid where one does
+    # a solid replaces its faces, unless the plane of a panel cuts the solid
     solid = things.hull & (things.body >= 0)
     cut = np.isin(things.body, things.body[solid & ~whole]) & (things.body >= 0)
     keep &= np.where(solid, ~cut, (things.body < 0) | cut)
@@ -229,9 +229,9 @@ class Images:
     """Fields of N (sequence, end point) pairs.
 
     Attributes:
-        factor: (N,) complex Fresnel factor, 0 where there is no path. length_m: (N,).
+        factor: (N,) complex Fresnel factor, 0 without a path. length_m: (N,).
         departure, arrival: (N, 3) unit, from source and receiver towards the path, world frame.
-        field: (N, Q, 3) complex, the unit field along the projected axis after all reflections, exp(+j omega t) coefficients.
+        field: (N, Q, 3) complex, a unit field along the projected axis after all reflections, for exp(+j omega t).
     """
 
     factor: np.ndarray
@@ -253,14 +253,14 @@ def evaluate(
     least: np.ndarray | float = 0.0,
     reach: float = REACH,
 ) -> Images:
-    """Images over chosen sequences.
+    """Evaluate images of sequences.
 
     Args:
-        which: (N,) sequence of each path wanted. source, receiver: (N, 3) its ends in the world; axis: (N, 3) the source's antenna axis.
-        least: of |field| |factor|/length, per path or for all; what is below it before any obstacle is left out.
-        reach: Fresnel coordinate from the path beyond which obstacles are not looked at.
+        which: (N,) sequence of each path. source, receiver: (N, 3) its ends in the world. axis: (N, 3) the source's antenna axis.
+        least: threshold of |field| |factor|/length without obstacles, per path or for all; weaker paths are dropped.
+        reach: Fresnel coordinate beyond which obstacles are ignored.
     """
-    # one kind of array each, for every other kind is compiled anew
+    # fixed array types, because Numba compiles again for every other type
     which = np.ascontiguousarray(which)
     least = np.full(len(which), least, float)
     source, axis, receiver = (np.ascontiguousarray(ends) for ends in (source, axis, receiver))
@@ -280,7 +280,7 @@ def evaluate(
 
 
 def across(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(N, 3) normalised parts of axes (N, 3) across directions (N, 3), as `transverse`."""
+    """(N, 3) normalised components of axes (N, 3) perpendicular to directions (N, 3), as `transverse`."""
     part = axis - direction * np.einsum("ni,ni->n", axis, direction)[:, None]
     size = np.linalg.norm(part, axis=1)
     for i in np.flatnonzero(size < 1e-6):

@@ -1,7 +1,8 @@
-"""Ways between the sensor and an object over the panels of a room, and what each carries to every place around the object.
+"""Legs between the sensor and an object over the panels of a room, and the field of each leg around the object.
 
-Sequences with one image (the orders of two walls that meet, the pieces of one wall) are one leg: their sum is smooth where each alone is
-not. A leg is evaluated at the corners of a cube around the object, and on a finer grid where it is not linear between them.
+Panel sequences with the same image (both orders of two walls that meet, or the pieces of one wall) form one leg, because their sum is
+smooth although each is not. A leg is evaluated at the corners of a cube around the object, and on a finer grid where the field is not
+linear between the corners.
 """
 
 from collections import OrderedDict
@@ -16,30 +17,30 @@ from radartwin.simulation.flat.panel_room import PanelRoom, key_places
 from radartwin.simulation.reflection_table import lagrange_basis
 
 DIRECT = -1
-SHARE = 0.02  # of the direct leg: what pairs of legs, and so single ones, may carry and be left out
-LONGEST = 2  # panels
-PRUNE = 5e-3  # of the strongest way to the object, while legs are looked for
-MARGIN = 0.3  # of SHARE, at the object's centre: an edge of a leg's shadow may cross the object
-REACH = 8.0  # Fresnel coordinate beyond which obstacles are not looked at: 0.03 of a leg at most
-LINEAR = 0.03  # by which a leg may differ at the object's centre from linear between the corners of its cube, of itself
-COARSE = 0.02  # ... or of the direct leg, whichever is more
-GRID_M = 0.05  # between the places around the object where a leg is evaluated that differs by more
-ABOVE_M = 1e-4  # a panel, where legs over it end
+SHARE = 0.02  # of the direct leg: weaker pairs of legs, and therefore weaker legs, are dropped
+LONGEST = 2  # panels per leg
+PRUNE = 5e-3  # of the strongest path to the object during the search for legs
+MARGIN = 0.3  # of SHARE, threshold at the object's centre, because the edge of a leg's shadow may cross the object
+REACH = 8.0  # Fresnel coordinate beyond which obstacles are ignored: at most 0.03 of a leg
+LINEAR = 0.03  # largest relative deviation at the object's centre from the mean of the cube's corners
+COARSE = 0.02  # ... or relative to the direct leg, whichever is larger
+GRID_M = 0.05  # spacing of the finer grid
+ABOVE_M = 1e-4  # legs over a panel end at least this far above it
 POINTS_AT_ONCE = 100_000
-KEPT = 64  # of a few places each
-_kept: "OrderedDict[tuple, tuple[PanelRoom, Legs]]" = OrderedDict()  # with the room, so that its id stays its own
+KEPT = 64  # cache entries, each of a few places
+_kept: "OrderedDict[tuple, tuple[PanelRoom, Legs]]" = OrderedDict()  # holds the room, so that its id stays unique
 
 
 @dataclass(frozen=True)
 class Legs:
-    """What G legs carry at U distinct places of sensor and object.
+    """Fields of G legs at U distinct places of sensor and object.
 
     Attributes:
-        order: (G,) panels met. mirror: (G, 3, 3), shift: (G, 3): the image of a point x is mirror x + shift.
-        low: (U, 3), size: metres: the cube around the object at each place.
+        order: (G,) number of panels. mirror, shift: (G, 3, 3), (G, 3); the image of a point x is mirror x + shift.
+        low, size: (U, 3) and metres, the cube around the object at each place.
         frequencies_hz: (Q,). carried: {(place, leg): (n, n, n, Q) complex} on a grid over the cube, the field along the projected axis of
             the image with the Fresnel factor, for exp(+j k L).
-        share: (U, G) of a leg's largest field over length to the direct one's.
+        share: (U, G) largest ratio of a leg's field over length to that of the direct leg.
     """
 
     order: np.ndarray
@@ -52,20 +53,20 @@ class Legs:
     share: np.ndarray
 
     def maps(self, leg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Image map of legs (N,), the direct one included: (N, 3, 3) and (N, 3)."""
+        """Image maps (N, 3, 3) and (N, 3) of legs (N,), which may be DIRECT."""
         mirror, shift = np.concatenate([self.mirror, np.eye(3)[None]]), np.concatenate([self.shift, np.zeros((1, 3))])
         return mirror[leg], shift[leg]
 
     def panels_met(self, leg: np.ndarray) -> np.ndarray:
-        """(N,) panels on legs (N,); none on the direct one."""
+        """(N,) number of panels of legs (N,); 0 for the direct leg."""
         return np.append(self.order, 0)[leg]
 
     def strength(self, place: np.ndarray, leg: np.ndarray) -> np.ndarray:
-        """(N,) share of legs (N,) at places (N,); 1 for the direct one."""
+        """(N,) share of legs (N,) at places (N,); 1 for the direct leg."""
         return np.concatenate([self.share, np.ones((len(self.share), 1))], axis=1)[place, leg]
 
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
-        """Multiply amplitudes (N, Q), in place, by what legs (N,) carry to points (N, 3) of the world; the direct leg carries 1."""
+        """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world; the direct leg has 1."""
         over = np.flatnonzero(leg != DIRECT)
         code = place[over] * len(self.order) + leg[over]
         order = np.argsort(code, kind="stable")
@@ -76,7 +77,7 @@ class Legs:
 
 @compiled
 def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.ndarray) -> None:
-    """Multiply rows of amplitude (N, Q) by values (n, n, n, Q) on a grid over the unit cube, linear at points x (rows, 3)."""
+    """Multiply rows of amplitude (N, Q) by values (n, n, n, Q) on the unit cube, interpolated linearly at x (rows, 3)."""
     side = values.shape[0]
     low, share = np.zeros(3, np.int64), np.zeros(3)
     for i in range(len(rows)):
@@ -96,12 +97,12 @@ def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.nd
 def find(
     room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int, least: float = SHARE
 ) -> Legs:
-    """Legs that matter, evaluated.
+    """Find and evaluate the legs that matter.
 
     Args:
         places: (U, 6) sensor and object centre, metres. axes: (U, 3) the sensor's antenna axis.
-        radius: of the ball about the centre that holds the object. frequencies_hz: nodes of the object's own reflection.
-        longest: panels on a leg at most. least: of the direct leg, what legs may carry and be left out.
+        radius: of the ball about the centre that contains the object. frequencies_hz: nodes of the object's reflection.
+        longest: largest number of panels per leg. least: share of the direct leg below which legs are dropped.
     """
     sensor, centre = places[:, :3], places[:, 3:]
     keys, near = key_places(places)
@@ -119,7 +120,7 @@ def find(
     order, mirror, shift = prepared.order[first], prepared.mirror[first], prepared.shift[first]
     view = _View(room, prepared, sensor, axes)
     middle = view.carried(place, which, centre[place])
-    # what sequences carry, summed per place and leg
+    # sum of the sequences per place and leg
     codes, code = np.unique(place * max(len(first), 1) + group[which], return_inverse=True)
     at_centre = _summed(middle, code, len(codes))
     u, g = codes // max(len(first), 1), codes % max(len(first), 1)
@@ -157,7 +158,7 @@ def find(
 
 
 def found_once(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, *how: float) -> Legs:
-    """`find`, kept for the last few rooms, places and sizes."""
+    """`find` with a cache of the last KEPT calls."""
     key = (id(room), places.tobytes(), axes.tobytes(), radius, frequencies_hz.tobytes(), *how)
     if key not in _kept:
         _kept[key] = (room, find(room, places, axes, radius, frequencies_hz, *how))  # pyright: ignore[reportArgumentType]
@@ -176,7 +177,7 @@ def _summed(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _View:
-    """Sequences of a room from places (U, 3) of the sensor with antenna axes (U, 3)."""
+    """Panel sequences seen from sensor places (U, 3) with antenna axes (U, 3)."""
 
     room: PanelRoom
     prepared: images.Sequences
@@ -184,10 +185,10 @@ class _View:
     axes: np.ndarray
 
     def carried(self, place: np.ndarray, which: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """(N, Q) carried over sequences (N,) from places (N,) to points (N, 3), along what the image's own antenna would send there."""
+        """(N, Q) field over sequences (N,) from places (N,) at points (N, 3), along the polarisation of the image's antenna."""
         room, prepared, source, axis = self.room, self.prepared, self.sensor[place], self.axes[place]
-        # What stands on a panel ends at its plane, and so does what the panel sends: between a place above it and one below nothing
-        # can be interpolated. Behind the plane the value upon it is meant: beyond the panel's edges that is next to nothing.
+        # The field of a panel ends at its plane, so values above and below cannot be interpolated. Points behind the plane have the value
+        # on the plane, which is small beyond the panel's edges.
         last = prepared.panel[which, prepared.order[which] - 1]
         side = prepared.side[which, prepared.order[which] - 1]
         height = side * (np.einsum("ni,ni->n", points, room.panels.normal[last]) - room.panels.offset[last])

@@ -1,8 +1,8 @@
-"""A room of flat panels: which panel sequences matter, and the paths over them for all poses at once.
+"""Paths over the panels of a flat room, for all poses at once.
 
-Sequences are found by coarse tubes at a few key places along the motion, order one in full, and evaluated for every pose near those places
-by `images.evaluate`, which knows their exact paths. What is curved, and what is small and compact, is left to tubes and
-stands here only in the way.
+Sequences of one panel are all tried. Coarse tubes find longer sequences at a few key places along the motion. Then
+`images.evaluate` computes the exact paths of these sequences for every pose near these places. Tubes trace curved surfaces and small
+objects, which only block here.
 """
 
 from collections.abc import Sequence
@@ -24,27 +24,27 @@ from radartwin.simulation.pruning import Pruner
 from radartwin.simulation.reflection_table import ReflectionTable
 
 DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
-SINGLE_RAYS = 1_200_000  # ... from a sensor that stays where it is
-DISCOVERY_PRUNE = 1e-3  # of the strongest path; from one of several places, which find for one another
-SINGLE_PRUNE = 1e-4
-KEY_SPACING_M = 0.3  # between places where sequences are looked for
-NEIGHBOURS = 4  # places of a track that lend a pose their sequences
-NEAR = 2.0  # key places within so many spacings lend a pose their sequences: what one missed another has found
-EARLY = 0.3  # of the last prune: what is less before anything stands in its way is not looked at further
-MAX_PANELS = 1500  # beyond them a room is tubes' work; sequences hold 4094 labels
-FLAT_SHARE = 0.98  # of a room's area that must be panels
-PATHS_AT_ONCE = 200_000  # bounds the fields of one evaluation to a few hundred megabytes
+SINGLE_RAYS = 1_200_000  # ... for a resting sensor
+DISCOVERY_PRUNE = 1e-3  # of the strongest path, with several key places, which complement each other
+SINGLE_PRUNE = 1e-4  # ... with a single place
+KEY_SPACING_M = 0.3  # between key places
+NEIGHBOURS = 4  # places of a track whose sequences are used at a pose
+NEAR = 2.0  # spacings; the sequences of all key places within this distance are used at a pose
+EARLY = 0.3  # of the final prune: weaker paths are dropped before obstacles are tested
+MAX_PANELS = 1500  # rooms with more panels are traced by tubes; labels allow 4094
+FLAT_SHARE = 0.98  # share of a flat room's area that is panels
+PATHS_AT_ONCE = 200_000  # limits the fields of one evaluation to a few hundred megabytes
 
 
 @dataclass(frozen=True)
 class Scouted:
-    """Panel sequences that matter along a track: places (P, 3) of the sensor, and of each its sequences."""
+    """Panel sequences that matter along a track: sensor places (P, 3), and the sequences of each place."""
 
     places: np.ndarray
     chains: list[set[tuple[int, ...]]]
 
     def near(self, points: np.ndarray) -> list[np.ndarray]:
-        """Of points (F, 3) the places that lend them their sequences."""
+        """For points (F, 3), the indices of the places whose sequences apply."""
         away = np.linalg.norm(points[:, None] - self.places[None], axis=2)
         return [np.argsort(row, kind="stable")[:NEIGHBOURS] for row in away]
 
@@ -54,10 +54,10 @@ class PanelRoom:
     """Static surfaces with their panels.
 
     Attributes:
-        geometry: all static faces; table: their reflection.
-        panels: of its faces. small: (F,) faces of compact things, flat ones too, which tubes trace.
-        usable: (P,) panels that paths may lead over.
-        own: surfaces, by index, that are traced by themselves and stand in nobody's way here.
+        geometry: all static faces. table: their reflection. panels: of these faces.
+        small: (F,) faces of small or curved objects, which tubes trace.
+        usable: (P,) panels that paths may include.
+        own: indices of surfaces that do not block, because they belong to the object for which the room is used.
     """
 
     geometry: Geometry
@@ -68,30 +68,32 @@ class PanelRoom:
     own: tuple[int, ...] = ()
 
     def beside(self, own: Sequence[int] = (), done: Sequence[int] = ()) -> "PanelRoom":
-        """The room as a thing in it sees it: over the panels of small things too, but not over those of its own surfaces, by index, that
-        are small, nor of small ones that are `done`, whose paths by way of this thing's panels are in."""
+        """The room for coupling with an object of the surfaces `own`: panels of other small objects are included too.
+
+        Panels of the small surfaces `own` and `done` are excluded. `done` are objects whose paths over this object are already traced.
+        """
         small = np.unique(self.geometry.surface[self.small])
         return replace(self, usable=~np.isin(self.panels.surface, np.intersect1d([*own, *done], small)), own=tuple(own))
 
     @property
     def rest(self) -> np.ndarray:
-        """(F,) mask of the faces that are no panels."""
+        """(F,) faces that belong to no panel."""
         return self.panels.of_face < 0
 
     @property
     def compact(self) -> np.ndarray:
-        """(F,) mask of the faces that are tubes' work: those of small things, and all that is no panel."""
+        """(F,) faces to trace by tubes: small objects, and faces that belong to no panel."""
         return self.small | self.rest
 
     @cached_property
     def things(self) -> images.Obstacles:
-        """Everything that can stand in the way: panels, and the rest surface by surface."""
+        """Everything that can block: panels, and the other faces surface by surface."""
         rest = self.rest & ~np.isin(self.geometry.surface, self.own)
         clouds = [self.geometry.corners[rest & (self.geometry.surface == s)].reshape(-1, 3) for s in np.unique(self.geometry.surface[rest])]
         return images.obstacles(self.panels, clouds, ~np.isin(self.panels.surface, self.own))
 
     def is_flat(self, surfaces: Sequence[Surface]) -> bool:
-        """Whether panels stand for the room: nearly all of the area that is no compact object, and not too many."""
+        """Whether nearly all area of the room, without small objects, is panels, and their number is at most MAX_PANELS."""
         edge = self.geometry.corners[:, 1:] - self.geometry.corners[:, :1]
         area = np.linalg.norm(np.cross(edge[:, 0], edge[:, 1]), axis=1)
         room = ~self.small
@@ -100,11 +102,11 @@ class PanelRoom:
     def chains(
         self, sources: np.ndarray, receivers: np.ndarray, axes: np.ndarray, longest: int, share: float, rays: int = DISCOVERY_RAYS
     ) -> list[set[tuple[int, ...]]]:
-        """Panel sequences that carry at least `share` of the strongest from source to receiver, for each of K places (K, 3)."""
+        """Panel sequences with paths of at least `share` of the strongest from source to receiver, for each of K places (K, 3)."""
         found: list[set[tuple[int, ...]]] = [{(int(p),) for p in np.flatnonzero(self.usable)} for _ in sources]
         if longest < 2 or not self.usable.any():
             return found
-        there = ~np.isin(self.geometry.surface, self.own)  # a thing does not hide its own middle
+        there = ~np.isin(self.geometry.surface, self.own)  # an object does not hide its own centre
         geometry = self.geometry if there.all() else geometry_module.subset(self.geometry, there)
         labels = np.where(self.rest | ~self.usable[self.panels.of_face], OTHER_LABEL, self.panels.of_face)[there]
         transmit, receive = Antennas(sources, axes), Antennas(receivers, axes)
@@ -115,7 +117,9 @@ class PanelRoom:
             hits = tubes.trace(geometry, envelope, grid, transmit, receive, options)
             order = np.lexsort((hits.sequence, hits.bounce, hits.pose))
             rows = [values[order] for values in (hits.pose, hits.bounce, hits.sequence)]
-            first = np.logical_or.reduce([np.diff(values, prepend=~values[:1]) != 0 for values in rows])  # much faster than rows by unique
+            first = np.logical_or.reduce(
+                [np.diff(values, prepend=~values[:1]) != 0 for values in rows]
+            )  # much faster than np.unique over rows
             for place, bounces, sequence in zip(*(values[first].tolist() for values in rows), strict=True):
                 chain = unpack_labels(sequence, bounces)
                 if OTHER_LABEL not in chain:
@@ -128,14 +132,14 @@ class PanelRoom:
         """Paths sensor - panels - sensor.
 
         Args:
-            poses: (F, 4, 4) sensor to world; velocity: (F, 3) of the sensor, m/s.
-            prune: leave out what is below this share of a pose's strongest path, element pattern included.
-            scouted: what matters around here; looked for unless given.
+            poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor, m/s.
+            prune: drop paths below this share of a pose's strongest path, with the element pattern.
+            scouted: known sequences; None: search.
         """
         return self._found(poses, velocity, radar, max_bounces, prune, scouted)[0]
 
     def scouted(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Scouted:
-        """The sequences that matter along a track of places (P, 4, 4) a few centimetres apart; `prune` well below that of the paths."""
+        """The sequences that matter at places (P, 4, 4) of a track, a few centimetres apart; use a `prune` well below that of `paths`."""
         paths, which, known = self._found(poses, np.zeros((len(poses), 3)), radar, max_bounces, prune, None, thorough=True)
         chains: list[set[tuple[int, ...]]] = [set() for _ in poses]
         for pose, index in zip(paths.pose.tolist(), which.tolist(), strict=True):
@@ -152,7 +156,7 @@ class PanelRoom:
         scouted: Scouted | None,
         thorough: bool = False,
     ) -> tuple[Paths, np.ndarray, list[tuple[int, ...]]]:
-        """Paths (N), which sequence each is over (N,), and the sequences."""
+        """N paths, the index (N,) of the sequence of each, and the sequences."""
         place, axis = poses[:, :3, 3], poses[:, :3, 2]
         if scouted is None:
             keys, near = key_places(place)
@@ -195,13 +199,13 @@ class PanelRoom:
         radar: Radar,
         least: np.ndarray | float,
     ) -> tuple[Paths, np.ndarray]:
-        """Paths over prepared sequences `which` (N,) at poses (N,), and the sequence of each that there is."""
+        """Paths over the prepared sequences `which` (N,) at poses (N,), and the sequence of each existing path."""
         rotation = poses[pose, :3, :3]
         place, axis = poses[pose, :3, 3], poses[pose, :3, 2]
         wavelength = SPEED_OF_LIGHT / self.table.frequencies_hz
         scale = 4 * np.pi / wavelength.max() if len(wavelength) else 1.0
         one = images.evaluate(self.panels, self.things, prepared, self.table, which, place, axis, place, np.asarray(least) * scale)
-        # A chain of mirrors that ends on its last panel's aperture is not the same backwards; the mean of both is, and closer.
+        # The aperture of the last panel makes a sequence and its reverse differ; their mean is reciprocal and more accurate.
         code = pose * len(prepared) + which  # ascending
         partner = np.minimum(np.searchsorted(code, pose * len(prepared) + prepared.reverse[which]), max(len(code) - 1, 0))
         there, back = one.length_m > 0, one.length_m[partner] > 0
@@ -222,7 +226,7 @@ class PanelRoom:
 
 
 def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:
-    """(F,) faces of surfaces that tubes see best: objects no longer than OBJECT_EXTENT_M, and curved ones of any size."""
+    """(F,) faces of objects no longer than OBJECT_EXTENT_M, and of curved objects of any size."""
     small = np.array([s.kind == "object" and (float(s.mesh.extents.max()) <= OBJECT_EXTENT_M or s.is_curved()) for s in surfaces], bool)
     return small[geometry.surface] if len(surfaces) else np.zeros(0, bool)
 
@@ -237,10 +241,10 @@ def build(surfaces: Sequence[Surface], geometry: Geometry, table: ReflectionTabl
 
 
 def key_places(points: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Places along a motion that are KEY_SPACING_M apart: (K,) indices, and of every point those near it.
+    """Key places along a motion, KEY_SPACING_M apart: (K,) indices, and for every point the key places near it.
 
     Args:
-        points: (F, D) coordinates; with D = 6 of two things that move.
+        points: (F, D) coordinates; D = 6 for two moving points.
     """
     keys = [0]
     for i, point in enumerate(points):

@@ -1,6 +1,6 @@
-"""Flat convex panels of a geometry: what panel images are made from.
+"""Flat convex panels of a geometry, the mirrors of image sources.
 
-Neighbouring faces of one surface in one plane are merged into convex polygons; whatever is curved or too small stays with the tubes.
+Neighbouring faces of one surface in one plane are merged into convex polygons. Curved or small faces belong to no panel.
 """
 
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ import trimesh
 from radartwin.simulation.flat.aperture import MAX_CORNERS
 from radartwin.simulation.geometry import Geometry
 
-MAX_SIDES = 12  # corners a panel may have before it is cut by others
-SMALLEST_M = 0.01  # narrower panels are left out: a few wavelengths, where edges are all there is
-FLAT_RAD = 2e-3  # faces that differ by less are one plane
+MAX_SIDES = 12  # corners of a panel before other panels cut it
+SMALLEST_M = 0.01  # least width: at a few wavelengths, edges dominate
+FLAT_RAD = 2e-3  # largest angle between faces of one plane
 CONVEX = 1e-9
 
 
@@ -23,10 +23,10 @@ class Panels:
     """P convex polygons, corners counter-clockwise about the normal.
 
     Attributes:
-        corners: (P, MAX_SIDES, 3) metres; count: (P,) corners used.
-        normal: (P, 3) unit; offset: (P,) metres, normal . x on the plane.
-        surface: (P,) index of the surface it belongs to.
-        body: (P,) index of the convex solid it bounds, normal outwards, and is met from the front of alone; -1 for any other.
+        corners: (P, MAX_SIDES, 3) metres. count: (P,) number of corners.
+        normal: (P, 3) unit. offset: (P,) metres, normal . x on the plane.
+        surface: (P,) index of the panel's surface.
+        body: (P,) index of the convex solid that the panel bounds with its normal outwards, or -1. Paths meet it from outside only.
         of_face: (F,) panel of each face of the geometry, or -1.
     """
 
@@ -48,18 +48,12 @@ class Panels:
         return (self.corners * used[..., None]).sum(1) / self.count[:, None]
 
 
-def find(geometry: Geometry, wanted: np.ndarray | None = None) -> Panels:
-    """Panels of a geometry.
-
-    Args:
-        wanted: (F,) mask of the faces to look at; None for all.
-    """
+def find(geometry: Geometry) -> Panels:
+    """Panels of a geometry."""
     polygons: list[tuple[np.ndarray, np.ndarray, float, int, int]] = []
     bodies = _convex_bodies(geometry)
     of_face = np.full(len(geometry.corners), -1)
     flat = np.ptp(geometry.normals, axis=1).max(axis=1, initial=0.0) < 1e-4 if len(geometry.corners) else np.zeros(0, bool)
-    if wanted is not None:
-        flat &= wanted
     for surface in np.unique(geometry.surface[flat]) if flat.any() else ():
         faces = np.flatnonzero(flat & (geometry.surface == surface))
         for members, normal, offset in _planes(geometry.corners[faces]):
@@ -82,7 +76,7 @@ def find(geometry: Geometry, wanted: np.ndarray | None = None) -> Panels:
 
 
 def _convex_bodies(geometry: Geometry) -> np.ndarray:
-    """(F,) index of the closed, outward-facing convex part of a surface that each face bounds, or -1."""
+    """(F,) index of the closed convex body that each face bounds from outside, or -1."""
     bodies, number = np.full(len(geometry.corners), -1), 0
     for surface in np.unique(geometry.surface):
         faces = np.flatnonzero(geometry.surface == surface)
@@ -98,7 +92,7 @@ def _convex_bodies(geometry: Geometry) -> np.ndarray:
 
 
 def _planes(corners: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, float]]:
-    """Connected faces of one plane: (members, unit normal, offset) of each."""
+    """(members, unit normal, offset) of each set of connected coplanar faces."""
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)
     mesh.merge_vertices(digits_vertex=7)
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
@@ -117,7 +111,7 @@ def _planes(corners: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, float]]:
 
 
 def _convex_pieces(corners: np.ndarray, normal: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Triangles (N, 3, 3) of one plane merged into convex polygons: (corners (n, 3), triangles in it) of each."""
+    """Merge triangles (N, 3, 3) of one plane into convex polygons: (corners (n, 3), triangle indices) of each."""
     points, index = np.unique(np.round(corners.reshape(-1, 3), 7), axis=0, return_inverse=True)
     loops = [list(loop) for loop in index.reshape(-1, 3)]
     for i, (a, b, c) in enumerate(loops):
@@ -154,7 +148,7 @@ def _convex_pieces(corners: np.ndarray, normal: np.ndarray) -> list[tuple[np.nda
 
 
 def _merged(first: list[int], second: list[int]) -> list[int] | None:
-    """Two counter-clockwise loops joined along the one chain they share; None if they touch in more places."""
+    """Two counter-clockwise loops joined along their common chain of edges; None if they touch elsewhere too."""
     edges = [(a, b) for loop in (first, second) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
     known = set(edges)
     border = {a: b for a, b in edges if (b, a) not in known}
@@ -176,7 +170,7 @@ def _turns(loop: list[int], points: np.ndarray) -> np.ndarray:
     at = points[loop]
     ahead = np.concatenate([at[1:], at[:1]]) - at
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-30)
-    (a, b, c), (x, y, z) = np.concatenate([ahead[-1:], ahead[:-1]]).T, ahead.T  # np.cross takes most of its time for checks of so few
+    (a, b, c), (x, y, z) = np.concatenate([ahead[-1:], ahead[:-1]]).T, ahead.T  # written out, because np.cross is slow for small arrays
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
 
 
@@ -190,7 +184,7 @@ def _is_convex(loop: list[int], points: np.ndarray, normal: np.ndarray) -> bool:
 
 
 def _width(polygon: np.ndarray, normal: np.ndarray) -> float:
-    """Least extent of a convex polygon across any of its edges."""
+    """Smallest extent of a convex polygon perpendicular to one of its edges."""
     if len(polygon) < 3:
         return 0.0
     edges = np.roll(polygon, -1, axis=0) - polygon

@@ -1,0 +1,41 @@
+"""All surfaces of a scene as the single mesh that Sionna RT traces."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.scene.scene import Surface
+
+MIN_AREA_M2 = 1e-14  # smaller faces are dropped
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """All surfaces as one mesh.
+
+    Attributes:
+        vertices: (F, V, 3) in the world, or (1, V, 3) if no surface moves. faces: (T, 3). surface: (T,) index of each face's surface.
+        poses: (F, 4, 4) of each moving surface, by index.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    surface: np.ndarray
+    poses: Mapping[int, np.ndarray]
+
+
+def merged(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> Mesh:
+    """One mesh of all surfaces, without faces of no area."""
+    moving = {i: motion[s.name] for i, s in enumerate(surfaces) if s.name in motion}
+    frames = max((len(poses) for poses in moving.values()), default=1)
+    vertices, faces, surface, count = [np.zeros((frames, 0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)], 0
+    for i, one in enumerate(surfaces):
+        kept = np.asarray(one.mesh.faces)[one.mesh.area_faces > MIN_AREA_M2]
+        points = np.asarray(one.mesh.vertices, float)
+        turned = np.einsum("fij,vj->fvi", moving[i][:, :3, :3], points) + moving[i][:, None, :3, 3] if i in moving else points[None]
+        vertices.append(np.broadcast_to(turned, (frames, len(points), 3)))
+        faces.append(kept + count)
+        surface.append(np.full(len(kept), i))
+        count += len(points)
+    return Mesh(np.concatenate(vertices, axis=1), np.concatenate(faces), np.concatenate(surface), moving)
