@@ -17,7 +17,6 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
-from radartwin.simulation.backends import sionna
 from radartwin.simulation.backends.backend import Backend, backend
 from radartwin.simulation.paths import Paths
 
@@ -159,8 +158,3 @@ CHECKS: dict[str, dict[str, Check]] = {
     "Sionna RT": {"material model": _per_surface(_sionna, "per-surf.", True), "multipath": _multipath(_sionna)},
     "RF-Genesis": {"material model": _per_surface(_naive, "uniform", False), "multipath": _multipath(_naive)},
 }  # fmt: skip
-
-
-def available(system: str) -> bool:
-    """Whether a system of CHECKS is installed here."""
-    return system != "Sionna RT" or sionna.is_installed()

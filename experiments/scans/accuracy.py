@@ -1,4 +1,4 @@
-"""How far a reconstructed mesh is from the truth of the scanned scene, and how much of what was seen it shows."""
+"""Distance of a reconstructed mesh from the true scene, and the share of the seen surface that the mesh contains."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from radartwin.reconstruct.frames.frames import Frames
 from radartwin.scene.scene import Scene
 from radartwin.testbed.scanner.scan import ScanTruth
 
-SAMPLE_M = 0.04  # between points compared
-COVERED_M = 0.05  # a point of the truth with the mesh this near is shown
-SAME_M, SAME = 0.01, 0.01  # a pixel saw a point if its true depth is that of the point's plane on the pixel's ray, to this and this share
-GRAZING = 0.02  # cosine of the angle between ray and normal below which a surface is seen edge-on: not at all
+SAMPLE_M = 0.04  # distance between compared points
+COVERED_M = 0.05  # a true point with the mesh within this distance is covered
+SAME_M, SAME = 0.01, 0.01  # absolute and relative tolerance of depth for a pixel that saw a point
+GRAZING = 0.02  # cosine between ray and normal below which a surface is edge-on and not seen
 ALIGN_STEPS, ALIGN_GATE_M = 15, 0.15
-FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # taken at random of the mesh's samples
+FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # random samples of the mesh
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Accuracy:
     """Distances in metres.
 
     Attributes:
-        median_m, p95_m: from the mesh to the truth, after the mesh was moved as a whole to fit best, since a scan's own frame of
-            reference is arbitrary.
-        placed_median_m, placed_p95_m: the same where the scan says it is.
-        shift_m, turn_deg: the move in between.
-        coverage: share of the truth's area seen by the sensor that has the mesh within COVERED_M, after the move.
-        seen: share of the truth's area that the sensor saw.
-        by_surface: name -> share of its seen area that is covered, and its seen area, m2.
+        median_m, p95_m: from the mesh to the truth, after the rigid motion of the mesh that fits best, because a scan's own frame is
+            arbitrary.
+        placed_median_m, placed_p95_m: the same without that motion.
+        shift_m, turn_deg: size of the motion.
+        coverage: share of the seen true area with the mesh within COVERED_M, after the motion.
+        seen: share of the true area that the sensor saw.
+        by_surface: name -> (covered share of its seen area, seen area in m2).
     """
 
     median_m: float
@@ -52,10 +52,10 @@ class Accuracy:
 
 
 def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Frames) -> Accuracy:
-    """Compare a mesh fused from a virtual scan with the scene that was scanned.
+    """Compare a mesh fused from a virtual scan with the true scene.
 
     Args:
-        truth, frames: of the scan: where the camera was, what each pixel saw, at which intrinsics.
+        truth, frames: of the scan: camera poses, surface and depth of each pixel, intrinsics.
     """
     nearest = Nearest([s.mesh for s in scene], SAMPLE_M)
     points = _some(covered(np.asarray(mesh.triangles), SAMPLE_M)[0], COMPARED_POINTS)
@@ -121,10 +121,10 @@ def _some(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def seen_points(points: np.ndarray, normals: np.ndarray, surface: np.ndarray, truth: ScanTruth, lenses: Sequence[np.ndarray]) -> np.ndarray:
-    """Which points (N,) with normals (N, 3) of surfaces (N,) some pixel of the scan measured.
+    """Which of the points (N,) with normals (N, 3) on surfaces (N,) a pixel of the scan measured.
 
-    A pixel measured a point that faces the camera if the surface it hit is the point's and the depth it should have had is where its ray
-    meets the point's own plane: the far side of a thin plate is not seen through it.
+    A pixel measured a point that faces the camera if it hit the point's surface and if its true depth is that of the point's own plane on
+    the pixel's ray. So the far side of a thin plate does not count as seen.
 
     Args:
         lenses: intrinsics (3, 3) of each frame.

@@ -69,14 +69,14 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
-    if source == "random":  # wrong everywhere, of the categories the room has
+    if source == "random":  # drawn from the room's own categories, never the right one
         scene = material_source("true", scene=truth)(without_fragments(scene, truth))
         return material_source("random", seed=seed, **SOURCES[source])(scene)
     return material_source(source, **SOURCES[source])(scene)
 
 
 def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
-    """Share of the scan's area that a recorded answer was found for, by question or by place; the rest took a stand-in."""
+    """Share of the scan's area with a recorded answer, found by question or by place; the rest took a stand-in."""
     area = np.array([s.mesh.area for s in scene])
     share = float(area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum())
     return {
@@ -87,7 +87,7 @@ def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
 
 
 def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict[str, Any]]:
-    """Per source all categories together, and of the answers each category by itself."""
+    """Rows of each source over all categories, and rows of the recorded answers by category."""
     rows = []
     for source, found in judged.items():
         for line in accuracy_table(found).to_dict("records"):
@@ -96,7 +96,7 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
             named = {"room": room, "source": source, "category": line["minc"], "area_m2": round(float(line["area_m2"]), 2)}
             note = f"{line['guessed']:.0%} of the area has a stand-in or an uncertain build-up" if line["guessed"] else ""
             rest = {"run_keys": key[:8], "paper": "", "n": int(line["n"]), "domain": "virtual scan", "verdict": "untestable", "note": note}
-            if source != "uniform":  # which has no category
+            if source != "uniform":  # the uniform material has no category
                 score = {"value": line["accuracy"], "low": line["low"], "high": line["high"]}
                 rows.append({**named, "metric": "right category", **rest, **score})
             score = {"value": line["close"], "low": line["close_low"], "high": line["close_high"]}
@@ -108,7 +108,7 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
 
 
 def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: Config, key: str) -> dict[str, Any]:
-    """How many decibels nearer to the truth a source is than uniform plasterboard, in the mean over the area; surfaces are resampled."""
+    """Mean improvement of a source over uniform plasterboard in dB, weighted by area, with a bootstrap over surfaces."""
     areas = np.array([j.area_m2 for j in judged[source]])
     gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])
     drawn = np.random.default_rng(config.seed).integers(len(gain), size=(config.profile.resamples, len(gain)))

@@ -41,8 +41,8 @@ TABLE = Table(
 ROOTS = ["experiments.scans.scan"]
 SCORES = "scan_scores"
 SHELL = re.compile("floor|ceiling|wall_[a-z]+")  # names of the true surfaces that are the room's shell
-SHELL_IOU = 0.8  # of a wall, floor or ceiling that is one segment
-# metric -> (what it says, limit or None where there is none, whether it is a least value)
+SHELL_IOU = 0.8  # intersection over union from which a wall, floor or ceiling is one segment
+# metric -> (claim, limit or None, whether the limit is a minimum)
 TARGETS: dict[str, tuple[str, float | None, bool]] = {
     "median_mm": ("half of the surface is this near the truth", 15.0, False),
     "p95_mm": ("95 % of the surface are this near the truth", 50.0, False),
@@ -60,7 +60,7 @@ TARGETS: dict[str, tuple[str, float | None, bool]] = {
     "false_panes_m2": ("completed as panes where there is no glass, m2", None, False),
 }
 LARGE_M2 = 1.0
-SEEDS = {("lab", 1.0): 3}  # scans of a case that are cheap enough to repeat, in the paper profile
+SEEDS = {("lab", 1.0): 3}  # number of scans of a case, in the paper profile; other cases have one
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -81,7 +81,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -> Product:
-    """Scores of a room's scan, from the store or made now."""
+    """Scores of a room's scan, from the store or computed now."""
     scan = virtual_scan.fetch(config, store, room, strength, seed)
     spec = {**virtual_scan.specification(config, room, strength, seed), "of": scan.key}
     return store.fetch(
@@ -90,7 +90,7 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -
 
 
 def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
-    """Of a scene folder that was reconstructed from this scan; the scan's depth is taken again, which is cheap."""
+    """Scores of a reconstructed scene folder against its scan; the scan's depth is rendered again, which is fast."""
     import trimesh
 
     from experiments.scans.accuracy import accuracy, sighted
@@ -113,7 +113,7 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
 
 
 def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resamples: int, seed: int, key: str) -> list[dict[str, Any]]:
-    """The lines of one room and strength: per scan where the score is of a scan, else over the surfaces of all its scans."""
+    """Rows of one room and strength: over scans for scores of a whole scan, else over the surfaces of all scans."""
     surfaces = [s for scan in scans for s in scan["surfaces"]]
     clear = [s for scan in scans for s in scan["clear"]]
     split = [s for s in surfaces if s["segment"] != "-"]
@@ -145,7 +145,7 @@ def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resam
 
 
 def _by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -> statistics.Estimate:
-    """Mean by area with a bootstrap over surfaces."""
+    """Mean weighted by area, with a bootstrap over surfaces."""
     drawn = np.random.default_rng(seed).integers(len(values), size=(resamples, len(values)))
     means = (values * areas)[drawn].sum(axis=1) / areas[drawn].sum(axis=1)
     value = float(np.average(values, weights=areas))
@@ -154,7 +154,7 @@ def _by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -
 
 
 def _row(room: str, strength: float, metric: str, claim: str, found: statistics.Estimate, scans: int, key: str) -> dict[str, Any]:
-    """One line; a limit is checked at every strength, what has none is shown."""
+    """One row; a limit is checked at every strength, a metric without limit is only shown."""
     _, limit, least = TARGETS[metric]
     holds = limit is not None and (found.value >= limit if least else found.value <= limit)
     return {

@@ -1,12 +1,12 @@
-"""How good a segmentation is, against a room whose truth is known.
+"""Quality of a segmentation against a room with known truth.
 
-A true surface in pieces that lie apart, like the legs of a table, is scored piece by piece. Recall is the share of what the sensor saw of
-a surface (points spread evenly over the truth, each looked for in the scan within REACH_M with an agreeing normal) that is in the
-surface's segment: the one that holds most of it among those that lie mostly on it. A surface that is in no segment, or that another one's
-segment swallowed, has no segment: recall 0. Precision is the share of the segment that lies on the surface, and IoU the part they share
-over segment and seen surface together; what is completed where nothing was seen counts for neither if it lies on the surface, and against
-both if not. Boundary error is the distance from where segments end to the nearest edge of a true surface. Glass and mirrors, which depth
-sensors miss, are scored apart and over their true area, seen or not.
+A true surface in separate pieces, such as the legs of a table, is scored piece by piece. The segment of a surface is the one that holds
+most of it, among the segments that lie mostly on the surface. A surface without such a segment has recall 0. Recall is the share of the
+seen surface that lies in its segment: evenly spread true points are looked up in the scan, within REACH_M and with an agreeing normal.
+Precision is the share of the segment that lies on the surface. IoU is the common part over the union of segment and seen surface.
+Completed area where nothing was seen counts for neither if it lies on the surface, and against both if it does not. Boundary error is the
+distance from the edges of segments to the nearest edge of a true surface. Depth sensors miss glass and mirrors, so these are scored apart
+and over their whole true area.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ MIN_AREA_M2 = 0.25
 
 @dataclass(frozen=True)
 class SurfaceScore:
-    """One true surface: area that was seen (all of it for glass), and its segment, "-" for none; precision is then not a number.
+    """One true surface: its seen area (the whole area for glass) and its segment, "-" for none; precision is then NaN.
 
     Attributes:
-        boundary_m: the median along the segment's edge.
-        flush: share of what was seen that is no prouder than `score_truth.FLUSH_M` of another surface, where depth tells nothing.
-        through: of glass and mirrors, the share in segments of which at least half is glass or mirror.
+        boundary_m: median along the segment's edge.
+        flush: share of the seen area that is at most FLUSH_M above another surface, where depth cannot separate the two.
+        through: for glass and mirrors, the share in segments that are at least half glass or mirror.
     """
 
     name: str
@@ -51,16 +51,17 @@ class SurfaceScore:
 
 @dataclass(frozen=True)
 class Score:
-    """Means over the true surfaces of at least MIN_AREA_M2, glass and mirrors apart; precision over those that have a segment.
+    """Means over the true surfaces of at least MIN_AREA_M2 without glass and mirrors; precision over those with a segment.
 
     Attributes:
-        area_recall, area_precision: the same by area.
-        found: share of those surfaces with IoU of at least one half.
-        right: share of the segments of that size that are the best of some surface of any size with at least half of their area on it.
+        area_recall, area_precision: the same weighted by area.
+        found: share of these surfaces with IoU of at least one half.
+        right: share of the segments of that size that are the best segment of some surface and lie on it with at least half of their area.
         boundary_median_m, boundary_p95_m: of all segments that hold a scored surface.
-        clear_recall: of glass and mirrors, in segments of which at least half is glass or mirror: a window walled up is not found.
-        missed_flush: share of the area that is not in its surface's segment that is of surfaces flush with another.
-        surfaces: every surface of that size, largest first; clear: glass and mirrors.
+        clear_recall: for glass and mirrors, the share in segments that are at least half glass or mirror.
+        missed_flush: share of the missed area that belongs to surfaces flush with another surface.
+        surfaces: every surface of that size, largest first.
+        clear: glass and mirrors.
     """
 
     precision: float
@@ -78,7 +79,7 @@ class Score:
     clear: list[SurfaceScore] = field(repr=False)
 
     def lines(self) -> list[str]:
-        """The table for people, one surface a line, and the means."""
+        """The scores as text, one surface per line, then the means."""
         head = f"{'surface':24} {'m2':>7} {'segment':>14} {'recall':>7} {'precision':>9} {'IoU':>6} {'edge mm':>8} {'flush':>6}"
         rows = [
             f"{s.name[:24]:24} {s.area_m2:7.2f} {s.segment[:14]:>14} {s.recall:7.3f} {s.precision:9.3f} {s.iou:6.3f} "
@@ -98,8 +99,11 @@ class Score:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """A segmentation: samples one for each SPACING_M^2, (N, 3) places, (N, 3) normals, (N,) segments, -1 for none; edges of segments,
-    (E, 3) places, (E,) segments; the segments' names."""
+    """A segmentation: samples, one per SPACING_M^2, and edges.
+
+    Samples: (N, 3) points, (N, 3) normals, (N,) segments, -1 for none. Edges of segments: (E, 3) points, (E,) segments. Then the segments'
+    names.
+    """
 
     points: np.ndarray
     normals: np.ndarray
@@ -110,12 +114,12 @@ class _Found:
 
 
 def score_segments(mesh: trimesh.Trimesh, segments: Sequence[Segment], truth: Scene, sighted: Sighted | None = None) -> Score:
-    """Score of a segmented scan; sides of one body count as one segment.
+    """Score a segmented scan; the sides of one body count as one segment.
 
     Args:
-        sighted: what the sensor saw of the truth, see `experiments.scans.accuracy.sighted`; all of it unless given.
+        sighted: what the sensor saw of the truth (`experiments.scans.accuracy.sighted`); everything by default.
     Raises:
-        SceneError: no truth to compare with.
+        SceneError: there is no truth to compare with.
     """
     numbers = [(1, s.body) if s.body >= 0 else (0, k) for k, s in enumerate(segments)]
     order = sorted(set(numbers), key=numbers.index)
@@ -126,19 +130,19 @@ def score_segments(mesh: trimesh.Trimesh, segments: Sequence[Segment], truth: Sc
     border = np.asarray(mesh.face_adjacency)
     ends = label[border[:, 0]] != label[border[:, 1]]
     edge = np.asarray(mesh.vertices)[np.asarray(mesh.face_adjacency_edges)[ends]].mean(axis=1)
-    # An edge between two segments is the end of both.
+    # An edge between two segments belongs to both.
     edges, of = np.vstack([edge, edge]), np.concatenate([label[border[ends, 0]], label[border[ends, 1]]])
     found = _Found(points, np.asarray(mesh.face_normals)[face], label[face], edges, of, [f"{k}" for k in range(len(order))])
     return _score(found, truth, sighted)
 
 
 def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> Score:
-    """Score of a reconstructed scene: its surfaces are the segments, filled and completed areas included.
+    """Score a reconstructed scene. Its surfaces are the segments, with filled and completed areas.
 
     Args:
-        sighted: what the sensor saw of the truth, see `experiments.scans.accuracy.sighted`; all of it unless given.
+        sighted: what the sensor saw of the truth (`experiments.scans.accuracy.sighted`); everything by default.
     Raises:
-        SceneError: no truth to compare with.
+        SceneError: there is no truth to compare with.
     """
     nowhere, nobody = np.zeros((0, 3)), np.zeros(0, int)
     points, normals, labels, ends, owner = [nowhere], [nowhere], [nobody], [nowhere], [nobody]
@@ -158,7 +162,7 @@ def _score(found: _Found, scene: Scene, sighted: Sighted | None) -> Score:
         raise SceneError("there is no truth to score against; give the procedural room that was scanned")
     truth = Truth.of(scene, sighted)
     count, names = len(truth.scene), found.names
-    # Of each segment how much lies on each true piece, and of each piece how much of what was seen is in each segment, m2.
+    # Area of each segment on each true piece, and seen area of each piece in each segment, m2.
     lies = _table(truth.owners()(found.points, found.normals), found.label, (count, len(names)))
     own = found.label >= 0
     tree = KDTree(found.points[own]) if own.any() else None
@@ -215,7 +219,7 @@ def _score(found: _Found, scene: Scene, sighted: Sighted | None) -> Score:
 
 
 def _table(row: np.ndarray, column: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Area, m2, of samples by row and column; -1 is nowhere."""
+    """Area in m2 of samples by row and column; -1 means none."""
     both = (row >= 0) & (column >= 0)
     return np.bincount(row[both] * shape[1] + column[both], minlength=shape[0] * shape[1]).reshape(shape) * SPACING_M**2
 

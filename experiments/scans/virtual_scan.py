@@ -1,7 +1,7 @@
-"""A virtual phone's scan of a procedural room, reconstructed as a user's is, and kept: what the twin knows of the room.
+"""A virtual phone's scan of a procedural room, reconstructed and stored: the twin's knowledge of the room.
 
-A phone with LiDAR is walked through the room (radartwin.testbed.scanner; its noise, dropouts and drift are from published
-evaluations, `strength` scales them all), and its frames go the way a user's go: fused, segmented, outlined.
+A phone with LiDAR walks through the room (radartwin.testbed.scanner). Its noise, dropouts and drift follow published evaluations, and
+`strength` scales all of them. Its frames are fused, segmented and outlined like those of a user.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ FOLDER = "scene"
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None) -> Product:
-    """A scanned and reconstructed room, from the store or made now; `seed` is the configuration's unless given.
+    """A scanned and reconstructed room, from the store or computed now; `seed` defaults to the configuration's.
 
-    At strength 0 nothing is lost: the room itself, without the clutter that a scan may miss.
+    At strength 0 the product is the room itself, without the clutter that a scan may miss.
     """
     spec = specification(config, room, strength, seed)
 
@@ -39,12 +39,12 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int | 
 
 
 def key(config: Config, store: Store, room: str, strength: float) -> str:
-    """Of what `fetch` gives, whether it is made or not."""
+    """Key of the product of `fetch`, whether it exists or not."""
     return store.key(KIND, specification(config, room, strength), ROOTS)
 
 
 def specification(config: Config, room: str, strength: float, seed: int | None = None) -> dict[str, Any]:
-    """What decides a scan."""
+    """Everything that decides a scan."""
     return {"room": room, "strength": strength, "seed": config.seed if seed is None else seed}
 
 

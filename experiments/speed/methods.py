@@ -23,7 +23,7 @@ from radartwin.simulation.backends import rfgenesis
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.rfgenesis_signal import direct_frame
-from radartwin.simulation.backends.sionna import RAYS, SionnaBackend, is_installed
+from radartwin.simulation.backends.sionna import RAYS, SionnaBackend
 from radartwin.simulation.curved import tube_grid
 from radartwin.simulation.paths import Paths
 
@@ -103,10 +103,9 @@ def _peers(full: bool) -> list[Method]:
         for grid in (128, 512) if full else (128,):
             peers.append(Method(RFGENESIS, f"{version}, {grid} x {grid}", "rfgenesis", (("version", version), ("grid", grid))))
     peers.append(Method(RFGENESIS, "as published", "rfgenesis", (("version", "shipped"), ("grid", 128)), published=True))
-    if is_installed():
-        peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))  # where it finds the most paths
-        if full:
-            peers.append(Method(SIONNA, "in one place", "sionna"))
+    peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))  # where it finds the most paths
+    if full:
+        peers.append(Method(SIONNA, "in one place", "sionna"))
     return peers
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from experiments.speed.methods import OURS, Method
-from experiments.stability.sweeps import SWEEPS, Sweep, methods
+from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs import workers
@@ -36,13 +36,12 @@ FINITE = "no method crashes or returns what is no number"
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Run all sweeps; both profiles compute the same."""
-    chosen = methods()
     rows: list[dict[str, Any]] = []
-    parts = [(number, method) for number in range(len(SWEEPS)) for method in chosen]
+    parts = [(number, method) for number in range(len(SWEEPS)) for method in METHODS]
     with progress.task("sweeps by method", len(parts)) as done:
         found = iter(workers.each(_errors, parts, config.jobs, done))
     for sweep in SWEEPS:
-        rows += sweep_rows(sweep, [(method, next(found)) for method in chosen])
+        rows += sweep_rows(sweep, [(method, next(found)) for method in METHODS])
     broken = sum(math.isnan(float(one)) for row in rows for one in row["errors_db"].split())
     tried = sum(len(row["errors_db"].split()) for row in rows)
     rows.append({

@@ -29,7 +29,6 @@ from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.backend import backend
-from radartwin.simulation.backends.sionna import is_installed
 from radartwin.simulation.simulate import simulate
 
 RADAR = traced.MONOSTATIC
@@ -45,11 +44,6 @@ METHODS = (
     Method(RFGENESIS, "corrected", "rfgenesis", (("version", "corrected"),)),
     Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)),
 )
-
-
-def methods() -> list[Method]:
-    """The methods that run here."""
-    return [one for one in METHODS if one.backend != "sionna" or is_installed()]
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,23 @@
-"""Path by path: panel images of this tracer against Sionna RT and against exact image sources, in the procedural rooms.
+"""Panel images of this tracer against Sionna RT and against exact image sources, path by path, in the procedural rooms.
 
-Both references know infinite mirrors alone; the tracer's images carry the Fresnel factor of what is open and what stands in the way, and a
-corner of m walls is the sum of its orders. So paths that leave and arrive alike over one length are added first, and levels are claimed of
-paths whose first Fresnel zone is clear (of the others the difference is told: it is what an infinite mirror misses). Sionna looks for
-paths between one place and itself ("co-located"), where it misses corners, whose mirror points lie on edges; and with the receiver APART_M
-aside, where it sees into them, by one order each. Its lengths are its own, in single precision, in the first case; in the second its
-facets are kept and the path belongs to one place.
+Both references have infinite mirrors only. The tracer's images carry the Fresnel factor of openings and obstacles, and a corner of m walls
+is the sum of its orders. Paths with equal directions and length are therefore added first, and levels are judged for paths with a clear
+first Fresnel zone; for the other paths the difference is reported, because it is what an infinite mirror misses.
 
-A reference path within DYNAMIC_DB of the strongest is matched by one of ours of its length and both its directions, within tolerances
-(`path_match`) wider than either's errors and narrower than what sets paths apart. Paths by way of small or curved things are tubes' work
-here and are counted by themselves. "Share of ours it has" is the other way round, of our images within DYNAMIC_DB; the image sources are
-those of the six planes, so furniture is ours alone.
+Sionna RT searches paths from a point back to itself ("co-located"), where it misses corners, because their mirror points lie on edges.
+With the receiver APART_M aside it finds one order of each corner. In the first case the lengths are Sionna's own, in single precision; in
+the second the facets of its paths are used and the path is computed for one point.
+
+A reference path within DYNAMIC_DB of the strongest is matched to a path of ours with equal length and directions, within the tolerances of
+`path_match`. These are wider than the errors of either method and narrower than the differences between paths. Paths over small or curved
+surfaces are traced by tubes here and are counted apart. "Share of ours it has" is the opposite direction, for our images within
+DYNAMIC_DB. The image sources are those of the room's six planes and contain no furniture.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ import numpy as np
 from experiments.statistics import bootstrap_mean
 from experiments.validation.oracles.rooms import rotation
 from experiments.validation.oracles.shells import Room
-from experiments.validation.path_match import Found, partners, together
+from experiments.validation.path_match import PathSet, partners, together
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
@@ -61,7 +62,7 @@ REFERENCES = ("image sources", "Sionna, co-located", "Sionna, apart")
 BOUNCES, DYNAMIC_DB = 4, 40.0
 APART_M = 0.03
 RADAR = Radar.iwr1843(element="isotropic")
-SHARE, DELAY_MM, LEVEL_DB = 0.95, 0.1, 0.5  # what is claimed: paths found, a fortieth of a wavelength, half a decibel
+SHARE, DELAY_MM, LEVEL_DB = 0.95, 0.1, 0.5  # limits of the claims; 0.1 mm is a fortieth of a wavelength
 METRICS = ("matched share", "level error (dB)", "length error (mm)")
 CLAIMS = {
     METRICS[0]: f"at least {SHARE:g} of the reference's paths are ours too",
@@ -72,8 +73,15 @@ CLAIMS = {
 
 @dataclass(frozen=True)
 class Compared:
-    """One reference against ours in one place: matched (N,) of its paths; of those the errors of length (mm) and level (dB), the latter
-    for clear paths and the rest; and which of ours it has."""
+    """One reference against ours at one place.
+
+    Attributes:
+        matched: (N,) whether each path of the reference has a partner.
+        length_mm, level_db, cut_level_db: errors of length, of the level of clear paths and of the level of other paths, for matched
+            paths.
+        ours_matched: whether each of our paths has a partner.
+        small: number of the reference's paths over small surfaces.
+    """
 
     matched: np.ndarray
     length_mm: np.ndarray
@@ -84,39 +92,36 @@ class Compared:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compare all rooms; profile=quick from one place in each, profile=paper from `profile.repeats`."""
+    """Compare all rooms: profile=quick from one place in each, profile=paper from `profile.repeats` places."""
     places = 1 if config.profile.name == "quick" else config.profile.repeats
-    references = REFERENCES if sionna.is_installed() else REFERENCES[:1]
     compared: dict[tuple[str, str, str], list[Compared]] = {}
-    shown: dict[str, dict[str, Found]] = {}
-    cases = [(room, detail, place, config.seed, references) for room in ROOMS for detail in DETAILS for place in range(places)]
+    shown: dict[str, dict[str, PathSet]] = {}
+    cases = [(room, detail, place, config.seed) for room in ROOMS for detail in DETAILS for place in range(places)]
     with progress.task("rooms", len(cases)) as done:
         paths = workers.each(_found, cases, config.jobs, done)
     for (room, detail, *_), found in zip(cases, paths, strict=True):
         shown.setdefault(f"{room}, {detail}", found)
-        for name in references:
+        for name in REFERENCES:
             compared.setdefault((room, detail, name), []).append(compare(found[name], found["ours"]))
     rows = [row for key, each in compared.items() for row in _rows(key, each, config)]
-    missing = [name for name in REFERENCES if name not in references]
-    rows += [_absent(room, detail, name) for room in ROOMS for detail in DETAILS for name in missing]
     figures: dict[str, Callable[[], Figure]] = {"backend_crosscheck": lambda: _figure(shown)}
     metrics = {
         f"{what} {name}".replace(",", ""): float(of([row["value"] for row in rows if row["metric"] == metric and row["reference"] == name]))
         for what, metric, of in (("least matched share", METRICS[0], min), ("worst mean level error dB", METRICS[1], max))
-        for name in references
+        for name in REFERENCES
     }
     return Result(TABLE.name, rows, figures, metrics)
 
 
-def _found(room: str, detail: str, place: int, seed: int, references: Sequence[str]) -> dict[str, Found]:
-    """Paths at one place, ours and each reference's."""
+def _found(room: str, detail: str, place: int, seed: int) -> dict[str, PathSet]:
+    """Our paths and those of each reference at one place."""
     scene, pose = rooms.room(room, detail=detail), pose_in(room, place, seed)
-    found = {"ours": ours(scene, pose)} | {name: reference(name, scene, pose) for name in references}
+    found = {"ours": ours(scene, pose)} | {name: reference(name, scene, pose) for name in REFERENCES}
     return {name: cleared(one, found["image sources"]) for name, one in found.items()}
 
 
 def pose_in(room: str, place: int, seed: int) -> np.ndarray:
-    """(4, 4) near the rover's start, off every plane of symmetry, turned so that no image lies on the antenna's axis."""
+    """(4, 4) near the rover's start, off every plane of symmetry, tilted so that no image lies on the antenna's axis."""
     pose = rooms.bench(room).sensor_pose.copy()
     draw = np.random.default_rng([seed, place])
     pose[:3, 3] += draw.uniform([0.05, 0.05, 0.02], [0.35, 0.35, 0.6])
@@ -124,20 +129,20 @@ def pose_in(room: str, place: int, seed: int) -> np.ndarray:
     return pose
 
 
-def ours(scene: Scene, pose: np.ndarray) -> Found:
-    """Panel images: the parts of the tracer's paths that have mirrors."""
+def ours(scene: Scene, pose: np.ndarray) -> PathSet:
+    """Panel images: those of the tracer's paths that have mirrors."""
     parts = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=BOUNCES)).paths(scene, RADAR, pose[None])
     return together(_of_paths(Paths.concatenate([part for part in parts if part.mirror is not None])))
 
 
-def reference(name: str, scene: Scene, pose: np.ndarray) -> Found:
+def reference(name: str, scene: Scene, pose: np.ndarray) -> PathSet:
     """Paths of one of REFERENCES."""
     if name == "image sources":
         return _images(scene, pose)
     if name == "Sionna, apart":
         backend = SionnaBackend(SionnaSettings(max_bounces=BOUNCES, separation_m=APART_M))
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "sionna:")  # what it misses is what the table says
+            warnings.filterwarnings("ignore", "sionna:")  # the table shows the paths that it misses
             (paths,) = backend.paths(scene, RADAR, pose[None])
         mesh = sionna.merged(scene.surfaces, {})
         answer = backend.found(scene, mesh, RADAR, pose[None])
@@ -147,32 +152,32 @@ def reference(name: str, scene: Scene, pose: np.ndarray) -> Found:
     return together(_of_answer(scene, mesh, backend.found(scene, mesh, RADAR, pose[None]), pose))
 
 
-def _images(scene: Scene, pose: np.ndarray) -> Found:
+def _images(scene: Scene, pose: np.ndarray) -> PathSet:
     images = list(Room(scene, frequency_hz(scene)).images(pose[:3, 3], pose[:3, 2], BOUNCES))
     departure, arrival = (np.array([getattr(image, end) for image in images]) @ pose[:3, :3] for end in ("departure", "arrival"))
     amplitude = np.array([image.amplitude for image in images])
     clear = np.array([image.clear for image in images])
     length = np.array([image.length_m for image in images])
-    return Found(length, departure, arrival, amplitude, np.zeros(len(images), bool), clear)
+    return PathSet(length, departure, arrival, amplitude, np.zeros(len(images), bool), clear)
 
 
-def _of_paths(paths: Paths, small: np.ndarray | None = None) -> Found:
+def _of_paths(paths: Paths, small: np.ndarray | None = None) -> PathSet:
     amplitude, unknown = _middle(paths.amplitude, paths.frequencies_hz), np.zeros(len(paths), bool)
-    return Found(paths.length_m, paths.departure, paths.arrival, amplitude, unknown if small is None else small, unknown)
+    return PathSet(paths.length_m, paths.departure, paths.arrival, amplitude, unknown if small is None else small, unknown)
 
 
-def _of_answer(scene: Scene, mesh: sionna.Mesh, answer: dict[str, np.ndarray], pose: np.ndarray) -> Found:
-    """Sionna's own lengths and hits."""
+def _of_answer(scene: Scene, mesh: sionna.Mesh, answer: dict[str, np.ndarray], pose: np.ndarray) -> PathSet:
+    """Paths with Sionna's own lengths and hit points."""
     vertex, count = answer["vertex"], (answer["face"] >= 0).sum(axis=1)
     ends = (vertex[:, 0], vertex[np.arange(len(vertex)), count - 1])
     lines = [(end - pose[:3, 3]) @ pose[:3, :3] for end in ends]
     departure, arrival = (line / np.linalg.norm(line, axis=1, keepdims=True) for line in lines)
     amplitude = _middle(answer["amplitude"].conj(), answer["frequencies_hz"])
-    return Found(answer["length_m"], departure, arrival, amplitude, _small(scene, mesh, answer["face"]), np.zeros(len(vertex), bool))
+    return PathSet(answer["length_m"], departure, arrival, amplitude, _small(scene, mesh, answer["face"]), np.zeros(len(vertex), bool))
 
 
 def _small(scene: Scene, mesh: sionna.Mesh, face: np.ndarray) -> np.ndarray:
-    """(N,) paths that lead over surfaces which tubes trace here."""
+    """(N,) whether a path leads over surfaces that are traced by tubes here."""
     built = geometry.build([s.mesh for s in scene])
     surfaces = np.unique(built.surface[panel_room.small_faces(scene.surfaces, built)])
     return np.any(np.isin(mesh.surface[face], surfaces) & (face >= 0), axis=1)
@@ -183,20 +188,20 @@ def _middle(amplitude: np.ndarray, frequencies_hz: np.ndarray) -> np.ndarray:
 
 
 def frequency_hz(scene: Scene) -> float:
-    """Near mid-sweep, where amplitudes are computed: between such nodes they are a polynomial, which is no part of this comparison."""
+    """The frequency node nearest to the middle of the sweep. Between nodes amplitudes are interpolated, which is not compared here."""
     high = RADAR.start_frequency_hz + RADAR.sampled_bandwidth_hz
     nodes = reflection_table.build([(s.material, s.roughness_m) for s in scene], RADAR.start_frequency_hz, high).frequencies_hz
     return float(_middle(nodes[None], nodes)[0])
 
 
-def cleared(found: Found, images: Found) -> Found:
-    """The paths with what the image sources know of their Fresnel zones; of a path over furniture they know nothing."""
+def cleared(found: PathSet, images: PathSet) -> PathSet:
+    """The paths, with the Fresnel zones that the image sources give; a path over furniture counts as not clear."""
     index = partners(found, images)
     return replace(found, clear=np.where(index >= 0, images.clear[index], False))
 
 
-def compare(theirs: Found, mine: Found) -> Compared:
-    """A reference's strong paths against all of ours, and our strong ones against all of its."""
+def compare(theirs: PathSet, mine: PathSet) -> Compared:
+    """Match a reference's strong paths with all of ours, and our strong paths with all of the reference's."""
     strong = theirs.strong(DYNAMIC_DB)
     small = int(strong.small.sum())
     strong = strong.where(~strong.small)
@@ -244,14 +249,7 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
     return [one for one in found if one["n"]]
 
 
-def _absent(room: str, detail: str, name: str) -> dict[str, Any]:
-    return {
-        "room": room, "detail": detail, "reference": name, "claim": CLAIMS["matched share"], "metric": "matched share", "run_keys": "",
-        "paper": None, "value": None, "low": None, "high": None, "n": 0, "domain": "sionna-rt is not installed", "verdict": "untestable",
-    }  # fmt: skip
-
-
-def _figure(shown: dict[str, dict[str, Found]]) -> Figure:
+def _figure(shown: dict[str, dict[str, PathSet]]) -> Figure:
     """Level against half the length, room by room."""
     drawing, panels = figure(len(ROOMS), len(DETAILS), width_in=PAGE_WIDTH_IN, height_in=6.4, sharex=True, sharey=True)
     looks = {

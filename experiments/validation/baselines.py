@@ -1,11 +1,11 @@
-"""What the naive tracer gets wrong, measured: levels, range law, convergence and speed of each version of simulator=rfgenesis.
+"""Errors of RF-Genesis, a naive tracer: levels, range law, convergence and speed of each version of simulator=rfgenesis.
 
-Each row says what physics expects, what the published program itself returned when it was run on the same cases (column paper; for the
-`shipped` and `columns` versions), and what the re-implementation returns. A claim holds where the two programs agree within
-`SAME_DB` or `SAME_EXPONENT`; rows of the `corrected` version have no such figure and show what the mended program would return.
+Each row has the expectation from physics, the result of the published program on the same case (column paper; versions `shipped` and
+`columns`), and the result of the re-implementation. A claim holds if the two programs agree within SAME_DB or SAME_EXPONENT. Rows of the
+`corrected` version show what the corrected program would return; the published program gives no value for them.
 
     radartwin run experiment=baselines
-    python -m experiments.validation.baselines          the seconds of whole frames with the original's own signal generator
+    python -m experiments.validation.baselines          seconds of whole frames with the original's own signal generator
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from radartwin.store.products import Store
 
 SIZE_M = 0.1  # leg of the trihedral, radius of the sphere, edge of the plate
 CLOSED_FORM_RATIO_DB = 10 * math.log10(4 / 3 * SIZE_M**2 / (SPEED_OF_LIGHT / 77e9) ** 2)  # 4 pi a^4 / (3 lambda^2) over pi r^2
-SAME_DB = 6.0  # a pixel row more or less on a target of five rows
+SAME_DB = 6.0  # one pixel row more or less on a target of five rows
 SAME_EXPONENT = 1.0
 SAME_GROWTH, SAME_MPS = 0.2, 0.005
 SPEED_MPS = 0.2
@@ -47,7 +47,7 @@ TARGETS: dict[str, Callable[[], trimesh.Trimesh]] = {
 
 
 def published_radar() -> Radar:
-    """The configuration the published program ships (TI1843_config.json), whose ADC starts 6 us into the chirp."""
+    """The configuration in the published program (TI1843_config.json), whose ADC starts 6 us into the chirp."""
     half = SPEED_OF_LIGHT / 77e9 / 2
     slope = 60.012e12
     return Radar(
@@ -58,7 +58,7 @@ def published_radar() -> Radar:
 
 
 def plate_db(distance_m: float, frequency_hz: float = 78.72e9) -> float:
-    """Level of the facing plate by physical optics: A^2/(4 pi R^2)^2 in the far field, less the Fresnel integral of its square aperture."""
+    """Level of the facing plate by physical optics: A^2/(4 pi R^2)^2 of the far field times the Fresnel integral of its square aperture."""
     wavelength = SPEED_OF_LIGHT / frequency_hz
     edge = SIZE_M * math.sqrt(1 / (wavelength * distance_m))  # k x^2/R = (pi/2) u^2 with u = 2 x/sqrt(lambda R)
     sine, cosine = fresnel(edge)
@@ -84,7 +84,7 @@ def trihedral_over_sphere_db(simulator: Backend, distances_m: Iterable[float]) -
 
 
 def range_exponents(simulator: Backend, distances_m: Sequence[float] | np.ndarray) -> dict[str, float]:
-    """n of a power law R^-n fitted to each target's level."""
+    """Exponent n of a power law R^-n, fitted to the levels of each target."""
     decades = 10 * np.log10(distances_m)
     return {
         name: -float(np.polyfit(decades, [level_db(make(), d, simulator) for d in distances_m], 1)[0]) for name, make in TARGETS.items()
@@ -92,12 +92,12 @@ def range_exponents(simulator: Backend, distances_m: Sequence[float] | np.ndarra
 
 
 def plate_levels_db(version: str, grids: Sequence[int]) -> list[float]:
-    """Level of the plate at 3 m for each number of pixels along a side."""
+    """Level of the plate at 3 m for each number of pixels per side."""
     return [level_db(TARGETS["plate"](), 3.0, backend("rfgenesis", version=version, grid=grid)) for grid in grids]
 
 
 def speed_read_mps(simulator: Backend, radar: Radar, speed_mps: float = SPEED_MPS) -> float:
-    """Speed of a receding plate read from one transmitter's chirps by their own interval, at the wavelength of 77 GHz."""
+    """Speed of a receding plate, read from one transmitter's chirps at the wavelength of 77 GHz."""
     poses = np.array([trajectory.pose([2 + speed_mps * frame / radar.frame_rate_hz, 0.0, 0.0]) for frame in range(3)])
     scene = Scene([Surface(TARGETS["plate"](), "metal", "plate")])
     iq = simulate(scene, radar, np.eye(4)[None], motion={"plate": poses}, simulator=simulator).iq[1, :, 0, 0]
@@ -109,7 +109,7 @@ def speed_read_mps(simulator: Backend, radar: Radar, speed_mps: float = SPEED_MP
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table; nothing of it is stored but the result, for a case takes a fraction of a second."""
+    """Compute the table; only the result is stored, because a case takes a fraction of a second."""
     rows: list[dict] = []
 
     def add(case: str, metric: str, expected: str, paper: str, values: Sequence[float] | np.ndarray, agrees: bool | None) -> None:
@@ -154,9 +154,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def main() -> None:
-    """Seconds of one frame in the original's own way and of a frame of tubes, for an object alone and in a furnished room.
+    """Print the seconds of one frame by the published program and by tubes, for an object alone and in a furnished room.
 
-    The tubes' frames are those of a turning target; a room at rest is traced in the first, unmeasured call.
+    The frames of tubes are those of a turning target; the room at rest is traced in a first call that is not timed.
     """
     radar, bench, distance_m = Radar.iwr1843(), rooms.lab_bench(), 1.0
     turning = trajectory.turntable(bench.target_position(distance_m), FRAMES, radar.frame_rate_hz)

@@ -1,4 +1,4 @@
-"""Paths of two methods, told apart by length and by the directions at both ends."""
+"""Matching of two methods' paths by length and by the directions at both ends."""
 
 from __future__ import annotations
 
@@ -7,13 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 LENGTH_M, ANGLE_DEG = 0.005, 0.5
-SAME_M, SAME_DEG = 2e-5, 0.01  # paths of one image: a hundred times single precision at 10 m
+SAME_M, SAME_DEG = 2e-5, 0.01  # between paths of one image: a hundred times single precision at 10 m
 
 
 @dataclass(frozen=True)
-class Found:
-    """N images as one method has them: length (N,), directions (N, 3) in the sensor frame, amplitude (N,) complex at mid-sweep, and
-    whether each leads over a small thing, and whether its Fresnel zone is known to be clear."""
+class PathSet:
+    """N paths of one method.
+
+    Attributes:
+        length_m: (N,).
+        departure, arrival: (N, 3) directions in the sensor frame.
+        amplitude: (N,) complex, in the middle of the frequency sweep.
+        small: (N,) whether the path leads over a small surface.
+        clear: (N,) whether its Fresnel zone is known to be clear.
+    """
 
     length_m: np.ndarray
     departure: np.ndarray
@@ -22,20 +29,20 @@ class Found:
     small: np.ndarray
     clear: np.ndarray
 
-    def where(self, keep: np.ndarray) -> Found:
-        return Found(*(values[keep] for values in vars(self).values()))
+    def where(self, keep: np.ndarray) -> PathSet:
+        return PathSet(*(values[keep] for values in vars(self).values()))
 
     @property
     def level_db(self) -> np.ndarray:
         return 20 * np.log10(np.abs(self.amplitude) + 1e-30)
 
-    def strong(self, dynamic_db: float) -> Found:
-        """Those within `dynamic_db` of the strongest."""
+    def strong(self, dynamic_db: float) -> PathSet:
+        """The paths within `dynamic_db` of the strongest."""
         return self.where(self.level_db >= self.level_db.max(initial=-np.inf) - dynamic_db)
 
 
-def together(found: Found) -> Found:
-    """Paths of the same image added: one length, one departure, one arrival."""
+def together(found: PathSet) -> PathSet:
+    """Add paths of the same image into one path."""
     left, groups = np.ones(len(found.length_m), bool), []
     for i in np.argsort(-np.abs(found.amplitude), kind="stable"):
         if left[i]:
@@ -48,14 +55,14 @@ def together(found: Found) -> Found:
     return replace(first, amplitude=np.array([total for _, total in groups]))
 
 
-def _apart_deg(found: Found, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
-    """(N,) the larger of the angles at the two ends; by chords, for cosines lose small angles."""
+def _apart_deg(found: PathSet, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
+    """(N,) the larger of the angles at both ends, from chords, because a cosine loses small angles."""
     chords = [np.linalg.norm(one - other, axis=1) for one, other in ((found.departure, departure), (found.arrival, arrival))]
     return np.degrees(2 * np.arcsin(np.clip(np.maximum(*chords) / 2, 0, 1)))
 
 
-def partners(of: Found, among: Found) -> np.ndarray:
-    """(N,) index of the path of `among` nearest in length and angle within the tolerances, or -1."""
+def partners(of: PathSet, among: PathSet) -> np.ndarray:
+    """(N,) index of the path of `among` that is nearest in length and angle and within the tolerances, or -1."""
     out = np.full(len(of.length_m), -1)
     for i in range(len(out)):
         misfit = np.maximum(

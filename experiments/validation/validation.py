@@ -1,7 +1,7 @@
-"""Validation card: every physics oracle with its case, reference figure, our figure, error, limit and verdict.
+"""Validation card: every physics check with its case, reference value, our value, error, limit and verdict.
 
-The cases live in experiments/oracles and are the physics tests' own (tests/physics/test_validation.py). profile=quick computes a short
-choice of sizes, seeds and angles of the cases that cost seconds; profile=paper all of all.
+The cases live in experiments/validation/oracles and are also the physics tests (tests/physics/test_validation.py). profile=quick computes
+a short choice of sizes, seeds and angles of the cases that take seconds; profile=paper computes everything.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def _row(number: int, full: bool) -> dict[str, Any]:
 
 
 def row(case: Case, full: bool) -> dict[str, Any]:
-    """A line of the card; what cannot be tested says why in place of its oracle."""
+    """One row of the card. For a case that cannot be tested, the oracle column gives the reason."""
     shared = {"subject": case.subject, "case": case.name, "claim": case.claim}
     score = {"limit": case.limit, "unit": case.unit or "-", "run_keys": "", "metric": case.metric, "paper": None, "low": None, "high": None}
     started = time.perf_counter()
@@ -83,7 +83,7 @@ def row(case: Case, full: bool) -> dict[str, Any]:
 
 
 def page(rows: list[dict[str, Any]]) -> str:
-    """The card as text, a line per case, failures marked."""
+    """The card as text, one line per case, with failures in capitals."""
     line = "  ".join(LAYOUT)
     out = [line.format("subject", "case", "oracle", "reference", "ours", "error", "limit", "", "verdict")]
     for r in rows:
@@ -94,7 +94,7 @@ def page(rows: list[dict[str, Any]]) -> str:
 
 
 def _pattern_figure(full: bool) -> Figure:
-    """Trihedral against azimuth, and plate against angle, with their oracles."""
+    """Trihedral against azimuth and plate against angle, with their references."""
     azimuth = np.linspace(-30, 30, 121 if full else 31)
     reference, ours = targets.pattern(azimuth)
     drawing, (left, right) = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
@@ -119,7 +119,7 @@ def _pattern_figure(full: bool) -> Figure:
 
 
 def _ray_count_figure(full: bool) -> Figure:
-    """Worst error over sizes and grid offsets against rays per square wavelength."""
+    """Largest error over sizes and grid offsets against rays per square wavelength."""
     drawing, axes = figure(1, 1, width_in=COLUMN_WIDTH_IN, height_in=2.6)
     densities = DENSITIES if full else DENSITIES[:5:2]
     for number, target in enumerate(targets.TARGETS):
@@ -145,7 +145,7 @@ def _near_figure(full: bool) -> Figure:
 
 
 def _room_figure(full: bool) -> Figure:
-    """Range profile of the squash court by image sources and by tubes."""
+    """Range profile of the squash court by image sources and by this tracer."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN, height_in=2.4)
     methods = [("tubes", 1_200_000, "tubes, 1.2M rays"), ("tubes", 2_900_000, "tubes, 2.9M rays"), ("panels", 1_200_000, "panel images")]
     exact = np.zeros(1)

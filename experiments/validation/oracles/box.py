@@ -1,8 +1,8 @@
 """All image sources of a rectangular room, with vector reflection at every wall. Ref: J. Allen, D. Berkley, JASA 65 (1979) 943.
 
-The image with (i, j, k) reflections along x, y, z is reached by the unfolded straight line; its walls are met in the order in which the
-line crosses them. A monostatic path into an edge or corner meets walls at once: every order has the share of directions around the
-line in which it occurs, for the stationary phase weighs all directions alike.
+The image with (i, j, k) reflections along x, y, z is reached by the unfolded straight line, which crosses its walls in order. A monostatic
+path into an edge or corner crosses several walls at once. Each order of these walls is weighted by the share of directions around the line
+in which it occurs, because the stationary phase weights all directions alike.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,12 +13,12 @@ import numpy as np
 from experiments.validation.oracles.case import SPEED_OF_LIGHT
 
 Reflection = Callable[[float], tuple[complex, complex]]  # (te, tm) at a cosine of incidence, exp(+j omega t)
-TURNS = 720  # directions around a line in which the order of its walls is looked up
+TURNS = 720  # sampled directions around a line
 ASIDE = 1e-7
 
 
 def images(size_m: np.ndarray, sensor_m: np.ndarray, bounces: int) -> Iterator[tuple[np.ndarray, np.ndarray, list[tuple[int, float]]]]:
-    """(index (3,), image position (3,), [(axis, plane coordinate)] met) of all images of 1 to `bounces` reflections."""
+    """(index (3,), image position (3,), [(axis, plane coordinate)] of its walls) of all images of 1 to `bounces` reflections."""
     for index in product(range(-bounces, bounces + 1), repeat=3):
         if not 1 <= sum(map(abs, index)) <= bounces:
             continue
@@ -32,11 +32,12 @@ def images(size_m: np.ndarray, sensor_m: np.ndarray, bounces: int) -> Iterator[t
 def image_sum(
     size_m: np.ndarray, sensor_m: np.ndarray, axis: np.ndarray, reflection: Reflection, bounces: int, frequency_hz: np.ndarray
 ) -> np.ndarray:
-    """Received amplitude (F,) between isotropic antennas with this polarisation axis, signals exp(+j k L).
+    """Received amplitude (F,) between isotropic antennas of one polarisation axis, with the phase exp(+j k L).
 
     Args:
-        size_m: (3,) of the room, one corner at zero; sensor_m: (3,) transmitter and receiver in it.
-        axis: (3,) unit, both antennas' polarisation before projection across the ray.
+        size_m: (3,) of the room, which has a corner at zero.
+        sensor_m: (3,) transmitter and receiver in the room.
+        axis: (3,) unit, polarisation of both antennas before projection across the ray.
         reflection: the same for all walls and frequencies.
     """
     total = np.zeros(len(frequency_hz), complex)
@@ -66,7 +67,7 @@ def image_paths(
 
 
 def orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.ndarray) -> Iterator[tuple[tuple[int, ...], float]]:
-    """Orders in which walls are met, with their shares of the directions around the line."""
+    """Orders in which a path crosses its walls, with their shares of the directions around the line."""
     first = np.eye(3)[np.argmin(np.abs(direction))]
     u = np.cross(direction, first)
     u /= np.linalg.norm(u)

@@ -1,4 +1,4 @@
-"""What a validation case is: one claim of the physics, the figure an independent oracle gives, ours, and the limit between them."""
+"""A validation case: one claim of the physics, the value of an independent reference, our value, and the limit of their difference."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ SPEED_OF_LIGHT = 299_792_458.0
 FREQUENCY_HZ = 77e9
 WAVELENGTH_M = SPEED_OF_LIGHT / FREQUENCY_HZ
 WAVENUMBER = 2 * np.pi / WAVELENGTH_M
-# Figures kept beside the checkout, not part of it; a case that needs an absent one is untestable.
+# Tables beside the checkout, not part of it; a case that needs an absent table is untestable.
 REFERENCE = Path(__file__).resolve().parents[4] / "shared" / "reference"
 OBJECTS = REFERENCE.parent / "data" / "objects"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a comparison found.
+    """The result of a comparison.
 
     Attributes:
-        reference, ours: the two figures where they differ most, in the case's own unit; NaN where a claim is about many at once.
-        error: what is compared with the limit, never negative.
-        n: comparisons made.
+        reference, ours: the two values where they differ most, in the unit of the case; NaN if the claim is about many values at once.
+        error: compared with the limit, never negative.
+        n: number of comparisons.
     """
 
     reference: float
@@ -36,7 +36,7 @@ class Finding:
 
 
 class Untestable(Exception):
-    """What the case needs is not here; the message says what."""
+    """Something that the case needs is absent; the message names it."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,13 @@ class Case:
     Attributes:
         name: unique, lower case with hyphens.
         subject: group of the card.
-        claim: what is claimed, for a reader.
-        oracle: how the reference figure is computed, and its source.
-        metric: what the two figures are, with unit.
+        claim: the claim, for a reader.
+        oracle: how the reference value is computed, and its source.
+        metric: the compared quantity, with unit.
         limit: largest error that holds.
         unit: of error and limit.
-        compare: the comparison; True takes all sizes, seeds, angles and densities, False a short choice of them.
-        cost: "quick" cases run in every profile, "full" ones in the paper's alone.
+        compare: the comparison; True takes all sizes, seeds, angles and densities, False a short choice.
+        cost: "quick" cases run in every profile, "full" cases in the paper profile only.
     """
 
     name: str
@@ -75,19 +75,19 @@ def db(power: Any) -> Any:
 
 
 def worst(pairs: Sequence[tuple[float, float]]) -> Finding:
-    """Of (reference, ours) pairs, the one that differs most."""
+    """The finding of the (reference, ours) pair with the largest difference."""
     reference, ours = max(pairs, key=lambda pair: abs(pair[1] - pair[0]))
     return Finding(reference, ours, abs(ours - reference), len(pairs))
 
 
 def rms(differences: Sequence[float] | np.ndarray) -> Finding:
-    """Root mean square of differences that should vanish."""
+    """Root mean square of differences that should be zero."""
     value = float(np.sqrt(np.mean(np.square(differences))))
     return Finding(0.0, value, value, len(differences))
 
 
 def reference_rows(name: str) -> list[dict[str, str]]:
-    """Rows of a reference table. Raises Untestable where it is absent."""
+    """Rows of a reference table. Raises Untestable if it is absent."""
     path = REFERENCE / name
     if not path.is_file():
         raise Untestable(f"reference table {name} is not here")

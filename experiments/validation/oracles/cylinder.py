@@ -12,7 +12,7 @@ from scipy.special import hankel2e, jve
 
 
 def _orders(size: float) -> np.ndarray:
-    """Enough orders of both signs for a cylinder of this circumference in wavelengths. Ref: Wiscombe, Appl. Opt. 19 (1980) 1505."""
+    """Sufficient orders for a cylinder of this circumference in wavelengths. Ref: Wiscombe, Appl. Opt. 19 (1980) 1505."""
     return np.arange(int(np.ceil(size + 4.05 * size ** (1 / 3) + 10)) + 1)
 
 
@@ -30,7 +30,7 @@ def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], w
 
     Args:
         radii_m: outer radius of each layer, outermost first.
-        permittivities: of the layers, outermost first; one fewer than radii leaves a perfectly conducting core.
+        permittivities: of the layers, outermost first; one fewer than radii means a perfectly conducting core.
         wavelength_m: in air.
     """
     k0 = 2 * np.pi / wavelength_m
@@ -42,7 +42,7 @@ def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], w
 def coefficients(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float, order: np.ndarray) -> np.ndarray:
     """(N,) coefficients of the scattered wave sum (-j)^n a_n H_n(k r) exp(j n phi) for an incident wave of unit field."""
     k0 = 2 * np.pi / wavelength_m
-    # admittance of the inside, E'/E at each radius, carried outwards from the core
+    # E'/E at each radius, computed outwards from the core
     slope = None
     for number in range(len(radii_m) - 1, -1, -1):
         radius = radii_m[number]
@@ -62,14 +62,14 @@ def coefficients(radii_m: Sequence[float], permittivities: Sequence[complex], wa
 
 
 def _carried(order: np.ndarray, k: complex, inner: float | None, outer: float, slope: np.ndarray | None) -> np.ndarray:
-    """E'/E at the outside of a layer from that at its inside; the core has no inside."""
+    """E'/E at the outside of a layer from E'/E at its inside; the core has no inside."""
     j, dj = _bessel(order, k * outer)
     if inner is None or slope is None:
         return k * dj / j
     h, dh = _hankel(order, k * outer)
     ji, dji = _bessel(order, k * inner)
     hi, dhi = _hankel(order, k * inner)
-    # jve and hankel2e are scaled by exp(-|Im z|) and exp(+j z): bring the ratio between the two radii back
+    # jve and hankel2e are scaled by exp(-|Im z|) and exp(+j z); this undoes the scaling between the two radii
     ratio = -ji / hi if np.isinf(slope).all() else -(k * dji - slope * ji) / (k * dhi - slope * hi)
     decay = np.exp(abs((k * inner).imag) - abs((k * outer).imag)) * np.exp(1j * (k * inner - k * outer))
     b = ratio * decay

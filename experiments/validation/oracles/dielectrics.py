@@ -1,4 +1,4 @@
-"""Walls, bottles and rough surfaces: transfer matrices, exact layered cylinders, Ament, and the reference tables."""
+"""Walls, bottles and rough surfaces against transfer matrices, exact layered cylinders, Ament's formula and the reference tables."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ SLABS: dict[str, tuple[list[tuple[str, float]], str]] = {
 WALLS_M = {"pet 0.3": ("pet", 0.3e-3), "pet 1": ("pet", 1e-3), "hdpe 1": ("hdpe", 1e-3), "glass 3": ("glass", 3e-3)}
 RADIUS_M, HEIGHT_M = 0.033, 0.12
 SWEEP_HZ = (77e9, 80.44e9)
-EMPTY_LIMIT_DB = 2.5  # stated: one straight echo through the far wall is all that the local slab leaves out
-FAR_M = 40.0  # where a 10 cm dihedral sees the radar under one angle, to 0.1 degrees
-EDGE = 8  # samples at either end of the sweep that are left out
+EMPTY_LIMIT_DB = 2.5  # the local slab leaves out the echo through the far wall
+FAR_M = 40.0  # a 10 cm dihedral sees the radar within 0.1 degrees from there
+EDGE = 8  # samples left out at either end of the sweep
 OVER_METAL = "over metal (dB)"
 
 
 def _samples(mesh: trimesh.Trimesh, material: str | Layered, distance_m: float, roll: bool = False, bounce: int = 0) -> np.ndarray:
-    """(samples,) of a target at a distance on the axis, for vertical or (rolled) horizontal antennas; of one number of bounces if given."""
+    """(samples,) of a target on the axis, for vertical or (`roll`) horizontal antennas; only paths of `bounce` bounces if given."""
     pose = traced.pose([distance_m, 0.0, 0.0], np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]) if roll else None)
     scene = rt.Scene([rt.Surface(mesh, material, "target", role="object")])
     parts = traced.trace(scene, traced.MONOSTATIC, pose, traced.settings("tubes", rays_per_wavelength2=4.0))
@@ -47,13 +47,13 @@ def _over_metal(mesh: trimesh.Trimesh, material: str | Layered, **options: Any) 
 
 
 def _mean_over_metal(mesh: trimesh.Trimesh, material: str | Layered, distance_m: float) -> float:
-    """Mean over the sweep of the power over that of metal, dB."""
+    """Power relative to metal, mean over the sweep, dB."""
     ratio = np.abs(_samples(mesh, material, distance_m) / _samples(mesh, "metal", distance_m)) ** 2
     return float(10 * np.log10(ratio[EDGE:-EDGE].mean()))
 
 
 def _slabs(full: bool) -> Finding:
-    """A 10 cm plate seen face-on, at one to five frequencies of the sweep."""
+    """A 10 cm plate seen face-on at one to five frequencies of the sweep."""
     pairs = []
     for frequency in np.linspace(*SWEEP_HZ, 5) if full else (77e9,):
         for layers, backing in SLABS.values():
@@ -82,7 +82,7 @@ def _oblique(full: bool) -> Finding:
 
 
 def _slab_table(full: bool) -> Finding:
-    """Slabs at 77 GHz; brick, plywood and marble are left out, for the table extrapolates their fits and this project does not."""
+    """Slabs at 77 GHz. Brick, plywood and marble are left out, because the table extrapolates their fits and this project does not."""
     pairs = []
     for row in reference_rows("slab_reflection_77GHz.csv"):
         if row["material"] in ("brick", "plywood", "marble"):
@@ -105,7 +105,7 @@ def _bottle_table(full: bool) -> Finding:
 
 @cache
 def exact_bottle(wall: str, contents: str, points: int) -> float:
-    """Mean power over the sweep of the exact series of a bottle, over a metal can, dB."""
+    """Power of a bottle relative to a metal can, mean over the sweep, by the exact series, dB."""
     material, thickness = WALLS_M[wall]
     ratios = []
     for frequency in np.linspace(*SWEEP_HZ, points):
@@ -116,7 +116,7 @@ def exact_bottle(wall: str, contents: str, points: int) -> float:
 
 
 def our_bottle(wall: str, contents: str) -> float:
-    """The same traced: a closed can, 5 m away, whose side is the wall backed by its contents."""
+    """The same by the tracer: a closed can 5 m away, whose side is the wall with the contents behind it."""
     material, thickness = WALLS_M[wall]
     return _mean_over_metal(objects.cylinder(RADIUS_M, HEIGHT_M), Layered([(material, thickness)], contents), 5.0)
 
@@ -127,7 +127,7 @@ def _bottles(contents: str, full: bool) -> Finding:
 
 
 def _bottle_series_table(full: bool) -> Finding:
-    """Water-filled bottles of the table, total over the metal can; our series against it is at 1e-2 dB."""
+    """Water-filled bottles of the table relative to the metal can; our own series differs from the table by 1e-2 dB."""
     rows = {row["case"]: float(row["total_rel_PEC"]) for row in reference_rows("layered_cylinder_exact.csv")}
     names = {"pet 0.3": "PET0.3 water", "pet 1": "PET1.0 water", "glass 3": "glass3 water"}
     return worst([(rows[names[wall]], our_bottle(wall, "water")) for wall in (names if full else ("pet 1",))])
@@ -139,7 +139,7 @@ def ament_db(roughness_m: float, cosine: float) -> float:
 
 
 def _rough(full: bool) -> Finding:
-    """A rough metal plate over a smooth one, traced; at the middle of the sweep."""
+    """A rough metal plate relative to a smooth one, traced, in the middle of the sweep."""
     frequency = traced.MONOSTATIC.center_frequency_hz
     scale = (frequency / FREQUENCY_HZ) ** 2
 

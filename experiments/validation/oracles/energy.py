@@ -19,13 +19,14 @@ from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
-PIECES = 3  # parts each way of a tube across an edge
+PIECES = 3  # parts per direction of a tube that crosses an edge
 
 
 def bistatic(
     mesh: trimesh.Trimesh, sources: np.ndarray, receivers: np.ndarray, *, cross: bool = False, density: float = 16.0, bounces: int = 1
 ) -> np.ndarray:
-    """(F,) received amplitudes of a metal target, without gains, from sources (F, 3) to receivers (F, 3); V, or H received of V."""
+    """(F,) received amplitudes of a metal target without gains, from sources (F, 3) to receivers (F, 3); V, or H received of V if
+    `cross`."""
     variant.activate()
     built = geometry.build([mesh])
     table = reflection_table.build([("metal", 0.0)], FREQUENCY_HZ)
@@ -41,7 +42,7 @@ def bistatic(
 
 
 def _swapped(full: bool) -> Finding:
-    """Transmitter and receiver 1 and 5 cm apart, swapped; single bounces."""
+    """Transmitter and receiver, 1 and 5 cm apart, exchange places; single bounces."""
     meshes = [objects.plate(0.1, 0.1), objects.sphere(0.033), objects.cylinder(0.033, 0.12)]
     pairs = []
     for distance in (0.5, 1.0, 2.0) if full else (1.0,):
@@ -54,15 +55,14 @@ def _swapped(full: bool) -> Finding:
 
 
 def _swapped_images(full: bool) -> Finding:
-    """Every image path in closed concrete rooms against its partner, which leaves where it arrives: levels within 40 dB of the
-    strongest."""
+    """Every image path in closed concrete rooms against the path in the opposite direction, for levels within 40 dB of the strongest."""
     pairs = []
     for room in ROOMS if full else ("office",):
         _, size, sensor = ROOMS[room]
         chosen = traced.settings("panels", max_bounces=4)
         for paths in traced.trace(room_scene(size, "concrete"), traced.MONOSTATIC, traced.pose(sensor, rotation()), chosen):
             keys = np.column_stack([paths.departure, paths.arrival, paths.length_m])
-            # the orders of a corner share one line: their sum is one path
+            # the orders of a corner share one line, and their sum is one path
             near = KDTree(keys).query_pairs(1e-6, output_type="ndarray")
             links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(keys), len(keys)))
             _, group = connected_components(links, directed=False)
@@ -79,7 +79,9 @@ def _swapped_images(full: bool) -> Finding:
 
 
 def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
-    """Of triangles (N, 3, 3) that do not hide one another. Ref: A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125."""
+    """Solid angle of triangles (N, 3, 3) that do not hide one another. Ref: A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30
+    (1983)
+    125."""
     a, b, c = (triangles - point).transpose(1, 0, 2)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     triple = np.einsum("ni,ni->n", a, np.cross(b, c))
@@ -88,8 +90,9 @@ def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
 
 
 def _scattered(corner: bool, full: bool) -> Finding:
-    """Power through a sphere of receivers, both polarisations, over the power that meets the target; above one is an error, for a
-    target that returns only what it gets. Reference: 0 dB, all of it."""
+    """Power through a sphere of receivers, both polarisations, over the power that meets the target. The reference is 0 dB; more than
+    that is
+    an error."""
     source = np.array([1.0, 0.04, 0.03])
     count = 12_000 if full else 2500
     place = np.arange(count) + 0.5
@@ -101,7 +104,7 @@ def _scattered(corner: bool, full: bool) -> Finding:
     for mesh, bounces in [(objects.dihedral(0.03, 0.03), 2)] if corner else smooth:
         sources = np.tile(source, (count, 1))
         power = sum(np.abs(bistatic(mesh, sources, radius * away, cross=h, density=4.0, bounces=bounces)) ** 2 for h in (False, True))
-        # an isotropic antenna takes in lambda^2/(4 pi)
+        # aperture of an isotropic antenna: lambda^2/(4 pi)
         scattered = float(np.mean(power)) * 4 * np.pi * radius**2 * 4 * np.pi / WAVELENGTH_M**2
         triangles = np.asarray(mesh.triangles, float)
         facing = np.einsum("ni,ni->n", np.asarray(mesh.face_normals), source - triangles[:, 0]) > 0
@@ -111,7 +114,7 @@ def _scattered(corner: bool, full: bool) -> Finding:
 
 
 def _diffuse(full: bool) -> Finding:
-    """Mean power of clouds on a rough concrete wall over the quadrature of a Lambert lobe that carries (1 - Ament^2) of Fresnel's power."""
+    """Mean power of clouds on a rough concrete wall over the quadrature of a Lambert lobe with (1 - Ament^2) of Fresnel's power."""
     try:
         from radartwin.simulation import diffuse
     except ImportError:

@@ -1,4 +1,4 @@
-"""Kinematics of a small moving sphere: Doppler, azimuth, and phase per millimetre, read from samples by means of their own."""
+"""Kinematics of a small moving sphere: Doppler, azimuth and phase per millimetre, read from samples by code of this module only."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RADAR = traced.ARRAY
 
 
 def _seen(centres_m: np.ndarray, sensors: np.ndarray | None = None) -> np.ndarray:
-    """Samples (F, loops, tx, rx, samples) of a small metal sphere at these places (F, 3)."""
+    """Samples (F, loops, tx, rx, samples) of a small metal sphere at these positions (F, 3)."""
     poses = np.array([traced.pose(centre) for centre in centres_m])
     scene = rt.Scene([rt.Surface(objects.sphere(RADIUS_M, 4), "metal", "ball")])
     sensor = np.eye(4)[None] if sensors is None else sensors
@@ -28,14 +28,14 @@ def _matched(iq: np.ndarray, range_m: float) -> np.ndarray:
 
 
 def _middle_hz() -> float:
-    """Frequency at which a matched phase turns: the Hann-weighted mean of the sweep."""
+    """Frequency of a matched phase: the Hann-weighted mean of the sweep."""
     frequency = traced.frequencies(RADAR)
     weight = np.hanning(len(frequency))
     return float((frequency * weight).sum() / weight.sum())
 
 
 def _doppler(full: bool) -> Finding:
-    """Slope of the phase over the loops of one frame: approaching, receding, and a driving sensor."""
+    """Slope of the phase over the loops of one frame: approaching, receding, and with a driving sensor."""
     findings = []
     for speed in (0.2, -0.2, 1.0, -3.0, 6.0) if full else (0.2, -3.0):
         for moving in ("target", "sensor"):
@@ -53,7 +53,7 @@ def _doppler(full: bool) -> Finding:
 
 
 def _azimuth(full: bool) -> Finding:
-    """Bartlett maximum of the eight channels, their turns' motion taken out by its exact speed."""
+    """Bartlett maximum of the eight channels, after removal of the motion between transmitters by its exact speed."""
     findings = []
     virtual = RADAR.virtual_positions
     for azimuth in (-60, -35, -10, 0, 20, 45, 60) if full else (-35, 20):
@@ -75,7 +75,7 @@ def _azimuth(full: bool) -> Finding:
 
 
 def _phase(full: bool) -> Finding:
-    """Steps of 1 mm away from the radar, each frame at rest: 4 pi/lambda a step, at every sample of the sweep."""
+    """Steps of 1 mm away from the radar, each frame at rest: 4 pi/lambda per step, at every sample of the sweep."""
     steps = np.arange(21 if full else 6) * 1e-3
     centres = np.array([[1.0 + step, 0.0, 0.0] for step in steps])
     frequency = traced.frequencies(RADAR)
@@ -88,7 +88,7 @@ def _phase(full: bool) -> Finding:
 
 
 def _friis(full: bool) -> Finding:
-    """Level of the sphere's samples: lambda sqrt(sigma)/((4 pi)^1.5 R (R - r)), its flash on the near side."""
+    """Level of the sphere's samples: lambda sqrt(sigma)/((4 pi)^1.5 R (R - r)), with the flash on the near side."""
     from experiments.validation.oracles.targets import mie_rcs
 
     pairs = []

@@ -19,7 +19,7 @@ RCS = "effective cross-section (dBsm)"
 
 
 def effective(amplitude: complex, distance_m: float) -> float:
-    """Cross-section in dBsm that a far-field target of this received amplitude would have."""
+    """Cross-section in dBsm of a far-field target with this received amplitude."""
     return float(db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2))
 
 
@@ -51,7 +51,7 @@ def _near(name: str, full: bool) -> Finding:
 
 
 def _table(full: bool) -> Finding:
-    """Plate, trihedrals, can and sphere at 0.5 to 2 m over their far field."""
+    """Plate, trihedrals and can at 0.5 to 2 m relative to their far field."""
     rows = {float(row["R_m"]): row for row in reference_rows("near_over_far_field_dB.csv")}
     meshes = {
         "plate10cm": (objects.plate(0.1, 0.1), 19.1855), "tri5": (objects.trihedral(0.05), 2.3731),
@@ -65,7 +65,7 @@ def _table(full: bool) -> Finding:
 
 
 def _range_law(full: bool) -> Finding:
-    """Received power times R^4 of a 3 cm plate and dihedral, 10 to 80 m over 5 m."""
+    """Received power times R^4 of a 3 cm plate and dihedral at 10 to 80 m, relative to 5 m."""
     pairs = []
     for mesh in (objects.plate(0.03, 0.03), objects.dihedral(0.03, 0.03)):
         first = level(mesh, AHEAD, 4.0, distance=5.0)
@@ -74,7 +74,7 @@ def _range_law(full: bool) -> Finding:
 
 
 def _friis(method: str, full: bool) -> Finding:
-    """A wall of 12 m at 1 to 4 m returns lambda/(4 pi 2 d), Friis over the image's distance."""
+    """A wall of 12 m at 1 to 4 m returns lambda/(4 pi 2 d): Friis over the distance of the image."""
     pairs = []
     for distance in (1.0, 2.0, 4.0) if full else (2.0,):
         scene = rt.Scene([rt.Surface(objects.plate(12.0, 12.0), "metal", "wall")])
@@ -86,7 +86,7 @@ def _friis(method: str, full: bool) -> Finding:
 
 
 def panel_positions(full: bool) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m, from the middle to a width beyond the edge."""
+    """(corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m, from the middle to one width beyond the edge."""
     chosen = []
     for width in (0.1, 0.3, 1.0):
         half = width / 2
@@ -125,7 +125,7 @@ def _panels(method: str, full: bool) -> Finding:
 
 
 def _two_panels(method: str, full: bool) -> Finding:
-    """Two 0.5 m panels at a right angle, 1 mm apart at the fold: first then second alone, over the double image."""
+    """Two 0.5 m panels at a right angle, 1 mm apart at the fold: double bounces only, relative to the double image."""
     frequency = traced.MONOSTATIC.center_frequency_hz
     wavelength = SPEED_OF_LIGHT / frequency
     first = np.array([[0.001, 0, -0.25], [0.5, 0, -0.25], [0.5, 0, 0.25], [0.001, 0, 0.25]])

@@ -3,10 +3,10 @@
     a = j/(4 pi) integral of P . (n x (k x E)) / (L_i L_o) exp(+j k (L_i + L_o)) dS
 
 Symbols: E, P -> transmit and receive polarisation (the antenna axis projected across the ray, normalised), n -> normal on the lit side,
-L_i -> distance from the source (or its image in the panels met before) to the surface, L_o -> from the surface to the receiver.
-|a|^2 is received over transmitted power between isotropic antennas. The phase carries the whole path: an infinite panel at distance d
-returns -lambda/(8 pi d) exp(+j k 2 d). Edge currents are left out, as in physical optics. Ref: C. Balanis, Advanced Engineering
-Electromagnetics (2012), section 7.10.
+L_i -> distance from the source (or its image in the panels before) to the surface, L_o -> from the surface to the receiver. |a|^2 is
+received over transmitted power between isotropic antennas. The phase is that of the whole path: an infinite panel at distance d returns
+-lambda/(8 pi d) exp(+j k 2 d). As in physical optics, edge currents are left out. Ref: C. Balanis, Advanced Engineering Electromagnetics
+(2012), section 7.10.
 """
 
 from collections.abc import Sequence
@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 ORDER = 12  # Gauss-Legendre points per cell
-CYCLES_PER_CELL = 2.0  # of phase, at most: 6 points a cycle, error below 1e-8 of the cell
-TOUCHING_M = 1e-12  # a sensor nearer a panel's plane lies in it
-SAME_M = 1e-9  # corners nearer each other are one
-EMPTY_M2 = 1e-14  # a smaller piece is nothing
+CYCLES_PER_CELL = 2.0  # largest phase per cell: 6 points per cycle, error below 1e-8 of the cell
+TOUCHING_M = 1e-12  # a sensor nearer to a panel's plane lies in the plane
+SAME_M = 1e-9  # corners nearer to each other are merged
+EMPTY_M2 = 1e-14  # smaller pieces are dropped
 Z_AXIS = (0.0, 0.0, 1.0)
 
 
@@ -31,14 +31,14 @@ def panel_quadrature(
 
     Args:
         corners: (n, 3) metres, in order around a simple polygon in one plane; it may be concave.
-        sensor: (3,) phase centre of transmitter (and receiver).
+        sensor: (3,) phase centre of the transmitter, and of the receiver unless given.
         wavelength: metres.
-        receiver: (3,) another receiver position.
-        axis: (3,) polarisation of both antennas; does not matter when they share a position.
+        receiver: (3,) position of another receiver.
+        axis: (3,) polarisation of both antennas; irrelevant if they share a position.
     Returns:
-        Complex amplitude with the phase exp(+j k L) of the path; zero where transmitter and receiver are on different sides.
+        Complex amplitude with the phase exp(+j k L) of the path; zero if transmitter and receiver are on different sides.
     Raises:
-        ValueError: corners not in one plane, or a sensor on the panel's plane.
+        ValueError: the corners are not in one plane, or a sensor lies in the plane of the panel.
 
     >>> plate = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
     >>> a = panel_quadrature(np.array(plate) * 0.05, [0, 0, 80.0], 0.0039)
@@ -57,10 +57,10 @@ def two_panel_quadrature(
     receiver: ArrayLike | None = None,
     axis: ArrayLike = Z_AXIS,
 ) -> complex:
-    """Received amplitude of the path sensor, `first`, `second`, receiver alone; arguments as for `panel_quadrature`.
+    """Received amplitude of the path sensor - `first` - `second` - receiver only; arguments as for `panel_quadrature`.
 
-    Rays from the image of the sensor in `first` that pass through `first` light `second`; its currents radiate to the receiver. The way
-    round, `second` first, is another path: call again with the panels swapped.
+    Rays from the image of the sensor in `first` that pass through `first` illuminate `second`, whose currents radiate to the receiver. The
+    path over `second` first is another path: call again with the panels exchanged.
     """
     return chain_quadrature([first, second], sensor, wavelength, receiver=receiver, axis=axis)
 
@@ -75,8 +75,8 @@ def chain_quadrature(
     source = np.array(sensor, float)
     target = source.copy() if receiver is None else np.array(receiver, float)
     shapes = [np.asarray(panel, float) for panel in panels]
-    turn = np.eye(3)  # takes a field at departure to the field after the mirrors so far
-    mirror = np.eye(3)  # takes a direction at departure to the direction after the mirrors
+    turn = np.eye(3)  # maps a field at departure to the field after the mirrors so far
+    mirror = np.eye(3)  # maps a direction at departure to the direction after the mirrors
     last = shapes.pop()
     pieces = _triangles(last)
     for number, shape in enumerate(shapes):
@@ -85,7 +85,7 @@ def chain_quadrature(
         if abs(height) < TOUCHING_M:
             raise ValueError("the sensor, or its image, lies in the plane of a panel")
         source = source - 2 * height * normal
-        # what is met next lies on the side that the ray came from, within the cone from the image through this panel
+        # the next panel is lit only on the side of the arriving ray and inside the cone from the image through this panel
         cone = [(np.sign(height) * normal, np.sign(height) * offset), *_cone(source, shape)]
         if number + 1 < len(shapes):
             shapes[number + 1] = _clip(shapes[number + 1], cone)
@@ -118,7 +118,7 @@ def chain_quadrature(
 def corner_quadrature(
     panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
 ) -> complex:
-    """All paths over distinct panels of a right-angled corner (dihedral, trihedral) seen from inside, where nothing shadows."""
+    """All paths over distinct panels of a right-angled corner (dihedral, trihedral) seen from inside, without shadows."""
     orders = (order for count in range(1, len(panels) + 1) for order in permutations(panels, count))
     return sum((chain_quadrature(order, sensor, wavelength, receiver=receiver, axis=axis) for order in orders), 0j)
 
@@ -146,12 +146,12 @@ def _cone(apex: np.ndarray, convex: np.ndarray) -> list[tuple[np.ndarray, float]
         if length == 0:
             continue
         normal = normal / length * np.sign(normal @ (centre - apex))
-        planes.append((normal, float(normal @ start)))  # at the panel: the apex may be far
+        planes.append((normal, float(normal @ start)))  # taken at the panel, because the apex may be far
     return planes
 
 
 def _clip(polygon: np.ndarray, planes: Sequence[tuple[np.ndarray, float]]) -> np.ndarray:
-    """A convex polygon cut by half-spaces; may end with no corners. Ref: Sutherland and Hodgman, CACM 17 (1974) 32."""
+    """A convex polygon cut by half-spaces; the result may be empty. Ref: Sutherland and Hodgman, CACM 17 (1974) 32."""
     for normal, offset in planes:
         if len(polygon) == 0:
             break
@@ -165,7 +165,7 @@ def _clip(polygon: np.ndarray, planes: Sequence[tuple[np.ndarray, float]]) -> np
             if here * after < 0:
                 kept.append(start + (end - start) * (here / (here - after)))
         polygon = np.array(kept).reshape(-1, 3)
-        if len(polygon):  # corners that fell together would leave edges without a direction
+        if len(polygon):  # merge equal corners, because they make edges without a direction
             polygon = polygon[np.linalg.norm(polygon - np.roll(polygon, 1, axis=0), axis=1) > SAME_M]
     return polygon
 
@@ -176,7 +176,7 @@ def _clip_all(triangles: Sequence[np.ndarray], planes: Sequence[tuple[np.ndarray
 
 
 def _triangles(corners: np.ndarray) -> list[np.ndarray]:
-    """A fan from the first corner for a convex polygon, clipped ears for a concave one."""
+    """Triangles of a polygon: a fan for a convex polygon, clipped ears for a concave one."""
     normal, _ = _plane(corners)
     left = [np.asarray(corner) for corner in corners]
     triangles = []
@@ -200,7 +200,7 @@ def _area(corners: np.ndarray) -> float:
 
 
 def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, wavelength: float) -> tuple[np.ndarray, ...] | None:
-    """Nodes and weights along both parameters of a triangle, cells fine enough for the phase of source - point - target.
+    """Nodes and weights along both parameters of a triangle, with cells that resolve the phase of source - point - target.
 
     The triangle is the unit square folded at its first corner: p = a + u (b - a) + u v (c - b), area element u |(b - a) x (c - b)|.
     """
@@ -222,7 +222,7 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
 
 @numba.njit
 def _integrate(triangle, u, weight_u, v, weight_v, source, target, lit, axis, mirror, turn, wavenumber):
-    """The integral over one triangle; NaN where a ray runs along the axis. `mirror` takes an arriving direction back to departure."""
+    """The integral over one triangle; NaN if a ray runs along the axis. `mirror` turns an arriving direction back to its departure."""
     a, ab, bc = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[1]
     area = np.sqrt((np.cross(ab, bc) ** 2).sum())
     total = 0j

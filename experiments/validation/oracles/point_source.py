@@ -1,13 +1,14 @@
-"""Echoes of conductors back to a small antenna at a finite distance, with phase: a sphere exactly, a round cylinder along its waist.
+"""Echoes of conductors to a small antenna at a finite distance, with phase: a sphere exactly, a round cylinder along its waist.
 
-Received over transmitted amplitude between isotropic antennas in one place, signals exp(+j k L). Symbols: a -> radius, r -> distance of the
-antenna from the centre, R_n -> reflection of the multipole of order n.
+Received over transmitted amplitude between isotropic antennas at one point, with the phase exp(+j k L). Symbols: a -> radius, r ->
+distance of the antenna from the centre, R_n -> reflection of the multipole of order n.
 
-Sphere: a dipole across the radius gets back (j/4) sum (2n+1) [R_n^TE h_n(kr)^2 + R_n^TM (zeta_n'(kr)/(kr))^2]. Ref: R. Ruppin, J.
-Chem. Phys. 76 (1982) 1681, whose decay rates are the real part of the same sum.
+Sphere: a dipole across the radius receives (j/4) sum (2n+1) [R_n^TE h_n(kr)^2 + R_n^TM (zeta_n'(kr)/(kr))^2]. Ref: R. Ruppin, J. Chem.
+Phys. 76 (1982) 1681, whose decay rates are the real part of the same sum.
 
-Cylinder: the field of a point source that a cylinder mirrors, times the exact series of the endless cylinder over its geometric limit,
-times the Fresnel integral over the length; good to the square of half the length over the distance. Ref: C. Balanis (2012), section 11.5.
+Cylinder: the field of a point source mirrored by a cylinder, times the exact series of the endless cylinder over its geometric limit,
+times the Fresnel integral over the length. The error is of the order of the square of half the length over the distance. Ref: C. Balanis
+(2012), section 11.5.
 """
 
 import numpy as np
@@ -31,7 +32,7 @@ def sphere_echo(radius_m: float, distance_m: float, frequency_hz: np.ndarray | f
         jn, h, slope_j, slope_h = _radial(order, k * radius_m)
         _, far, _, slope_far = _radial(order, k * distance_m)
         terms = -jn / h * far**2 - slope_j / slope_h * slope_far**2
-        # slopes are (z f)'/z: the arguments cancel in the ratio at the surface
+        # slopes are (z f)'/z, and the arguments cancel in the ratio at the surface
         out.append(0.25j * np.sum((2 * order + 1) * terms))
     return np.array(out)
 
@@ -45,7 +46,7 @@ def _radial(order: np.ndarray, z: float) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def cylinder_echo(radius_m: float, length_m: float, distance_m: float, frequency_hz: np.ndarray | float) -> np.ndarray:
-    """(F,) echo of an upright conducting cylinder seen across its middle, its axis `distance_m` away, antennas along it."""
+    """(F,) echo of an upright conducting cylinder seen across its middle, its axis `distance_m` away, antennas along the axis."""
     near = distance_m - radius_m
     mirrored = 1 / (1 / near + 2 / radius_m)  # radius of the mirrored wave around the cylinder
     level = np.sqrt(mirrored / (mirrored + near) / 2) / near
@@ -53,7 +54,7 @@ def cylinder_echo(radius_m: float, length_m: float, distance_m: float, frequency
     for k in 2 * np.pi * np.atleast_1d(frequency_hz) / SPEED_OF_LIGHT:
         size = k * radius_m
         order = _orders(size)
-        scattered = coefficients([radius_m], [], 2 * np.pi / k, order) * np.exp(1j * size)  # they come over exp(-j k a)
+        scattered = coefficients([radius_m], [], 2 * np.pi / k, order) * np.exp(1j * size)  # the coefficients carry exp(-j k a)
         series = np.conj(np.sum(np.where(order == 0, 1, 2) * (-1.0) ** order * scattered))
         limit = -np.sqrt(np.pi * size) / 2 * np.exp(1j * (np.pi / 4 - 2 * size))
         sine, cosine = fresnel(length_m * np.sqrt(k / (2 * np.pi * near)))

@@ -1,4 +1,4 @@
-"""Paths to samples against the direct sum of the signal's definition."""
+"""Samples from paths against the direct sum of the signal's definition."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RADAR = traced.ARRAY
 
 
 def scattered_paths(count: int, fastest_mps: float, seed: int) -> Paths:
-    """Random paths of one pose within 8 m, all moving."""
+    """Random moving paths of one pose within 8 m."""
     rng = np.random.default_rng(seed)
     ways = [way / np.linalg.norm(way, axis=1, keepdims=True) for way in rng.normal(size=(2, count, 3))]
     amplitude = rng.normal(size=(count, 1)) + 1j * rng.normal(size=(count, 1))
@@ -27,7 +27,7 @@ def scattered_paths(count: int, fastest_mps: float, seed: int) -> Paths:
 
 
 def direct(paths: Paths) -> np.ndarray:
-    """(loops, tx, rx, samples): path by path, exact distances to every element, motion within the chirp."""
+    """(loops, tx, rx, samples): path by path, with exact distances to every element and motion within the chirp."""
     fast = np.arange(RADAR.num_samples) / RADAR.sample_rate_hz
     frequency = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * fast
     start = (RADAR.num_tx * np.arange(RADAR.num_chirps)[:, None] + np.arange(RADAR.num_tx)) * RADAR.chirp_interval
@@ -50,7 +50,7 @@ def _direct(full: bool) -> Finding:
 
 
 def _array(full: bool) -> Finding:
-    """What a planar wave over the eight channels would be wrong by, read from our samples of a point on the axis: the committed table."""
+    """Phase error of a planar wave over the eight channels, from our samples of a point on the axis, against the reference table."""
     pairs = []
     for row in reference_rows("array_phase_error_deg.csv"):
         distance = float(row["R_m"])

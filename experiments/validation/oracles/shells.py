@@ -1,12 +1,12 @@
-"""Image sources of a furnished box: every wall with its own materials, and what stands in the way.
+"""Image sources of a furnished box: every wall with its own materials, and the furniture as obstacles.
 
-The six planes about a room's surfaces are a box, whose images `box` lists. A path of `box.images` is folded back into the room; where it
-meets a plane, the triangle there says which surface it meets (none: an opening, and no path), and each leg is tried against every triangle
-that lies in no plane. Reflection is of `stack`, roughness after W. Ament, Proc. IRE 41 (1953) 142. A path into a corner meets
-planes at once, in every order that `box.orders` weighs.
+The six planes about a room's surfaces form a box, whose images `box` lists. Each path of `box.images` is folded back into the room. The
+triangle at each of its plane crossings gives the surface; without a triangle there is an opening and no path. Each leg is tested against
+every triangle outside the planes. Reflection comes from `stack`, roughness from W. Ament, Proc. IRE 41 (1953) 142. A path into a corner
+meets several planes at once, in every order that `box.orders` weights.
 
-An image is a mirror's field only where the first Fresnel zone of its path meets the same walls and nothing else; lines about the path at
-the zone's edge say whether it does.
+An image equals a mirror's field only if the first Fresnel zone of its path meets the same walls and nothing else. Lines around the path at
+the edge of the zone test this.
 """
 
 import itertools
@@ -22,20 +22,22 @@ from radartwin.materials import Layered
 from radartwin.scene.scene import Scene
 
 IN_PLANE_M = 1e-6
-CLEAR = 1e-6  # of a leg, at either end
-AROUND = 12  # lines about a path, at the edge of its first Fresnel zone
-BETWEEN = np.array([0.04, 0.13, 0.27, 0.42, 0.58, 0.73, 0.87, 0.96])  # of a path, where such a line bends beside its walls
+CLEAR = 1e-6  # share of a leg that is ignored at either end
+AROUND = 12  # lines around a path, at the edge of its first Fresnel zone
+BETWEEN = np.array([0.04, 0.13, 0.27, 0.42, 0.58, 0.73, 0.87, 0.96])  # shares of a path at which such a line bends between walls
 ON_EDGE = 1e-7
 
 
 @dataclass(frozen=True)
 class Image:
-    """A path from a sensor back to it.
+    """A path from a sensor back to the sensor.
 
     Attributes:
-        length_m: unfolded. departure, arrival: (3,) unit, from the sensor towards first and last hit, world frame.
-        bounces: reflections. amplitude: received between isotropic antennas, signals exp(+j k L), without that phase.
-        clear: whether its first Fresnel zone meets the same surfaces, and nothing stands in it.
+        length_m: unfolded.
+        departure, arrival: (3,) unit, from the sensor towards the first and last hit, world frame.
+        bounces: number of reflections.
+        amplitude: received between isotropic antennas, without the phase exp(+j k L).
+        clear: whether its first Fresnel zone meets the same surfaces and no obstacle.
     """
 
     length_m: float
@@ -47,7 +49,7 @@ class Image:
 
 
 class Room:
-    """The triangles of a scene, sorted into the planes of its box and what stands in it."""
+    """The triangles of a scene, sorted into the planes of its box and obstacles."""
 
     def __init__(self, scene: Scene, frequency_hz: float) -> None:
         self._frequency_hz = frequency_hz
@@ -66,7 +68,7 @@ class Room:
         self._loose = corners[loose]
 
     def images(self, sensor_m: np.ndarray, axis: np.ndarray, bounces: int) -> Iterator[Image]:
-        """Every image of up to `bounces` reflections that is seen from a sensor (3,) whose antennas lie along `axis` (3,), world frame."""
+        """Every image of up to `bounces` reflections for a sensor (3,) with antennas along `axis` (3,), world frame."""
         sensor = sensor_m - self.low
         for index, place, walls in box.images(self.size_m, sensor, bounces):
             line = place - sensor
@@ -91,14 +93,14 @@ class Room:
             yield Image(length, direction, arrival, order, amplitude * SPEED_OF_LIGHT / (4 * np.pi * self._frequency_hz * length), clear)
 
     def _zone(self, direction: np.ndarray, length_m: float) -> np.ndarray:
-        """(AROUND, 3) from a path to the edge of its first Fresnel zone, where that is widest; elsewhere `_met_along` narrows it."""
+        """(AROUND, 3) from a path to the edge of its first Fresnel zone at its widest point; `_met_along` narrows it elsewhere."""
         first = box.across(np.eye(3)[np.argmin(np.abs(direction))], direction)
         turn = 2 * np.pi * (np.arange(AROUND) + 0.37) / AROUND
         ring = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(direction, first)
         return ring * np.sqrt(SPEED_OF_LIGHT / self._frequency_hz * length_m) / 2
 
     def _near(self, points: np.ndarray, radius_m: float) -> np.ndarray:
-        """The triangles in no plane that come within a radius of the legs between points."""
+        """The obstacle triangles within a radius of the legs between points."""
         centre = self._loose.mean(axis=1)
         reach = np.linalg.norm(self._loose - centre[:, None], axis=2).max(axis=1, initial=0.0) + radius_m
         near = np.zeros(len(centre), bool)
@@ -111,12 +113,12 @@ class Room:
     def _met_along(
         self, sensor: np.ndarray, line: np.ndarray, walls: Sequence[tuple[int, float]], aside: np.ndarray
     ) -> tuple[list[int] | None, np.ndarray]:
-        """Surface at each wall of the list, along the line bent aside (None where a plane is open), and the folded points (P, 3)."""
+        """Surface at each wall of the list along the line shifted by `aside` (None at an opening), and the folded points (P, 3)."""
         surfaces, reached = [], []
         for across, coordinate in walls:
             share = (coordinate - sensor[across]) / line[across]
             point = self._beside(sensor, line, share, aside)
-            point += (coordinate - point[across]) / line[across] * line  # where the line beside meets the plane
+            point += (coordinate - point[across]) / line[across] * line  # where the shifted line meets the plane
             point = self._folded(point)
             side = round(coordinate / self.size_m[across]) % 2
             point[across] = side * self.size_m[across]
@@ -132,7 +134,7 @@ class Room:
 
     @staticmethod
     def _beside(sensor: np.ndarray, line: np.ndarray, share: float, aside: np.ndarray) -> np.ndarray:
-        """Unfolded point (3,) at a share of the line, moved aside as far as the zone is wide there."""
+        """Unfolded point (3,) at a share of the line, shifted by the width of the zone there."""
         return sensor + share * line + 2 * np.sqrt(share * (1 - share)) * aside
 
     def _folded(self, point: np.ndarray) -> np.ndarray:
@@ -140,7 +142,7 @@ class Room:
         return np.where(turned > self.size_m, 2 * self.size_m - turned, turned)
 
     def _met(self, across: int, side: int, point: np.ndarray) -> int | None:
-        """Surface of the triangle that holds a point (2,) of a plane."""
+        """Surface of the triangle that contains a point (2,) of a plane."""
         triangles, surface = self._planes[across, side]
         first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
         away = point - triangles[:, 0]

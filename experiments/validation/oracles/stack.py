@@ -1,8 +1,9 @@
-"""Reflection of flat interfaces and stacks by 2x2 characteristic matrices, and permittivities from their published formulas.
+"""Reflection of flat interfaces and stacks by 2x2 characteristic matrices, and permittivities from published formulas.
 
-Refs: M. Born, E. Wolf, Principles of Optics, section 1.6 (matrices); ITU-R P.2040-4, table 3 (building materials, f in GHz);
-H. Liebe, G. Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659 (water). Time convention exp(+j omega t), loss is
-eta' - j eta''. TE and TM are of the electric field along s = k x n and along k x s: a perfect conductor has -1 and +1.
+Refs: M. Born, E. Wolf, Principles of Optics, section 1.6 (matrices); ITU-R P.2040-4, table 3 (building materials, f in GHz); H. Liebe, G.
+Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659 (water). Time convention exp(+j omega t), loss is eta' - j eta''.
+TE and TM
+refer to the electric field along s = k x n and along k x s; a perfect conductor has -1 and +1.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,7 @@ BUILDING = {
 
 
 def permittivity(name: str, frequency_hz: float) -> complex:
-    """Of a building material, water at 20 C, or air; other names are inputs of the project's own tables."""
+    """Permittivity of a building material, water at 20 C, or air; other names come from the project's own tables."""
     ghz = frequency_hz / 1e9
     if name in BUILDING:
         real, c, d = BUILDING[name]
@@ -62,7 +63,7 @@ def stack(layers: Sequence[tuple[str, float]], backing: str, angle_rad: float, f
         for name, thickness in layers:
             eps = permittivity(name, frequency_hz)
             phase = wavenumber * np.sqrt(eps - sine2 + 0j) * thickness
-            if phase.imag < -40:  # nothing comes back through it: the rest of the stack is its own half-space
+            if phase.imag < -40:  # nothing returns through the layer, so it acts as a half-space
                 back = admittance(eps)
                 break
             y = admittance(eps)

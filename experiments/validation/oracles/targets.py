@@ -1,4 +1,4 @@
-"""Far-field cross-sections of canonical targets: closed forms, Mie and cylinder series, corner quadrature."""
+"""Far-field cross-sections of canonical targets against closed forms, Mie and cylinder series, and corner quadrature."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from experiments.validation.oracles.cylinder import conductor_width
 from experiments.validation.oracles.nearfield import corner_quadrature
 from radartwin.scene import objects
 
-FAR_M = 2e4  # of a corner's quadrature: the wavefront over it is flat to 1e-3 of a wavelength and double precision holds its phase
+FAR_M = 2e4  # distance of a corner's quadrature: the wavefront is flat to 1e-3 wavelengths and double precision resolves the phase
 SIDELOBE = 4.493409457909064  # first maximum of |sin x/x| after zero
 AHEAD = (1.0, 0.0, 0.0)
 
 
 def plate_rcs(side_m: float, angle_rad: float = 0.0) -> float:
-    """Square plate turned in one plane by physical optics. Ref: Balanis (2012), eq. 11-44."""
+    """Square plate turned in one plane, by physical optics. Ref: Balanis (2012), eq. 11-44."""
     x = WAVENUMBER * side_m * np.sin(angle_rad)
     return 4 * np.pi * side_m**4 / WAVELENGTH_M**2 * (np.sinc(x / np.pi) * np.cos(angle_rad)) ** 2
 
 
 def mie_rcs(radius_m: float, wavelength_m: float = WAVELENGTH_M) -> float:
-    """Perfectly conducting sphere, as the limit of a huge refractive index, by miepython (efficiency over the geometric cross-section)."""
+    """Perfectly conducting sphere by miepython, as the limit of a huge refractive index (efficiency over the geometric cross-section)."""
     import miepython
 
     _, _, q_back, _ = miepython.efficiencies_mx(1e4 - 1e4j, 2 * np.pi * radius_m / wavelength_m)
@@ -35,12 +35,12 @@ def mie_rcs(radius_m: float, wavelength_m: float = WAVELENGTH_M) -> float:
 
 
 def cylinder_rcs(radius_m: float, height_m: float) -> float:
-    """Broadside: echo width by the exact series of the endless cylinder times 2 L^2/lambda. Ref: Balanis (2012), eq. 11-22b."""
+    """Broadside: echo width of the endless cylinder by the exact series, times 2 L^2/lambda. Ref: Balanis (2012), eq. 11-22b."""
     return 2 * height_m**2 / WAVELENGTH_M * conductor_width(radius_m, WAVELENGTH_M)
 
 
 def corner_faces(mesh: trimesh.Trimesh) -> list[np.ndarray]:
-    """Corners of every flat face of a reflector, in order: coplanar triangles joined."""
+    """Corners of every flat face of a reflector, in order, with coplanar triangles joined."""
     flat = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     normals = np.round(flat.face_normals, 6)
     faces = []
@@ -54,7 +54,7 @@ def corner_faces(mesh: trimesh.Trimesh) -> list[np.ndarray]:
 
 @cache
 def trihedral_rcs(leg_m: float, azimuth_deg: float = 0.0) -> float:
-    """All bounces over the three faces, by geometric optics and physical-optics quadrature, from far away."""
+    """All bounces over the three faces by geometric optics and physical-optics quadrature, from far away."""
     azimuth = np.radians(azimuth_deg)
     sensor = FAR_M * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     amplitude = corner_quadrature(corner_faces(objects.trihedral(leg_m)), sensor, WAVELENGTH_M)
@@ -132,7 +132,7 @@ def level(mesh: trimesh.Trimesh, direction: Sequence[float], density: float, see
 
 
 def at_density(target: Target, density: float, full: bool) -> Finding:
-    """The three sizes, on the fitted grid and on moved ones."""
+    """The three sizes, on the fitted grid and on shifted grids."""
     pairs = []
     for size in target.sizes:
         mesh, direction, reference = size()
@@ -141,7 +141,7 @@ def at_density(target: Target, density: float, full: bool) -> Finding:
 
 
 def drift(target: Target, full: bool) -> Finding:
-    """The largest step away from the level at 4 rays."""
+    """The largest change from the level at 4 rays."""
     pairs = []
     for size in target.sizes if full else target.sizes[:2]:
         mesh, direction, _ = size()
@@ -151,7 +151,7 @@ def drift(target: Target, full: bool) -> Finding:
 
 
 def spread(target: Target, full: bool) -> Finding:
-    """Highest less lowest level over grids moved by seeds."""
+    """Highest minus lowest level over grids shifted by seeds."""
     pairs = []
     for size in target.sizes if full else target.sizes[1:2]:
         mesh, direction, _ = size()
@@ -180,7 +180,7 @@ def _pattern_prototype(full: bool) -> Finding:
 
 
 def _closed_forms(full: bool) -> Finding:
-    """The committed table against our figures at 4 rays."""
+    """The reference table against our values at 4 rays."""
     meshes = {
         "plate10cm": objects.plate(0.1, 0.1), "tri5": objects.trihedral(0.05), "tri10": objects.trihedral(0.1),
         "tri15": objects.trihedral(0.15), "dihedral5x10": objects.dihedral(0.05, 0.1), "cyl3.3x12": objects.cylinder(0.033, 0.12),
@@ -191,7 +191,7 @@ def _closed_forms(full: bool) -> Finding:
 
 
 def _mie_table(full: bool) -> Finding:
-    """Radii of 5 mm and more: below, physical optics itself fails."""
+    """Spheres of at least 5 mm radius; for smaller ones physical optics itself is wrong."""
     rows = [row for row in reference_rows("mie_pec_sphere_77GHz.csv") if float(row["a_mm"]) >= 5]
     return worst([(float(r["mie_dBsm"]), level(objects.sphere(float(r["a_mm"]) / 1e3, 4), AHEAD, 4.0)) for r in rows])
 
@@ -212,7 +212,7 @@ def _coarse_sphere(full: bool) -> Finding:
 
 
 def scanned(name: str) -> trimesh.Trimesh:
-    """A scanned object, centred. Raises Untestable where it is absent."""
+    """A scanned object, centred. Raises Untestable if it is absent."""
     path = OBJECTS / "ycb" / f"{name}.obj"
     if not path.is_file():
         raise Untestable(f"scanned object {name}.obj is not here")
@@ -222,7 +222,7 @@ def scanned(name: str) -> trimesh.Trimesh:
 
 
 def _scanned(name: str, full: bool) -> Finding:
-    """Power over aspects at 4 rays against 64: rms of the difference, relative to the mean power of the 64."""
+    """Amplitudes over aspects at 4 rays against 64 rays: rms of the difference, relative to the mean power at 64 rays."""
     mesh = scanned(name)
     aspects = np.radians(np.linspace(0, 360, 24 if full else 5, endpoint=False) + 7)
     few, many = (

@@ -1,4 +1,4 @@
-"""Our side of the comparisons that go through scenes: paths and fields of a scene by one of the tracer's methods."""
+"""Our side of the comparisons with scenes: paths and fields of a scene by one of the tracer's methods."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ METHODS = {"tubes": "tubes alone", "panels": "panel images"}
 
 
 def settings(method: str, **values: Any) -> TraceSettings:
-    """Settings of the tracer for a method of METHODS, mirror reflections alone; ray counts are of tubes."""
+    """Settings of the tracer for a method of METHODS, with mirror reflections only; ray counts apply to tubes."""
     values = {"room": method, "diffuse": False, "coupling": False, **values}
     if method == "panels":
         values.pop("rays", None)
@@ -32,12 +32,12 @@ def settings(method: str, **values: Any) -> TraceSettings:
 
 
 def trace(scene: rt.Scene, radar: rt.Radar, pose: np.ndarray, chosen: TraceSettings) -> list[Paths]:
-    """Paths of one pose, a list of parts."""
+    """Paths of one pose, as a list of parts."""
     return trace_paths(scene, radar, pose[None], None, chosen)[0]
 
 
 def field(parts: Sequence[Paths], frequency_hz: float) -> complex:
-    """Sum of paths between isotropic antennas; amplitudes by the polynomial through their frequency nodes."""
+    """Sum of paths between isotropic antennas, with amplitudes interpolated between their frequency nodes."""
     total = 0j
     for paths in parts:
         nodes = paths.frequencies_hz
