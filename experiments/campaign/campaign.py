@@ -17,7 +17,7 @@ from experiments.campaign.recorded import Recorded
 from experiments.campaign.schedule import RecordingTask, Schedule
 from experiments.campaign.turned import Turned
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig
+from radartwin.config.materials import MaterialsConfig, VoidMaterials, default_materials
 from radartwin.errors import InputError
 from radartwin.features.processed import Processed, process
 from radartwin.io.progress import Progress
@@ -161,10 +161,10 @@ class Campaign:
 
     def _materials(self, domain: str, materials: str | MaterialsConfig | None) -> MaterialsConfig:
         if domain == twin.VOID:
-            return MaterialsConfig(source=twin.VOID)
+            return VoidMaterials()
         if materials is None:
             return self.config.materials
-        return MaterialsConfig(source=materials) if isinstance(materials, str) else materials
+        return default_materials(materials) if isinstance(materials, str) else materials
 
     @staticmethod
     def _check(domain: str) -> None:

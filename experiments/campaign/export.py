@@ -14,6 +14,7 @@ from experiments.campaign.recorded import TURN
 from radartwin import __version__
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
+from radartwin.config.study import RecordingsConfig
 from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.io.progress import Progress
@@ -30,8 +31,9 @@ def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
         InputError: what is measured is a recording set already.
         OutputError, RecordingError: the folder cannot be written, or is another set.
     """
-    if campaign.domain != "testbed":
-        raise InputError(f"measured={campaign.domain} is a recording set already: copy {campaign.config.measured.folder}")
+    measured = campaign.config.measured
+    if isinstance(measured, RecordingsConfig):
+        raise InputError(f"measured={measured.provider} is a recording set already: copy {measured.folder}")
     files.check_folder(Path(folder))
     target = RecordingSet.create(folder, card(campaign.config))
     for case in campaign.progress.over(campaign.cases("measured"), "recordings written"):

@@ -13,6 +13,7 @@ from experiments.campaign.cases import BENCH_ROOM, ROVER, TURN_S, Case, Log, Mot
 from radartwin.build.radar import build_radar
 from radartwin.config.config import Config
 from radartwin.config.scene import ROOMS
+from radartwin.config.study import RecordingsConfig
 from radartwin.errors import InputError
 from radartwin.features.envelope import frames_per_revolution
 from radartwin.io.progress import Progress
@@ -38,8 +39,8 @@ class Recorded:
     """
 
     def __init__(self, config: Config, progress: Progress):
+        assert isinstance(config.measured, RecordingsConfig)
         folder = config.measured.folder
-        assert folder is not None
         self._set = RecordingSet.load(folder)
         self._rows: dict[Case, Row] = {}
         self._courses: dict[Case, tuple[Radar, int, np.ndarray | None]] = {}

@@ -17,9 +17,10 @@ from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.probe import thinned
 from radartwin.build import auto
 from radartwin.build.radar import build_radar
-from radartwin.build.recording import parts_of, simulator_options
+from radartwin.build.simulator import simulated_parts, simulator_options
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
+from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.study import FeaturesConfig
 from radartwin.features.names import SETS
 from radartwin.label.sources import material_source, without_fragments
@@ -28,7 +29,6 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.scene import Scene
-from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.flat.drives import Drives, straight
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
@@ -48,7 +48,7 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
         "simulator": config.simulator,
         "seed": config.seed,
     }
-    if config.simulator.backend == "auto":
+    if isinstance(config.simulator, AutoSimulator):
         spec |= {"families": _families(config, case), "limits": Limits.shipped(case.motion, case.object).of}  # decide what is chosen
     if materials.source == VOID:
         return spec | {"materials": VOID}
@@ -69,7 +69,7 @@ def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store
         scanned = material_source("true", scene=truth)(without_fragments(scanned, truth))
         if materials.source == "true":
             return scanned
-    return material_source(materials.source, **materials.options(config.seed))(scanned)
+    return material_source(materials.source, **materials.arguments(config.seed))(scanned)
 
 
 def record(
@@ -84,14 +84,14 @@ def record(
     target = list(catalogue()[case.object].surfaces())
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
     simulator = config.simulator
-    if simulator.backend == "auto":
+    if isinstance(simulator, AutoSimulator):
         families = _families(config, case)
         probe = thinned(room, stand + Scene(target), radar, nominal.sensor_poses, motion, nominal, families, simulator.variant)
-        simulator = auto.chosen(simulator, probe, Limits.shipped(case.motion, case.object), store, say)
+        simulator = auto.choose_simulator(simulator, probe, Limits.shipped(case.motion, case.object), store, say)
     told = {"kind": "simulation", "model": asdict(simulator)}
-    room = parts_of(simulator, room)
+    room = simulated_parts(simulator, room)
     options = simulator_options(simulator)
-    if not isinstance(options["simulator"], MitsubaBackend) or not straight(nominal.sensor_poses):
+    if not isinstance(simulator, MitsubaSimulator) or not straight(nominal.sensor_poses):
         made = simulate(room + stand + Scene(target), radar, nominal.sensor_poses, motion=motion, **options)
         return replace(made, provenance=told)
     known = str((materials, config.seed, config.measured.gap.geometry, options["elements"], simulator.parts))
@@ -120,7 +120,7 @@ def _outermost(scene: Scene) -> Scene:
 
 def _families(config: Config, case: Case) -> tuple[str, ...]:
     """What simulator=auto must keep: of the configured features, or all that a motion exposes where it has not those."""
-    fit = set(SETS[config.features.name]) <= set(auto.ALL[case.motion])
+    fit = set(SETS[config.features.name]) <= set(auto.MOTION_FAMILIES[case.motion])
     return auto.families_of(config.features if fit else FeaturesConfig(), case.motion)
 
 

@@ -28,9 +28,9 @@ from radartwin.adaptive.choice import Choice, choose
 from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.model import DEFAULT, FINEST, LADDER, Model
 from radartwin.adaptive.probe import Probe, thinned
-from radartwin.build.auto import ALL, families_of
+from radartwin.build.auto import MOTION_FAMILIES, families_of
 from radartwin.build.radar import build_radar
-from radartwin.build.recording import measured_as, probe_of, staged
+from radartwin.build.setup import build_setup
 from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
 from radartwin.features.names import SETS
@@ -66,12 +66,12 @@ CHEAPER = 3.0  # required ratio of run times, fixed default to auto, in the medi
 ROUNDS = 2  # of timing; the quick profile has one
 # Feature sets of each motion: those of claims, the motion's own set, and all of its features.
 SHAPE, MULTIPATH, EVERYTHING = "shape", "multipath share", "everything"
-_DRIVEN = {"track": ("track",), "depth": SETS["depth"], EVERYTHING: ALL["depth"]}
+_DRIVEN = {"track": ("track",), "depth": SETS["depth"], EVERYTHING: MOTION_FAMILIES["depth"]}
 ASKED: dict[str, dict[str, tuple[str, ...]]] = {
     "turntable": {
-        SHAPE: ("harmonics", "envelope"), "rotation": SETS["rotation"], MULTIPATH: ("multipath",), EVERYTHING: ALL["turntable"],
+        SHAPE: ("harmonics", "envelope"), "rotation": SETS["rotation"], MULTIPATH: ("multipath",), EVERYTHING: MOTION_FAMILIES["turntable"],
     },
-    "lateral": {"envelope": ("harmonics", "envelope"), "lateral": SETS["lateral"], EVERYTHING: ALL["lateral"]},
+    "lateral": {"envelope": ("harmonics", "envelope"), "lateral": SETS["lateral"], EVERYTHING: MOTION_FAMILIES["lateral"]},
     **dict.fromkeys(("depth", "radial", "diagonal"), _DRIVEN),
 }  # fmt: skip
 OWN = tuple(name for name in SETS if name != "raw")  # feature sets named after motions; the median takes one per case
@@ -227,10 +227,10 @@ def _of_case(case: Case, config: Config, store: Store) -> list[Asked]:
 
 
 def _of_scan(config: Config, store: Store) -> list[Asked]:
-    at = staged(config)
-    motion, thing = measured_as(config, at)
-    families_of(config.features, motion)
-    return _asked(f"scan-{motion}-{thing}", lambda count, between: probe_of(config, at, count, between), motion, thing, store)
+    setup, features, variant = build_setup(config), config.features, config.simulator.variant
+    families_of(features, motion := setup.measured_motion)
+    name = f"scan-{motion}-{config.scene.target}"
+    return _asked(name, lambda count, between: setup.probe(features, variant, count, between), motion, config.scene.target, store)
 
 
 def _asked(name: str, probe_of: ProbeOf, motion: str, thing: str, store: Store) -> list[Asked]:

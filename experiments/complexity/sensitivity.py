@@ -29,7 +29,8 @@ from experiments.statistics import Estimate
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape, turntable_size
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig
+from radartwin.config.materials import default_materials
+from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.errors import ConfigError, UserError
 from radartwin.features import sets
 from radartwin.io.progress import Progress
@@ -130,6 +131,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         raise ConfigError(
             f"materials={config.materials.source} is one of the settings that experiment=sensitivity tries; leave materials out"
         )
+    if not isinstance(config.simulator, MitsubaSimulator | AutoSimulator):
+        raise ConfigError(f"experiment=sensitivity needs simulator=mitsuba, not {config.simulator.backend}; leave simulator out")
     twins = {}
     for setting in SETTINGS:
         progress.say(f"sensitivity: {setting.name}")
@@ -143,7 +146,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _changed(config: Config, setting: Setting) -> Config:
-    materials = MaterialsConfig(source=setting.materials) if setting.materials else config.materials
+    materials = default_materials(setting.materials) if setting.materials else config.materials
     return replace(config, simulator=replace(config.simulator, **setting.simulator), materials=materials)
 
 

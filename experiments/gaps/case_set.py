@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from experiments.campaign.campaign import Campaign, load_clean
 from experiments.campaign.cases import Case
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig
+from radartwin.config.materials import TrueMaterials
 from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
 from radartwin.features import brightness, envelope, gate, track
@@ -52,7 +52,7 @@ def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: 
     frames = {"frames_per_turn": FRAMES, "rover_every": EVERY, "turns": turns}
     strengths = GapConfig(**{name: strength if name == gap else 0.0 for name in GAPS})
     return replace(
-        config, materials=MaterialsConfig(source="true"), measured=replace(config.measured, gap=strengths),
+        config, materials=TrueMaterials(), measured=replace(config.measured, gap=strengths),
         profile=replace(config.profile, campaign=replace(config.profile.campaign, **frames)),
     )  # fmt: skip
 

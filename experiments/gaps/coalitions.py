@@ -22,7 +22,7 @@ from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import right
 from experiments.recognition.readings import recording_name
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig
+from radartwin.config.materials import TrueMaterials
 from radartwin.config.study import GapConfig
 from radartwin.features import sets
 from radartwin.features.processed import Processed, process
@@ -57,7 +57,7 @@ def configured(config: Config, on: Collection[str]) -> Config:
     """The configuration under these gaps, all others off: one turn of FRAMES frames."""
     gap = GapConfig(**{f.name: float(f.name in on) for f in fields(GapConfig)})
     campaign = replace(config.profile.campaign, frames_per_turn=FRAMES, turns=1)
-    materials = config.materials if LABELS in on else MaterialsConfig(source="true")
+    materials = config.materials if LABELS in on else TrueMaterials()
     return replace(
         config, materials=materials, measured=replace(config.measured, gap=gap), profile=replace(config.profile, campaign=campaign)
     )

@@ -18,6 +18,7 @@ from experiments.recognition.labelled_probe import FEATURES, MOTION
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Rows, anchors, encoders, right, settings
 from experiments.recognition.readings import Campaign, Readings, noise_copies, shared_cases, vectors
 from radartwin.config.config import Config
+from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.io.progress import Progress
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.probes import linear_probe, standardised
@@ -107,7 +108,8 @@ def export(config: Config, campaign: Campaign, store: Store) -> Recogniser:
         "copies": config.supervision.copies, "recordings": sorted(copies.keys),
     }  # fmt: skip
     classes = tuple(sorted(texts))
-    features = {"set": FEATURES, "without": list(EXPORT_WITHOUT), "period_s": config.trajectory.period_s}
+    turntable = config.trajectory if isinstance(config.trajectory, TurntableTrajectory) else TurntableTrajectory
+    features = {"set": FEATURES, "without": list(EXPORT_WITHOUT), "period_s": turntable.period_s}
     values = copies.samples.values
     return Recogniser(
         trained.encoder, classes, np.stack([texts[label] for label in classes]), settings(config).temperature, copies.samples.names,

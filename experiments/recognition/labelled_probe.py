@@ -11,7 +11,7 @@ the paper: accuracy against the number of labels, and controls on shuffled label
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from experiments.recognition.figures import bars, confusions, label_curve
 from experiments.recognition.protocol import Rows, anchors, encoders, right, seed_sd, seeds, settings
 from experiments.recognition.readings import Campaign, Readings, noise_copies, shared_cases, vectors
 from radartwin.config.config import Config
-from radartwin.config.simulator import SimulatorConfig
+from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid, standardised
@@ -67,15 +67,9 @@ class Data:
 def run(config: Config, store: Store, progress: Progress) -> Result:
     from experiments.campaign.campaign import Campaign as Recorded
 
-    naive = replace(config, simulator=SimulatorConfig(**_rfgenesis(config)))
+    rival = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
+    naive = replace(config, simulator=rival)
     return score(config, Recorded(config, store, progress), store, progress, {RIVAL: Recorded(naive, store, progress)})
-
-
-def _rfgenesis(config: Config) -> dict[str, Any]:
-    """The mended version of the published simulator, as conf/simulator/rfgenesis.yaml has it."""
-    unread = dict.fromkeys(f for f in asdict(config.simulator) if f not in ("backend", "variant", "elements"))
-    known = {"backend": "rfgenesis", "variant": config.simulator.variant, "elements": config.simulator.elements}
-    return unread | known | {"version": "corrected", "grid": 128, "fov_deg": 60.0}
 
 
 def score(config: Config, campaign: Campaign, store: Store, progress: Progress, rivals: Mapping[str, Campaign] | None = None) -> Result:

@@ -19,7 +19,7 @@ from experiments.recognition.protocol import Rows, cells, right
 from experiments.recognition.readings import Campaign
 from experiments.recognition.reconstruction_ablation import MOTION, ROOM
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig
+from radartwin.config.materials import MaterialsConfig, RandomMaterials, TrueMaterials
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import Samples
@@ -51,9 +51,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
     """By name: the share of wrong labels, and the configuration; the configured source has no known share."""
-    found: dict[str, tuple[float | None, MaterialsConfig]] = {"true materials": (0.0, MaterialsConfig("true"))}
+    found: dict[str, tuple[float | None, MaterialsConfig]] = {"true materials": (0.0, TrueMaterials())}
     for share in WRONG[1:] if config.profile.name != "quick" else WRONG[-1:]:  # a twin of the room for each
-        found[f"{100 * share:g} % random"] = (share, MaterialsConfig("random", p=share))
+        found[f"{100 * share:g} % random"] = (share, RandomMaterials(p=share))
     return found | {f"as configured ({config.materials.source})": (None, config.materials)}
 
 

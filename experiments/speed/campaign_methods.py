@@ -30,7 +30,7 @@ from experiments.scans import virtual_scan
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig
+from radartwin.config.materials import VoidMaterials
 from radartwin.io.progress import Progress
 from radartwin.recognize.probes import transferred_probe
 from radartwin.recognize.samples import Samples
@@ -56,7 +56,7 @@ def twins(full: bool) -> list[Twin]:
     """The methods, the default first; `full` adds settings."""
     few = [
         Twin(OURS, DEFAULT),
-        Twin(OURS, "no room", changed={"materials": MaterialsConfig(source="void")}),
+        Twin(OURS, "no room", changed={"materials": VoidMaterials()}),
         Twin(RFGENESIS, "corrected, 128 x 128", ("simulator=rfgenesis", "simulator.version=corrected")),
     ]
     if not full:

@@ -1,1 +1,1 @@
-"""From a configuration to the objects it describes: radar, scene, trajectory, recording."""
+"""From a composed configuration to objects of the library: radar, scene, trajectory, simulator, recording."""

@@ -1,15 +1,14 @@
-"""simulator=auto: the cheapest sufficient model of a scene, chosen once, kept in the store, and told."""
+"""simulator=auto: choose the cheapest sufficient settings for a recording, and store the choice."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
 from radartwin.adaptive.choice import Choice, choose
 from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.probe import Probe
-from radartwin.config.simulator import CHOSEN, SimulatorConfig
+from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.study import FeaturesConfig
 from radartwin.errors import ConfigError
 from radartwin.features.names import SETS
@@ -17,60 +16,63 @@ from radartwin.store.products import Store, save_json
 
 KIND = "choice"
 ROOTS = ("radartwin.adaptive.choice", "radartwin.adaptive.probe")
-_DRIVEN = ("track", "multipath", "window", "extent", "brightness", "profile")
-ALL = {  # of each motion: what is asked where no feature set is named
+_DRIVE = ("track", "multipath", "window", "extent", "brightness", "profile")
+MOTION_FAMILIES = {  # feature families of each motion with a known repeatability
     "turntable": ("harmonics", "envelope", "multipath", "extent", "brightness", "profile"),
     "lateral": ("harmonics", "envelope", "multipath", "window", "extent", "brightness", "profile"),
-    "depth": _DRIVEN,
-    "radial": _DRIVEN,  # and diagonal: on a rail
-    "diagonal": _DRIVEN,
-}  # fmt: skip
+    "depth": _DRIVE,
+    "radial": _DRIVE,  # along a rail, as diagonal
+    "diagonal": _DRIVE,
+}
 
 
 def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
-    """Families that must stay within their limits: of the configured set, or, where that is raw, all that a motion exposes.
+    """The families that must stay within their limits: those of the configured set, or for features=raw all of the motion.
 
     Raises:
-        ConfigError: a motion without a repeatability, or a feature set that it does not expose.
+        ConfigError: a motion without a known repeatability, or a feature set of another motion.
     """
-    if motion not in ALL:
+    if motion not in MOTION_FAMILIES:
         known = "a turntable's whole turn, rail, depth or lateral"
-        raise ConfigError(f"simulator=auto needs a thing under test and a motion of known repeatability, {known}; or use simulator=mitsuba")
-    wanted = ALL[motion] if config.name == "raw" else SETS[config.name]
-    if not set(wanted) <= set(ALL[motion]):
-        fit = [name for name, of in SETS.items() if name == "raw" or set(of) <= set(ALL[motion])]
-        raise ConfigError(f"simulator=auto: features={config.name} are not read from a {motion} recording; choose {' or '.join(fit)}")
-    return tuple(family for family in wanted if family not in config.without)
+        raise ConfigError(f"simulator=auto needs a target and a motion of known repeatability, {known}; or use simulator=mitsuba")
+    available = MOTION_FAMILIES[motion]
+    families = available if config.name == "raw" else SETS[config.name]
+    if not set(families) <= set(available):
+        fitting = [name for name, of in SETS.items() if name == "raw" or set(of) <= set(available)]
+        raise ConfigError(f"simulator=auto: features={config.name} are not read from a {motion} recording; choose {' or '.join(fitting)}")
+    return tuple(family for family in families if family not in config.without)
 
 
-def chosen(config: SimulatorConfig, probe: Probe, limits: Limits, store: Store | None, say: Callable[[str], None]) -> SimulatorConfig:
-    """The configuration with everything chosen: simulator=mitsuba.
+def choose_simulator(
+    config: AutoSimulator, probe: Probe, limits: Limits, store: Store | None, say: Callable[[str], None]
+) -> MitsubaSimulator:
+    """The chosen settings.
 
     Args:
-        store: where choices are kept; None chooses anew.
-        say: receives what was chosen and why, line by line.
+        store: keeps the choice; None repeats the search.
+        say: receives the choice and its reasons, line by line.
     """
-    pinned = {name: value for name in CHOSEN if (value := getattr(config, name)) is not None}
-    if config.elements != "auto":
-        pinned["elements"] = config.elements
-    tolerance = 1.0 if config.tolerance is None else config.tolerance
+    fixed = config.fixed()
     if store is None:
-        found, known = choose([(probe, limits)], tolerance, pinned), ""
+        choice, source = choose([(probe, limits)], config.tolerance, fixed), ""
     else:
-        spec = {"probe": probe.described(), "limits": limits.of, "tolerance": tolerance, "pinned": pinned}
+        spec = {"probe": probe.described(), "limits": limits.of, "tolerance": config.tolerance, "pinned": fixed}
 
         def build(folder: Path) -> None:
-            save_json(folder, KIND, choose([(probe, limits)], tolerance, pinned).to_dict())
+            save_json(folder, KIND, choose([(probe, limits)], config.tolerance, fixed).to_dict())
 
         product = store.fetch(KIND, spec, ROOTS, build)
-        found, known = Choice.from_dict(product.read_json(KIND)), ", as chosen before" if product.reused else ""
-    lines = found.lines()
-    _tell([f"simulator=auto for {', '.join(probe.families)}: {lines[0]}{known}", *lines[1:]], say)
-    model = found.model
-    settings = {name: getattr(model, name) for name in CHOSEN}
-    return replace(config, backend="mitsuba", room="auto", tolerance=None, elements=model.elements, **settings)
-
-
-def _tell(lines: Sequence[str], say: Callable[[str], None]) -> None:
-    for line in lines:
+        choice, source = Choice.from_dict(product.read_json(KIND)), ", as chosen before" if product.reused else ""
+    first, *reasons = choice.lines()
+    for line in (f"simulator=auto for {', '.join(probe.families)}: {first}{source}", *reasons):
         say(line)
+    model = choice.model
+    return MitsubaSimulator(
+        variant=config.variant,
+        elements=model.elements,
+        parts=model.parts,
+        max_bounces=model.max_bounces,
+        rays_per_wavelength2=model.rays_per_wavelength2,
+        coupling=model.coupling,
+        diffuse=model.diffuse,
+    )

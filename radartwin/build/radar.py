@@ -1,25 +1,30 @@
-"""What the configuration describes by itself, without the rest of it: the radar."""
+"""The configured radar."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from radartwin.config.compose import compose
+from radartwin.config.radar import RadarConfig
 from radartwin.radar.chirp import Radar
-
-if TYPE_CHECKING:
-    from radartwin.config.radar import RadarConfig
 
 
 def build_radar(config: RadarConfig) -> Radar:
-    """The configured radar: read from its file, or a board's values with what the configuration sets.
+    """The radar of the configured file, or the board with the configured values.
 
     Raises:
-        InputError: values that are no radar; MissingError, RecordingError: the file is absent or malformed.
+        InputError: values that no radar can have. MissingError, RecordingError: the file is absent or malformed.
     """
     if config.file:
         radar = Radar.from_file(Path(config.file))
         return replace(radar, element=config.element) if config.element else radar
     board = Radar.iwr1843().to_dict() if config.name == "iwr1843" else {}
     return Radar.from_dict({"element": "iwr1843", **board, **config.given()})
+
+
+def named_radar(name: str) -> Radar:
+    """The radar of a file, or of an option of the radar group such as "openradar_77ghz"."""
+    if Path(name).suffix or Path(name).exists():
+        return Radar.from_file(name)
+    return build_radar(compose([f"radar={name}"]).radar)

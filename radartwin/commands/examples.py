@@ -1,109 +1,121 @@
-"""Examples that `radartwin --help` and `radartwin VERB --help` end with: a command and what it is for, one line each.
+"""Examples at the end of `radartwin --help` and `radartwin VERB --help`: (command, its purpose).
 
-Every one is parsed and composed by tests/config/test_help.py.
+tests/config/test_help.py parses and composes each of them.
 """
 
 from __future__ import annotations
 
-_ROAD = (
-    ("radartwin doctor", "what this machine can do"),
+FIRST_STEPS = (
+    ("radartwin doctor", "check this machine"),
     ("radartwin reconstruct room.glb --out room", "a scan to a scene"),
-    ("radartwin view room", "look at it: room/view.html"),
-    ("radartwin simulate scene=scan scene.path=room trajectory=static --out outputs/recordings/room", "the radar in it"),
+    ("radartwin view room", "the scene as a page: room/view.html"),
+    ("radartwin simulate scene=scan scene.path=room trajectory=static --out outputs/recordings/room", "a radar recording in it"),
     ("radartwin process outputs/recordings/room", "peaks and pictures"),
     ("radartwin tables", "every table and the report"),
 )
 EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "run": (
         ("radartwin run experiment=validation", "the tracer against closed forms and series"),
-        ("radartwin run experiment=environment materials=void seed=1", "other options and values"),
+        ("radartwin run experiment=environment materials=void seed=1", "with another option and seed"),
         ("radartwin run experiment=environment -m materials=uniform,void seed=0,1", "a sweep: four jobs"),
-        ("radartwin run experiment=environment -m seed=0,1,2,3 hydra/launcher=joblib hydra.launcher.n_jobs=2", "two at once"),
+        (
+            "radartwin run experiment=environment -m seed=0,1,2,3 hydra/launcher=joblib hydra.launcher.n_jobs=2",
+            "a sweep of four jobs, two in parallel",
+        ),
         ("radartwin run experiment=mine --config-dir FOLDER", "an experiment of your own"),
         (
             "radartwin run experiment=mine --config-dir FOLDER --search correlation 'trajectory.height_m=interval(0.5,1.5)'",
-            "where a metric is best",
+            "search for the best value of a metric",
         ),
     ),
     "tables": (
-        ("radartwin tables", "all, in the quick profile"),
-        ("radartwin tables --only environment --only validation", "two of them"),
-        ("radartwin tables --profile paper --only labels", "in the paper's sizes"),
+        ("radartwin tables", "all tables in the quick profile"),
+        ("radartwin tables --only environment --only validation", "two tables"),
+        ("radartwin tables --profile paper --only labels", "one table in the paper's size"),
     ),
     "simulate": (
         ("radartwin simulate scene=lab trajectory=static trajectory.distance_m=2", "a corner reflector at 2 m in the laboratory"),
         ("radartwin simulate scene=lab scene.target=mug trajectory.frames=25 --noise", "a mug that turns, with noise"),
-        ("radartwin simulate scene=scan scene.path=room trajectory=static", "a room of your own"),
-        ("radartwin simulate scene=squash_court trajectory=depth trajectory.distance_m=2 --out outputs/recordings/drive", "a drive"),
-        ("radartwin simulate scene=lab scene.target=mug simulator=auto features=rotation", "as much model as the features need"),
+        ("radartwin simulate scene=scan scene.path=room trajectory=static", "your own room"),
+        (
+            "radartwin simulate scene=squash_court trajectory=depth trajectory.distance_m=2 --out outputs/recordings/drive",
+            "a drive towards the target",
+        ),
+        ("radartwin simulate scene=lab scene.target=mug simulator=auto features=rotation", "the cheapest settings that keep the features"),
         ("radartwin simulate scene=lab simulator=points radar=openradar_77ghz trajectory=static", "another simulator, another radar"),
     ),
     "process": (
-        ("radartwin process outputs/recordings/lab", "what simulate wrote"),
+        ("radartwin process outputs/recordings/lab", "a recording of radartwin simulate"),
         ("radartwin process capture.bin", "a capture, its .mmwave.json beside it"),
-        ("radartwin process cube.npy --radar openradar_77ghz --moving", "a cube of a known radar; what moves in it"),
+        ("radartwin process cube.npy --radar openradar_77ghz --moving", "a cube of a known radar, without static echoes"),
     ),
     "import": (
         (
             "radartwin import capture.bin --out measurements object=mug distance_m=1.0 room=lab motion=turntable "
             "licence=CC-BY-4.0 who='A. Researcher' sensor=IWR1843BOOST when=2026-03-01",
-            "one capture, and whose it is",
+            "one capture with its origin",
         ),
-        ("radartwin import captures --out measurements --map map.yaml", "a folder of them"),
+        ("radartwin import captures --out measurements --map map.yaml", "a folder of captures"),
     ),
     "export": (
         ("radartwin export --out virtual", "the quick campaign"),
-        ("radartwin export 'profile.campaign.turntable_objects=[corner_reflector,mug]' measured.gap.clutter=0 --out virtual", "part of it"),
+        (
+            "radartwin export 'profile.campaign.turntable_objects=[corner_reflector,mug]' measured.gap.clutter=0 --out virtual",
+            "two objects, without clutter",
+        ),
     ),
     "reconstruct": (
         ("radartwin reconstruct room.glb --out room --material concrete", "a mesh"),
-        ("radartwin reconstruct room.obj --out room --unit mm --up y", "one that does not say its unit and axes"),
+        ("radartwin reconstruct room.obj --out room --unit mm --up y", "a mesh with given unit and axes"),
         ("radartwin reconstruct frames --out room", "RGB-D frames with poses"),
-        ("radartwin reconstruct frames --out room --intrinsics 518 519 325.5 253.5 --depth-unit 0.001", "... without a camera file"),
+        (
+            "radartwin reconstruct frames --out room --intrinsics 518 519 325.5 253.5 --depth-unit 0.001",
+            "RGB-D frames without a camera file",
+        ),
     ),
     "label": (
-        ("radartwin label room", "recorded answers, where the scene has some"),
+        ("radartwin label room", "recorded answers of the scene"),
         ("radartwin label room --provider server --model OpenGVLab/InternVL2_5-8B", "a server on 127.0.0.1:8000"),
         ("radartwin label room --export questions", "pictures and questions as files"),
-        ("radartwin label room --import answers.jsonl --model my-model --missing uniform:plasterboard", "and the answers back"),
+        ("radartwin label room --import answers.jsonl --model my-model --missing uniform:plasterboard", "answers from a file"),
     ),
     "view": (
         ("radartwin view room", "room/view.html, by material"),
-        ("radartwin view room --by reflectivity --out 77ghz.html", "by what the radar gets back"),
+        ("radartwin view room --by reflectivity --out 77ghz.html", "coloured by reflectivity at 77 GHz"),
         ("radartwin view room --layout layout.yaml --trajectory drive.csv", "with objects and the radar's track"),
     ),
     "classify": (
         (
             "radartwin classify capture.bin --model outputs/cache/run/KEY/models/recogniser --distance 1.0 --period 25",
-            "a turntable recording; KEY is a run's",
+            "a turntable recording; KEY is the key of a run",
         ),
-        ("radartwin classify outputs/recordings/lab --model recogniser", "a simulated one"),
+        ("radartwin classify outputs/recordings/lab --model recogniser", "a simulated recording"),
     ),
     "dashboard": (
         ("radartwin dashboard", "the runs in outputs"),
-        ("radartwin dashboard --port 0 --output /data/study", "those of another folder, on a free port"),
+        ("radartwin dashboard --port 0 --output /data/study", "the runs of another folder, on a free port"),
     ),
     "report": (
         ("radartwin report", "outputs/report/index.html"),
-        ("radartwin report --output /data/study", "of another folder"),
+        ("radartwin report --output /data/study", "the report of another folder"),
     ),
     "doctor": (
         ("radartwin doctor", "this machine"),
-        ("radartwin doctor --data measurements", "a recording set: all that is wrong with it, and what it holds"),
+        ("radartwin doctor --data measurements", "the faults and the content of a recording set"),
     ),
 }
 
 
 def epilog(verb: str = "", more: str = "") -> str:
-    """What the help of a verb, or of all, ends with.
+    """The examples of a verb, or the first steps, for the end of a help text.
 
     >>> print(epilog("report"))
     examples:
       outputs/report/index.html
         radartwin report
-      of another folder
+      the report of another folder
         radartwin report --output /data/study
     """
-    examples = EXAMPLES[verb] if verb else _ROAD
+    examples = EXAMPLES[verb] if verb else FIRST_STEPS
     lines = ["examples:", *(line for command, text in examples for line in (f"  {text}", f"    {command}"))]
     return "\n".join([*lines, *(["", more] if more else [])])

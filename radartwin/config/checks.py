@@ -1,43 +1,126 @@
-"""Field markers and value checks that the configuration dataclasses share."""
+"""Fields of the configuration dataclasses with the check of their value, and checks that need several fields.
+
+`positive(4)` is a dataclass field with the default 4; `check_fields`, called by __post_init__, refuses a value that is not above zero. Null
+passes every check. Two marks are read by radartwin/store/digest.py: a `path_name` enters a run key by the content of its file, an
+`unkeyed` field stays out of the key because it decides where or how a run computes, not its result.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import field
+from collections.abc import Callable, Sequence
+from dataclasses import Field, field, fields
 from typing import Any
 
 from radartwin.errors import ConfigError
 
-
-def path_field() -> Any:
-    return field(default=None, metadata={"path": True})
+MISSING: Any = "???"  # omegaconf.MISSING, without the import: Hydra fills the field from the option's file
 
 
-def unkeyed(default: Any) -> Any:
-    """A field that says where or how, never what: it stays out of run keys."""
-    return field(default=default, metadata={"unkeyed": True})
+def choice(default: str | None, *others: str) -> Any:
+    """One of the given words. A default of None allows null besides the others."""
+    options = others if default is None else (default, *others)
+
+    def check(key: str, value: str) -> None:
+        if value not in options:
+            raise ConfigError(f"{key}={value} is not known; options: {', '.join(options)}")
+
+    return _field(default, check)
 
 
-def one_of(key: str, value: str, options: Sequence[str]) -> None:
-    if value not in options:
-        raise ConfigError(f"{key}={value} is not known; options: {', '.join(options)}")
+def positive(default: Any, *, below: float = math.inf, most: float = math.inf) -> Any:
+    """A number, or a list of numbers, above zero."""
+
+    def check(key: str, value: Any) -> None:
+        for number in value if isinstance(value, list) else [value]:
+            if not 0 < number < math.inf:
+                raise ConfigError(f"{key}={number} must be above zero and finite")
+            if not number < below:
+                raise ConfigError(f"{key}={number:g} must be below {below:g}")
+            if number > most:
+                raise ConfigError(f"{key}={number:g} must be at most {most:g}")
+
+    return _field(default, check)
 
 
-def positive(key: str, *values: float | None) -> None:
-    for value in values:
-        if value is not None and not 0 < value < math.inf:
-            raise ConfigError(f"{key}={value} must be above zero and finite")
+def not_negative(default: float) -> Any:
+    def check(key: str, value: float) -> None:
+        if not 0 <= value < math.inf:
+            raise ConfigError(f"{key}={value} must be zero or above, and finite")
+
+    return _field(default, check)
 
 
-def finite(key: str, *values: float) -> None:
-    for value in values:
+def finite(default: float) -> Any:
+    def check(key: str, value: float) -> None:
         if not math.isfinite(value):
             raise ConfigError(f"{key}={value} must be finite")
 
+    return _field(default, check)
 
-def no_password(key: str, url: str | None, remedy: str) -> None:
-    """What is configured is logged and kept with the results; a password must not be in it."""
-    if url and re.match(r"[\w+.-]+://[^/?#]*@", url):
-        raise ConfigError(f"{key} carries a name or password, and it is written into logs and results; {remedy}")
+
+def share(default: float) -> Any:
+    """A number from 0 to 1."""
+
+    def check(key: str, value: float) -> None:
+        if not 0 <= value <= 1:
+            raise ConfigError(f"{key}={value:g} must be from 0 to 1")
+
+    return _field(default, check)
+
+
+def triple(content: str) -> Any:
+    """Three finite numbers, null by default; `content` describes them in the message."""
+
+    def check(key: str, value: list[float]) -> None:
+        for number in value:
+            if not math.isfinite(number):
+                raise ConfigError(f"{key}={number} must be finite")
+        if len(value) != 3:
+            raise ConfigError(f"{key}={value} must be {content}")
+
+    return _field(None, check)
+
+
+def url(remedy: str, default: str | None = None) -> Any:
+    """An address without a password, because the configuration is stored with the results."""
+
+    def check(key: str, value: str) -> None:
+        if re.match(r"[\w+.-]+://[^/?#]*@", value):
+            raise ConfigError(f"{key} carries a name or password, and it is written into logs and results; {remedy}")
+
+    return _field(default, check)
+
+
+def path_name(default: str | None = None) -> Any:
+    return field(default=default, metadata={"path": True})
+
+
+def unkeyed(default: Any) -> Any:
+    """The field, or a field with this default, without influence on run keys."""
+    if isinstance(default, Field):
+        return field(default=default.default, metadata={**default.metadata, "unkeyed": True})
+    return field(default=default, metadata={"unkeyed": True})
+
+
+def check_fields(config: Any, prefix: str) -> None:
+    """Check every field of a dataclass; `prefix` is its place in the configuration, such as "supervision.encoder"."""
+    for entry in fields(config):
+        if (check := entry.metadata.get("check")) and (value := getattr(config, entry.name)) is not None:
+            check(f"{prefix}.{entry.name}", value)
+
+
+def check_selector(key: str, value: str, allowed: Sequence[str]) -> None:
+    """Check the field that names the option, such as simulator.backend, against the names that its dataclass stands for."""
+    group = key.partition(".")[0]
+    if not allowed:
+        raise ConfigError(f"{group}: the file of this option names no schema; begin it with 'defaults: [schema_{value or 'NAME'}]'")
+    if value not in allowed:
+        raise ConfigError(f"{key}={value} contradicts {group}={allowed[0]}; choose {group}={value}, or leave {key} out")
+
+
+def _field(default: Any, check: Callable[[str, Any], None]) -> Any:
+    if isinstance(default, list):
+        return field(default_factory=lambda: list(default), metadata={"check": check})
+    return field(default=default, metadata={"check": check})

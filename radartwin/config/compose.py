@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radartwin.config import hydra_adapter, messages
-from radartwin.config.config import Config
+from radartwin.config.config import SCHEMAS, Config
 from radartwin.config.trusted import check_secrets, check_targets
 from radartwin.errors import ConfigError, MissingError
 
@@ -169,7 +169,11 @@ def _register_schemas() -> None:
     """Put the dataclasses into Hydra's ConfigStore; every process that composes needs them there."""
     from hydra.core.config_store import ConfigStore
 
-    ConfigStore.instance().store(name="schema", node=Config)
+    store = ConfigStore.instance()
+    store.store(name="schema", node=Config)
+    for group, schemas in SCHEMAS.items():
+        for schema in schemas:
+            store.store(group=group, name=f"schema_{schema.OPTIONS[0]}", node=schema)
 
 
 @contextlib.contextmanager

@@ -1,50 +1,93 @@
-"""The composed configuration."""
+"""The composed configuration of a run: one typed field for each Hydra group.
+
+Types and defaults are in the dataclasses. The files under conf/ name the options: the file of an option lists its dataclass in its
+defaults (`schema_NAME`) and contains only what differs from the dataclass.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from radartwin.config.checks import unkeyed
-from radartwin.config.materials import MaterialsConfig
+from radartwin.config.checks import MISSING, unkeyed
+from radartwin.config.materials import (
+    MaterialsConfig,
+    RandomMaterials,
+    SceneMaterials,
+    TrueMaterials,
+    UniformMaterials,
+    VlmMaterials,
+    VoidMaterials,
+)
 from radartwin.config.radar import RadarConfig
-from radartwin.config.scene import SceneConfig
-from radartwin.config.simulator import SimulatorConfig
-from radartwin.config.study import ExperimentConfig, FeaturesConfig, MeasuredConfig, ProfileConfig, SupervisionConfig, TrackingConfig
-from radartwin.config.trajectory import TrajectoryConfig
+from radartwin.config.scene import RoomScene, ScanScene, SceneConfig, SquashCourtScene
+from radartwin.config.simulator import (
+    AutoSimulator,
+    MitsubaSimulator,
+    PointsSimulator,
+    RFGenesisSimulator,
+    SimulatorConfig,
+    SionnaSimulator,
+)
+from radartwin.config.study import (
+    ExperimentConfig,
+    FeaturesConfig,
+    MeasuredConfig,
+    ProfileConfig,
+    RecordingsConfig,
+    SupervisionConfig,
+    TrackingConfig,
+)
+from radartwin.config.trajectory import (
+    DepthTrajectory,
+    FileTrajectory,
+    LateralTrajectory,
+    RailTrajectory,
+    StaticTrajectory,
+    TrajectoryConfig,
+    TurntableTrajectory,
+)
 from radartwin.errors import ConfigError
+
+# The dataclasses of the groups whose options differ in their keys. Each is in Hydra's ConfigStore as schema_ and its first option.
+SCHEMAS: dict[str, tuple[type, ...]] = {
+    "scene": (SceneConfig, RoomScene, SquashCourtScene, ScanScene),
+    "materials": (UniformMaterials, VlmMaterials, RandomMaterials, TrueMaterials, VoidMaterials, SceneMaterials),
+    "simulator": (MitsubaSimulator, AutoSimulator, RFGenesisSimulator, PointsSimulator, SionnaSimulator),
+    "trajectory": (StaticTrajectory, TurntableTrajectory, RailTrajectory, LateralTrajectory, DepthTrajectory, FileTrajectory),
+    "measured": (MeasuredConfig, RecordingsConfig),
+}
 
 
 @dataclass
 class Config:
-    """A composed run. `output` is the root of everything written; it, `tracking` and `jobs` say where and how, never what."""
+    """Everything that decides a run, and where and how it computes (`tracking`, `output`, `jobs`)."""
 
-    scene: SceneConfig = field(default_factory=SceneConfig)
-    materials: MaterialsConfig = field(default_factory=MaterialsConfig)
-    simulator: SimulatorConfig = field(default_factory=SimulatorConfig)
+    scene: SceneConfig = MISSING
+    materials: MaterialsConfig = MISSING
+    simulator: SimulatorConfig = MISSING
     radar: RadarConfig = field(default_factory=RadarConfig)
-    trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
-    measured: MeasuredConfig = field(default_factory=MeasuredConfig)
+    trajectory: TrajectoryConfig = MISSING
+    measured: MeasuredConfig = MISSING
     features: FeaturesConfig = field(default_factory=FeaturesConfig)
     supervision: SupervisionConfig = field(default_factory=SupervisionConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig, metadata={"unkeyed": True})
     experiment: ExperimentConfig = field(default_factory=ExperimentConfig)
     seed: int = 0
-    output: str = unkeyed("outputs")
-    jobs: int = unkeyed(0)  # processes that recordings and tables are made by; 0: as many as there are cores and memory for
+    output: str = unkeyed("outputs")  # root of everything that is written
+    jobs: int = unkeyed(0)  # processes; 0: as many as there are cores and memory for
 
     def __post_init__(self) -> None:
         if self.jobs < 0:
             raise ConfigError(f"jobs={self.jobs} must be zero (as many as there are cores and memory for) or above")
         if self.seed < 0:
             raise ConfigError(f"seed={self.seed} must be zero or above")
-        if self.materials.source == "void" and self.scene.target == "none":
+        source, scene = self.materials.source, self.scene
+        if source == "void" and scene.target == "none":
             raise ConfigError("materials=void with scene.target=none leaves nothing to simulate; choose a scene.target")
-        if self.materials.source == "true" and self.scene.name == "scan":
-            raise ConfigError("materials=true needs a procedural room: nobody knows the true materials of scene=scan")
-        if self.materials.source == "scene" and self.scene.name != "scan":
-            raise ConfigError(
-                f"materials=scene needs the labels of a scan, and scene is {self.scene.name}; add scene=scan, or materials=true"
-            )
-        if self.materials.source == "vlm" and self.scene.name in ("empty", "void", "plate"):
-            raise ConfigError(f"materials=vlm needs a room with surfaces to label, and scene={self.scene.name} has none")
+        if source == "true" and scene.name == "scan":
+            raise ConfigError("materials=true needs a procedural room: the true materials of scene=scan are unknown")
+        if source == "scene" and scene.name != "scan":
+            raise ConfigError(f"materials=scene needs the labels of a scan, and scene is {scene.name}; add scene=scan, or materials=true")
+        if source == "vlm" and scene.name in ("empty", "void", "plate"):
+            raise ConfigError(f"materials=vlm needs a room with surfaces to label, and scene={scene.name} has none")

@@ -1,71 +1,96 @@
-"""Configuration of the material source."""
+"""Configuration of the room's materials: one dataclass for each source that names the material of every surface."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
-from radartwin.config.checks import no_password, one_of, positive, unkeyed
-from radartwin.errors import ConfigError
-
-# What each material source reads, with its default.
-MATERIALS_FIELDS: dict[str, dict[str, Any]] = {
-    "vlm": {
-        "missing": None, "model": None, "provider": "recorded", "url": "http://127.0.0.1:8000/v1", "timeout_s": 120.0, "concurrency": 4,
-        "views": 3,
-    },
-    "uniform": {"material": "plasterboard"},
-    "void": {},
-    "true": {},
-    "random": {"p": 0.5, "among": "room"},
-    "scene": {},
-}  # fmt: skip
+from radartwin.config.checks import check_fields, check_selector, choice, positive, share, unkeyed, url
 
 
 @dataclass
 class MaterialsConfig:
-    """Who says what the room's surfaces are made of. A field that the chosen source does not read is null; null is the default elsewhere.
+    """Settings that every material source reads."""
 
-    `vlm` takes recorded answers in a run; `provider` and what follows it are the defaults of `radartwin label`, which asks.
-    """
-
-    source: str = "uniform"  # vlm | uniform | void | true | random | scene: as a scan's manifest says
-    material: str | None = None  # uniform: of every room surface
-    missing: str | None = None  # vlm: the material of surfaces that nobody answered; null refuses them
-    model: str | None = None  # vlm: whose answers; null takes any recorded ones, and the server's default
-    p: float | None = None  # random: share of wrong labels
-    among: str | None = None  # random: wrong labels from the room's categories, or from all
-    provider: str | None = unkeyed(None)  # recorded | server | local
-    url: str | None = unkeyed(None)  # server: base of an OpenAI-compatible API; the key is in RADARTWIN_VLM_KEY
-    timeout_s: float | None = unkeyed(None)  # server: of one request
-    concurrency: int | None = unkeyed(None)  # server: requests under way at once
-    views: int | None = unkeyed(None)  # pictures of each surface
+    OPTIONS: ClassVar[tuple[str, ...]] = ()
+    source: str = ""
 
     def __post_init__(self) -> None:
-        one_of("materials.source", self.source, tuple(MATERIALS_FIELDS))
-        read = MATERIALS_FIELDS[self.source]
-        for name in (f.name for f in fields(self) if f.name != "source"):
-            value = getattr(self, name)
-            if name not in read and value is not None:
-                readers = "|".join(source for source, names in MATERIALS_FIELDS.items() if name in names)
-                raise ConfigError(
-                    f"materials.{name}={value} is not read by materials={self.source}; leave it out, or choose materials={readers}"
-                )
-        no_password("materials.url", self.url, "set RADARTWIN_VLM_KEY instead")
-        if self.p is not None and not 0 <= self.p <= 1:
-            raise ConfigError(f"materials.p={self.p:g} must be from 0 to 1")
-        for name, options in (("among", ("room", "all")), ("provider", ("recorded", "server", "local"))):
-            if (value := getattr(self, name)) is not None:
-                one_of(f"materials.{name}", value, options)
-        for name in ("timeout_s", "concurrency", "views"):
-            positive(f"materials.{name}", getattr(self, name))
+        check_selector("materials.source", self.source, self.OPTIONS)
+        check_fields(self, "materials")
 
-    def options(self, seed: int = 0) -> dict[str, Any]:
-        """What `radartwin.label.sources.material_source` takes beside the source's name."""
-        named = {"uniform": ("material",), "vlm": ("missing", "model"), "random": ("p", "among")}.get(self.source, ())
-        return {name: self.value(name) for name in named} | ({"seed": seed} if self.source == "random" else {})
+    def arguments(self, seed: int) -> dict[str, Any]:
+        """Arguments of `radartwin.label.sources.material_source` besides the source's name."""
+        return {}
 
-    def value(self, name: str) -> Any:
-        """A field, or its default where it is null."""
-        given = getattr(self, name)
-        return MATERIALS_FIELDS[self.source].get(name) if given is None else given
+
+@dataclass
+class UniformMaterials(MaterialsConfig):
+    """One material for every surface of the room."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("uniform",)
+    source: str = "uniform"
+    material: str = "plasterboard"
+
+    def arguments(self, seed: int) -> dict[str, Any]:
+        return {"material": self.material}
+
+
+@dataclass
+class VlmMaterials(MaterialsConfig):
+    """Recorded answers of a vision-language model. The unkeyed fields are defaults of `radartwin label`, which asks for new answers."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("vlm",)
+    source: str = "vlm"
+    missing: str | None = None  # material of surfaces without an answer; null refuses them
+    model: str | None = None  # use only this model's answers; null: any recorded answer, and the server's default model
+    provider: str = unkeyed(choice("recorded", "server", "local"))
+    url: str = unkeyed(url("set RADARTWIN_VLM_KEY instead", "http://127.0.0.1:8000/v1"))  # of an OpenAI-compatible server
+    timeout_s: float = unkeyed(positive(120.0))  # server: of one request
+    concurrency: int = unkeyed(positive(4))  # server: simultaneous requests
+    views: int = unkeyed(positive(3))  # pictures of each surface
+
+    def arguments(self, seed: int) -> dict[str, Any]:
+        return {"missing": self.missing, "model": self.model}
+
+
+@dataclass
+class RandomMaterials(MaterialsConfig):
+    """The true materials with a share of wrong labels."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("random",)
+    source: str = "random"
+    p: float = share(0.5)  # of wrong labels
+    among: str = choice("room", "all")  # wrong labels are categories of the room | any category
+
+    def arguments(self, seed: int) -> dict[str, Any]:
+        return {"p": self.p, "among": self.among, "seed": seed}
+
+
+@dataclass
+class TrueMaterials(MaterialsConfig):
+    """The materials that a procedural room is built of."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("true",)
+    source: str = "true"
+
+
+@dataclass
+class VoidMaterials(MaterialsConfig):
+    """No room: only the target and its stand."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("void",)
+    source: str = "void"
+
+
+@dataclass
+class SceneMaterials(MaterialsConfig):
+    """The labels in the manifest of a scanned scene."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("scene",)
+    source: str = "scene"
+
+
+def default_materials(source: str) -> MaterialsConfig:
+    """The dataclass of a source with its defaults, e.g. default_materials("uniform").material == "plasterboard"."""
+    return next(schema for schema in MaterialsConfig.__subclasses__() if source in schema.OPTIONS)()

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from radartwin.config.config import Config
+from radartwin.config.config import SCHEMAS, Config
 
 LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # launcher: the extra that installs it
 
@@ -45,6 +45,7 @@ def several_values(key: str) -> str:
 
 def unknown_option(config_file: str, options: Sequence[str]) -> str:
     """For a missing file GROUP/OPTION, with the options that exist."""
+    options = [known for known in options if not known.startswith("schema_")]
     group, _, option = config_file.removesuffix(".yaml").rpartition("/")
     if group == "hydra/launcher" and (extra := LAUNCHER_EXTRAS.get(option)):
         return f"hydra/launcher={extra} needs an extra: pip install 'radartwin[{extra}]'"
@@ -56,10 +57,20 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
 def unknown_key(full_key: str, owner: Any) -> str:
     """For a key that the dataclass `owner` does not have."""
     parent, _, name = full_key.rpartition(".")
-    keys = [f.name for f in dataclasses.fields(owner)] if dataclasses.is_dataclass(owner) else []
-    where = f"{parent} has" if parent else "groups and keys are"
+    keys = _keys(owner)
+    options = "|".join(getattr(owner, "OPTIONS", ()))
+    if parent in SCHEMAS and not options:
+        return f"{full_key} is not known because the file of this option names no schema; begin it with 'defaults: [schema_NAME]'"
+    if readers := [option for schema in SCHEMAS.get(parent, ()) if name in _keys(schema) for option in schema.OPTIONS]:
+        choose = f"choose {parent}={'|'.join(readers)}, or leave it out"
+        return f"{full_key} is not read by {parent}={options}; {choose}; {parent}={options} has {', '.join(keys)}"
+    where = f"{parent}={options} has" if options else f"{parent} has" if parent else "groups and keys are"
     known = f"; {where} {', '.join(keys)}" if keys else ""
     return f"there is no configuration key '{full_key}'{_nearest(name, keys)}{known}"
+
+
+def _keys(owner: Any) -> list[str]:
+    return [f.name for f in dataclasses.fields(owner)] if dataclasses.is_dataclass(owner) else []
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:

@@ -5,18 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from radartwin.config.checks import one_of, path_field
+from radartwin.config.checks import check_fields, choice, path_name
 from radartwin.errors import ConfigError
 
 
 @dataclass
 class RadarConfig:
-    """The fields of `radartwin.Radar`, or a TI configuration file that holds them. Positions: metres, x forward, y
-    left, z up.
+    """Fields of `radartwin.Radar`, or the file that holds them. Null takes the value of the board or of the file.
+
+    Positions are in metres, x forward, y left, z up.
     """
 
     name: str = "iwr1843"
-    file: str | None = path_field()  # mmWave SDK .cfg, mmWave Studio .mmwave.json, .yaml; only element may be set beside it
+    file: str | None = path_name()  # mmWave SDK .cfg, mmWave Studio .mmwave.json, .yaml
     start_frequency_hz: float | None = None
     slope_hz_per_s: float | None = None
     sample_rate_hz: float | None = None
@@ -26,14 +27,13 @@ class RadarConfig:
     rx_positions_m: list[list[float]] | None = None
     chirp_interval: float | None = None  # seconds between successive chirp starts, transmitters interleaved
     frame_rate_hz: float | None = None
-    element: str | None = None  # iwr1843 | isotropic; null: the file's, else iwr1843
+    element: str | None = choice(None, "iwr1843", "isotropic")  # may be set beside a file
     noise_figure_db: float | None = None
     transmit_power_dbm: float | None = None
-    real_sampling: bool | None = None  # null: the file's, else false
+    real_sampling: bool | None = None
 
     def __post_init__(self) -> None:
-        if self.element is not None:
-            one_of("radar.element", self.element, ("iwr1843", "isotropic"))
+        check_fields(self, "radar")
         if self.name == "file" and not self.file:
             raise ConfigError("radar=file needs the file: add radar.file=FILE.cfg or FILE.mmwave.json")
         if self.name != "file" and self.file:
@@ -42,5 +42,5 @@ class RadarConfig:
             raise ConfigError(f"radar.{refused[0]} is set, but radar=file takes it from {self.file}; change it there, or leave it out here")
 
     def given(self) -> dict[str, Any]:
-        """The fields that the option or the user set, by the names `Radar` has for them."""
+        """The fields that are not null, without `file`."""
         return {f.name: value for f in fields(self) if f.name != "file" and (value := getattr(self, f.name)) is not None}

@@ -1,66 +1,116 @@
-"""Configuration of the trajectory."""
+"""Configuration of the trajectory: how radar and target move, one dataclass for each motion."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
-from radartwin.config.checks import finite, one_of, path_field, positive
+from radartwin.config.checks import check_fields, check_selector, choice, finite, not_negative, path_name, positive, triple
 from radartwin.errors import ConfigError
 
 
 @dataclass
 class TrajectoryConfig:
-    """How sensor and target move. Distances are from the radar to the target's axis."""
+    """Settings that every trajectory reads."""
 
-    kind: str = "turntable"  # static | turntable | rail | depth | lateral | file
-    position_m: list[float] | None = None  # of the radar at the start; null: the bench, or inside a scan's low-x end
-    heading_deg: float = 0.0  # of its boresight, from +x to the left
-    distance_m: float = 1.0  # at the start
-    height_m: float = 1.0  # of the radar above the floor, where position_m does not say
-    frames: int | None = None  # null: the whole sweep or revolution
-    period_s: float = 25.0  # turntable: one revolution
-    length_m: float = 1.0  # rail, depth and lateral: travelled
-    speed_mps: float = 0.2
-    angle_deg: float = 0.0  # rail: where the target goes, from away from the radar (0, radial) to the radar's left (90)
-    # file: the radar's poses in the world
-    path: str | None = path_field()  # TUM or CSV text, or a ROS bag
-    start_s: float = 0.0  # of the first frame, after the first pose
-    axes: str = "sensor"  # of the poses: sensor (x forward, z up) | optical (z forward, y down)
-    topic: str | None = None  # of a ROS bag
-    frame: str | None = None  # of a ROS bag's transforms
-    mount_m: list[float] | None = None  # where the radar sits on what the poses are of: x, y, z
-    mount_deg: list[float] | None = None  # ... and how it is turned: roll, pitch, yaw
+    OPTIONS: ClassVar[tuple[str, ...]] = ()
+    kind: str = ""
+    distance_m: float = positive(1.0)  # from the radar to the target's axis at the start
+    height_m: float = positive(1.0)  # of the radar above the floor, where neither position_m nor a file gives it
+    frames: int | None = positive(None)  # null: the whole motion
 
     def __post_init__(self) -> None:
-        one_of("trajectory.kind", self.kind, ("static", "turntable", "rail", "depth", "lateral", "file"))
-        one_of("trajectory.axes", self.axes, ("sensor", "optical"))
-        for name in ("distance_m", "height_m", "frames", "period_s", "length_m", "speed_mps"):
-            positive(f"trajectory.{name}", getattr(self, name))
-        for name in ("heading_deg", "angle_deg", "start_s"):
-            finite(f"trajectory.{name}", getattr(self, name))
-        self._check_file()
-        finite("trajectory.position_m", *(self.position_m or ()))
-        if self.position_m is not None and len(self.position_m) != 3:
-            raise ConfigError(f"trajectory.position_m={self.position_m} must be [x,y,z] in metres")
-        if self.kind == "depth" and self.length_m >= self.distance_m:
-            reach = f"trajectory.length_m={self.length_m:g} runs into the target"
-            raise ConfigError(f"{reach} at trajectory.distance_m={self.distance_m:g}; shorten one or lengthen the other")
+        check_selector("trajectory.kind", self.kind, (type(self).kind,) if self.OPTIONS else ())
+        check_fields(self, "trajectory")
 
-    def _check_file(self) -> None:
-        """The fields that only trajectory=file reads."""
-        for name in ("mount_m", "mount_deg"):
-            value = getattr(self, name)
-            if value is not None and len(value) != 3:
-                raise ConfigError(f"trajectory.{name}={value} must be three numbers")
-            finite(f"trajectory.{name}", *(value or ()))
-        if self.kind == "file":
-            if not self.path:
-                raise ConfigError("trajectory=file needs the file: add trajectory.path=FILE")
-            if self.position_m is not None:
-                raise ConfigError(f"trajectory.position_m={self.position_m} is not read by trajectory=file, which has its own")
-            if self.start_s < 0:
-                raise ConfigError(f"trajectory.start_s={self.start_s:g} must be zero or above")
-            return
-        for name in ("path", "topic", "frame", "mount_m", "mount_deg"):
-            if getattr(self, name):
-                raise ConfigError(f"trajectory.{name} is only read by trajectory=file; add trajectory=file")
+
+@dataclass
+class StartTrajectory(TrajectoryConfig):
+    """Base of the motions that begin at a configured pose of the radar."""
+
+    position_m: list[float] | None = triple("[x,y,z] in metres")  # null: the room's bench, or inside a scan's low-x end
+    heading_deg: float = finite(0.0)  # of the radar's boresight, from +x to the left
+
+
+@dataclass
+class StaticTrajectory(StartTrajectory):
+    """Radar and target at rest."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("static",)
+    kind: str = "static"
+    frames: int | None = positive(4)
+
+
+@dataclass
+class TurntableTrajectory(StartTrajectory):
+    """Radar at rest, target turning about its vertical axis."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("turntable",)
+    kind: str = "turntable"
+    period_s: float = positive(25.0)  # of one revolution
+
+
+@dataclass
+class LinearTrajectory(StartTrajectory):
+    """Base of the motions along a straight line."""
+
+    length_m: float = positive(1.0)
+    speed_mps: float = positive(0.2)
+
+
+@dataclass
+class RailTrajectory(LinearTrajectory):
+    """Radar at rest, target carried along a rail."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("rail", "diagonal")
+    kind: str = "rail"
+    length_m: float = positive(0.6)
+    speed_mps: float = positive(0.1)
+    angle_deg: float = finite(0.0)  # of the motion: 0 away from the radar (radial), 90 to the radar's left
+
+
+@dataclass
+class LateralTrajectory(LinearTrajectory):
+    """Radar driving past the target."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("lateral",)
+    kind: str = "lateral"
+    height_m: float = positive(0.4)
+    length_m: float = positive(1.2)
+    speed_mps: float = positive(0.24)
+
+
+@dataclass
+class DepthTrajectory(LinearTrajectory):
+    """Radar driving towards the target."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("depth",)
+    kind: str = "depth"
+    distance_m: float = positive(2.0)
+    height_m: float = positive(0.4)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.length_m >= self.distance_m:
+            collision = f"trajectory.length_m={self.length_m:g} runs into the target"
+            raise ConfigError(f"{collision} at trajectory.distance_m={self.distance_m:g}; shorten one or lengthen the other")
+
+
+@dataclass
+class FileTrajectory(TrajectoryConfig):
+    """Poses of the radar from a file."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("file",)
+    kind: str = "file"
+    path: str = path_name("")  # TUM or CSV text, or a ROS bag
+    start_s: float = not_negative(0.0)  # of the first frame, after the first pose
+    axes: str = choice("sensor", "optical")  # of the poses: sensor (x forward, z up) | optical (z forward, y down)
+    topic: str | None = None  # of a ROS bag
+    frame: str | None = None  # of a ROS bag's transforms
+    mount_m: list[float] | None = triple("three numbers")  # position of the radar in the frame of the poses
+    mount_deg: list[float] | None = triple("three numbers")  # its roll, pitch, yaw
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.path:
+            raise ConfigError("trajectory=file needs the file: add trajectory.path=FILE")

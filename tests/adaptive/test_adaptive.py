@@ -14,8 +14,8 @@ from radartwin.adaptive.choice import Choice, choose
 from radartwin.adaptive.limits import PROFILE, SHIPPED, Limits, distances, measured
 from radartwin.adaptive.model import DEFAULT, LADDER, Model, cheaper, reduced
 from radartwin.adaptive.probe import ASPECTS, PLACES, thinned
-from radartwin.build.auto import ALL
-from radartwin.build.recording import probe_of, staged
+from radartwin.build.auto import MOTION_FAMILIES
+from radartwin.build.setup import build_setup
 from radartwin.config.compose import compose
 from radartwin.errors import ConfigError, InputError
 from radartwin.features.envelope import frames_per_revolution
@@ -165,7 +165,7 @@ def _recording(motion: str, frames: int, between: bool = False):
         poses = trajectory.rail(poses[0], bench.sensor_pose[:3, 0], 0.3, frames)
         away = np.linalg.norm(poses[:, :2, 3] - sensor[:, :2, 3], axis=1)
     log = Nominal(radar.frame_rate_hz, away, angle)
-    return thinned(rooms.empty(), Scene([target]), radar, sensor, {"target": poses}, log, ALL[motion], between=between)
+    return thinned(rooms.empty(), Scene([target]), radar, sensor, {"target": poses}, log, MOTION_FAMILIES[motion], between=between)
 
 
 @pytest.mark.parametrize("between", [False, True])
@@ -214,9 +214,9 @@ def test_what_was_never_repeated_has_no_limits() -> None:
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["scene.target=none", "trajectory=static"], "simulator=auto needs a thing under test and a motion of known repeatability"),
-        (["trajectory=static"], "simulator=auto needs a thing under test and a motion of known repeatability"),
-        (["trajectory.frames=20"], "simulator=auto needs a thing under test and a motion of known repeatability"),
+        (["scene.target=none", "trajectory=static"], "simulator=auto needs a target and a motion of known repeatability"),
+        (["trajectory=static"], "simulator=auto needs a target and a motion of known repeatability"),
+        (["trajectory.frames=20"], "simulator=auto needs a target and a motion of known repeatability"),
         (["trajectory=depth", "trajectory.distance_m=2", "features=rotation"], "features=rotation are not read from a depth recording"),
         (["features=depth"], "a turntable recording; choose rotation or raw"),
     ],
@@ -224,7 +224,7 @@ def test_what_was_never_repeated_has_no_limits() -> None:
 def test_what_auto_cannot_judge_is_refused(overrides: list[str], message: str) -> None:
     config = compose(["scene=lab", "simulator=auto", *overrides])
     with pytest.raises(ConfigError, match=message):
-        probe_of(config, staged(config))
+        build_setup(config).probe(config.features)
 
 
 def test_models_leave_out_what_they_say() -> None:

@@ -1,4 +1,4 @@
-"""Help teaches by example: every verb has examples, and each is what the command line and the configuration take."""
+"""The help of every verb ends with examples, and each example can be parsed and composed."""
 
 from __future__ import annotations
 
@@ -7,51 +7,43 @@ import shlex
 
 import pytest
 
-from radartwin import cli
-from radartwin.commands.examples import _ROAD, EXAMPLES
+from radartwin.commands.arguments import parse
+from radartwin.commands.examples import EXAMPLES, FIRST_STEPS
 from radartwin.config.compose import combinations, compose
 from radartwin.runs import sweep
 from radartwin.runs.search import space
 
-COMMANDS = [command for listed in (_ROAD, *EXAMPLES.values()) for command, _ in listed]
+COMMANDS = [command for examples in (FIRST_STEPS, *EXAMPLES.values()) for command, _ in examples]
 COMPOSED = ("run", "simulate", "export")
 
 
 def parsed(command: str) -> argparse.Namespace:
     program, *words = shlex.split(command)
     assert program == "radartwin"
-    return cli._parse(words)
+    return parse(words)
 
 
-def verbs() -> list[str]:
-    actions = cli._parser()._actions
-    return list(next(action.choices for action in actions if isinstance(action, argparse._SubParsersAction)))
-
-
-def test_every_verb_has_examples_and_its_help_ends_with_them(capsys: pytest.CaptureFixture[str]) -> None:
-    assert set(EXAMPLES) == set(verbs())
-    for verb, listed in {"": _ROAD, **EXAMPLES}.items():
-        with pytest.raises(SystemExit) as stopped:
-            cli._parse([*filter(None, [verb]), "--help"])
-        assert stopped.value.code == 0
-        shown = capsys.readouterr().out.partition("\nexamples:\n")[2]
-        for command, text in listed:
-            assert f"  {text}\n    {command}\n" in shown + "\n"
-        assert len(listed) >= 2
-        assert all(command.split()[1] == verb for command, _ in listed if verb)
+@pytest.mark.parametrize("verb", ["", *EXAMPLES])
+def test_help_ends_with_examples(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        parse([*filter(None, [verb]), "--help"])
+    assert stopped.value.code == 0
+    shown = capsys.readouterr().out.partition("\nexamples:\n")[2]
+    examples = EXAMPLES[verb] if verb else FIRST_STEPS
+    for command, text in examples:
+        assert f"  {text}\n    {command}\n" in shown + "\n"
+    assert len(examples) >= 2
+    assert all(command.split()[1] == verb for command, _ in examples if verb)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_an_example_is_taken(command: str) -> None:
+def test_example_is_accepted(command: str) -> None:
     options = parsed(command)
     assert callable(options.verb)
-
-
-@pytest.mark.parametrize("command", [command for command in COMMANDS if command.split()[1] in COMPOSED])
-def test_the_overrides_of_an_example_compose(command: str) -> None:
-    options = parsed(command)
-    mine = [word for word in options.overrides if word != "experiment=mine"]  # the reader's own, in docs/extending.md
-    ours, hydras = sweep.split(mine)
+    if command.split()[1] not in COMPOSED:
+        return
+    words = [word for word in options.overrides if word != "experiment=mine"]  # the reader's own, in docs/extending.md
+    ours, hydras = sweep.split(words)
     if getattr(options, "search", None):
         fixed, searched = space(ours)
         assert searched
@@ -60,4 +52,4 @@ def test_the_overrides_of_an_example_compose(command: str) -> None:
         assert len(sweep.composed(combinations(ours))) > 1
         assert all(word.startswith(("hydra/launcher=", "hydra.launcher.")) for word in hydras)
     else:
-        compose(mine)
+        compose(words)

@@ -15,7 +15,8 @@ import pytest
 from markdown_blocks import DOCS, ROOT, Block, blocks, commands, lines_of, prose, quoted
 
 from experiments.validation.oracles.cases import CASES
-from radartwin import cli
+from radartwin.cli import main
+from radartwin.commands.arguments import parse
 from radartwin.config.compose import combinations, compose
 from radartwin.runs import sweep
 from radartwin.runs.search import space
@@ -54,7 +55,7 @@ def test_every_command_is_run_or_composed_and_every_reason_is_needed() -> None:
 @pytest.mark.parametrize("command", [c for page in [*PAGES, README] for c in commands(page) if reason(c)])
 def test_a_command_that_is_not_run_composes(command: str, tmp_path: Path) -> None:
     (tmp_path / "card.yaml").write_text("")
-    options = cli._parse(shlex.split(command)[1:])
+    options = parse(shlex.split(command)[1:])
     ours, hydras = sweep.split(options.overrides)
     ours = [f"measured.folder={tmp_path}" if word == "measured.folder=SET" else word for word in ours]
     if getattr(options, "multirun", False):
@@ -69,7 +70,7 @@ def test_a_command_that_is_not_run_composes(command: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize("command", commands(README))
 def test_a_command_of_the_readme_is_taken(command: str) -> None:
     """Most run in test_readme.py; this holds the others, such as tables and classify, to the arguments there are."""
-    assert callable(cli._parse(shlex.split(command)[1:]).verb)
+    assert callable(parse(shlex.split(command)[1:]).verb)
 
 
 @pytest.fixture
@@ -95,7 +96,7 @@ def test_the_search_runs(here: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     monkeypatch.setenv("OWN_EXPERIMENT", environment["OWN_EXPERIMENT"])
     words = shlex.split(command)[1:]
     assert space([word for word in words if "=" in word and word != "experiment=mine"])[1].keys() >= {"trajectory.height_m", "materials"}
-    assert cli.main([*words, *arguments[2:], "--trials", "2", "tracking=off"]) == 0, capsys.readouterr().err
+    assert main([*words, *arguments[2:], "--trials", "2", "tracking=off"]) == 0, capsys.readouterr().err
     assert "2 trials" in capsys.readouterr().out
 
 
@@ -112,7 +113,7 @@ def follow(page: list[Block], folder: Path, prepare: Callable[[str], None] = lam
         for line in lines_of(block) if not block.language else ():
             words = shlex.split(line)[1:]
             prepare(line)
-            assert cli.main([*words, *SMALL.get(words[0], [])]) == 0, line
+            assert main([*words, *SMALL.get(words[0], [])]) == 0, line
             count += 1
     return count
 
@@ -168,9 +169,9 @@ def test_a_command_in_the_text_is_taken(command: str) -> None:
     positional = {"label": ["x"], "view": ["x"], "process": ["x"], "reconstruct": ["x"]}
     extra = needed.get(words[0], []) if "--out" not in words and "--model" not in words else []
     try:
-        cli._parse(words)
+        parse(words)
     except SystemExit:
-        cli._parse([*words, *positional.get(words[0], []), *extra])
+        parse([*words, *positional.get(words[0], []), *extra])
 
 
 def test_the_index_links_every_page() -> None:

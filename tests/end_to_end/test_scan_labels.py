@@ -98,7 +98,10 @@ def test_a_plain_mesh_is_not_viewed_and_the_remedy_is_a_command(inside: Command,
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
-        (["scene=scan", "scene.path=x", "materials.material=metal"], "materials.material=metal is not read by materials=scene"),
+        (
+            ["scene=scan", "scene.path=x", "materials.material=metal"],
+            "materials.material is not read by materials=scene; choose",
+        ),
         (["scene=lab", "materials=scene"], "materials=scene needs the labels of a scan"),
     ],
 )

@@ -18,7 +18,7 @@ from experiments.scans import virtual_scan
 from radartwin.build.radar import build_radar
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig
+from radartwin.config.materials import UniformMaterials
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
@@ -112,7 +112,7 @@ def test_the_first_line_tells_what_is_to_be_made(config: Config, tmp_path: Path,
 def test_a_scan_that_was_made_before_counts_with_its_room(config: Config, tmp_path: Path) -> None:
     store, progress = Store(tmp_path / "cache"), Progress(quiet=True)
     void = config
-    config = replace(config, materials=MaterialsConfig(source="uniform"))
+    config = replace(config, materials=UniformMaterials())
     campaign = Campaign(config, store, progress)
     before = table.make(campaign, progress)
     spec = virtual_scan.specification(config, "lab", config.measured.gap.geometry)

@@ -9,7 +9,7 @@ import pytest
 from experiments.campaign.cases import ROVER, planned
 from experiments.campaign.schedule import RecordingTask, Schedule
 from radartwin.config.compose import compose
-from radartwin.config.materials import MaterialsConfig
+from radartwin.config.materials import TrueMaterials
 
 CONFIG = compose(["profile=quick"])
 
@@ -56,7 +56,7 @@ def test_every_recording_is_made_once_and_a_worker_stays_on_its_track(tasks: lis
 
 def test_two_materials_of_a_room_are_two_tracks_unless_they_share_a_setup(tasks: list[RecordingTask]) -> None:
     driven = [task for task in tasks if _track(task) == ("twin", "squash_court", "lateral")]
-    other = replace(CONFIG, materials=MaterialsConfig("true"))
+    other = replace(CONFIG, materials=TrueMaterials())
     assert other.materials != CONFIG.materials
     mixed = [replace(task, config=config) for task in driven for config in (CONFIG, other)]
     schedule = Schedule(mixed)

@@ -1,13 +1,13 @@
-"""Trajectories and layouts of a configuration: where things are, and what is refused before anything is traced."""
+"""The configured trajectory and layout: positions, and what is refused before anything is traced."""
 
 import warnings
 
 import numpy as np
 import pytest
 
-from radartwin.build.course import check_course, furnished
 from radartwin.build.radar import build_radar
-from radartwin.build.recording import build_course, build_room, build_start
+from radartwin.build.scene import add_layout, build_room
+from radartwin.build.trajectory import build_course, check_course
 from radartwin.config.compose import compose
 from radartwin.errors import ConfigError, LayoutError, MissingError, PoseError
 from radartwin.scene.scene import Scene
@@ -15,13 +15,14 @@ from radartwin.scene.trajectories import trajectory
 
 
 def course(*overrides):
+    """(configuration, room, course)."""
     config = compose(["scene=lab", *overrides])
     room = build_room(config.scene, config.materials)
-    return config, room, build_course(config.trajectory, build_radar(config.radar), build_start(config.trajectory, room))
+    return config, room, build_course(config.trajectory, build_radar(config.radar), room)
 
 
 def written(tmp_path, shift=(0.0, 0.0, 0.0), frames=21):
-    """A TUM file of a second's drive along +x from (1, 0, 0.4), at 0.4 m/s, and its name as an override."""
+    """The override for a TUM file: 1 s along +x from (1, 0, 0.4) at 0.4 m/s."""
     path = tmp_path / "drive.txt"
     times = np.linspace(0, 1, frames)
     path.write_text("\n".join(f"{100 + t:.6f} {1 + 0.4 * t + shift[0]} {shift[1]} {0.4 + shift[2]} 0 0 0 1" for t in times))
@@ -41,7 +42,7 @@ def test_a_rail_carries_the_target_60_cm_at_its_angle(option, degrees):
     assert np.allclose(speed, 0.1)
 
 
-def test_sweeps_run_as_the_paper_drives():
+def test_drives_have_the_paper_s_length_and_speed():
     for option, length, speed, axis in (("depth", 1.0, 0.2, 0), ("lateral", 1.2, 0.24, 1)):
         _, _, found = course(f"trajectory={option}")
         path = found.sensor_poses[:, :3, 3]
@@ -50,7 +51,7 @@ def test_sweeps_run_as_the_paper_drives():
         assert np.ptp(path[:, axis]) == pytest.approx(length - speed / 10)
 
 
-def test_a_file_moves_the_sensor_at_the_radars_frames(tmp_path):
+def test_file_gives_a_pose_per_radar_frame(tmp_path):
     _, _, found = course("trajectory=file", written(tmp_path))
     assert found.sensor_poses.shape == (11, 4, 4)
     assert np.allclose(found.sensor_poses[:, 0, 3], 1 + 0.04 * np.arange(11))
@@ -64,10 +65,10 @@ def test_a_file_moves_the_sensor_at_the_radars_frames(tmp_path):
 
 def checked(*overrides):
     config, room, found = course(*overrides)
-    check_course(room, build_radar(config.radar), found.sensor_poses, found.target_poses)
+    check_course(room, build_radar(config.radar), found)
 
 
-def test_a_drive_through_a_wall_or_under_the_floor_is_refused(tmp_path):
+def test_drive_through_a_wall_or_under_the_floor_is_refused(tmp_path):
     checked("trajectory=file", written(tmp_path))
     with pytest.raises(PoseError, match="passes through surface 'wall_front' between frames"):
         checked("trajectory=file", written(tmp_path, (4.8, 1.0, 0)))
@@ -77,16 +78,16 @@ def test_a_drive_through_a_wall_or_under_the_floor_is_refused(tmp_path):
         checked("trajectory=file", written(tmp_path, (0, 0, 5)))
 
 
-def test_a_scan_without_a_ceiling_ends_nowhere_above(tmp_path):
+def test_scan_without_a_ceiling_has_no_upper_limit(tmp_path):
     config, room, found = course("trajectory=file", written(tmp_path, (0, 0, 5)))
     open_above = Scene([s for s in room if "ceiling" not in s.name and s.mesh.bounds[1, 2] < 2.0])
-    check_course(open_above, build_radar(config.radar), found.sensor_poses, found.target_poses)
+    check_course(open_above, build_radar(config.radar), found)
     _, _, below = course("trajectory=file", written(tmp_path, (0, 0, -0.5)))
     with pytest.raises(PoseError, match="has no ceiling"):
-        check_course(open_above, build_radar(config.radar), below.sensor_poses, below.target_poses)
+        check_course(open_above, build_radar(config.radar), below)
 
 
-def test_too_fast_for_the_radar_is_warned_of_once():
+def test_speed_beyond_the_radar_s_doppler_range_is_one_warning():
     fast = trajectory.depth_sweep(np.eye(4), 30.0, 10.0)
     with pytest.warns(UserWarning, match="folds at 7.5") as caught:
         trajectory.check_speed(fast, 10.0, 7.5)
@@ -100,10 +101,10 @@ def test_too_fast_for_the_radar_is_warned_of_once():
 def furnish(*overrides):
     chosen = [] if any(o.startswith("trajectory=") for o in overrides) else ["trajectory=static"]
     config, room, found = course(*chosen, *overrides)
-    return room, furnished(config.scene, room, found.sensor_poses[0])
+    return room, add_layout(config.scene, room, found.sensor_poses[0])
 
 
-def test_a_sentence_or_a_file_puts_objects_into_the_room(tmp_path):
+def test_sentence_or_file_adds_objects_to_the_room(tmp_path):
     room, scene = furnish("scene.sentence='a mug on the table 1.5 m in front of the door'")
     mug = [s for s in scene.surfaces[len(room) :] if s.name == "mug"]
     assert mug
@@ -116,22 +117,22 @@ def test_a_sentence_or_a_file_puts_objects_into_the_room(tmp_path):
 
 
 WRONG = {
-    "a sentence nobody understands": (["scene.sentence='be a good twin'"], LayoutError, "supported are"),
-    "an object that is not there": (["scene.sentence='a teapot on the floor'"], LayoutError, "teapot"),
-    "a layout that is not there": (["scene.layout=none.yaml"], MissingError, "none.yaml"),
-    "both": (["scene.layout=a.yaml", "scene.sentence='a mug on the floor'"], ConfigError, "one of them"),
-    "a model without a sentence": (["scene.llm_url=http://127.0.0.1:1/v1", "scene.llm_model=m"], ConfigError, "all three"),
-    "no trajectory file": (["trajectory=file"], ConfigError, "trajectory.path"),
-    "a file for a sweep": (["trajectory=depth", "trajectory.path=a.txt"], ConfigError, "trajectory=file"),
-    "a start and a file": (["trajectory=file", "trajectory.path=a.txt", "trajectory.position_m=[0,0,1]"], ConfigError, "position_m"),
-    "axes nobody has": (["trajectory.axes=camera"], ConfigError, "optical"),
-    "half a mount": (["trajectory=file", "trajectory.path=a.txt", "trajectory.mount_m=[1]"], ConfigError, "three numbers"),
-    "before the file begins": (["trajectory=file", "trajectory.path=a.txt", "trajectory.start_s=-1"], ConfigError, "start_s"),
+    "unreadable sentence": (["scene.sentence='be a good twin'"], LayoutError, "supported are"),
+    "unknown object": (["scene.sentence='a teapot on the floor'"], LayoutError, "teapot"),
+    "absent layout": (["scene.layout=none.yaml"], MissingError, "none.yaml"),
+    "layout and sentence": (["scene.layout=a.yaml", "scene.sentence='a mug on the floor'"], ConfigError, "one of them"),
+    "language model without a sentence": (["scene.llm_url=http://127.0.0.1:1/v1", "scene.llm_model=m"], ConfigError, "all three"),
+    "file for a drive": (["trajectory=depth", "trajectory.path=a.txt"], ConfigError, "trajectory=file"),
+    "file and a start": (["trajectory=file", "trajectory.path=a.txt", "trajectory.position_m=[0,0,1]"], ConfigError, "position_m"),
+    "unknown axes": (["trajectory=file", "trajectory.path=a.txt", "trajectory.axes=camera"], ConfigError, "optical"),
+    "angle of a turntable": (["trajectory=turntable", "trajectory.angle_deg=3"], ConfigError, r"choose trajectory=rail\|diagonal"),
+    "incomplete mount": (["trajectory=file", "trajectory.path=a.txt", "trajectory.mount_m=[1]"], ConfigError, "three numbers"),
+    "start before the file": (["trajectory=file", "trajectory.path=a.txt", "trajectory.start_s=-1"], ConfigError, "start_s"),
 }
 
 
 @pytest.mark.parametrize(("overrides", "error", "word"), WRONG.values(), ids=WRONG)
-def test_wrong_settings_are_one_line(overrides, error, word):
+def test_wrong_setting_is_one_line(overrides, error, word):
     with pytest.raises(error, match=word) as caught:
         furnish(*overrides)
     assert "\n" not in str(caught.value)

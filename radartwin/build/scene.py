@@ -1,0 +1,93 @@
+"""The configured scene: the room with its materials, the objects of a layout, and the target.
+
+World frame as in radartwin/scene/rooms. The target's origin is the point that the radar aims at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from radartwin.config.materials import MaterialsConfig, UniformMaterials
+from radartwin.config.scene import ROOMS, ScanScene, SceneConfig
+from radartwin.errors import ConfigError
+from radartwin.label.sources import material_source
+from radartwin.scene import objects, rooms
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.storage import scene_folder
+
+TARGET = "target"  # name of the target's surfaces
+
+
+def build_target(config: SceneConfig) -> tuple[Surface, ...]:
+    """The target's surfaces, all named TARGET, facing -x towards the radar; empty for scene.target=none."""
+    size = config.target_size_m
+    turned = np.diag([-1.0, -1.0, 1.0, 1.0])
+    if config.target == "none":
+        return ()
+    if config.target == "corner_reflector":
+        mesh = objects.trihedral(size)
+    elif config.target == "plate":
+        mesh = objects.plate(size, size)
+    elif config.target == "sphere":
+        mesh = objects.sphere(size / 2)
+    else:
+        entry = objects.entry(config.target)
+        turned[2, 3] = -entry.aim_m
+        return entry.surfaces(turned, name=TARGET)
+    return (Surface(mesh.apply_transform(turned), "metal", TARGET, role="object"),)
+
+
+def lowest_m(target: Sequence[Surface]) -> float:
+    """Height of the target's lowest point above its origin in metres (negative); 0 without a target."""
+    return min((float(surface.mesh.bounds[0, 2]) for surface in target), default=0.0)
+
+
+def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) -> Scene:
+    """The room without the target, with materials from the configured source."""
+    if isinstance(scene, ScanScene):
+        room = load_scan(Path(scene.path), materials)
+    elif scene.name in ROOMS:
+        room = rooms.room(scene.name, **scene.room_options())
+    else:
+        return rooms.void() if scene.name == "void" else rooms.empty()
+    return material_source(materials.source, **materials.arguments(seed))(room)
+
+
+def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
+    """A scene folder with its labels, or a mesh, which has no labels.
+
+    Raises:
+        ConfigError: materials=scene for a mesh. MissingError, MeshError, SceneError: see `Scene.load`.
+    """
+    if not path.exists() or scene_folder(path) is not None:
+        return Scene.load(path)
+    if materials.source == "scene":
+        raise ConfigError(
+            f"{path} carries no material labels; make it a scene with radartwin reconstruct {path} --out FOLDER, "
+            "or add materials=uniform materials.material=NAME for one material"
+        )
+    return Scene.load(path, material=materials.material if isinstance(materials, UniformMaterials) else UniformMaterials.material)
+
+
+def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Scene:
+    """The room with the objects of the configured layout or sentence.
+
+    Args:
+        sensor_pose: (4, 4) sensor to world, for words such as "in front of the radar".
+    Raises:
+        MissingError, LayoutError: the layout is absent or impossible. BackendError: the language model does not answer.
+    """
+    if not (config.layout or config.sentence):
+        return room
+    from radartwin.io.chat import Endpoint
+    from radartwin.scene.layouts.layout import Layout
+    from radartwin.scene.layouts.model import read_sentence
+    from radartwin.scene.layouts.place import furnish
+
+    if config.layout:
+        return furnish(room, Layout.load(config.layout), sensor_pose)
+    endpoint = Endpoint(config.llm_url, config.llm_model) if config.llm_url and config.llm_model else None
+    return furnish(room, read_sentence(str(config.sentence), room, sensor_pose, endpoint), sensor_pose)

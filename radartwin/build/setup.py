@@ -1,0 +1,77 @@
+"""The configured setup of a recording: radar, room, target and their poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from radartwin.adaptive.probe import Probe, thinned
+from radartwin.build.auto import families_of
+from radartwin.build.provenance import describe_room
+from radartwin.build.radar import build_radar
+from radartwin.build.scene import TARGET, add_layout, build_room, build_target, lowest_m
+from radartwin.build.trajectory import Course, build_course, check_course
+from radartwin.config.config import Config
+from radartwin.config.study import FeaturesConfig
+from radartwin.features.log import Nominal
+from radartwin.radar.chirp import Radar
+from radartwin.scene import rooms
+from radartwin.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """Everything in its place.
+
+    Attributes:
+        room: with the objects of the layout.
+        target: with its stand; empty for scene.target=none.
+        motion: (F, 4, 4) or (1, 4, 4) object-to-world poses by surface name.
+        provenance: see `radartwin.build.provenance.describe_room`.
+    """
+
+    room: Scene
+    target: Scene
+    radar: Radar
+    course: Course
+    motion: dict[str, np.ndarray]
+    provenance: dict[str, Any]
+
+    @property
+    def measured_motion(self) -> str:
+        """The motion of the target relative to the radar, if its repeatability is known; else ""."""
+        return self.course.motion if self.motion else ""
+
+    def probe(self, features: FeaturesConfig, variant: str = "auto", count: int | None = None, between: bool = False) -> Probe:
+        """A few frames of the recording, with the features that simulator=auto must keep.
+
+        Args:
+            variant: of Mitsuba. count, between: see `radartwin.adaptive.probe.thinned`.
+        Raises:
+            ConfigError: see `radartwin.build.auto.families_of`.
+        """
+        families = families_of(features, self.measured_motion)
+        sensor, target = self.course.sensor_poses, self.course.target_poses
+        frames = max(len(sensor), len(target))
+        distance_m = np.linalg.norm(target[:, :2, 3] - sensor[:, :2, 3], axis=1) * np.ones(frames)
+        log = Nominal(self.radar.frame_rate_hz, distance_m, self.course.angle_rad)
+        return thinned(self.room, self.target, self.radar, sensor, self.motion, log, families, variant, count, between)
+
+
+def build_setup(config: Config) -> Setup:
+    """The setup of a composed configuration. Raises UserError where its parts do not fit together."""
+    radar = build_radar(config.radar)
+    room = build_room(config.scene, config.materials, config.seed)
+    provenance = describe_room(room, config.scene, config.materials)
+    target = build_target(config.scene)
+    foot = np.array([0.0, 0.0, lowest_m(target)])
+    position = config.scene.target_position_m
+    course = build_course(config.trajectory, radar, room, None if position is None else np.array(position) - foot)
+    room = add_layout(config.scene, room, course.sensor_poses[0])
+    check_course(room, radar, course)
+    placed = Scene(target)
+    if config.scene.stand:
+        placed = rooms.support(course.target_poses[0, :3, 3] + foot - [0, 0, rooms.GAP]) + placed
+    return Setup(room, placed, radar, course, {TARGET: course.target_poses} if target else {}, provenance)

@@ -1,0 +1,213 @@
+"""The arguments of every verb."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from radartwin.commands import examples, verbs
+from radartwin.errors import MissingError
+
+Verbs = argparse._SubParsersAction
+
+
+def parse(words: Sequence[str]) -> argparse.Namespace:
+    """The parsed command: `verb` is its function, `resumes` whether a repeated command continues an interrupted one.
+
+    Overrides may stand on both sides of an option: run experiment=NAME -m materials=vlm,void.
+    """
+    parser = _parser()
+    options, rest = parser.parse_known_args(_join_axes(words))
+    unknown = [word for word in rest if word.startswith("-") or not hasattr(options, "overrides")]
+    if unknown:
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    if rest:
+        options.overrides += rest
+    return options
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports wrong arguments in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _join_axes(words: Sequence[str]) -> list[str]:
+    """--up -y as --up=-y, because argparse reads -y as an option."""
+    out: list[str] = []
+    for word in words:
+        if out and out[-1] == "--up" and word in ("-x", "-y", "-z"):
+            out[-1] = f"--up={word}"
+        else:
+            out.append(word)
+    return out
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="radartwin",
+        description="Simulate the radar of a scanned room, learn from it, and measure what transfers.",
+        epilog=examples.epilog(more="Exit status: 0 done, 1 a run failed, 2 the input is wrong."),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    group = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
+    _add_study(group)
+    _add_recordings(group)
+    _add_scenes(group)
+    _add_results(group)
+    return parser
+
+
+def _add_study(group: Verbs) -> None:
+    run = _add(group, "run", verbs.run, "one experiment, or a sweep over comma-separated values with -m", resumes=True)
+    _overrides(run, "experiment=NAME [group=option ...] [key=value ...]")
+    run.epilog = examples.epilog("run", textwrap.fill(f"Experiments: {', '.join(_experiments())}.", 78))
+    run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
+    run.add_argument("--search", metavar="METRIC", help="search 'trajectory.height_m=interval(0.5,1.5)' for the best METRIC")
+    run.add_argument("--trials", metavar="N", type=int, default=20, help="number of trials of a search (default: 20)")
+    run.add_argument("--direction", choices=("maximize", "minimize"), default="maximize", help="of a search (default: maximize)")
+    run.add_argument("--at-once", metavar="N", type=int, default=1, help="parallel trials, for hydra/launcher=joblib or slurm (default: 1)")
+
+    tables = _add(group, "tables", verbs.tables, "run what is missing, write tables, figures and the report", resumes=True)
+    tables.add_argument("--profile", choices=("quick", "paper"), default="quick", help="amount of computation (default: quick)")
+    tables.add_argument("--only", metavar="NAME", action="append", help="one table; repeat it for more")
+    _output(tables)
+
+
+def _add_recordings(group: Verbs) -> None:
+    simulate = _add(group, "simulate", verbs.simulate, "a scene to a DCA1000 recording")
+    _overrides(simulate, "scene=lab|atrium|squash_court|void|empty|plate|scan [radar=...] [trajectory=...] [key=value ...]")
+    simulate.add_argument("--out", metavar="PATH", type=Path, help="recording without suffix (default: OUTPUT/recordings/SCENE)")
+    simulate.add_argument("--noise", action="store_true", help="add the receiver's thermal noise")
+
+    process = _add(group, "process", verbs.process, "a recording to peaks.csv and range-time, Doppler and azimuth pictures")
+    _recording(process)
+    process.add_argument("--moving", action="store_true", help="remove static echoes before the peaks are detected")
+    process.add_argument("--out", metavar="FOLDER", type=Path, help="folder for the results (default: OUTPUT/processed/NAME)")
+    _output(process)
+
+    captures = _add(group, "import", verbs.import_captures, "raw captures to a recording set", resumes=True)
+    captures.add_argument("source", metavar="SOURCE", type=Path, help="a mmWave Studio .bin, a .npy cube, or a folder of captures")
+    captures.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="columns of the index for all, keys of a new set's card")
+    captures.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; an existing set is extended")
+    captures.add_argument("--map", metavar="FILE", type=Path, help=".yaml or .csv: the columns of each capture")
+    captures.add_argument("--radar", metavar="FILE", help="as for process (default: the .mmwave.json beside each capture)")
+    captures.add_argument("--cut", action="store_true", help="leave out an incomplete frame at the end of a capture")
+
+    text = "the virtual measurement campaign to a recording set, as measured=recordings reads it"
+    export = _add(group, "export", verbs.export, text, resumes=True)
+    _overrides(export, "[profile=...] [profile.campaign.KEY=value ...] [measured.gap.NAME=strength ...]")
+    export.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; recordings in it stay")
+
+
+def _add_scenes(group: Verbs) -> None:
+    reconstruct = _add(group, "reconstruct", verbs.reconstruct, "a mesh or a folder of frames to a labelled scene folder")
+    reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh, or a folder of RGB-D frames with poses")
+    reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True)
+    reconstruct.add_argument("--material", default="plasterboard", help="of every surface (default: plasterboard)")
+    reconstruct.add_argument("--unit", default="auto", help="unit of a mesh: auto (metres), m, cm, mm, in or ft")
+    reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto (found), x, y, z, -x, -y or -z")
+    is_object = "the mesh is an object, seen from outside (default: if it is below 1 m)"
+    reconstruct.add_argument("--object", action=argparse.BooleanOptionalAction, help=is_object)
+    reconstruct.add_argument("--depth-model", metavar="WEIGHTS", help="monocular depth model, for frames without depth")
+    matrix = "of the depth pictures, for a folder without a camera file"
+    reconstruct.add_argument("--intrinsics", metavar=("FX", "FY", "CX", "CY"), nargs=4, type=float, help=matrix)
+    scale = "metres per count of the depth pictures (default: the layout's)"
+    reconstruct.add_argument("--depth-unit", metavar="METRES", type=float, help=scale)
+    axes = "convention of the poses: opencv (default), opengl, opencv-inverse or opengl-inverse"
+    reconstruct.add_argument("--poses", metavar="AXES", help=axes)
+
+    text = "a scene's materials by a vision-language model: ask it now, or export the questions and import the answers"
+    label = _add(group, "label", verbs.label, text, resumes=True)
+    label.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; its manifest stores the labels")
+    label.add_argument("--provider", choices=("recorded", "server", "local"), help="source of the answers (default: recorded)")
+    label.add_argument("--model", help="model name; local: a folder or name that transformers loads; --import: the model that answered")
+    url = "server: base of an OpenAI-compatible API (default: http://127.0.0.1:8000/v1); RADARTWIN_VLM_KEY is its key"
+    label.add_argument("--url", help=url)
+    batch = label.add_mutually_exclusive_group()
+    batch.add_argument("--export", metavar="FOLDER", type=Path, help="write the questions and their pictures instead of asking")
+    batch.add_argument("--import", metavar="FILE", type=Path, dest="answers", help="read the answers from a JSONL file")
+    label.add_argument("--missing", metavar="uniform:MATERIAL", help="material of surfaces without an answer (default: an error)")
+    label.add_argument("--views", type=int, help="pictures of each surface (default: 3)")
+    label.add_argument("--concurrency", type=int, help="server: simultaneous requests (default: 4)")
+    label.add_argument("--timeout", type=float, metavar="SECONDS", dest="timeout_s", help="server: of one request (default: 120)")
+
+    text = "a standalone 3D page of a scene, coloured by material, segment, reflectivity or scan colour"
+    view = _add(group, "view", verbs.view, text)
+    view.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; the page needs no server and no network")
+    colourings = ("material", "segment", "reflectivity", "colour")
+    view.add_argument("--by", choices=colourings, default="material", help="initial colouring (default: material)")
+    view.add_argument("--trajectory", metavar="FILE", type=Path, help="draw the radar's track: TUM or CSV text, or a ROS bag")
+    view.add_argument("--layout", metavar="FILE", type=Path, help="add a layout's objects on this page")
+    view.add_argument("--out", metavar="FILE", type=Path, help="default: SCENE/view.html")
+
+
+def _add_results(group: Verbs) -> None:
+    classify = _add(group, "classify", verbs.classify, "labels of a recording by a trained model, with probabilities")
+    _recording(classify)
+    classify.add_argument("--model", metavar="FOLDER", type=Path, required=True, help="model.json and model.safetensors of a run")
+    classify.add_argument("--distance", metavar="METRES", type=float, help="from the radar to the target at the start (default: found)")
+    classify.add_argument("--period", metavar="SECONDS", type=float, help="of one revolution of the turntable (default: the model's)")
+
+    dashboard = _add(group, "dashboard", verbs.dashboard, "the MLflow server on loopback")
+    dashboard.add_argument("--port", type=_port, help="default: 5000, or a free port if 5000 is taken")
+    _output(dashboard)
+
+    report = _add(group, "report", verbs.report, "the static report from the tables already written")
+    _output(report)
+
+    doctor = _add(group, "doctor", verbs.doctor, "versions, devices, disk, tracking store, and what to do; or a recording set")
+    doctor.add_argument("--data", metavar="FOLDER", type=Path, help="check this recording set instead and list all its faults")
+    _output(doctor)
+
+
+def _add(
+    group: Verbs, name: str, function: Callable[[argparse.Namespace], int], text: str, resumes: bool = False
+) -> argparse.ArgumentParser:
+    verb = group.add_parser(
+        name,
+        help=text,
+        description=textwrap.fill(text[0].upper() + text[1:] + ".", 78),
+        epilog=examples.epilog(name),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    verb.set_defaults(verb=function, resumes=resumes)
+    return verb
+
+
+def _overrides(verb: argparse.ArgumentParser, text: str) -> None:
+    verb.add_argument("overrides", nargs="*", metavar="OVERRIDE", help=text)
+    verb.add_argument("--config-dir", metavar="DIR", type=Path, action="append", default=[], help="folder with more configuration options")
+    verb.add_argument("--output", metavar="DIR", help="root of everything written (the same as output=DIR)")
+
+
+def _recording(verb: argparse.ArgumentParser) -> None:
+    radar = ".cfg, .mmwave.json or .yaml of the radar that recorded it, or the name of a radar option"
+    swapped = "Q before I in the file (default: found from the data)"
+    verb.add_argument("recording", metavar="RECORDING", type=Path, help="a radartwin recording, a mmWave Studio .bin, or a .npy cube")
+    verb.add_argument("--radar", metavar="FILE", help=radar)
+    verb.add_argument("--iq-swapped", action=argparse.BooleanOptionalAction, help=swapped)
+
+
+def _output(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("--output", metavar="DIR", type=Path, default=Path("outputs"), help="root of everything written")
+
+
+def _port(text: str) -> int:
+    if not (text.isdecimal() and int(text) <= 65535):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port, a whole number from 0 to 65535")
+    return int(text)
+
+
+def _experiments() -> list[str]:
+    """Names of the shipped experiments."""
+    from radartwin.config.compose import groups
+
+    try:
+        return groups().get("experiment", [])
+    except MissingError:  # a broken installation can still print its help
+        return ["none found"]

@@ -1,0 +1,202 @@
+"""What each verb does. A verb takes its parsed arguments and returns the exit status; it imports its modules when it is called."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from radartwin.errors import OutputError
+
+
+def run(options: argparse.Namespace) -> int:
+    if options.search:
+        from radartwin.runs.search import Wish, search
+
+        wish = Wish(options.search, options.trials, options.direction, options.at_once)
+        return search(_all_overrides(options), options.config_dir, wish)
+    if options.multirun:
+        from radartwin.runs.sweep import sweep
+
+        return sweep(_all_overrides(options), options.config_dir)
+    from radartwin.runs.run import run
+
+    return run(_all_overrides(options), options.config_dir)
+
+
+def tables(options: argparse.Namespace) -> int:
+    from radartwin.runs import study
+
+    return study.module("analysis.main").tables(options.profile, options.only, options.output)
+
+
+def simulate(options: argparse.Namespace) -> int:
+    from radartwin.build.provenance import materials_line
+    from radartwin.build.recording import simulate_scene
+    from radartwin.config.compose import compose
+    from radartwin.io import files
+    from radartwin.radar.recording import recording_files
+    from radartwin.store.products import Store
+
+    config = compose(_all_overrides(options), options.config_dir)
+    path = options.out or Path(config.output) / "recordings" / config.scene.name
+    for file in recording_files(path):
+        if file.is_dir():
+            raise OutputError(f"{file} is a folder; choose another name for the recording")
+    files.sweep(files.check_folder(path.parent))
+    store = Store(Path(config.output) / "cache") if config.simulator.backend == "auto" else None
+    recording = simulate_scene(config, noise=options.noise, store=store, say=_note)
+    if line := materials_line(recording.provenance):
+        _note(line)
+    recording.save(path)
+    if not recording.iq.any():
+        _note("warning: nothing returns an echo to the radar; check trajectory.position_m, heading_deg and height_m")
+    print(f"{', '.join(map(str, recording_files(path)))}: {recording.iq.shape[0]} frames")
+    return 0
+
+
+def process(options: argparse.Namespace) -> int:
+    from radartwin.build.radar import named_radar
+    from radartwin.io import files
+    from radartwin.radar.captures import capture_name
+    from radartwin.radar.power_maps import FftSettings
+    from radartwin.radar.process_capture import PEAKS_FILE, process_capture
+
+    out = options.out or options.output / "processed" / capture_name(options.recording)
+    files.sweep(files.check_folder(out))
+    radar = named_radar(options.radar) if options.radar else None
+    settings = FftSettings(static_removed=options.moving)
+    peaks = process_capture(options.recording, out, radar, iq_swapped=options.iq_swapped, settings=settings)
+    digits = {"range_m": 3, "doppler_mps": 3, "azimuth_deg": 1, "power_db": 1}
+    print(" ".join(digits))
+    for peak in peaks.itertuples(index=False):
+        cells = ("" if value != value else f"{value:.{places}f}" for value, places in zip(peak, digits.values(), strict=True))
+        print(*(cell.rjust(len(name)) for cell, name in zip(cells, digits, strict=True)))
+    if len(peaks) and peaks["doppler_mps"].isna().to_numpy().all():
+        _note("a frame has one chirp, from which no speed can be measured; doppler_mps is empty")
+    print(f"{len(peaks)} peaks; pictures and {PEAKS_FILE} in {out}", file=sys.stderr)
+    return 0
+
+
+def import_captures(options: argparse.Namespace) -> int:
+    from radartwin.build.radar import named_radar
+    from radartwin.io.progress import Progress
+    from radartwin.recordings.importers import import_captures, key_values
+    from radartwin.recordings.mapping import read_mapping
+
+    progress = Progress()
+    target, added = import_captures(
+        options.source,
+        options.out,
+        key_values(options.overrides),
+        read_mapping(options.map) if options.map else None,
+        radar=named_radar(options.radar) if options.radar else None,
+        cut=options.cut,
+        progress=progress,
+        say=progress.say,
+    )
+    print(f"{options.out}: {len(added)} recording{'' if len(added) == 1 else 's'} added, {len(target)} in all")
+    return 0
+
+
+def export(options: argparse.Namespace) -> int:
+    from radartwin.runs import study
+
+    return study.module("experiments.campaign.export").export_verb(_all_overrides(options), options.config_dir, options.out)
+
+
+def reconstruct(options: argparse.Namespace) -> int:
+    from radartwin.io.progress import Progress
+    from radartwin.reconstruct.build import ScanOptions, reconstruct, summary
+
+    how = ScanOptions(options.up, options.unit, options.object, options.depth_model, options.intrinsics, options.depth_unit, options.poses)
+    scene = reconstruct(options.scan, options.out, options=how, material=options.material, progress=Progress())
+    print("\n".join(summary(scene)))
+    print(f"{options.out}: {len(scene)} surfaces")
+    return 0
+
+
+def label(options: argparse.Namespace) -> int:
+    """Options that are not given take their value from conf/materials/vlm.yaml."""
+    from radartwin.config.compose import compose
+    from radartwin.io.progress import Progress
+    from radartwin.label.labelling import Wishes, label_folder
+
+    names = ("provider", "model", "url", "timeout_s", "concurrency", "views")
+    given = {name: value for name in names if (value := getattr(options, name)) is not None}
+    materials = replace(compose(["materials=vlm"]).materials, **given)
+    wishes = Wishes(
+        **{name: getattr(materials, name) for name in names},
+        export=options.export,
+        answers=options.answers,
+        missing=options.missing,
+    )
+    for line in label_folder(options.scene, wishes, Progress()):
+        print(line)
+    return 0
+
+
+def view(options: argparse.Namespace) -> int:
+    from radartwin.scene.scene import Scene
+    from radartwin.scene.viewer.page import view
+
+    out = options.out or (options.scene if options.scene.is_dir() else options.scene.parent) / "view.html"
+    scene, poses = Scene.load(options.scene), None
+    if options.trajectory:
+        from radartwin.scene.trajectories.file import read_track
+
+        poses = read_track(options.trajectory).poses
+    if options.layout:
+        from radartwin.scene.layouts.layout import Layout
+        from radartwin.scene.layouts.place import furnish
+
+        scene = furnish(scene, Layout.load(options.layout), None if poses is None else poses[0])
+    view(scene, out, poses, by=options.by)
+    print(out)
+    return 0
+
+
+def classify(options: argparse.Namespace) -> int:
+    from radartwin.build.radar import named_radar
+    from radartwin.recognize.classify import classify
+
+    radar = named_radar(options.radar) if options.radar else None
+    answer = classify(
+        options.recording, options.model, radar, iq_swapped=options.iq_swapped, distance_m=options.distance, period_s=options.period
+    )
+    print("label probability")
+    for label, probability in zip(answer.classes, answer.probabilities, strict=True):
+        print(f"{label} {probability:.4f}")
+    print(f"{options.recording}: {answer.classes[0]}, with the target at {answer.distance_m:.2f} m", file=sys.stderr)
+    return 0
+
+
+def dashboard(options: argparse.Namespace) -> int:
+    from radartwin.config.compose import compose
+    from radartwin.runs.dashboard import dashboard
+
+    return dashboard(compose().tracking, options.output, options.port)
+
+
+def report(options: argparse.Namespace) -> int:
+    from radartwin.runs import study
+
+    return study.module("analysis.main").report_verb(options.output)
+
+
+def doctor(options: argparse.Namespace) -> int:
+    from radartwin.runs.doctor import doctor, doctor_data
+
+    return doctor_data(options.data) if options.data is not None else doctor(options.output)
+
+
+def _all_overrides(options: argparse.Namespace) -> list[str]:
+    """The overrides, with --output as one of them."""
+    from radartwin.config.compose import path_override
+
+    return [*options.overrides, *([path_override("output", options.output)] if options.output else [])]
+
+
+def _note(line: str) -> None:
+    print(f"radartwin: {line}", file=sys.stderr)
