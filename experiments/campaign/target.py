@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from radartwin.scene.scene import Surface
-from radartwin.simulation.flat.drives import Drives
+from radartwin.simulation.drives import Drives
 from radartwin.simulation.paths import Paths
 
 FEW = 10  # frames, whose ways over the room are traced by themselves: there are some thirty places along a track, which all drives share

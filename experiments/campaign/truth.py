@@ -26,7 +26,7 @@ from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation.aspects import Aspects, needed
 from radartwin.simulation.backends.mitsuba import TraceSettings
-from radartwin.simulation.flat.drives import Drives
+from radartwin.simulation.drives import Drives
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
 from radartwin.testbed import drift, fixtures, testbed
@@ -78,7 +78,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
     fine = gaps.solver > 0
     settings = TraceSettings(
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
-        # what is carried along a track is off by a few hundredths (radartwin/simulation/flat/drives.py), more than finer tubes give
+        # what is carried along a track is off by a few hundredths (radartwin/simulation/drives.py), more than finer tubes give
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
         coupled_rays_per_wavelength2=1.0,  # against four: 0.016 of what turns, a bottle at 1 m in the lab, at a sixth of the cost
         variant=config.simulator.variant,

@@ -29,7 +29,7 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.scene import Scene
-from radartwin.simulation.flat.drives import Drives, straight
+from radartwin.simulation.drives import Drives, straight
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
 from radartwin.store.digest import spec_digest

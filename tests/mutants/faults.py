@@ -196,7 +196,7 @@ TRACER_FAULTS = (
         ),
     ),
     *_in(
-        "simulation/flat/drives",
+        "simulation/drives",
         DRIVES,
         (
             "_carry",

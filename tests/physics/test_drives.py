@@ -7,7 +7,7 @@ import radartwin as rt
 from radartwin.scene import objects, rooms
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.mitsuba import TraceSettings
-from radartwin.simulation.flat.drives import Drives, Track, places_along
+from radartwin.simulation.drives import Drives, Track, places_along
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
