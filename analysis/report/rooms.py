@@ -50,7 +50,7 @@ def _drawn(name: str) -> tuple[Scene, bytes]:
     """A room, and as JPEG how it looks from one of its corners."""
     from PIL import Image
 
-    from radartwin.label.figure import corner_camera
+    from radartwin.label.material_map import corner_camera
     from radartwin.label.raster import Drawing
     from radartwin.scene import rooms
 

@@ -14,8 +14,8 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from radartwin.label.batch import export
 from radartwin.label.labelling import load, prepare
+from radartwin.label.question_folder import export
 from radartwin.label.questions import Question
 from radartwin.label.recorded import shipped, shipped_rooms
 from radartwin.reconstruct.build import reconstruct

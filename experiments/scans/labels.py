@@ -124,6 +124,6 @@ def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: 
 
 
 def _figure(scene: Scene) -> Figure:
-    from radartwin.label.figure import material_map
+    from radartwin.label.material_map import material_map
 
     return material_map(scene)

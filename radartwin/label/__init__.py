@@ -1,1 +1,1 @@
-"""Who says what a surface is made of."""
+"""Material labels of surfaces: sources of labels, questions to vision-language models, answers and their scores."""

@@ -1,8 +1,8 @@
-"""An answer about one surface: what it must look like, and the material it stands for.
+"""An answer about one surface: its schema, and the material that follows from it.
 
-The schema admits one of the 23 MINC categories, a confidence, a reason and, where the category says too little, the material's own name:
-what is under paint, what "other" is. About objects it also asks for the thickness of the wall and what is inside, from which a layered
-shell is built. Whoever answers gets the schema's own complaint and another try.
+The schema has one of the 23 MINC categories, a confidence, a reason and an optional name. The name gives a material that the category
+leaves open, such as the material under paint or of "other". For objects the schema also has the wall thickness and the contents, from which
+a layered shell is built. If an answer violates the schema, the model receives the error message of the schema and is asked again.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from radartwin.materials.roughness import CLASSES
 
 Kind = Literal["surface", "object"]
 
-# What may be inside an object, and what the radar meets there; None: no cavity, or nobody knows.
+# Contents of an object, with their material; None for a solid object or unknown contents.
 CONTENTS: dict[str, str | None] = {
     "empty": "air",
     "water-like liquid": "water",
@@ -36,15 +36,15 @@ REASON_CHARACTERS, NAME_CHARACTERS = 400, 80
 
 @dataclass(frozen=True)
 class Answer:
-    """What somebody said of a surface.
+    """The answer of a model or a person about a surface.
 
     Attributes:
         material: MINC category.
-        confidence: 0 to 1, None where nobody said.
-        wall_thickness_mm, contents: of objects; None where not asked or not known.
-        named: the material in the answerer's own words, more exact than the category; None where it adds nothing.
-        invalid: no valid answer came; `material` is "other".
-        attempts: how often it was asked.
+        confidence: 0 to 1, or None if not given.
+        wall_thickness_mm, contents: for objects; None if unknown.
+        named: name of the material, more exact than the category; None if the category is exact.
+        invalid: all attempts were invalid, so `material` is "other".
+        attempts: number of attempts.
     """
 
     material: str
@@ -57,7 +57,7 @@ class Answer:
     attempts: int = 1
 
     def to_dict(self) -> dict[str, Any]:
-        """Without what is as by default."""
+        """The fields that differ from their defaults."""
         default = asdict(Answer(""))
         return {key: value for key, value in asdict(self).items() if key == "material" or value != default[key]}
 
@@ -66,19 +66,19 @@ class Answer:
         """The inverse of `to_dict`.
 
         Raises:
-            LabelError: fields it does not have, or a category that is none.
+            LabelError: a field is unknown, or the category is not a MINC category.
         """
         try:
             answer = cls(**values)
         except TypeError as error:
-            raise LabelError(f"a recorded answer does not fit ({error}); record it again") from error
+            raise LabelError(f"a recorded answer is invalid ({error}); record it again") from error
         if answer.material not in CATEGORIES:
-            raise LabelError(f"a recorded answer says {answer.material!r}, which is no MINC category; record it again")
+            raise LabelError(f"a recorded answer has {answer.material!r}, which is not a MINC category; record it again")
         return answer
 
     @classmethod
     def none(cls, why: str, attempts: int) -> Answer:
-        """What stands for a surface whose answers stayed invalid."""
+        """The answer for a surface without a valid answer."""
         return cls("other", 0.0, f"no valid answer in {attempts} attempts: {why}"[:REASON_CHARACTERS], invalid=True, attempts=attempts)
 
 
@@ -106,9 +106,9 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
     """An answer from what a model wrote, or from a JSON object.
 
     Args:
-        names: take a material outside MINC that `radartwin.materials.names` knows as its closest row, instead of refusing it.
+        names: replace a material outside MINC that `radartwin.materials.names` knows by its closest category.
     Raises:
-        LabelError: what is wrong with it, in words that can be shown to whoever is asked again.
+        LabelError: the answer is invalid; the message can be sent to the model.
 
     >>> read_answer('Sure: {"material": "wood", "confidence": 0.9, "reason": "grain"}', "surface").material
     'wood'
@@ -121,13 +121,13 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
         named, value = value["material"], {**value, "material": _closest_category(value["material"])}
     problems = sorted(Draft202012Validator(schema(kind)).iter_errors(value), key=lambda e: list(map(str, e.absolute_path)))
     if problems:
-        raise LabelError("; ".join(_said(problem) for problem in problems))
+        raise LabelError("; ".join(_message(problem) for problem in problems))
     name = str(value.pop("name", None) or "").strip() or None
     return Answer(**value, named=named or name)
 
 
 def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
-    """Material, roughness (metres) and whether it is a stand-in or an uncertain build-up, of an answer.
+    """Material and roughness in metres of an answer, and whether the material is a stand-in or an uncertain build-up.
 
     >>> material_of(Answer("painted", named="concrete"))[0], material_of(Answer("other", named="mineral fibre ceiling tiles"))[0]
     ('concrete', Layered(layers=(('ceiling_board', 0.015),), backing='air'))
@@ -140,16 +140,17 @@ def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
         texture = next((n for n in (found.name, found.material) if isinstance(n, str) and n in CLASSES), None)
         rough = roughness_m(texture) if texture and answer.material not in COVERED else rough
     shell = interior(base, answer.wall_thickness_mm, answer.contents)
-    own = found is None or found.category in (answer.material, *COVERED)  # a category's build-up, which the words may confirm
-    stand_in = entry.stand_in(exact=found is not None or shell != base) if own or found is None else found.stand_in
+    # The name may confirm the build-up of the category, which is then exact.
+    confirms = found is None or found.category in (answer.material, *COVERED)
+    stand_in = entry.stand_in(exact=found is not None or shell != base) if confirms or found is None else found.stand_in
     return shell, rough, stand_in or (shell != base and answer.contents not in ("empty", "solid", "unknown"))
 
 
 def specified(answer: Answer) -> Resolved | None:
-    """What an answer's own words say beyond its category; None where they say nothing known, or another category's material.
+    """The material that the name of an answer adds to its category; None for an unknown name or a material of another category.
 
-    Under paint and wallpaper anything may be; elsewhere a name that belongs to another category contradicts the one chosen, which stands.
-    Of one thing on another, paint shows what is below and all else what is above.
+    Paint and wallpaper may cover any material. In all other cases a name of another category contradicts the answer, and the category
+    counts. In a name such as "tile on concrete", a covered category means the lower material, any other category the upper material.
     """
     parts = re.split(r"\b(?:on|onto|over)\b", answer.named or "")
     found = mentioned(parts[-1 if answer.material in COVERED else 0]) or mentioned(answer.named or "")
@@ -160,7 +161,7 @@ def specified(answer: Answer) -> Resolved | None:
 
 
 def _build_up(found: Resolved, entry: Row) -> str | Layered:
-    """What a named material is commonly built as: its own row's stack, its common sheet, or a sheet of the category's thickness."""
+    """The usual build-up of a named material: the layers of its own row, its common sheet, or a sheet as thick as the category."""
     if isinstance(found.material, Layered):
         return found.material
     if found.material in BUILD_UPS and found.name not in PERMITTIVITY and found.category is None:
@@ -173,7 +174,7 @@ def _build_up(found: Resolved, entry: Row) -> str | Layered:
 
 
 def interior(material: str | Layered, wall_thickness_mm: float | None, contents: str | None) -> str | Layered:
-    """A shell of the material's outermost layer with what is inside behind it; the material itself where that is not known.
+    """A shell of the outermost layer of the material, backed by the contents; the material itself if either is unknown.
 
     >>> interior("hdpe", 1.0, "water-like liquid")
     Layered(layers=(('hdpe', 0.001),), backing='water')
@@ -186,7 +187,7 @@ def interior(material: str | Layered, wall_thickness_mm: float | None, contents:
 
 
 def _first_object(text: str) -> dict[str, Any]:
-    """The first JSON object in a text, which models like to wrap in words and fences."""
+    """The first JSON object in a text, because models often add words and fences around it."""
     start = text.find("{")
     if start < 0:
         raise LabelError(f"no JSON object in {text.strip()[:80]!r}")
@@ -198,16 +199,16 @@ def _first_object(text: str) -> dict[str, Any]:
 
 
 def _closest_category(name: str) -> str:
-    """The MINC category that a known name outside MINC is filed under: its own, or the one with the same row, else `other`."""
+    """The MINC category of a known name outside MINC: its own, or the category of the same material, or `other`."""
     try:
         found = resolve(name)
     except MaterialError:
-        return name  # for the schema to refuse
+        return name  # the schema then refuses it
     if found.category is not None:
         return found.category
     return next((category for category in CATEGORIES if row(category).material == found.material), "other")
 
 
-def _said(problem: Any) -> str:
+def _message(problem: Any) -> str:
     where = ".".join(map(str, problem.absolute_path))
     return f"{where}: {problem.message}" if where else problem.message

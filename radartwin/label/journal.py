@@ -1,6 +1,6 @@
-"""Answers kept as they come: one JSON line each, on the disk before the next is asked for, so that nothing is asked twice.
+"""Stores each answer as one JSON line as soon as it arrives, so that an interrupted run asks no question twice.
 
-A process that is killed leaves at most one unfinished line, which the next one cuts off.
+A killed process leaves at most one incomplete line, which the next process removes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FORMAT = 1
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """An answer with what it answers: which model, prompt and pictures, where the surface lies, and who was asked how."""
+    """An answer with its model, provider, prompt and pictures, and with the place of its surface."""
 
     key: str
     model: str
@@ -57,7 +57,7 @@ class Record:
         """The inverse of `to_dict`.
 
         Raises:
-            LabelError: something missing, or of another version.
+            LabelError: a value is missing, or the format has another version.
         """
         try:
             if values["format"] != FORMAT:
@@ -73,38 +73,38 @@ class Journal:
     """The answers of one scene, appended to a file.
 
     Raises:
-        LabelError: a line, other than an unfinished last one, that is no record; a link to a file elsewhere.
+        LabelError: a line other than an incomplete last line is invalid, or the path is a link.
         OutputError: the file cannot be read or written.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._records: dict[tuple[str, str], Record] = {}
-        whole = 0
-        if path.is_symlink():  # what is cut off and appended here would be another file's
-            raise LabelError(f"{path} is a link; put the file itself there")
+        complete = 0
+        if path.is_symlink():  # a link could lead to a file outside the folder, which would then be changed
+            raise LabelError(f"{path} is a link; replace it by the file itself")
         if path.exists():
             content = path.read_bytes()
-            whole = content.rfind(b"\n") + 1
-            for number, line in enumerate(content[:whole].decode("utf-8", "replace").splitlines(), 1):
+            complete = content.rfind(b"\n") + 1
+            for number, line in enumerate(content[:complete].decode("utf-8", "replace").splitlines(), 1):
                 try:
                     record = Record.from_dict(untrusted_json.load(line))
                 except (ValueError, TypeError) as error:
-                    raise LabelError(f"{path}, line {number}: {error}; remove the line, its surface is then asked about again") from error
+                    raise LabelError(f"{path}, line {number}: {error}; remove the line, so that its question is asked again") from error
                 self._records[record.model, record.key] = record
-            if whole < len(content):
-                os.truncate(path, whole)
+            if complete < len(content):
+                os.truncate(path, complete)
 
     @property
     def records(self) -> list[Record]:
-        """In the order they came; the last one of a model and key counts."""
+        """In order of arrival; of several records with one model and key, the last one."""
         return list(self._records.values())
 
     def get(self, model: str, key: str) -> Record | None:
         return self._records.get((model, key))
 
     def append(self, record: Record) -> None:
-        """Keep an answer; it is on the disk when this returns."""
+        """Store an answer; it is on the disk when this returns."""
         make_folder(self.path.parent)
         try:
             with self.path.open("ab") as stream:
@@ -112,5 +112,5 @@ class Journal:
                 stream.flush()
                 os.fsync(stream.fileno())
         except OSError as error:
-            raise OutputError(f"{self.path}: cannot write ({error.strerror}); free some space, the same command resumes") from error
+            raise OutputError(f"{self.path}: cannot write ({error.strerror}); free some space and run the same command again") from error
         self._records[record.model, record.key] = record

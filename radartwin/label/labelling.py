@@ -1,33 +1,50 @@
-"""A scene folder is labelled: pictures, questions, answers kept as they come, materials into the manifest."""
+"""`radartwin label`: asks about the surfaces of a scene folder, stores the answers, and writes the materials into its manifest."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from radartwin.errors import ConfigError, MissingError, SceneError
 from radartwin.io.files import check_folder, lock
 from radartwin.io.progress import Progress
-from radartwin.label.batch import export, read_answers
 from radartwin.label.journal import Journal, Record
-from radartwin.label.labels import Label, belongs_to_room, labelled
-from radartwin.label.manifest import MANIFEST, write_labels
+from radartwin.label.labels import Label, belongs_to_room, labelled, write_labels
 from radartwin.label.photos import load_photos
-from radartwin.label.provider import Provider
+from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question, questions
 from radartwin.label.recorded import JOURNAL, Recorded, records_for
 from radartwin.label.server import DEFAULT_MODEL, DEFAULT_URL, Server
 from radartwin.label.sources import Uniform
 from radartwin.scene.scene import Scene
+from radartwin.scene.storage import MANIFEST
+
+
+class Provider(Protocol):
+    """Answers questions with records, in any order; questions without an answer are left out.
+
+    Attributes:
+        name: "recorded", "server" or "local", which the records store.
+        model: model that answers. Model and key of a question identify an answer. None accepts the answers of any model.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def model(self) -> str | None: ...
+
+    def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]: ...
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class LabelTask:
     """A scene folder with its questions.
 
     Attributes:
-        surfaces: indices that are to be labelled; those no view shows have no question.
+        surfaces: indices of the surfaces to label; a surface that no view shows has no question.
     """
 
     folder: Path
@@ -37,17 +54,17 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Wishes:
-    """How a scene folder is to be labelled: what `radartwin label` takes.
+class LabelOptions:
+    """The options of `radartwin label`.
 
     Attributes:
         provider: "recorded", "server" or "local".
-        model: whose answers; None takes the provider's default, or any recorded ones. Needed with `answers`.
-        url, timeout_s, concurrency: of the server.
-        export: write the questions into this folder instead.
-        answers: take the answers of this file instead.
+        model: model that answers; None takes the default of the provider, or any recorded answers. `answers` needs it.
+        url, timeout_s, concurrency: address of the server, time limit of a request, parallel requests.
+        export: folder to which the questions are written instead of labelling.
+        answers: file with answers, instead of a provider.
         missing: "uniform:MATERIAL" for surfaces without an answer; None refuses them.
-        views: pictures of each surface.
+        views: pictures per surface.
     """
 
     provider: str = "recorded"
@@ -61,169 +78,157 @@ class Wishes:
     views: int = 3
 
 
-def label_folder(folder: Path, wishes: Wishes, progress: Progress | None = None) -> list[str]:
+def label_folder(folder: Path, options: LabelOptions, progress: Progress | None = None) -> list[str]:
     """Label a scene folder, or write its questions.
 
     Returns:
-        Lines that say what was done: a table of the labels, or where the questions are.
+        Lines for the user: a table of the labels, or the folder of the questions.
     Raises:
         UserError: see `prepare`, `answer`, `import_answers`, `apply`.
     """
-    missing = _missing(wishes.missing)
-    if wishes.answers is not None and not wishes.model:
-        raise ConfigError("--import needs --model NAME: the name of who answered is kept with the answers")
-    if wishes.answers is not None and not wishes.answers.is_file():
-        raise MissingError(f"{wishes.answers} is not there; give the file of answers, one JSON object a line")
-    if wishes.export is not None:
-        check_folder(wishes.export)
+    missing = _missing_label(options.missing)
+    if options.answers is not None and not options.model:
+        raise ConfigError("--import needs --model NAME, the model or person that answered")
+    if options.answers is not None and not options.answers.is_file():
+        raise MissingError(f"{options.answers} is missing; give the file of answers with one JSON object per line")
+    if options.export is not None:
+        check_folder(options.export)
     scene = load(folder)
-    provider = _provider(folder, scene, wishes) if wishes.export is None and wishes.answers is None else None
-    asked = prepare(folder, scene, views=wishes.views, progress=progress)
-    if wishes.export is not None:
-        export(asked.questions, wishes.export)
-        unseen = len(asked.surfaces) - len(asked.questions)
-        return [f"{wishes.export}: {len(asked.questions)} questions" + (f"; {unseen} surfaces are seen from nowhere" if unseen else "")]
+    provider = _provider(folder, scene, options) if options.export is None and options.answers is None else None
+    task = prepare(folder, scene, views=options.views, progress=progress)
+    if options.export is not None:
+        export(task.questions, options.export)
+        unseen = len(task.surfaces) - len(task.questions)
+        return [f"{options.export}: {len(task.questions)} questions" + (f"; no view shows {unseen} surfaces" if unseen else "")]
     if provider is None:
-        assert wishes.answers is not None
-        found = import_answers(asked, wishes.answers, str(wishes.model))
+        assert options.answers is not None
+        records = import_answers(task, options.answers, str(options.model))
     else:
-        found = answer(asked, provider, progress)
-    return summary(apply(asked, found, missing))
+        records = answer(task, provider, progress)
+    return summary(apply(task, records, missing))
 
 
-def _provider(folder: Path, scene: Scene, wishes: Wishes) -> Provider:
-    if wishes.provider == "server":
-        return Server(wishes.model or DEFAULT_MODEL, wishes.url, timeout_s=wishes.timeout_s, concurrency=wishes.concurrency)
-    if wishes.provider == "local":
-        from radartwin.label.local import Local
+def _provider(folder: Path, scene: Scene, options: LabelOptions) -> Provider:
+    if options.provider == "server":
+        return Server(options.model or DEFAULT_MODEL, options.url, timeout_s=options.timeout_s, concurrency=options.concurrency)
+    if options.provider == "local":
+        from radartwin.label.internvl import InternVL  # imports PyTorch
 
-        return Local(wishes.model)
-    return Recorded(records_for(scene, folder), wishes.model)
+        return InternVL(options.model)
+    return Recorded(records_for(scene, folder), options.model)
 
 
-def _missing(text: str | None) -> Label | None:
+def _missing_label(text: str | None) -> Label | None:
     if text is None:
         return None
     source, _, material = text.partition(":")
     if source != Uniform.name or not material:
-        raise ConfigError(f"--missing {text} is not known; give uniform:MATERIAL, for example uniform:plasterboard")
+        raise ConfigError(f"--missing {text} is unknown; give uniform:MATERIAL, for example uniform:plasterboard")
     return Uniform(material).label()
 
 
 def load(folder: Path) -> Scene:
-    """The scene of a folder that can take labels.
+    """The scene of a folder.
 
     Raises:
-        MissingError, SceneError: no scene folder; nothing in it.
+        MissingError, SceneError: the folder is not a scene folder, or the scene has no surfaces of a room.
     """
     if not (folder / MANIFEST).is_file():
         raise MissingError(f"{folder} is not a scene folder (it has no {MANIFEST}); make one with radartwin reconstruct SCAN --out FOLDER")
     scene = Scene.load(folder)
     if not any(belongs_to_room(surface) for surface in scene):
-        raise SceneError(f"{folder}: the scene has no surfaces of a room, so there is nothing to label")
+        raise SceneError(f"{folder}: the scene has no surfaces of a room to label; reconstruct a scan of a room")
     return scene
 
 
-def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | None = None) -> Asked:
-    """Make the question of each surface that is to be labelled.
+def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | None = None) -> LabelTask:
+    """The questions about all surfaces to label.
 
     Raises:
-        InputError: the photographs beside the scene.
+        InputError: the photographs beside the scene are invalid.
     """
     photos = load_photos(folder)
-    surfaces = [index for index, surface in enumerate(scene) if belongs_to_room(surface)]
+    surfaces = tuple(index for index, surface in enumerate(scene) if belongs_to_room(surface))
     with (progress or Progress(quiet=True)).task(f"views of {len(surfaces)} surfaces", len(surfaces)) as advance:
-        asked = questions(scene, photos, views=views, only=surfaces, step=advance)
-    return Asked(folder, scene, tuple(surfaces), tuple(asked))
+        return LabelTask(folder, scene, surfaces, tuple(questions(scene, photos, views=views, only=surfaces, step=advance)))
 
 
-def answer(asked: Asked, provider: Provider, progress: Progress | None = None) -> dict[int, Record]:
-    """Answers by surface index: those kept from before first, then the provider's, each kept at once.
+def answer(task: LabelTask, provider: Provider, progress: Progress | None = None) -> dict[int, Record]:
+    """Answers by surface index: stored answers first, then those of the provider, which are stored on arrival.
 
     Raises:
-        BackendError: the provider could not answer all; what it did answer is kept.
+        BackendError: the provider did not answer all questions; its answers so far are stored.
     """
     progress = progress or Progress(quiet=True)
-    path = asked.folder / JOURNAL
-    with lock(path.with_suffix(".lock"), lambda: progress.say(f"{asked.folder} is being labelled by another process; waiting")):
+    path = task.folder / JOURNAL
+    with lock(path.with_suffix(".lock"), lambda: progress.say(f"another process labels {task.folder}; waiting")):
         journal = Journal(path)
-        found = {}
-        for question in asked.questions:
-            kept = journal.get(provider.model, question.key) if provider.model else None
-            if kept is not None:
-                found[question.surface] = kept
-        left = [question for question in asked.questions if question.surface not in found]
-        if found and left:
-            progress.say(f"{len(found)} of {len(asked.questions)} answers are kept from before")
-        if left:
-            with progress.task(f"asking {provider.name} {provider.model or ''}".rstrip(), len(left)) as advance:
-                for question, record in provider.answers(left):
+        records = {}
+        for question in task.questions:
+            stored = journal.get(provider.model, question.key) if provider.model else None
+            if stored is not None:
+                records[question.surface] = stored
+        open_questions = [question for question in task.questions if question.surface not in records]
+        if records and open_questions:
+            progress.say(f"{len(records)} of {len(task.questions)} answers are already stored")
+        if open_questions:
+            with progress.task(f"asking {provider.name} {provider.model or ''}".rstrip(), len(open_questions)) as advance:
+                for question, record in provider.answers(open_questions):
                     if record.key == question.key and not isinstance(provider, Recorded):
                         journal.append(record)
-                    found[question.surface] = record
+                    records[question.surface] = record
                     advance()
-    return found
+    return records
 
 
-def import_answers(asked: Asked, path: Path, model: str) -> dict[int, Record]:
-    """Answers of a file, checked as a whole, kept and returned by surface index.
+def import_answers(task: LabelTask, path: Path, model: str) -> dict[int, Record]:
+    """Answers of a file by surface index; they are stored if the whole file is valid.
 
     Raises:
-        MissingError, LabelError: the file; nothing is kept then.
+        MissingError, LabelError: the file is missing or invalid.
     """
-    records = {record.key: record for record in read_answers(path, asked.questions, model)}
-    journal_path = asked.folder / JOURNAL
+    records = {record.key: record for record in read_answers(path, task.questions, model)}
+    journal_path = task.folder / JOURNAL
     with lock(journal_path.with_suffix(".lock")):
         journal = Journal(journal_path)
         for record in records.values():
             journal.append(record)
-    return {question.surface: records[question.key] for question in asked.questions if question.key in records}
+    return {question.surface: records[question.key] for question in task.questions if question.key in records}
 
 
-def apply(asked: Asked, found: dict[int, Record], missing: Label | None = None) -> Scene:
-    """Put the answers on the scene and into its manifest.
+def apply(task: LabelTask, records: dict[int, Record], missing: Label | None = None) -> Scene:
+    """Apply the answers to the scene, and write them into its manifest.
 
     Raises:
-        LabelError: surfaces without answer and no `missing`; the manifest stays as it was.
+        LabelError: surfaces have no answer and `missing` is None; the manifest is unchanged.
     """
-    keys = {question.surface: question.key for question in asked.questions}
-    scene = labelled(asked.scene, found, asked.surfaces, missing, transferred=lambda index: found[index].key != keys.get(index))
-    write_labels(asked.folder, scene)
+    keys = {question.surface: question.key for question in task.questions}
+    scene = labelled(task.scene, records, task.surfaces, missing, transferred=lambda index: records[index].key != keys.get(index))
+    write_labels(task.folder, scene)
     return scene
 
 
 def summary(scene: Scene) -> list[str]:
-    """A table in lines: surface, material, category, confidence, stand-in, and a last line that counts."""
+    """Lines of a table of all surfaces, and a last line with the totals."""
     from radartwin.scene.viewer.page import material_label
 
     rows: list[Sequence[str]] = [("surface", "material", "MINC", "confidence", "stand-in", "from")]
     for surface in scene:
-        told = surface.provenance
-        confidence = told.get("confidence")
-        notes = [
-            str(told.get("model") or told.get("source", "")),
-            *(word for word in ("transferred", "missing", "invalid") if told.get(word)),
-        ]
+        facts = surface.provenance
+        confidence = facts.get("confidence")
+        origin = [str(facts.get("model") or facts.get("source", ""))]
         rows.append(
             (
                 surface.name,
                 material_label(surface.material),
-                str(told.get("minc") or "-"),
+                str(facts.get("minc") or "-"),
                 "-" if confidence is None else f"{confidence:.2f}",
-                "yes" if told.get("stand_in") else "no",
-                ", ".join(notes),
+                "yes" if facts.get("stand_in") else "no",
+                ", ".join(origin + [key for key in ("transferred", "missing", "invalid") if facts.get(key)]),
             )
         )
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return [*lines, _counts(scene)]
-
-
-def _counts(scene: Scene) -> str:
-    def count(surfaces: Iterable[bool]) -> int:
-        return sum(surfaces)
-
-    invalid = count(bool(s.provenance.get("invalid")) for s in scene)
-    missing = count(bool(s.provenance.get("missing")) for s in scene)
-    stand_ins = count(bool(s.provenance.get("stand_in")) for s in scene)
-    return f"{len(scene)} surfaces labelled, {stand_ins} with a stand-in, {missing} without an answer, {invalid} without a valid one"
+    stand_ins, missing, invalid = (sum(bool(s.provenance.get(key)) for s in scene) for key in ("stand_in", "missing", "invalid"))
+    total = f"{len(scene)} surfaces labelled, {stand_ins} with a stand-in, {missing} without an answer, {invalid} without a valid one"
+    return [*lines, total]

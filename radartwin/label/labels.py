@@ -1,41 +1,47 @@
-"""Labels: what a surface is made of with who says so, and how they are put on a scene.
+"""Labels: the material of a surface with its source, how labels are applied to a scene, and how they are saved.
 
-The provenance of a labelled surface has who labelled it (source), how sure that is (confidence, None where nobody said), whether a P.2040
-row stands in for something it is not (stand_in) and the MINC category (minc, None where there is none). What is known of its geometry
-stays beside it.
+The provenance of a labelled surface has the source, the confidence (None if not given), stand_in (whether a P.2040 row replaces the actual
+material) and the MINC category (minc, None if there is none). The provenance from the geometry stays beside them.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from radartwin.errors import LabelError
+from radartwin.errors import LabelError, SceneError
+from radartwin.io import untrusted_json
+from radartwin.io.files import write_atomically
 from radartwin.label.answers import Answer, material_of
 from radartwin.label.journal import Record
 from radartwin.label.place import overlap, place_of
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.storage import MANIFEST, material_to_json
 
 VLM = "vlm"
-SCANNED = {"segment", "planar"}  # facts that only a scan's surfaces carry
-# What a label says, as opposed to what is known of the geometry, which outlives it.
+SCANNED = {"segment", "planar"}  # provenance that only the surfaces of a scan have
+# Provenance of the label; all other provenance is of the geometry and outlives the label.
 LABEL_KEYS = (
     "source", "confidence", "stand_in", "minc", "model", "reason", "provider", "transferred", "covered", "key", "named", "invalid",
     "missing", "wall_thickness_mm", "contents", "wrong",
 )  # fmt: skip
 
+Given = str | Layered | Answer | Record
+
 
 def belongs_to_room(surface: Surface) -> bool:
-    """Whether a source labels it: large things, and all that a scan brought, whose surfaces say what segment they are."""
+    """Whether a source labels the surface: surfaces of the room, and all surfaces of a scan."""
     return surface.kind == "room" or not SCANNED.isdisjoint(surface.provenance)
 
 
 @dataclass(frozen=True)
 class Label:
-    """A surface's new material and what its provenance says of it."""
+    """The new material of a surface, and the provenance of this label."""
 
     material: str | Layered
     roughness_m: float
@@ -44,61 +50,64 @@ class Label:
 
 def labelled(
     scene: Scene,
-    found: Mapping[int, str | Layered | Answer | Record],
-    asked: Sequence[int],
+    answers: Mapping[int, Given],
+    indices: Sequence[int],
     missing: Label | None = None,
-    transferred: bool | Callable[[int], bool] = False,
+    transferred: Callable[[int], bool] = lambda index: False,
 ) -> Scene:
-    """The scene with the answers found, by surface index, for the surfaces asked about; all others stay as they are.
+    """The scene with answers applied to the surfaces of the given indices; all other surfaces are unchanged.
 
     Args:
-        missing: what unanswered surfaces take.
-        transferred: whether an answer was given about another scan of the surface.
+        answers: materials or answers by surface index.
+        missing: label of surfaces without an answer.
+        transferred: whether the answer of a surface index was given for another scan.
     Raises:
-        LabelError: unanswered surfaces and no `missing`, all of them named.
+        LabelError: surfaces without an answer, and no `missing`; the message names them.
     """
-    left = [scene.surfaces[i].name or str(i) for i in asked if i not in found]
-    if left and missing is None:
+    unanswered = [scene.surfaces[i].name or str(i) for i in indices if i not in answers]
+    if unanswered and missing is None:
         raise LabelError(
-            f"nobody answered for {len(left)} of {len(asked)} surfaces: {', '.join(left)}; "
-            "ask again, or give what they take (--missing uniform:plasterboard, materials.missing=plasterboard)"
+            f"{len(unanswered)} of {len(indices)} surfaces have no answer: {', '.join(unanswered)}; "
+            "ask again, or give their material (--missing uniform:plasterboard, materials.missing=plasterboard)"
         )
-    wanted = set(asked)
+    selected = set(indices)
 
-    def answered(index: int, surface: Surface) -> Label | None:
-        if index not in wanted:
+    def rule(index: int, surface: Surface) -> Label | None:
+        if index not in selected:
             return None
-        if index not in found:
+        if index not in answers:
             assert missing is not None
             return dataclasses.replace(missing, provenance={**missing.provenance, "missing": True})
-        moved = transferred(index) if callable(transferred) else transferred
-        return answer_label(found[index], surface, moved)
+        return answer_label(answers[index], surface, transferred(index))
 
-    return relabelled(scene, answered, VLM)
+    return relabelled(scene, rule, VLM)
 
 
-def answer_label(given: str | Layered | Answer | Record, surface: Surface, transferred: bool = False) -> Label:
-    """The label that an answer gives a surface; one transferred from another scan is as sure as the share of the surface it covers."""
-    told: dict[str, Any] = {"source": VLM}
+def answer_label(given: Given, surface: Surface, transferred: bool = False) -> Label:
+    """The label of a surface from an answer or a material.
+
+    The confidence of an answer from another scan is multiplied by the share of the surface that it covers.
+    """
+    provenance: dict[str, Any] = {"source": VLM}
     answer = given.answer if isinstance(given, Record) else given
     if not isinstance(answer, Answer):
-        return Label(
-            answer, surface.roughness_m, {**told, "confidence": None, "stand_in": False, "minc": None, "model": None, "reason": ""}
-        )
+        provenance |= {"confidence": None, "stand_in": False, "minc": None, "model": None, "reason": ""}
+        return Label(answer, surface.roughness_m, provenance)
     material, roughness, stand_in = material_of(answer)
-    told |= {"confidence": answer.confidence, "stand_in": stand_in, "minc": answer.material, "model": None, "reason": answer.reason}
+    provenance |= {"confidence": answer.confidence, "stand_in": stand_in, "minc": answer.material, "model": None, "reason": answer.reason}
     if isinstance(given, Record):
-        told |= {"model": given.model, "provider": given.provider, "key": given.key[:12]}
-    told |= {key: value for key in ("named", "wall_thickness_mm", "contents") if (value := getattr(answer, key)) is not None}
-    told |= {key: True for key, holds in (("invalid", answer.invalid), ("transferred", transferred)) if holds}
+        provenance |= {"model": given.model, "provider": given.provider, "key": given.key[:12]}
+    provenance |= {key: value for key in ("named", "wall_thickness_mm", "contents") if (value := getattr(answer, key)) is not None}
+    provenance |= {key: True for key, holds in (("invalid", answer.invalid), ("transferred", transferred)) if holds}
     if transferred and isinstance(given, Record):
         covered = overlap(place_of(surface.mesh), given.place)
-        told |= {"covered": round(covered, 3), "confidence": None if answer.confidence is None else round(answer.confidence * covered, 3)}
-    return Label(material, roughness, told)
+        confidence = None if answer.confidence is None else round(answer.confidence * covered, 3)
+        provenance |= {"covered": round(covered, 3), "confidence": confidence}
+    return Label(material, roughness, provenance)
 
 
 def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], source: str) -> Scene:
-    """The scene with the rule's labels on what belongs to the room; None keeps a surface's own."""
+    """The scene with the labels of a rule on the surfaces of the room; a surface for which the rule returns None is unchanged."""
     surfaces = []
     for index, surface in enumerate(scene):
         label = rule(index, surface) if belongs_to_room(surface) else None
@@ -107,3 +116,25 @@ def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], sourc
             surface = surface.replaced(material=label.material, roughness_m=label.roughness_m, provenance={**geometry, **label.provenance})
         surfaces.append(surface)
     return Scene(surfaces, {**scene.provenance, "materials": source})
+
+
+def write_labels(folder: Path, scene: Scene) -> Path:
+    """Write the labels of a scene into the manifest of its folder, completely or not at all; the geometry is unchanged.
+
+    Args:
+        folder: folder of the same scene with other labels.
+    Raises:
+        SceneError: the folder now holds another scene.
+        OutputError: the manifest cannot be written.
+    """
+    path = folder / MANIFEST
+    manifest = untrusted_json.read(path)
+    entries = manifest["surfaces"]
+    if [entry.get("name", "") for entry in entries] != list(scene.names):
+        raise SceneError(f"{path} changed during the labelling; run the same command again, which reuses the answers")
+    for entry, surface in zip(entries, scene, strict=True):
+        entry["material"] = material_to_json(surface.material)
+        entry["roughness_m"] = float(surface.roughness_m)
+        entry["provenance"] = dict(surface.provenance)
+    manifest["provenance"] = dict(scene.provenance)
+    return write_atomically(path, json.dumps(manifest, indent=1, allow_nan=False) + "\n")

@@ -1,7 +1,7 @@
-"""Photographs of a scene with where they were taken: `photos/*.jpg` and `photos.json` in the scene folder.
+"""Photographs of a scene with their camera poses: `photos/*.jpg` and `photos.json` in the scene folder.
 
-Cameras are OpenCV's: pose is 4x4 camera-to-world with x right, y down, z forward, intrinsics 3x3 in pixels of the stored picture with
-the centre of the first pixel at (0, 0). Every distortion is taken out before a picture is stored here.
+Cameras follow OpenCV: the pose is 4x4 camera-to-world with x right, y down, z forward. The intrinsics are 3x3 in pixels of the stored
+picture, with the centre of the first pixel at (0, 0). Stored pictures are free of lens distortion.
 """
 
 from __future__ import annotations
@@ -42,22 +42,22 @@ class Photo:
         """The picture, (H, W, 3) uint8.
 
         Raises:
-            MissingError, InputError: it is not there, or no picture.
+            MissingError, InputError: the file is missing, or not a picture.
         """
         try:
             with open_picture(self.path) as picture:
                 return np.asarray(picture.convert("RGB"))
         except FileNotFoundError as error:
-            raise MissingError(f"photograph {self.path} is not there, though {INDEX} names it; restore it or take it out") from error
+            raise MissingError(f"photograph {self.path} is missing, though {INDEX} names it; restore it") from error
         except (OSError, ValueError, SyntaxError) as error:
-            raise InputError(f"photograph {self.path} cannot be read; restore it or take it out of {INDEX}") from error
+            raise InputError(f"photograph {self.path} cannot be read; restore it or remove it from {INDEX}") from error
 
 
 def save_photos(folder: Path, pictures: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> list[Photo]:
-    """Write (pixels (H, W, 3) uint8, pose (4, 4), intrinsics (3, 3)) into a scene folder; the index goes last.
+    """Write (pixels (H, W, 3) uint8, pose (4, 4), intrinsics (3, 3)) into a scene folder, the index last.
 
     Raises:
-        PoseError, OutputError: a pose that is not rigid; the folder cannot be written.
+        PoseError, OutputError: a pose is not rigid; the folder cannot be written.
     """
     from PIL import Image
 
@@ -79,8 +79,8 @@ def load_photos(folder: Path) -> Sequence[Photo]:
     """The photographs of a scene folder, none if it has no index.
 
     Raises:
-        InputError: an index that is not one, or that names a file outside the folder.
-        PoseError: a pose that is not rigid.
+        InputError: the index is invalid, or names a file outside the folder.
+        PoseError: a pose is not rigid.
     """
     path = folder / INDEX
     if not path.is_file():

@@ -1,8 +1,8 @@
-"""Where a surface lies, so that another scan of the same room can find it again: points spread over it, evenly by area.
+"""The place of a surface as points spread evenly over its area, to find the surface again in another scan of the same room.
 
-Two surfaces are matched by votes: each point of the one asks which surface of the other scene is nearest, in distance and, where both
-are flat, in direction. That tolerates what a rescan changes (a few centimetres, a surface cut in two or grown by a margin) and needs no
-correspondence of names. Both scenes must lie in one frame.
+Surfaces are matched by votes: each point of a surface votes for the nearest surface of the other scene, by distance and, if both are flat,
+by direction. The match tolerates the differences of a rescan (a few centimetres, a surface in two parts or with another margin) and does
+not use names. Both scenes must have the same coordinate frame.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import trimesh
 
 from radartwin.errors import LabelError
 
-SPACING_M, LEAST, MOST = 0.25, 12, 400  # of the stored points: a floor of 25 m2 keeps 400
-REACH_M = 0.3  # farther than this a point belongs to no surface: a little over the spacing, and scans err by centimetres
-TURNED_M = 0.4  # what a right angle between two planes counts, in metres of distance
-LEAST_SHARE = 0.3  # of its points that a surface must have on another to be taken for it
+SPACING_M, MIN_POINTS, MAX_POINTS = 0.25, 12, 400  # stored points: a floor of 25 m2 has 400
+REACH_M = 0.3  # limit of the distance to a surface: slightly above the spacing, because scans err by centimetres
+RIGHT_ANGLE_M = 0.4  # distance that a right angle between two planes counts as
+MIN_SHARE = 0.3  # share of the points of a surface that must lie on its match
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A surface's place: centroid (3,), normal (3,) or None for what is not flat, area, bounds (2, 3) and points (N, 3), metres."""
+    """Place of a surface in metres: centroid (3,), normal (3,) or None if not flat, area, bounds (2, 3) and points (N, 3)."""
 
     centroid: np.ndarray
     normal: np.ndarray | None
@@ -48,7 +48,7 @@ class Place:
         """The inverse of `to_dict`.
 
         Raises:
-            LabelError: something missing or of another shape.
+            LabelError: a value is missing or has another shape.
         """
         try:
             normal = None if values["normal"] is None else np.array(values["normal"], float).reshape(3)
@@ -60,53 +60,53 @@ class Place:
 
 
 def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:
-    """The place of a mesh: a point per spacing squared, from LEAST to MOST of them."""
+    """The place of a mesh with one point per squared spacing, from MIN_POINTS to MAX_POINTS points."""
     corners = np.asarray(mesh.triangles, float)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     doubled = np.linalg.norm(cross, axis=1)
     area = float(doubled.sum() / 2)
     mean = cross.sum(axis=0) / max(doubled.sum(), 1e-300)
     length = float(np.linalg.norm(mean))
-    count = int(np.clip(math.ceil(area / spacing_m**2), LEAST, MOST))
+    count = int(np.clip(math.ceil(area / spacing_m**2), MIN_POINTS, MAX_POINTS))
     points = _spread_points(corners, doubled, count)
     centroid = np.average(corners.mean(axis=1), axis=0, weights=np.maximum(doubled, 1e-300))
     return Place(centroid, mean / length if length > 0.8 else None, area, np.asarray(mesh.bounds, float), points)
 
 
 def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, float] | None]:
-    """For each place, the index of the one among others that most of its points lie on, with their share; None where none has enough."""
+    """For each place, the index of the other place with most of its points, and their share; None below MIN_SHARE."""
     out: list[tuple[int, float] | None] = []
     for shares in _votes(places, among):
         winner = int(shares.argmax()) if shares.size else 0
-        out.append((winner, float(shares[winner])) if shares.size and shares[winner] >= LEAST_SHARE else None)
+        out.append((winner, float(shares[winner])) if shares.size and shares[winner] >= MIN_SHARE else None)
     return out
 
 
 def overlap(place: Place, other: Place) -> float:
-    """Share of a place's points, 0 to 1, that lie on another."""
+    """Share of the points of a place that lie on another place, 0 to 1."""
     return float(_votes([place], [other])[0][0])
 
 
 def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
-    """For each place, the share of its points that each of the others gets, (len(among),)."""
+    """For each place, the share of its points that vote for each other place, (len(among),)."""
     from scipy.spatial import KDTree
 
     if not among:
         return [np.zeros(0) for _ in places]
     pool = np.concatenate([place.points for place in among])
-    owner = np.repeat(np.arange(len(among)), [len(place.points) for place in among])
+    place_index = np.repeat(np.arange(len(among)), [len(place.points) for place in among])
     normals = np.array([np.zeros(3) if place.normal is None else place.normal for place in among])
     tree = KDTree(pool)
     out = []
     for place in places:
         distance, near = tree.query(place.points, k=min(12, len(pool)), distance_upper_bound=REACH_M)
         distance, near = distance.reshape(len(place.points), -1), near.reshape(len(place.points), -1)
-        there = np.isfinite(distance)
-        label = owner[np.where(there, near, 0)]
-        cost = np.where(there, distance, np.inf)
+        in_reach = np.isfinite(distance)
+        label = place_index[np.where(in_reach, near, 0)]
+        cost = np.where(in_reach, distance, np.inf)
         if place.normal is not None:
             flat = np.linalg.norm(normals[label], axis=-1) > 0
-            cost = cost + np.where(flat, TURNED_M * (1 - np.abs(normals[label] @ place.normal)), 0)
+            cost = cost + np.where(flat, RIGHT_ANGLE_M * (1 - np.abs(normals[label] @ place.normal)), 0)
         best = cost.argmin(axis=1)
         rows = np.arange(len(best))
         out.append(np.bincount(label[rows, best][np.isfinite(cost[rows, best])], minlength=len(among)) / len(place.points))
@@ -114,13 +114,13 @@ def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
 
 
 def _spread_points(corners: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
-    """Points (count, 3) on triangles (F, 3, 3), evenly by weight (F,); the same every time.
+    """Deterministic points (count, 3) on triangles (F, 3, 3), spread evenly by weight (F,).
 
     Inside a triangle they follow the R2 sequence (M. Roberts 2018, a Kronecker sequence of the plastic number).
     """
-    upto = np.cumsum(weight)
+    cumulative = np.cumsum(weight)
     index = np.arange(count)
-    face = np.searchsorted(upto, (index + 0.5) / count * upto[-1])
+    face = np.searchsorted(cumulative, (index + 0.5) / count * cumulative[-1])
     plastic = 1.32471795724474602596
     u, v = np.mod(0.5 + (index + 1) / plastic, 1), np.mod(0.5 + (index + 1) / plastic**2, 1)
     over = u + v > 1

@@ -1,6 +1,7 @@
-"""What is asked about a surface: one prompt, its pictures and what the scanner measured of it. Nothing else of the scene is told.
+"""Questions to a vision-language model about the material of a surface, and the conversation until the answer is valid.
 
-The prompt has a version and a digest: an answer is only as good as the question, and recorded answers name theirs.
+A question has a prompt, pictures, and the size and attitude that the scanner measured; it has no other information about the scene. The
+prompt has a version and a digest, which recorded answers store.
 """
 
 from __future__ import annotations
@@ -13,18 +14,20 @@ from functools import cached_property
 
 import numpy as np
 
-from radartwin.label.answers import CONTENTS, Kind, schema
-from radartwin.label.crops import Crop
+from radartwin.errors import LabelError
+from radartwin.label.answers import CONTENTS, Answer, Kind, read_answer, schema
 from radartwin.label.photos import Photo
 from radartwin.label.place import Place, place_of
-from radartwin.label.views import Views
+from radartwin.label.views import Crop, Views
 from radartwin.materials.itu import P2040
 from radartwin.materials.names import PERMITTIVITY
 from radartwin.scene.scene import Scene, Surface
 
 VERSION = 2
+ATTEMPTS = 3  # answers per question before the surface is `other`
+Message = dict[str, str]  # role ("user" or "assistant") and content of one message of a conversation
 
-# What counts as which. No examples of things: those that happen to stand in a room would be answered by the prompt.
+# Meanings of the categories, without examples of objects, because an example from the scanned room would give the answer away.
 MEANINGS = {
     "brick": "bare brickwork",
     "carpet": "carpet",
@@ -51,7 +54,7 @@ MEANINGS = {
     "wood": "wood and boards made of wood, also varnished or laminated",
 }
 
-# Materials offered by name: every row of P.2040 and of the table of permittivities that a solid of a building can be.
+# Names offered to the model: all rows of P.2040 and of the table of permittivities that are solids of a building.
 NAMES = tuple(sorted({*P2040, *PERMITTIVITY} - {"vacuum", "air", "ice", "wax", *(n for n in P2040 if "ground" in n)}))
 
 _TASK = """You see {pictures} of one place in a scanned room. In each picture the same {what} is outlined in magenta, with its surroundings.
@@ -79,14 +82,14 @@ the category says all. These names are known, use one where it fits: {names}.
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """One surface to be asked about.
+    """The question about one surface.
 
     Attributes:
-        surface: its index in the scene.
-        kind: "surface" of the room, or an "object" that may hold something.
-        text: the whole prompt.
-        crops: its pictures, the first ones close, the last one wide.
-        place: where it lies.
+        surface: index of the surface in the scene.
+        kind: "surface" of the room, or "object", which may have contents.
+        text: the complete prompt.
+        crops: pictures of the surface; the last picture shows its surroundings.
+        place: place of the surface.
     """
 
     surface: int
@@ -97,7 +100,7 @@ class Question:
 
     @cached_property
     def key(self) -> str:
-        """Digest of all that is shown and asked; says nothing of the surface's name or number."""
+        """Digest of prompt and pictures, which does not reveal the name or index of the surface."""
         return hashlib.sha256("\n".join([self.text, *self.images]).encode()).hexdigest()
 
     @property
@@ -111,7 +114,7 @@ class Question:
 
 
 def prompt_digest() -> str:
-    """SHA-256 of everything in a prompt but the surface's own facts, with the schemas."""
+    """SHA-256 of the prompt without the facts of a surface, and of the schemas."""
     parts = [VERSION, _TASK, _INSIDE, _FORMAT, MEANINGS, NAMES, CONTENTS, schema("surface"), schema("object")]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -124,17 +127,17 @@ def questions(
     only: Sequence[int] | None = None,
     step: Callable[[], None] = lambda: None,
 ) -> list[Question]:
-    """A question for every surface (or those of `only`) that any view shows.
+    """A question for every surface, or those of `only`, that at least one view shows.
 
     Args:
-        views: pictures of each at most.
-        step: called after each surface's pictures.
+        views: largest number of pictures per surface.
+        step: callback after each surface.
     """
     indices = list(range(len(scene))) if only is None else list(only)
     if not indices:
         return []
     floor = float(scene.bounds[0, 2])
-    crops = Views(scene, photos, views).of(indices, step)
+    crops = Views(scene, photos, views).crops(indices, step)
     return [_question(index, scene.surfaces[index], tuple(crops[index]), floor) for index in indices if crops[index]]
 
 
@@ -145,7 +148,7 @@ def _question(index: int, surface: Surface, crops: tuple[Crop, ...], floor_m: fl
 
 
 def prompt(kind: Kind, measured: str, origins: Sequence[str]) -> str:
-    """The prompt about a surface of which `measured` is known, shown in pictures of one origin, "photo" or "mesh"."""
+    """The prompt about a surface with the facts `measured` and one picture per origin, "photo" or "mesh"."""
     count = len(origins)
     what_kind = "photograph" if "photo" in origins else "rendered picture"
     pictures = f"a {what_kind}" if count == 1 else f"{count} {what_kind}s"
@@ -160,7 +163,7 @@ def prompt(kind: Kind, measured: str, origins: Sequence[str]) -> str:
 
 
 def facts(surface: Surface, floor_m: float) -> str:
-    """Size, attitude and height in words, as coarse as a scan knows them: "2.4 m x 0.9 m, upright, its middle 1.0 m above the floor"."""
+    """Size, attitude and height in words, such as "2.4 m x 0.9 m, flat, upright, its middle 1.0 m above the lowest point of the scan"."""
     place = place_of(surface.mesh)
     spread = np.asarray(surface.mesh.vertices)[np.unique(np.asarray(surface.mesh.faces))]
     height = place.centroid[2] - floor_m
@@ -182,3 +185,26 @@ def facts(surface: Surface, floor_m: float) -> str:
 
 def _length(metres: float) -> str:
     return f"{metres:.1f} m" if metres >= 0.95 else f"{100 * metres:.0f} cm"
+
+
+def ask(question: Question, complete: Callable[[list[Message]], str]) -> Answer:
+    """Ask until the answer fits the schema; the error message of an invalid answer is sent back.
+
+    The last attempt accepts a known material outside MINC as its closest category. Any other invalid answer becomes `other`.
+
+    Args:
+        complete: callback from the conversation so far to the next message of the model.
+    """
+    messages = [{"role": "user", "content": question.text}]
+    problem = ""
+    for attempt in range(1, ATTEMPTS + 1):
+        reply = complete(messages)
+        try:
+            answer = read_answer(reply, question.kind, names=attempt == ATTEMPTS)
+        except LabelError as error:
+            problem = str(error)
+            again = f"That is not a valid answer: {problem[:500]}. Answer again, with one JSON object of the asked form and nothing else."
+            messages += [{"role": "assistant", "content": reply[:2000]}, {"role": "user", "content": again}]
+            continue
+        return Answer(**{**answer.to_dict(), "attempts": attempt})
+    return Answer.none(problem, ATTEMPTS)

@@ -1,14 +1,14 @@
-"""How good labels are, against the truth beneath them: per category, and per decibel of reflection.
+"""Scores of labels against the true materials: accuracy of the categories, and the error of the reflection in decibels.
 
-Every surface of the labelled scene counts with its area for the true surface that most of it lies on. A label is right if its MINC category
-is the true one (`other` only if the material agrees); what a wrong one costs is the electromagnetic distance
-(`radartwin.materials.distance`) between its material and the true material. Intervals are Wilson's (E. Wilson, JASA 22 (1927) 209) at the
-effective number of surfaces, (sum of areas)^2 / sum of areas^2, since one wall of 15 m2 is one decision and not fifteen.
+Every surface of the labelled scene is compared with the true surface that most of it lies on, weighted by its area. A label is right if its
+MINC category is the true category (`other` only if the material agrees). The error of a label is the electromagnetic distance
+(`radartwin.materials.distance`) between its material and the true material. Intervals are Wilson's (E. Wilson, JASA 22 (1927) 209) with the
+effective number of surfaces, (sum of areas)^2 / sum of areas^2, because one wall of 15 m2 is one decision and not fifteen.
 """
 
 from __future__ import annotations
 
-import itertools
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,7 +18,6 @@ import numpy as np
 from radartwin.errors import SceneError
 from radartwin.label.place import place_of
 from radartwin.label.sources import true_surfaces
-from radartwin.materials import Layered
 from radartwin.materials.distance import distance_db
 from radartwin.materials.minc import CATEGORIES
 from radartwin.scene.scene import Scene
@@ -26,18 +25,18 @@ from radartwin.scene.scene import Scene
 if TYPE_CHECKING:
     import pandas as pd
 
-CLOSE_DB = 1.0  # labels nearer than this are the same for the radar: the speckle of a rough wall is 0.6 to 1.1 dB
+CLOSE_DB = 1.0  # smaller errors do not matter to the radar, because the speckle of a rough wall is 0.6 to 1.1 dB
 Z95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A labelled surface beside the true one.
+    """A labelled surface with its true category.
 
     Attributes:
-        label, truth: MINC categories; label is None where the material came without one.
-        distance_db: between the two materials.
-        stand_in: the label's material stands for something it is not, or its build-up is a guess.
+        label, truth: MINC categories; label is None for a material without a category.
+        distance_db: electromagnetic distance between both materials.
+        stand_in: the material of the label is a stand-in, or its build-up is uncertain.
     """
 
     name: str
@@ -50,43 +49,38 @@ class Judged:
 
     @property
     def right(self) -> bool:
-        """Whether the category is the true one; of `other`, which is none, whether the material is."""
+        """Whether the category is true and, for `other`, whether the material agrees too."""
         return self.label == self.truth and (self.truth != "other" or self.distance_db <= CLOSE_DB)
 
 
 def judge(labelled: Scene, truth: Scene) -> list[Judged]:
-    """Each surface of a labelled scene that lies on a true one; both in one frame.
+    """Each surface of a labelled scene that lies on a true surface; both scenes have one frame.
 
     Raises:
-        SceneError: a true surface without a MINC category.
+        SceneError: a true surface has no MINC category.
     """
-    known: dict[tuple[object, object], float] = {}
-
-    def distance(first: str | Layered, second: str | Layered) -> float:
-        if (first, second) not in known:
-            known[first, second] = distance_db(first, second)
-        return known[first, second]
-
+    distance = functools.cache(distance_db)
     out = []
     for surface, true in zip(labelled, true_surfaces(labelled, truth), strict=True):
         if true is None:
             continue
         category = true.provenance.get("minc")
         if category is None:
-            raise SceneError(f"the true surface '{true.name}' has no MINC category in its provenance; labels cannot be scored against it")
+            raise SceneError(f"the true surface '{true.name}' has no MINC category; give it as minc in its provenance")
         area = place_of(surface.mesh).area_m2
-        cost = distance(surface.material, true.material)
-        told = surface.provenance
-        guessed = bool(told.get("stand_in"))
-        out.append(Judged(surface.name, area, told.get("minc"), str(category), cost, told.get("confidence"), guessed))
+        error_db = distance(surface.material, true.material)
+        facts = surface.provenance
+        out.append(
+            Judged(surface.name, area, facts.get("minc"), str(category), error_db, facts.get("confidence"), bool(facts.get("stand_in")))
+        )
     return out
 
 
 def accuracy_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """One row per true category that occurs, in MINC's order, and "all" last.
+    """One row per true category in MINC's order, and a last row "all".
 
-    Columns: minc, n (surfaces), area_m2, accuracy with low and high (95 %), all by area; close, the share by area within CLOSE_DB of the
-    truth, with close_low and close_high; mean_db, the mean distance by area; worst_db; guessed, the share by area of stand-ins and
+    Columns, weighted by area: minc, n (surfaces), area_m2, accuracy with low and high (95 %); close, the share within CLOSE_DB of the
+    truth, with close_low and close_high; mean_db, the mean distance; worst_db, the largest distance; guessed, the share of stand-ins and
     uncertain build-ups.
     """
     import pandas as pd
@@ -96,38 +90,8 @@ def accuracy_table(judged: Sequence[Judged]) -> pd.DataFrame:
     return pd.DataFrame([*rows, _row("all", judged)] if judged else [], columns=list(_row("", [])))
 
 
-def confusion_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """Area in square metres by true category (rows) and label (columns, "none" for a material without category)."""
-    import pandas as pd
-
-    truths = [c for c in CATEGORIES if any(j.truth == c for j in judged)]
-    labels = [c for c in (*CATEGORIES, "none") if any((j.label or "none") == c or j.truth == c for j in judged)]
-    table = pd.DataFrame(0.0, index=pd.Index(truths, name="truth"), columns=pd.Index(labels, name="label"))
-    for j in judged:
-        table.loc[j.truth, j.label or "none"] += j.area_m2  # type: ignore[operator]
-    return table
-
-
-def distance_table(judged: Sequence[Judged], edges_db: Sequence[float] = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, np.inf)) -> pd.DataFrame:
-    """Share of the area by electromagnetic distance from the truth: from_db, to_db, n, area_m2, share, low, high, and those with the right
-    category among them (right).
-    """
-    import pandas as pd
-
-    areas = np.array([j.area_m2 for j in judged])
-    distances = np.array([j.distance_db for j in judged])
-    right = np.array([j.right for j in judged], bool)
-    rows = []
-    for low, high in itertools.pairwise(edges_db):
-        inside = (distances >= low) & (distances < high)
-        share, least, most = wilson(areas, inside)
-        named = float(areas[inside & right].sum() / areas[inside].sum()) if inside.any() else float("nan")
-        rows.append((low, high, int(inside.sum()), float(areas[inside].sum()), share, least, most, named))
-    return pd.DataFrame(rows, columns=["from_db", "to_db", "n", "area_m2", "share", "low", "high", "right"])
-
-
 def wilson(weights: np.ndarray, hits: np.ndarray, z: float = Z95) -> tuple[float, float, float]:
-    """Weighted share of hits and Wilson's interval at the effective number of draws; nan where there are none.
+    """Weighted share of hits and Wilson's interval with the effective number of draws; nan without draws.
 
     >>> [round(value, 3) for value in wilson(np.ones(10), np.arange(10) < 8)]
     [0.8, 0.49, 0.943]

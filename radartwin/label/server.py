@@ -1,7 +1,7 @@
-"""A vision-language model behind an OpenAI-compatible endpoint: vLLM, Ollama, LM Studio, or a service.
+"""Provider of answers from a vision-language model behind an OpenAI-compatible endpoint: vLLM, Ollama, LM Studio, or a service.
 
-Questions are asked several at once through `radartwin.io.chat`, their pictures as data URIs. Answers that came are kept whatever happens to
-the others: a slow one is one question's trouble, a server that refuses or is not there ends the asking.
+Several questions are asked in parallel through `radartwin.io.chat`, with their pictures as data URIs. Arrived answers are kept if others
+fail. A timeout concerns one question only. A server that refuses a request or is unreachable ends the requests.
 """
 
 from __future__ import annotations
@@ -10,20 +10,19 @@ import base64
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from radartwin.errors import BackendError
 from radartwin.io.chat import Endpoint, NoAnswerInTime
 from radartwin.label.answers import schema
 from radartwin.label.journal import Record
-from radartwin.label.provider import Turn, ask
-from radartwin.label.questions import Question
+from radartwin.label.questions import Message, Question, ask
 
 if TYPE_CHECKING:
     import httpx
 
 DEFAULT_MODEL = "OpenGVLab/InternVL2_5-8B"
-DEFAULT_URL = "http://127.0.0.1:8000/v1"  # where `vllm serve` listens
+DEFAULT_URL = "http://127.0.0.1:8000/v1"  # the address of `vllm serve`
 KEY_VARIABLE = "RADARTWIN_VLM_KEY"
 MAX_TOKENS = 400
 
@@ -33,14 +32,14 @@ class Server:
     """The provider.
 
     Args:
-        url: base of the API, with its /v1.
-        timeout_s: of one request.
-        requests: tries of one request before its question is given up.
-        concurrency: requests under way at once.
-        pause_s: before the second try; doubled each time.
-        key: bearer token; from RADARTWIN_VLM_KEY unless given.
+        url: base address of the API, with its /v1.
+        timeout_s: time limit of one request.
+        requests: attempts of one request before its question fails.
+        concurrency: number of parallel requests.
+        pause_s: pause before the second attempt; it doubles with each attempt.
+        key: bearer token; None reads RADARTWIN_VLM_KEY.
     Raises:
-        ConfigError: an address that is none.
+        ConfigError: the address is invalid.
     """
 
     model: str = DEFAULT_MODEL
@@ -56,18 +55,14 @@ class Server:
         self._endpoint = Endpoint(self.url, self.model, self.timeout_s, self.requests, self.pause_s, KEY_VARIABLE, MAX_TOKENS, self.key)
 
     def __repr__(self) -> str:
-        return f"Server(model={self.model!r}, url={self.shown_url!r})"
-
-    @property
-    def shown_url(self) -> str:
-        """The address without user, password and query."""
-        return self._endpoint.shown
+        return f"Server(model={self.model!r}, url={self._endpoint.shown!r})"
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
         """Records as they arrive, in any order.
 
         Raises:
-            BackendError: after all others have been answered, if some could not be; at once, if the server refuses or is not there.
+            BackendError: some questions have no answer. It is raised after all other answers, or at once if the server refuses a request
+                or is unreachable.
         """
         down = self._endpoint.down
         down.clear()
@@ -79,7 +74,7 @@ class Server:
                 while waiting or running:
                     while waiting and len(running) < self.concurrency and not down.is_set():
                         question = waiting.pop()
-                        running[pool.submit(self._one, client, question)] = question
+                        running[pool.submit(self._record, client, question)] = question
                     if not running:
                         break
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -90,33 +85,25 @@ class Server:
                             failed.append(error)
                         else:
                             yield question, record
-            finally:  # whoever stops listening stops the asking
+            finally:  # also if the caller stops the iteration
                 down.set()
         if failed:
-            left = len(failed) + len(waiting)
-            raise BackendError(f"{failed[0]}; {left} of {len(questions)} questions are unanswered, the same command asks only those")
+            unanswered = len(failed) + len(waiting)
+            raise BackendError(f"{failed[0]}; {unanswered} of {len(questions)} questions are unanswered; the same command asks only those")
 
-    def _one(self, client: httpx.Client, question: Question) -> Record:
-        pictures = [_data_uri(crop.jpeg) for crop in question.crops]
+    def _record(self, client: httpx.Client, question: Question) -> Record:
+        pictures = [f"data:image/jpeg;base64,{base64.b64encode(crop.jpeg).decode()}" for crop in question.crops]
+        shown = [{"type": "image_url", "image_url": {"url": picture}} for picture in pictures]
 
-        def complete(turns: list[Turn]) -> str:
-            return self._complete(client, question, pictures, turns)
+        def complete(conversation: list[Message]) -> str:
+            first, *others = conversation
+            messages = [{"role": first["role"], "content": [*shown, {"type": "text", "text": first["content"]}]}, *others]
+            try:
+                return self._endpoint.complete(messages, schema(question.kind), f"answer_about_{question.kind}", client)
+            except NoAnswerInTime:  # concerns this question only
+                raise
+            except BackendError:
+                self._endpoint.down.set()
+                raise
 
         return Record.of(question, ask(question, complete), self.model, self.name)
-
-    def _complete(self, client: httpx.Client, question: Question, pictures: Sequence[str], turns: Sequence[Turn]) -> str:
-        """The model's next words."""
-        messages: list[dict[str, Any]] = [{"role": turn.role, "content": turn.text} for turn in turns]
-        shown = [{"type": "image_url", "image_url": {"url": picture}} for picture in pictures]
-        messages[0]["content"] = [*shown, {"type": "text", "text": turns[0].text}]
-        try:
-            return self._endpoint.complete(messages, schema(question.kind), f"answer_about_{question.kind}", client)
-        except NoAnswerInTime:  # one question's trouble, anything else is everybody's
-            raise
-        except BackendError:
-            self._endpoint.down.set()
-            raise
-
-
-def _data_uri(jpeg: bytes) -> str:
-    return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()

@@ -1,21 +1,20 @@
-"""Who says what a surface is made of. Every source is one callable, scene in, labelled scene out.
+"""Sources of material labels. A source is a callable from a scene to the labelled scene.
 
-A source relabels what a scan cannot know: the surfaces of kind "room", and what came with a scan whatever its size. The target under test
-keeps its material: in every experiment it is known, and the question is what the room does. What a label says is in `labels`.
+A source labels the surfaces of kind "room" and all surfaces of a scan. The target under test keeps its material, because every experiment
+knows it and measures the effect of the room.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 
 from radartwin.errors import ConfigError, SceneError
-from radartwin.label.answers import Answer
 from radartwin.label.journal import Record
-from radartwin.label.labels import LABEL_KEYS, VLM, Label, belongs_to_room, labelled, relabelled
+from radartwin.label.labels import LABEL_KEYS, VLM, Given, Label, belongs_to_room, labelled, relabelled
 from radartwin.label.place import matches, place_of
 from radartwin.label.recorded import Recorded, records_for
 from radartwin.materials import Layered, check_name
@@ -27,7 +26,7 @@ TRUTH_SPACING_M = 0.1
 
 
 class MaterialSource(Protocol):
-    """Scene in, scene with every surface labelled out; the geometry that stays is the same mesh object."""
+    """Returns the scene with labels on every surface of the room; remaining surfaces share their mesh objects with the input."""
 
     name: ClassVar[str]
 
@@ -35,8 +34,8 @@ class MaterialSource(Protocol):
 
 
 @dataclass(frozen=True)
-class Kept:
-    """What the scene says itself: the labels of its manifest stay as they are."""
+class SceneLabels:
+    """The labels in the manifest of the scene, unchanged."""
 
     name: ClassVar[str] = "scene"
 
@@ -46,7 +45,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class Uniform:
-    """Every room surface is one and the same, smooth material; the paper's ablation takes plasterboard."""
+    """One smooth material for every room surface; the ablation of the paper uses plasterboard."""
 
     name: ClassVar[str] = "uniform"
     material: str | Layered = "plasterboard"
@@ -59,31 +58,32 @@ class Uniform:
         return relabelled(scene, lambda index, surface: self.label(), self.name)
 
     def label(self) -> Label:
-        """The one label."""
+        """The label of every surface."""
         stand_in = not all(in_range(name) for name in names_in(self.material))
         return Label(self.material, 0.0, {"source": self.name, "confidence": None, "stand_in": stand_in, "minc": None})
 
 
 @dataclass(frozen=True)
 class Void:
-    """No room: what is left are the object and its stand."""
+    """No room: only the object and its stand remain."""
 
     name: ClassVar[str] = "void"
 
     def __call__(self, scene: Scene) -> Scene:
-        kept = (surface for surface in scene if not belongs_to_room(surface))
-        return Scene(kept, {**scene.provenance, "materials": self.name})
+        remaining = (surface for surface in scene if not belongs_to_room(surface))
+        return Scene(remaining, {**scene.provenance, "materials": self.name})
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What the surfaces really are, where somebody knows.
+    """The true materials.
 
     Args:
         truth: material by surface name.
-        scene: the true scene in the same frame: each surface takes what most of it lies on. For scoring a scan, never for labelling it.
+        scene: true scene in the same frame; each surface takes the material of the surface that most of it lies on. It serves to score a
+            scan, not to label it.
     Raises:
-        SceneError: a room surface nobody knows the material of.
+        SceneError: the true material of a room surface is unknown.
     """
 
     name: ClassVar[str] = "true"
@@ -91,40 +91,40 @@ class Truth:
     scene: Scene | None = None
 
     def __call__(self, scene: Scene) -> Scene:
-        beneath = true_surfaces(scene, self.scene) if self.scene is not None else [None] * len(scene)
+        matches = true_surfaces(scene, self.scene) if self.scene is not None else [None] * len(scene)
 
-        def known(index: int, surface: Surface) -> Label:
-            below = beneath[index]
+        def true_label(index: int, surface: Surface) -> Label:
+            match = matches[index]
             if surface.name in self.truth:
                 minc = surface.provenance.get("minc") if surface.provenance.get("source") == self.name else None
                 return _true_label(self.truth[surface.name], surface.roughness_m, minc)
-            if below is not None:
-                return _true_label(below.material, below.roughness_m, below.provenance.get("minc"))
+            if match is not None:
+                return _true_label(match.material, match.roughness_m, match.provenance.get("minc"))
             if surface.provenance.get("source") == self.name:
                 return _true_label(surface.material, surface.roughness_m, surface.provenance.get("minc"))
             raise SceneError(
-                f"nobody knows the true material of surface '{surface.name}'; "
-                "materials=true needs a procedural room: use materials=uniform for a scan"
+                f"the true material of surface '{surface.name}' is unknown, because materials=true needs a procedural room; "
+                "use materials=uniform for a scan"
             )
 
-        return relabelled(scene, known, self.name)
+        return relabelled(scene, true_label, self.name)
 
 
 @dataclass(frozen=True)
 class Random:
-    """The truth with labels wrong at random: what a labeller costs that errs at a known rate.
+    """The true labels with random errors at a known rate.
 
-    A wrong label is drawn evenly from the other categories, and takes their material; a right one keeps the true material. Every surface
-    draws once whatever p is, so the surfaces that are wrong at one p are wrong at every larger one.
+    A wrong label is drawn uniformly from the other categories and has their material; a right label keeps the true material. The draws do
+    not depend on p, so a surface that is wrong at one p is wrong at every larger p.
 
     Args:
-        p: chance of each surface to be wrong.
-        seed: of the draws, with the surface's name and number.
-        among: "room" draws from the categories that the room has, "all" from all of MINC but `other`.
-        truth: the true source, `Truth()` unless given.
+        p: probability that a label is wrong.
+        seed: seed of the draws, together with name and index of the surface.
+        among: "room" draws from the categories of the room, "all" from all MINC categories except `other`.
+        truth: source of the true labels.
     Raises:
-        ConfigError: p outside 0 to 1.
-        SceneError: a surface without a true MINC category, or only one category to draw from.
+        ConfigError: p is outside 0 to 1.
+        SceneError: a surface has no true MINC category, or there is only one category.
     """
 
     name: ClassVar[str] = "random"
@@ -144,83 +144,83 @@ class Random:
         categories = {s.name: s.provenance.get("minc") for s in true if belongs_to_room(s)}
         unknown = [name for name, minc in categories.items() if minc is None]
         if unknown:
-            raise SceneError(f"materials=random needs the true category of surface '{unknown[0]}', which nobody gives (provenance minc)")
+            raise SceneError(f"materials=random needs the true category of surface '{unknown[0]}'; give it as minc in its provenance")
         present = [c for c in CATEGORIES if c in categories.values()] if self.among == "room" else [c for c in CATEGORIES if c != "other"]
         if self.p > 0 and len(present) < 2 and categories:
-            raise SceneError("materials=random: the room has one category only, so no label can be wrong; use among=all")
+            raise SceneError("materials=random: the room has one category, so no label can be wrong; use among=all")
 
         def drawn(index: int, surface: Surface) -> Label:
             stream = np.random.default_rng(np.random.SeedSequence([self.seed, *b"random", index, *surface.name.encode()]))
             chance, choice = stream.random(2)
             truth = str(surface.provenance["minc"])
             if chance >= self.p:
-                return Label(surface.material, surface.roughness_m, {**_own(surface), "source": self.name, "wrong": False})
+                own = {key: surface.provenance[key] for key in LABEL_KEYS if key in surface.provenance}
+                return Label(surface.material, surface.roughness_m, {**own, "source": self.name, "wrong": False})
             others = [category for category in present if category != truth]
             wrong = others[min(int(choice * len(others)), len(others) - 1)]
             entry = row(wrong)
-            told = {"source": self.name, "confidence": None, "stand_in": entry.stand_in(), "minc": wrong, "wrong": True}
-            return Label(entry.material, entry.roughness_m, told)
+            provenance = {"source": self.name, "confidence": None, "stand_in": entry.stand_in(), "minc": wrong, "wrong": True}
+            return Label(entry.material, entry.roughness_m, provenance)
 
         return relabelled(true, drawn, self.name)
 
 
 @dataclass(frozen=True)
 class Vlm:
-    """A vision-language model's answers. A surface that was labelled by one before, in its manifest, keeps that label.
+    """Answers of a vision-language model. A surface whose manifest already has such a label keeps it.
 
     Args:
-        answers: material or answer by surface name; None takes what is recorded for the room, by place.
-        missing: the uniform material of a surface that nobody answered; None refuses it.
-        model: only answers of this model.
+        answers: material or answer by surface name; None takes the recorded answers for the room, by place.
+        missing: uniform material of surfaces without an answer; None refuses them.
+        model: model whose answers are used; None accepts every model.
     Raises:
         MissingError: the scene has no recorded answers.
-        LabelError: room surfaces the answers leave out, all of them named.
+        LabelError: room surfaces have no answer; the message names them.
     """
 
     name: ClassVar[str] = VLM
-    answers: Mapping[str, str | Layered | Answer | Record] | None = None
+    answers: Mapping[str, Given] | None = None
     missing: str | Layered | None = None
     model: str | None = None
 
     def __call__(self, scene: Scene) -> Scene:
-        asked = [i for i, s in enumerate(scene) if belongs_to_room(s) and s.provenance.get("source") != self.name]
-        if self.answers is None:
-            found = self._recorded(scene, asked)
+        indices = [i for i, s in enumerate(scene) if belongs_to_room(s) and s.provenance.get("source") != self.name]
+        if self.answers is not None:
+            answers = {i: self.answers[name] for i in indices if (name := scene.surfaces[i].name) in self.answers}
         else:
-            found = {i: self.answers[s.name] for i, s in enumerate(scene) if i in set(asked) and s.name in self.answers}
-        return labelled(
-            scene, found, asked, None if self.missing is None else Uniform(self.missing).label(), transferred=self.answers is None
-        )
+            answers = self._recorded(scene, indices)
+        missing = None if self.missing is None else Uniform(self.missing).label()
+        return labelled(scene, answers, indices, missing, transferred=lambda index: self.answers is None)
 
-    def _recorded(self, scene: Scene, asked: Sequence[int]) -> dict[int, Record]:
-        if not asked:
+    def _recorded(self, scene: Scene, indices: Sequence[int]) -> dict[int, Record]:
+        if not indices:
             return {}
         provider = Recorded(records_for(scene, None), self.model)
-        places = [place_of(scene.surfaces[i].mesh) for i in asked]
-        return {i: record for i, record in zip(asked, provider.by_place(places), strict=True) if record is not None}
+        places = [place_of(scene.surfaces[i].mesh) for i in indices]
+        return {i: record for i, record in zip(indices, provider.by_place(places), strict=True) if record is not None}
 
 
 def true_surfaces(scene: Scene, truth: Scene) -> list[Surface | None]:
-    """For each surface, the true one that most of it lies on; None where it lies on none."""
+    """For each surface, the true surface that most of it lies on, or None."""
     places = [place_of(surface.mesh, TRUTH_SPACING_M) for surface in truth]
     found = matches([place_of(surface.mesh) for surface in scene], places)
     return [None if match is None else truth.surfaces[match[0]] for match in found]
 
 
 def without_fragments(scene: Scene, truth: Scene) -> Scene:
-    """A scan without the flying fragments that lie on no true surface, whose true material there is not."""
-    found = zip(scene, true_surfaces(scene, truth), strict=True)
-    return Scene([surface for surface, below in found if below is not None or not belongs_to_room(surface)], scene.provenance)
+    """A scan without the fragments that lie on no true surface and thus have no true material."""
+    pairs = zip(scene, true_surfaces(scene, truth), strict=True)
+    return Scene([surface for surface, match in pairs if match is not None or not belongs_to_room(surface)], scene.provenance)
 
 
-SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (Uniform, Void, Truth, Vlm, Random, Kept)}
+SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (Uniform, Void, Truth, Vlm, Random, SceneLabels)}
 
 
 def material_source(name: str, **options: object) -> MaterialSource:
-    """The source of a configuration's name, e.g. `material_source("uniform", material="concrete")`.
+    """A source by its name in the configuration, e.g. `material_source("uniform", material="concrete")`.
 
     Raises:
-        ConfigError: no such source, or an option it does not take.
+        ConfigError: the source or an option of it is unknown.
     """
     if name not in SOURCES:
         raise ConfigError(f"materials={name} is not a material source; choose {', '.join(SOURCES)}")
@@ -228,10 +228,6 @@ def material_source(name: str, **options: object) -> MaterialSource:
         return SOURCES[name](**options)
     except TypeError as error:
         raise ConfigError(f"materials={name} does not take {', '.join(options)}") from error
-
-
-def _own(surface: Surface) -> dict[str, Any]:
-    return {key: surface.provenance[key] for key in LABEL_KEYS if key in surface.provenance}
 
 
 def _true_label(material: str | Layered, roughness_m: float, minc: object) -> Label:

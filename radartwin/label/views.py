@@ -1,31 +1,48 @@
-"""How a surface is shown to whoever is asked about it: up to K crops with the surface outlined, its surroundings around it.
+"""Pictures of a surface for a question: up to K crops with the surface outlined and its surroundings visible.
 
-Where photographs show it, crops of photographs; otherwise pictures of the mesh from places chosen around it. In both what hides what is
-tested against the scene itself, and views are ranked by how much of the surface they show, how squarely, how sharply; each further one
-must add another direction, and the last one is wide. The same scene gives the same bytes.
+The crops come from photographs that show the surface, otherwise from pictures of the mesh from viewpoints around the surface. The scene
+decides what hides the surface in both cases. Views are ranked by the visible share of the surface, its angle and its sharpness. Each
+further view must have another direction, and the last view is wide. The same scene gives the same bytes.
 """
 
 from __future__ import annotations
 
 import functools
+import hashlib
+import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from radartwin.label.crops import SIZE, Crop, jpeg, outlined, resized, window
 from radartwin.label.photos import Photo
 from radartwin.label.raster import Camera, Drawing, Triangles
 from radartwin.scene.scene import Scene
 
-SCOUT = 64  # pixels of the pictures that rank places
+SIZE = 512  # pixels of the longer side of a crop
+QUALITY = 88  # of the JPEG
+OUTLINE, HALO = (255, 0, 255), (0, 0, 0)
+RANKING_PIXELS = 64  # size of the pictures that rank the viewpoints
 FIELD_DEG, WIDE_FIELD_DEG = 60.0, 90.0
-MARGIN, WIDE_MARGIN = 0.35, 1.5  # of the surface's own size, kept around it on every side; the last view is the wide one
-LEAST_PIXELS = 24  # of the surface in a photograph scaled to a width of 256; fewer show nothing
-LEAST_SHARE = 0.01  # of a picture of the mesh, likewise, unless nothing better is found
+MARGIN, WIDE_MARGIN = 0.35, 1.5  # margin on every side of the surface over its size; the last view has the wide margin
+MIN_PIXELS = 24  # smallest surface in a photograph scaled to a width of 256 pixels
+MIN_SHARE = 0.01  # smallest share of a picture of the mesh, unless no viewpoint shows more
 LARGE_M = 2.5
-MANY_FACES, CELL_M = 50_000, 0.08  # finer meshes are looked about in with cells of this size: pictures of 64 pixels show no more
-OTHER_WAY_DEG = 20.0  # between the directions of two views of one surface
+MANY_FACES, CELL_M = 50_000, 0.08  # ranking uses meshes with more faces in cells of this size, the resolution of 64 pixels
+MIN_ANGLE_DEG = 20.0  # between the directions of two views of one surface
+
+
+@dataclass(frozen=True, eq=False)
+class Crop:
+    """A picture of a surface: JPEG bytes, from a "photo" or the "mesh", and the share of the pixels of the surface."""
+
+    jpeg: bytes
+    origin: str
+    share: float
+
+    @property
+    def digest(self) -> str:
+        return hashlib.sha256(self.jpeg).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,40 +56,40 @@ class _View:
 
 @dataclass(eq=False)
 class Views:
-    """All surfaces of a scene, ready to be shown.
+    """The views of all surfaces of a scene.
 
     Attributes:
-        count: crops of each surface at most.
+        count: largest number of crops per surface.
     """
 
     scene: Scene
     photos: Sequence[Photo] = ()
     count: int = 3
     _drawing: Drawing = field(init=False, repr=False)
-    _coarse: Triangles = field(init=False, repr=False)  # for looking about
+    _coarse: Triangles = field(init=False, repr=False)  # for the ranking of viewpoints
 
     def __post_init__(self) -> None:
         self._drawing = Drawing(self.scene)
         self._coarse = self._drawing if len(self._drawing.faces) < MANY_FACES else self._drawing.coarser(CELL_M)
 
-    def of(self, wanted: Iterable[int], step: Callable[[], None] = lambda: None) -> dict[int, list[Crop]]:
-        """Crops of the surfaces with these indices; a surface that nothing shows has none.
+    def crops(self, indices: Iterable[int], step: Callable[[], None] = lambda: None) -> dict[int, list[Crop]]:
+        """Crops of the surfaces with these indices; a surface that no view shows has none.
 
         Args:
-            step: called after each surface.
+            step: callback after each surface.
         """
-        wanted = list(wanted)
-        found = self._in_photos(wanted)
-        read = functools.lru_cache(maxsize=16)(Photo.pixels)  # some 8 MB each
+        indices = list(indices)
+        in_photos = self._in_photos(indices)
+        read = functools.lru_cache(maxsize=16)(Photo.pixels)  # about 8 MB each
         out = {}
-        for index in wanted:
-            crops = (self._crop(index, view, read, wide) for view, wide in self._chosen(found[index] or self._around(index)))
+        for index in indices:
+            crops = (self._crop(index, view, read, wide) for view, wide in self._chosen(in_photos[index] or self._around(index)))
             out[index] = [crop for crop in crops if crop is not None]
             step()
         return out
 
     def _chosen(self, views: list[_View]) -> list[tuple[_View, bool]]:
-        """The views to be shown, each with whether it is shown wide: close ones, and the last or best one wide."""
+        """The selected views, each with a flag for the wide margin, which the last view has, or the best one again."""
         chosen = _spread(views, self.count)
         if self.count == 1 or not chosen:
             return [(view, False) for view in chosen]
@@ -80,9 +97,9 @@ class Views:
             chosen = [*chosen, chosen[0]]
         return [(view, k == len(chosen) - 1) for k, view in enumerate(chosen)]
 
-    def _in_photos(self, wanted: Sequence[int]) -> dict[int, list[_View]]:
-        """Views of each surface in the photographs, scored on a picture of 256 pixels' width."""
-        views: dict[int, list[_View]] = {index: [] for index in wanted}
+    def _in_photos(self, indices: Sequence[int]) -> dict[int, list[_View]]:
+        """Views of each surface in the photographs, scored at a width of 256 pixels."""
+        views: dict[int, list[_View]] = {index: [] for index in indices}
         for photo in self.photos:
             pixels = photo.pixels()
             height, width = pixels.shape[:2]
@@ -93,7 +110,7 @@ class Views:
             sharpness = _sharpness(pixels, small.height, small.width)
             present, counts = np.unique(labels[labels >= 0], return_counts=True)
             for index, count in zip(present, counts, strict=True):
-                if index in views and count >= LEAST_PIXELS:
+                if index in views and count >= MIN_PIXELS:
                     mask = labels == index
                     squareness = float(np.abs(self._drawing.facing(small, seen, mask)).mean())
                     score = np.sqrt(count / mask.size) * (0.3 + 0.7 * squareness) * (0.5 + 0.5 * float(sharpness[mask].mean()))
@@ -103,7 +120,7 @@ class Views:
         return views
 
     def _centre(self, index: int) -> np.ndarray:
-        """Where to look: the middle of the surface, or its triangle nearest to that if it is scattered about an empty middle."""
+        """The target of a camera: the middle of the surface, or the nearest triangle if the middle is empty."""
         part = self._drawing.of(index)
         centres = self._drawing.vertices[self._drawing.faces[part]].mean(axis=1)
         middle = np.average(centres, axis=0, weights=np.maximum(self._drawing.area[part], 1e-12))
@@ -117,7 +134,7 @@ class Views:
         return away / max(float(np.linalg.norm(away)), 1e-9)
 
     def _around(self, index: int) -> list[_View]:
-        """Places around a surface from which the mesh shows it, near and far, square and oblique, scored on small pictures."""
+        """Viewpoints around a surface at several distances and angles from which the mesh shows it, scored on small pictures."""
         part = self._drawing.of(index)
         centre = self._centre(index)
         corners = self._drawing.vertices[self._drawing.faces[part]].reshape(-1, 3)
@@ -128,51 +145,52 @@ class Views:
         for direction in _directions(normal if flat else None, steep=extent > LARGE_M):
             free = self._free(index, centre, direction)
             for distance in np.unique(np.clip(extent * np.array([0.25, 0.6, 1.2, 2.4]), 0.35, max(0.35, min(6.0, free)))):
-                camera = Camera.looking(centre + distance * direction, centre, FIELD_DEG, SCOUT)
+                camera = Camera.looking(centre + distance * direction, centre, FIELD_DEG, RANKING_PIXELS)
                 seen = self._coarse.seen(camera)
                 mask = self._coarse.surfaces(seen) == index
                 share = float(mask.mean())
                 if share == 0:
                     continue
-                # Triangles seen from behind: the eye is outside the room, or inside a thing.
+                # Triangles are visible from behind if the camera is outside the room or inside an object.
                 backs = float((self._coarse.facing(camera, seen, seen.face >= 0) > 0).mean())
                 squareness = float(np.abs(self._coarse.facing(camera, seen, mask)).mean())
                 surroundings = float((seen.face >= 0).mean())
                 size = np.sqrt(min(share, 0.3)) * (1 - 0.9 * max(0.0, share - 0.35))
                 score = size * (0.3 + 0.7 * squareness) * surroundings * (1 - 0.8 * backs)
                 views.append(_View(Camera.looking(camera.pose[:3, 3], centre, FIELD_DEG, SIZE), float(score), direction, share))
-        clear = [view for view in views if view.share >= LEAST_SHARE]
+        clear = [view for view in views if view.share >= MIN_SHARE]
         return clear or views
 
     def _free(self, index: int, centre: np.ndarray, direction: np.ndarray) -> float:
-        """How far an eye may go from the surface before something else is between, metres."""
+        """Distance in metres from the surface at which another surface hides it."""
         camera = Camera.looking(centre, centre + direction, 2.0, 1)
         seen = self._coarse.seen(camera)
         return 0.9 * float(seen.depth[0, 0]) if self._coarse.surfaces(seen)[0, 0] != index else np.inf
 
     def _crop(self, index: int, view: _View, read: Callable[[Photo], np.ndarray], wide: bool) -> Crop | None:
-        """The rectangle around the surface with its outline drawn, as JPEG."""
+        """The rectangle around the surface with its outline, as JPEG; None if the view does not show the surface."""
         whole = view.camera.widened(WIDE_FIELD_DEG) if wide and view.photo is None else view.camera
-        scout = _scaled(whole, 256)
-        mask = self._drawing.surfaces(self._drawing.seen(scout)) == index
+        small = _scaled(whole, 256)
+        mask = self._drawing.surfaces(self._drawing.seen(small)) == index
         if not mask.any():
             return None
-        left, top, right, bottom = window(mask, scout, whole, WIDE_MARGIN if wide else MARGIN)
+        left, top, right, bottom = _rectangle(mask, small, whole, WIDE_MARGIN if wide else MARGIN)
         scale = SIZE / max(right - left, bottom - top)
         camera = whole.part(left, top, right, bottom, max(1, round((right - left) * scale)), max(1, round((bottom - top) * scale)))
         seen = self._drawing.seen(camera)
         mask = self._drawing.surfaces(seen) == index
         if view.photo is None:
-            pixels = self._drawing.picture(camera, seen)
+            pixels, origin = self._drawing.picture(camera, seen), "mesh"
         else:
-            pixels = resized(read(view.photo), (left, top, right, bottom), camera)
-        return Crop(jpeg(outlined(pixels, mask)), "mesh" if view.photo is None else "photo", float(mask.mean()))
+            pixels, origin = _cut(read(view.photo), (left, top, right, bottom), camera), "photo"
+        return Crop(_jpeg(outlined(pixels, mask)), origin, float(mask.mean()))
 
 
 def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
-    """Unit vectors (N, 3) towards the eye: about the normal at 15, 40 and 60 degrees, or all around for what is not flat.
+    """Unit vectors (N, 3) towards the camera: about the normal at 15, 40 and 60 degrees, or all around a surface that is not flat.
 
-    Straight on would show a surface without its surroundings; a large one, which fills every picture, is also seen along it (`steep`).
+    A perpendicular view would not show the surroundings of a surface. A large surface, which fills every picture, is also viewed at 75
+    degrees (`steep`).
     """
     if normal is None:
         tilt, count = np.radians([60.0, 80.0]), 8
@@ -189,14 +207,14 @@ def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
 
 
 def _spread(views: list[_View], count: int) -> list[_View]:
-    """The best views, each from another direction than those before it."""
-    kept: list[_View] = []
+    """The best views, each from another direction than the better ones."""
+    chosen: list[_View] = []
     for view in sorted(views, key=lambda v: -v.score):
-        if len(kept) == count:
+        if len(chosen) == count:
             break
-        if all(view.direction @ other.direction < np.cos(np.radians(OTHER_WAY_DEG)) for other in kept):
-            kept.append(view)
-    return kept
+        if all(view.direction @ other.direction < np.cos(np.radians(MIN_ANGLE_DEG)) for other in chosen):
+            chosen.append(view)
+    return chosen
 
 
 def _scaled(camera: Camera, width: int) -> Camera:
@@ -205,7 +223,7 @@ def _scaled(camera: Camera, width: int) -> Camera:
 
 
 def _sharpness(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Share of fine detail at each place, (height, width) in 0 to 1: what the photograph has beyond its own blurred copy."""
+    """Local sharpness, (height, width) in 0 to 1: the difference of the photograph from its blurred copy."""
     from scipy.ndimage import uniform_filter
 
     grey = pixels.astype(np.float32).mean(axis=2)
@@ -213,3 +231,51 @@ def _sharpness(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
     rows = np.linspace(0, len(grey) - 1, height).round().astype(int)
     columns = np.linspace(0, len(grey[0]) - 1, width).round().astype(int)
     return np.clip(local[np.ix_(rows, columns)] / 8.0, 0, 1)
+
+
+def outlined(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """The picture (h, w, 3) with the edge of the mask (h, w) drawn over it, also along the border of the picture."""
+    from scipy.ndimage import binary_dilation, binary_erosion, binary_opening
+
+    cleaned = binary_opening(mask, iterations=1)
+    if np.count_nonzero(cleaned) > 0.7 * np.count_nonzero(mask):
+        mask = np.asarray(cleaned)  # removes the specks of a ragged mesh, unless most of it is specks
+    edge = mask & np.logical_not(binary_erosion(mask, iterations=2))
+    halo = np.logical_and(binary_dilation(edge, iterations=1), np.logical_not(edge))
+    out = pixels.copy()
+    out[halo] = HALO
+    out[edge] = OUTLINE
+    return out
+
+
+def _rectangle(mask: np.ndarray, small: Camera, camera: Camera, margin_of_size: float) -> tuple[float, float, float, float]:
+    """Rectangle (left, top, right, bottom) around the surface in pixels of the camera, at most twice as long as wide."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    per_pixel = camera.width / small.width
+    low = np.array([columns[0], rows[0]]) * per_pixel - 0.5
+    high = (np.array([columns[-1], rows[-1]]) + 1) * per_pixel - 0.5
+    size = high - low
+    margin = np.maximum(margin_of_size * size, 0.12 * size.max() + 0.03 * camera.width)
+    middle, half = (low + high) / 2, size / 2 + margin
+    half = np.maximum(half, half.max() / 2)
+    edge = np.array([camera.width - 0.5, camera.height - 0.5])
+    low, high = np.maximum(middle - half, -0.5), np.minimum(middle + half, edge)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _cut(pixels: np.ndarray, rectangle: tuple[float, float, float, float], camera: Camera) -> np.ndarray:
+    """A rectangle of a photograph in the size of the camera."""
+    from PIL import Image
+
+    left, top, right, bottom = (edge + 0.5 for edge in rectangle)
+    return np.asarray(
+        Image.fromarray(pixels).resize((camera.width, camera.height), Image.Resampling.LANCZOS, box=(left, top, right, bottom))
+    )
+
+
+def _jpeg(pixels: np.ndarray) -> bytes:
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "JPEG", quality=QUALITY, subsampling=0)
+    return stream.getvalue()

@@ -1,20 +1,18 @@
-"""`radartwin label` from the outside: asking, exporting, importing, failing in one line, and going on after a kill."""
+"""The command `radartwin label`: asking a server, export, import, error messages, and continuing after a kill."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
+from chat_server import ChatServer, Reply, completion
 from numpy import eye
 
 from radartwin.scene import objects, rooms
@@ -25,7 +23,7 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A corner of a room, a shelf and what a scan found on it."""
+    """A scanned corner of a room with a shelf and an object on it."""
     x, y, z = eye(3)
     parts = {
         "floor": rooms.rectangle([0, 0, 0], x, y, (3, 3)),
@@ -41,52 +39,34 @@ def folder(tmp_path: Path) -> Path:
     return Scene(surfaces, {"source": "corner.glb"}).save(tmp_path / "scene")
 
 
-class Model:
-    """A chat server that calls everything wood, a can of water for objects; it can be slow, and counts."""
+class Model(ChatServer):
+    """A slow model that answers "wood" for surfaces and "plastic with water" for objects."""
+
+    pause_s = 0.0
 
     def __init__(self) -> None:
-        self.asked: list[str] = []
-        self.pause_s = 0.0
-        model = self
+        super().__init__(self._answer)
 
-        class Handler(BaseHTTPRequestHandler):
-            def do_POST(self) -> None:
-                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-                time.sleep(model.pause_s)
-                answer = {"material": "wood", "confidence": 0.8, "reason": "grain"}
-                if "contents" in json.dumps(body["response_format"]):
-                    answer |= {"material": "plastic", "wall_thickness_mm": 1.0, "contents": "water-like liquid"}
-                model.asked.append(hashlib.sha256(json.dumps(body["messages"]).encode()).hexdigest())
-                text = json.dumps({"choices": [{"message": {"content": json.dumps(answer)}}]}).encode()
-                self.send_response(200)
-                self.send_header("Content-Length", str(len(text)))
-                self.end_headers()
-                self.wfile.write(text)
-
-            def log_message(self, *_: object) -> None: ...
-
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        self._server.daemon_threads = True
-        self.url = f"http://127.0.0.1:{self._server.server_address[1]}/v1"
-        threading.Thread(target=self._server.serve_forever, args=(0.01,), daemon=True).start()
-
-    def stop(self) -> None:
-        self._server.shutdown()
-        self._server.server_close()
+    def _answer(self, number: int, body: dict) -> Reply:
+        time.sleep(self.pause_s)
+        answer = {"material": "wood", "confidence": 0.8, "reason": "grain"}
+        if "contents" in json.dumps(body["response_format"]):
+            answer |= {"material": "plastic", "wall_thickness_mm": 1.0, "contents": "water-like liquid"}
+        return completion(answer)
 
 
 @pytest.fixture
 def model() -> Iterator[Model]:
-    one = Model()
-    yield one
-    one.stop()
+    model = Model()
+    yield model
+    model.stop()
 
 
 def manifest(folder: Path) -> dict[str, dict]:
     return {entry["name"]: entry for entry in json.loads((folder / "manifest.json").read_text())["surfaces"]}
 
 
-def test_a_scene_is_labelled_by_a_server_and_its_manifest_round_trips(inside: Command, folder: Path, model: Model) -> None:
+def test_server_labels_a_scene_and_its_manifest_round_trips(inside: Command, folder: Path, model: Model) -> None:
     geometry = (folder / "scene.glb").read_bytes()
     done = inside("label", folder, "--provider", "server", "--url", model.url, "--model", "tiny", "--views", "2")
     assert done.returncode == 0, done.stderr
@@ -98,8 +78,8 @@ def test_a_scene_is_labelled_by_a_server_and_its_manifest_round_trips(inside: Co
     entries = manifest(folder)
     assert entries["floor"]["material"] == {"layers": [["wood", 0.02]], "backing": "air"}
     assert entries["part_1"]["material"] == {"layers": [["hdpe", 0.001]], "backing": "water"}
-    told = entries["floor"]["provenance"]
-    assert told | {"key": ""} == {
+    provenance = entries["floor"]["provenance"]
+    assert provenance | {"key": ""} == {
         "planar": False, "segment": 3, "source": "vlm", "confidence": 0.8, "stand_in": False, "minc": "wood", "model": "tiny",
         "reason": "grain", "provider": "server", "key": "",
     }  # fmt: skip
@@ -109,10 +89,10 @@ def test_a_scene_is_labelled_by_a_server_and_its_manifest_round_trips(inside: Co
     assert scene.provenance["materials"] == "vlm"
     again = inside("label", folder, "--model", "tiny", "--views", "2")
     assert again.returncode == 0, again.stderr
-    assert len(model.asked) == 5, "the answers are recorded with the scene"
+    assert len(model.requests) == 5, "the answers are stored with the scene"
 
 
-def test_a_killed_labelling_goes_on_where_it_stopped(radartwin: Command, folder: Path, model: Model, tmp_path: Path) -> None:
+def test_killed_labelling_continues(radartwin: Command, folder: Path, model: Model, tmp_path: Path) -> None:
     before = (folder / "manifest.json").read_bytes()
     model.pause_s = 0.4
     asking = ["label", str(folder), "--provider", "server", "--url", model.url, "--model", "tiny", "--views", "1", "--concurrency", "1"]
@@ -124,18 +104,18 @@ def test_a_killed_labelling_goes_on_where_it_stopped(radartwin: Command, folder:
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     assert (folder / "manifest.json").read_bytes() == before
-    kept = journal.read_text().count("\n")
-    assert 2 <= kept < 5
-    time.sleep(model.pause_s)  # what was under way when it died is answered to nobody
-    model.pause_s, already = 0.0, len(model.asked)
+    stored = journal.read_text().count("\n")
+    assert 2 <= stored < 5
+    time.sleep(model.pause_s)  # lets the request of the killed process end
+    model.pause_s, already = 0.0, len(model.requests)
     done = radartwin(*asking)
     assert done.returncode == 0, done.stderr
-    assert f"{kept} of 5 answers are kept from before" in done.stderr
-    assert len(model.asked) - already == 5 - kept, "only the rest is asked"
+    assert f"{stored} of 5 answers are already stored" in done.stderr
+    assert len(model.requests) - already == 5 - stored, "only open questions are asked"
     assert {entry["provenance"]["source"] for entry in manifest(folder).values()} == {"vlm"}
 
 
-def test_questions_go_out_and_answers_come_back(inside: Command, folder: Path, tmp_path: Path) -> None:
+def test_exported_questions_are_answered_by_import(inside: Command, folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     exported = inside("label", folder, "--export", out, "--views", "1")
     assert exported.returncode == 0, exported.stderr
@@ -151,16 +131,16 @@ def test_questions_go_out_and_answers_come_back(inside: Command, folder: Path, t
     nameless = inside("label", folder, "--import", answers)
     assert (nameless.returncode, nameless.stderr) == (
         2,
-        "radartwin: --import needs --model NAME: the name of who answered is kept with the answers\n",
+        "radartwin: --import needs --model NAME, the model or person that answered\n",
     )
     answers.write_text("\n".join(map(json.dumps, [*lines[:3], {**lines[3], "material": "cheese"}, {"id": "x"}])))
     bad = inside("label", folder, "--import", answers, "--model", "someone", "--views", "1")
     assert bad.returncode == 2
-    assert "mend 2 lines: line 4" in bad.stderr
+    assert "correct 2 lines: line 4" in bad.stderr
     answers.write_text("\n".join(map(json.dumps, lines[:3])))
     partial = inside("label", folder, "--import", answers, "--model", "someone", "--views", "1")
     assert partial.returncode == 2
-    assert "nobody answered for 2 of 5 surfaces" in partial.stderr
+    assert "2 of 5 surfaces have no answer" in partial.stderr
     assert (folder / "manifest.json").read_bytes() == before
     rest = inside("label", folder, "--import", answers, "--model", "someone", "--views", "1", "--missing", "uniform:concrete")
     assert rest.returncode == 0, rest.stderr
@@ -176,12 +156,12 @@ def test_questions_go_out_and_answers_come_back(inside: Command, folder: Path, t
         (["--missing", "uniform:cheese"], "unknown material 'cheese'"),
         (["--provider", "server", "--url", "nowhere"], "nowhere is not the address of a server"),
         (["--provider", "local"], "--provider local needs --model"),
-        (["--import", "none.jsonl", "--model", "x"], "none.jsonl is not there"),
+        (["--import", "none.jsonl", "--model", "x"], "none.jsonl is missing"),
         (["--views", "0"], "materials.views=0"),
         ([], "no recorded answers for corner;"),
     ],
 )
-def test_mistakes_are_one_line_and_change_nothing(inside: Command, folder: Path, arguments: list[str], words: str) -> None:
+def test_user_error_is_one_line_and_changes_nothing(inside: Command, folder: Path, arguments: list[str], words: str) -> None:
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     done = inside("label", folder, *arguments)
     assert done.returncode == 2
@@ -190,7 +170,7 @@ def test_mistakes_are_one_line_and_change_nothing(inside: Command, folder: Path,
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
 
-def test_a_folder_that_is_no_scene_is_named(inside: Command, tmp_path: Path) -> None:
+def test_folder_without_a_scene_is_named(inside: Command, tmp_path: Path) -> None:
     done = inside("label", tmp_path)
     assert done.returncode == 2
     assert "is not a scene folder" in done.stderr

@@ -1,4 +1,4 @@
-"""Recorded answers on the rooms they ship for: every surface says who labelled it, and the manifest brings all of it back."""
+"""Recorded answers on the rooms that they ship for: every surface has the source of its label, and the manifest round trips."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from experiments.generators.questions import asked, exact
-from radartwin.label.manifest import write_labels
+from radartwin.label.labels import write_labels
 from radartwin.label.recorded import shipped, shipped_rooms
 from radartwin.label.sources import Vlm
 from radartwin.materials.minc import CATEGORIES
@@ -22,7 +22,7 @@ CHAIR = "arkit_lidar_chair_scan"
 
 @pytest.fixture(params=shipped_rooms())
 def scan(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[str, Path]:
-    """A scene folder of a room that answers ship for, nobody having labelled it."""
+    """An unlabelled scene folder of a room with shipped answers."""
     if request.param == CHAIR:
         data = request.getfixturevalue("shared_data") / "scans" / CHAIR / "export.obj"
         (tmp_path / f"{CHAIR}.obj").symlink_to(data)
@@ -33,7 +33,7 @@ def scan(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[str, Path]:
     return request.param, bare.save(tmp_path / "scene")
 
 
-def test_every_face_has_a_material_and_who_gave_it_and_the_manifest_brings_it_back(scan: tuple[str, Path]) -> None:
+def test_recorded_answers_label_the_scan_and_the_manifest_round_trips(scan: tuple[str, Path]) -> None:
     room, folder = scan
     before = Scene.load(folder)
     scene = Vlm(missing="plasterboard")(before)
@@ -60,8 +60,8 @@ def test_every_face_has_a_material_and_who_gave_it_and_the_manifest_brings_it_ba
 
 @pytest.mark.slow
 @pytest.mark.parametrize("room", shipped_rooms())
-def test_the_shipped_answers_belong_to_the_questions_that_are_asked_today(room: str, request: pytest.FixtureRequest) -> None:
-    """By digest of prompt and pictures, of the scan made again from nothing."""
+def test_shipped_answers_match_the_current_questions(room: str, request: pytest.FixtureRequest) -> None:
+    """The digests of prompt and pictures match for a new reconstruction of the scan."""
     data = request.getfixturevalue("shared_data") / "scans" / CHAIR if room == CHAIR else Path()
     questions = asked(room, data)
     share = exact(room, questions)

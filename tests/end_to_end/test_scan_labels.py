@@ -1,4 +1,4 @@
-"""The labels of a scan's folder are what is simulated, by the command line as in Python, unless another source is named."""
+"""The labels in a scene folder decide the simulation, on the command line as in Python, unless another source is given."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ POSE[:3, 3] = 1.0, 1.2, 1.0
 
 @pytest.fixture
 def scan(tmp_path: Path) -> Path:
-    """A bare room of 4 x 3 x 2.5 m, as a mesh that looks inwards."""
+    """An empty room of 4 x 3 x 2.5 m as a mesh with inward normals."""
     room = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]]).subdivide().subdivide()
     room.invert()
     path = tmp_path / "room.glb"
@@ -43,7 +43,7 @@ def level_db(recording: rt.Recording) -> float:
     return float(10 * np.log10(np.mean(np.abs(recording.iq) ** 2)))
 
 
-def test_a_metal_room_sounds_louder_than_one_of_plasterboard_and_as_in_python(inside: Command, scan: Path, tmp_path: Path) -> None:
+def test_metal_room_echoes_more_than_plasterboard_and_python_agrees(inside: Command, scan: Path, tmp_path: Path) -> None:
     recordings = {}
     for material in ("metal", "plasterboard"):
         assert inside("reconstruct", scan, "--out", material, "--material", material).returncode == 0
@@ -54,13 +54,13 @@ def test_a_metal_room_sounds_louder_than_one_of_plasterboard_and_as_in_python(in
         assert (tmp_path / "again.bin").read_bytes() == (tmp_path / "recordings" / f"{material}.bin").read_bytes()
         assert recordings[material].scale == pytest.approx(again.scale)
     assert level_db(recordings["metal"]) - level_db(recordings["plasterboard"]) > 5  # plasterboard returns -9.8 dB at normal incidence
-    told = recordings["metal"].provenance
-    assert told["materials"] == {"source": "scene", "said_by": {"uniform": 6}, "surfaces": {"metal": 6}}
+    provenance = recordings["metal"].provenance
+    assert provenance["materials"] == {"source": "scene", "said_by": {"uniform": 6}, "surfaces": {"metal": 6}}
     digest = hashlib.sha256((tmp_path / "metal" / "manifest.json").read_bytes()).hexdigest()
-    assert told["scene"] == {"name": "scan", "path": "metal", "manifest_sha256": digest}
+    assert provenance["scene"] == {"name": "scan", "path": "metal", "manifest_sha256": digest}
 
 
-def test_answers_put_into_the_manifest_are_simulated_and_a_named_source_replaces_them(inside: Command, scan: Path, tmp_path: Path) -> None:
+def test_answers_in_the_manifest_are_simulated_unless_a_source_is_given(inside: Command, scan: Path, tmp_path: Path) -> None:
     assert inside("reconstruct", scan, "--out", "room").returncode == 0
     before, _ = simulate(inside, "room")
     assert inside("label", "room", "--export", "asked", "--views", "1").returncode == 0
@@ -79,7 +79,7 @@ def test_answers_put_into_the_manifest_are_simulated_and_a_named_source_replaces
     assert np.array_equal(named.iq, before.iq)
 
 
-def test_a_mesh_without_labels_needs_a_source(inside: Command, scan: Path) -> None:
+def test_mesh_without_labels_needs_a_source(inside: Command, scan: Path) -> None:
     done = inside("simulate", "scene=scan", f"scene.path={scan}", "trajectory=static", "--out", "x")
     assert done.returncode == 2
     assert "room.glb carries no material labels" in done.stderr
@@ -88,7 +88,7 @@ def test_a_mesh_without_labels_needs_a_source(inside: Command, scan: Path) -> No
     assert "concrete on 1; materials=uniform" in said
 
 
-def test_a_plain_mesh_is_not_viewed_and_the_remedy_is_a_command(inside: Command, scan: Path) -> None:
+def test_view_of_a_mesh_names_the_command_that_makes_a_scene(inside: Command, scan: Path) -> None:
     done = inside("view", scan)
     assert done.returncode == 2
     assert f"radartwin reconstruct {scan} --out FOLDER --material NAME" in done.stderr

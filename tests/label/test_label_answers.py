@@ -1,4 +1,4 @@
-"""Answers: what is valid, what they make of a surface, how they are kept, found again, exported, imported and scored."""
+"""Answers: their schema, the material of an answer, storage, recorded answers, export, import and scores."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from displaced import displaced
 
 from radartwin.errors import LabelError, MissingError, SceneError
 from radartwin.label.answers import Answer, interior, material_of, read_answer, schema
-from radartwin.label.batch import export, read_answers
 from radartwin.label.journal import Journal, Record
 from radartwin.label.labelling import apply, load, prepare
 from radartwin.label.labels import answer_label
 from radartwin.label.place import Place, matches, place_of
+from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question, questions
 from radartwin.label.recorded import (
     CHAIR,
@@ -32,7 +32,7 @@ from radartwin.label.recorded import (
     shipped,
     shipped_rooms,
 )  # fmt: skip
-from radartwin.label.score import accuracy_table, confusion_table, distance_table, judge, wilson
+from radartwin.label.score import accuracy_table, judge, wilson
 from radartwin.label.sources import material_source
 from radartwin.materials import Layered, reflection
 from radartwin.materials.minc import CATEGORIES, MINC
@@ -61,12 +61,12 @@ def record(question: Question, material: str = "wood", model: str = "tiny") -> R
 # --- answers
 
 
-def test_answers_are_found_in_words_and_fences() -> None:
+def test_answer_is_found_within_other_text() -> None:
     for text in (json.dumps(GOOD), f"Here:\n```json\n{json.dumps(GOOD)}\n```", f"{json.dumps(GOOD)} I am sure."):
         assert read_answer(text, "surface") == Answer("wood", 0.8, "grain")
 
 
-def test_schema_holds_the_23_categories_and_asks_objects_for_more() -> None:
+def test_schema_has_the_minc_categories_and_more_fields_for_objects() -> None:
     assert schema("surface")["properties"]["material"]["enum"] == list(CATEGORIES)
     with pytest.raises(LabelError, match="'wall_thickness_mm' is a required property"):
         read_answer(GOOD, "object")
@@ -75,7 +75,7 @@ def test_schema_holds_the_23_categories_and_asks_objects_for_more() -> None:
         read_answer(thing, "object")
 
 
-def test_a_name_outside_minc_is_refused_or_taken_as_its_closest_row() -> None:
+def test_name_outside_minc_is_refused_or_replaced_by_the_closest_category() -> None:
     porcelain = {**GOOD, "material": "porcelain"}
     with pytest.raises(LabelError, match="'porcelain' is not one of"):
         read_answer(porcelain, "surface")
@@ -92,7 +92,7 @@ def test_a_name_outside_minc_is_refused_or_taken_as_its_closest_row() -> None:
 @pytest.mark.parametrize(
     ("material", "name", "becomes", "stand_in"),
     [
-        ("painted", None, MINC["painted"].material, True),  # what is under the paint is a guess
+        ("painted", None, MINC["painted"].material, True),  # the material under the paint is a guess
         ("painted", "drywall", MINC["painted"].material, False),
         ("painted", "concrete", "concrete", False),
         ("wallpaper", "plaster on brick", "brick", True),  # its fit ends at 40 GHz
@@ -102,12 +102,12 @@ def test_a_name_outside_minc_is_refused_or_taken_as_its_closest_row() -> None:
         ("other", None, MINC["other"].material, True),
         ("wood", "varnished pine", MINC["wood"].material, False),
         ("wood", "plywood", Layered([("plywood", 0.02)]), True),  # its fit ends at 40 GHz
-        ("plastic", "steel", MINC["plastic"].material, True),  # a contradiction: the category stands
+        ("plastic", "steel", MINC["plastic"].material, True),  # a contradiction, in which the category counts
         ("tile", "ceramic tile on concrete", MINC["tile"].material, True),
         ("stone", "something nobody can name", MINC["stone"].material, True),
     ],
 )
-def test_an_answers_own_words_say_what_its_category_does_not(material: str, name: str | None, becomes: object, stand_in: bool) -> None:
+def test_name_of_an_answer_specifies_its_category(material: str, name: str | None, becomes: object, stand_in: bool) -> None:
     answer = read_answer({**GOOD, "material": material, "name": name}, "surface")
     assert answer.named == name
     assert Answer.from_dict(json.loads(json.dumps(answer.to_dict()))) == answer
@@ -115,20 +115,20 @@ def test_an_answers_own_words_say_what_its_category_does_not(material: str, name
     assert (found[0], found[2]) == (becomes, stand_in)
 
 
-def test_interior_builds_the_shell_that_the_radar_meets() -> None:
+def test_contents_are_behind_a_shell_of_the_outer_material() -> None:
     bottle = Answer("plastic", 0.9, "bottle", wall_thickness_mm=1.0, contents="water-like liquid")
     material, _, _ = material_of(bottle)
     assert material == Layered([("hdpe", 0.001)], backing="water")
     empty = interior(MINC["plastic"].material, 1.0, "empty")
     assert empty == Layered([("hdpe", 0.001)])
     full, void = (abs(reflection(m, np.array(1.0), np.array(77e9))[0]) for m in (material, empty))
-    assert full > 1.5 * void, "the water behind the wall is what reflects"
+    assert full > 1.5 * void, "the water behind the wall reflects"
     for contents, wall in (("solid", 1.0), ("unknown", 1.0), ("water-like liquid", None), (None, None)):
         assert interior("glass", wall, contents) == "glass"
     assert interior("metal", 0.2, "oil-like liquid") == "metal", "nothing passes metal"
 
 
-def test_an_invalid_answer_stays_marked_on_the_surface() -> None:
+def test_invalid_answer_is_marked_in_the_provenance() -> None:
     surface = Surface(objects.plate(1, 1), "wood", "plate")
     label = answer_label(Answer.none("rubbish", 3), surface)
     assert label.provenance["minc"] == "other"
@@ -137,10 +137,10 @@ def test_an_invalid_answer_stays_marked_on_the_surface() -> None:
     assert "3 attempts: rubbish" in label.provenance["reason"]
 
 
-# --- kept
+# --- stored
 
 
-def test_journal_keeps_answers_through_a_kill_in_the_middle_of_a_line(tmp_path: Path, asked: list[Question]) -> None:
+def test_journal_removes_an_incomplete_last_line(tmp_path: Path, asked: list[Question]) -> None:
     path = tmp_path / "labels" / "answers.jsonl"
     journal = Journal(path)
     journal.append(record(asked[0]))
@@ -158,7 +158,7 @@ def test_journal_keeps_answers_through_a_kill_in_the_middle_of_a_line(tmp_path: 
     assert Journal(path).get("another", asked[1].key) is None
 
 
-def test_a_damaged_line_is_named(tmp_path: Path, asked: list[Question]) -> None:
+def test_damaged_line_of_a_journal_is_named(tmp_path: Path, asked: list[Question]) -> None:
     path = tmp_path / "answers.jsonl"
     Journal(path).append(record(asked[0]))
     path.write_text(path.read_text() + '{"format": 1}\n')
@@ -166,7 +166,7 @@ def test_a_damaged_line_is_named(tmp_path: Path, asked: list[Question]) -> None:
         Journal(path)
 
 
-def test_a_place_survives_the_disk_to_the_centimetre() -> None:
+def test_place_round_trips_to_the_centimetre() -> None:
     place = place_of(rooms.rectangle([1, 2, 0], np.eye(3)[0], np.eye(3)[2], (3, 2)))
     again = Place.from_dict(json.loads(json.dumps(place.to_dict())))
     assert np.abs(again.points - place.points).max() <= 0.0051
@@ -178,7 +178,7 @@ def test_a_place_survives_the_disk_to_the_centimetre() -> None:
     assert np.abs(place.points.mean(axis=0) - [2.5, 2, 1]).max() < 0.05, "spread evenly"
 
 
-def test_surfaces_of_a_rescan_find_their_place() -> None:
+def test_surfaces_of_a_rescan_match_their_surfaces() -> None:
     lab = rooms.lab(detail="cluttered")
     scanned = displaced(lab, np.random.default_rng(3), offset_m=0.02, tilt_deg=0.3)
     found = matches([place_of(s.mesh) for s in scanned], [place_of(s.mesh) for s in lab])
@@ -189,7 +189,7 @@ def test_surfaces_of_a_rescan_find_their_place() -> None:
     assert matches([elsewhere], [place_of(s.mesh) for s in lab]) == [None]
 
 
-def test_recorded_answers_go_by_question_first_and_by_place_then(tmp_path: Path) -> None:
+def test_recorded_answers_match_the_question_first_and_the_place_second(tmp_path: Path) -> None:
     lab = rooms.lab(detail="furnished")
     known = questions(lab, views=1, only=[0, 2, 8])
     materials = ["wood", "painted", "glass"]
@@ -209,7 +209,7 @@ def test_recorded_answers_go_by_question_first_and_by_place_then(tmp_path: Path)
         load_records(path)
 
 
-def test_an_answer_found_by_place_is_as_sure_as_the_share_it_covers() -> None:
+def test_confidence_of_an_answer_by_place_is_reduced_to_the_covered_share() -> None:
     x, y, _ = np.eye(3)
 
     def floor(width_m: float) -> Surface:
@@ -218,16 +218,16 @@ def test_an_answer_found_by_place_is_as_sure_as_the_share_it_covers() -> None:
     question = questions(Scene([floor(4.0)]), views=1)[0]
     given = record(question)
     for width, share in ((4.0, 1.0), (8.0, 0.5)):
-        told = answer_label(given, floor(width), transferred=True).provenance
-        assert told["transferred"] is True
-        assert told["covered"] == pytest.approx(share, abs=0.05)
-        assert told["confidence"] == pytest.approx(0.8 * told["covered"], abs=0.001)
+        label = answer_label(given, floor(width), transferred=True).provenance
+        assert label["transferred"] is True
+        assert label["covered"] == pytest.approx(share, abs=0.05)
+        assert label["confidence"] == pytest.approx(0.8 * label["covered"], abs=0.001)
     own = answer_label(given, floor(8.0)).provenance
     assert own["confidence"] == 0.8
     assert "covered" not in own
 
 
-def test_a_room_without_recorded_answers_is_named(tmp_path: Path) -> None:
+def test_room_without_recorded_answers_is_named(tmp_path: Path) -> None:
     with pytest.raises(MissingError, match="no recorded answers for nowhere; they ship for"):
         shipped("nowhere")
     with pytest.raises(MissingError, match="no recorded answers for nowhere; use materials=uniform"):
@@ -236,7 +236,7 @@ def test_a_room_without_recorded_answers_is_named(tmp_path: Path) -> None:
         records_for(Scene([], {"room": "nowhere"}), tmp_path)
 
 
-def test_shipped_answers_go_by_what_was_scanned_and_not_by_the_name_of_a_folder(tmp_path: Path) -> None:
+def test_shipped_answers_depend_on_the_scanned_room_and_not_on_file_names(tmp_path: Path) -> None:
     assert room_of(Scene([], {"source": "lab"})) is None
     assert room_of(Scene([], {"source": "lab", "scan_of": "sha256:0123456789abcdef"})) is None
     assert room_of(Scene([], {"source": "lab_frames", "scan_of": "lab"})) == "lab"
@@ -250,16 +250,16 @@ def test_shipped_answers_go_by_what_was_scanned_and_not_by_the_name_of_a_folder(
     assert load_frames(tmp_path / "elsewhere").scan_of == stranger.scan_of
 
 
-def test_a_real_scan_is_known_by_its_files(shared_data: Path, tmp_path: Path) -> None:
+def test_real_scan_is_identified_by_its_files(shared_data: Path, tmp_path: Path) -> None:
     chair = shared_data / "scans" / CHAIR
     assert room_of(Scene([], {"scan_of": load_frames(chair).scan_of})) == CHAIR
     assert room_of(Scene([], {"scan_of": scan_digest([chair / "export.obj"])})) == CHAIR
 
 
-def test_shipped_answers_are_those_of_the_manifest_and_their_digest_is_source(tmp_path: Path) -> None:
+def test_ship_writes_the_answers_of_the_manifest_and_their_digest(tmp_path: Path) -> None:
     surface = Surface(rooms.rectangle([0, 0, 0], np.eye(3)[0], np.eye(3)[1], (2, 2)), "wood", "floor", role="room")
     folder = Scene([surface]).save(tmp_path / "scene")
-    with pytest.raises(MissingError, match="is not labelled by answers of its own"):
+    with pytest.raises(MissingError, match="has no stored answers that label it"):
         ship(folder, "den", tmp_path)
     asked = prepare(folder, load(folder), views=1)
     stale = dataclasses.replace(record(asked.questions[0]), key="0" * 64)
@@ -268,23 +268,23 @@ def test_shipped_answers_are_those_of_the_manifest_and_their_digest_is_source(tm
     journal.append(record(asked.questions[0]))
     apply(asked, {0: record(asked.questions[0])})
     path = ship(folder, "den", tmp_path / "to")
-    assert [r.key for r in load_records(path)] == [asked.questions[0].key], "of the two kept, the one that labels the scene"
+    assert [r.key for r in load_records(path)] == [asked.questions[0].key], "of two stored answers, the one that labels the scene"
     found: dict = {}
     exec((tmp_path / "to" / "digests.py").read_text(), found)
     assert found["DIGESTS"] == {"den": hashlib.sha256(path.read_bytes()).hexdigest()}
 
 
-def test_every_room_that_ships_is_whole_and_known_by_its_digest() -> None:
+def test_shipped_answers_of_every_room_are_complete() -> None:
     folders = {path.parent.name for path in SHIPPED.glob("*/answers.json")}
     assert folders == set(shipped_rooms())
     for room in shipped_rooms():
         assert all(r.prompt and r.images and r.model for r in shipped(room))
 
 
-# --- batch
+# --- question folder
 
 
-def test_export_is_complete_and_betrays_nothing(tmp_path: Path) -> None:
+def test_export_is_complete_and_does_not_reveal_the_materials(tmp_path: Path) -> None:
     lab = rooms.lab(detail="furnished")
     asked = questions(lab, views=2, only=[0, 1, 7, 12])
     folder = export(asked, tmp_path / "out")
@@ -303,7 +303,7 @@ def test_export_is_complete_and_betrays_nothing(tmp_path: Path) -> None:
     assert len(list((folder / "crops").iterdir())) == sum(len(line["images"]) for line in lines)
 
 
-def test_import_takes_all_lines_or_names_every_bad_one(tmp_path: Path, asked: list[Question]) -> None:
+def test_import_accepts_all_lines_or_names_every_invalid_line(tmp_path: Path, asked: list[Question]) -> None:
     thing = {**GOOD, "material": "metal", "wall_thickness_mm": 0.2, "contents": "water-like liquid"}
     good = [{"id": asked[0].id, **GOOD}, {"id": asked[1].id, **GOOD, "material": "drywall"}, {"id": asked[2].id, **thing}]
     path = tmp_path / "answers.jsonl"
@@ -320,10 +320,16 @@ def test_import_takes_all_lines_or_names_every_bad_one(tmp_path: Path, asked: li
     path.write_text("\n".join(bad))
     with pytest.raises(LabelError) as caught:
         read_answers(path, asked, "someone")
-    said = str(caught.value)
-    assert "nothing is taken, mend 5 lines" in said
-    for words in ("line 2: not valid JSON", "line 3: answers no question", "line 4: material: 'cheese'", "line 5: ", "line 6: 'wall_thick"):
-        assert words in said, words
+    message = str(caught.value)
+    assert "no answer is imported; correct 5 lines" in message
+    for words in (
+        "line 2: not valid JSON",
+        "line 3: the id is not",
+        "line 4: material: 'cheese'",
+        "line 5: ",
+        "line 6: 'wall_thick",
+    ):
+        assert words in message, words
     with pytest.raises(MissingError, match="give the file of answers"):
         read_answers(tmp_path / "none.jsonl", asked, "someone")
 
@@ -336,37 +342,29 @@ def room(labels: list[str], truth: list[str], areas: list[float]) -> tuple[Scene
         surfaces = []
         for k, (name, area) in enumerate(zip(names, areas, strict=True)):
             mesh = objects.plate(area, 1.0).apply_translation([3.0 * k, 0, 0])
-            told = {"source": source, "minc": name, "confidence": 0.5}
-            surfaces.append(Surface(mesh, MINC[name].material, f"s{k}", role="room", provenance=told))
+            provenance = {"source": source, "minc": name, "confidence": 0.5}
+            surfaces.append(Surface(mesh, MINC[name].material, f"s{k}", role="room", provenance=provenance))
         return Scene(surfaces)
 
     return build(labels, "vlm"), build(truth, "true")
 
 
-def test_score_counts_area_by_truth_and_by_decibel() -> None:
+def test_score_weights_accuracy_and_error_by_area() -> None:
     judged = judge(*room(["painted", "wallpaper", "wood", "metal"], ["painted", "painted", "metal", "metal"], [6, 2, 1, 3]))
     frame = accuracy_table(judged)
     assert list(frame["minc"]) == ["metal", "painted", "all"]
     table = {row["minc"]: row for row in frame.to_dict("records")}
     assert table["painted"]["accuracy"] == pytest.approx(6 / 8)
-    assert table["painted"]["close"] == 1.0, "wallpaper for paint costs nothing"
+    assert table["painted"]["close"] == 1.0, "wallpaper instead of paint has no error"
     assert table["metal"]["accuracy"] == pytest.approx(3 / 4)
-    assert table["metal"]["worst_db"] > 10, "wood for metal costs everything"
+    assert table["metal"]["worst_db"] > 10, "wood instead of metal has a large error"
     assert table["all"]["accuracy"] == pytest.approx(9 / 12)
     assert table["all"]["n"] == 4
     assert table["all"]["mean_db"] == pytest.approx(table["metal"]["worst_db"] / 12)
     assert all(row["low"] <= row["accuracy"] <= row["high"] for row in table.values())
-    confusion = confusion_table(judged)
-    assert confusion.loc["painted", "wallpaper"] == pytest.approx(2)
-    assert confusion.loc["metal", "wood"] == pytest.approx(1)
-    assert float(confusion.to_numpy().sum()) == pytest.approx(12)
-    distances = distance_table(judged)
-    assert float(np.sum(distances["share"])) == pytest.approx(1)
-    assert distances.iloc[0]["area_m2"] == pytest.approx(11)
-    assert distances.iloc[0]["right"] == pytest.approx(9 / 11)
 
 
-def test_wilson_interval_is_the_published_one() -> None:
+def test_wilson_interval_matches_published_values() -> None:
     # R. Newcombe, Statistics in Medicine 17 (1998) 857, table I, method 3: 81 of 263 and 15 of 148.
     for hits, n, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)):
         share, least, most = wilson(np.ones(n), np.arange(n) < hits)
@@ -376,7 +374,7 @@ def test_wilson_interval_is_the_published_one() -> None:
     assert np.isnan(wilson(np.zeros(0), np.zeros(0, bool))[0])
 
 
-def test_surfaces_that_lie_on_nothing_true_do_not_count_and_a_truth_without_category_is_refused() -> None:
+def test_unmatched_surfaces_do_not_count_and_truth_needs_categories() -> None:
     labelled, truth = room(["wood", "metal"], ["wood", "metal"], [1, 1])
     far = labelled.surfaces[0].replaced(mesh=labelled.surfaces[0].mesh.copy().apply_translation([0, 30, 0]))
     assert len(judge(Scene([*labelled.surfaces, far]), truth)) == 2
@@ -386,7 +384,7 @@ def test_surfaces_that_lie_on_nothing_true_do_not_count_and_a_truth_without_cate
     assert list(accuracy_table([]).columns)[:3] == ["minc", "n", "area_m2"]
 
 
-def test_random_labels_are_scored_at_their_rate() -> None:
+def test_random_labels_score_below_true_labels() -> None:
     lab = rooms.lab(detail="cluttered")
     judged = judge(material_source("random", p=0.5, seed=4)(lab), lab)
     assert len(judged) == len(lab)

@@ -1,4 +1,4 @@
-"""Crops show the surface that is asked about, from photographs where they do, and always the same."""
+"""Crops show their surface, come from photographs if possible, and are deterministic."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from trimesh import Trimesh
 from trimesh.visual import ColorVisuals, TextureVisuals
 
 from radartwin.errors import InputError, MissingError, PoseError
-from radartwin.label.crops import OUTLINE, Crop, outlined
 from radartwin.label.photos import load_photos, save_photos
 from radartwin.label.questions import MEANINGS, facts, prompt, prompt_digest, questions
 from radartwin.label.raster import Camera, Drawing
-from radartwin.label.views import Views
+from radartwin.label.views import OUTLINE, Crop, Views, outlined
 from radartwin.materials.minc import CATEGORIES
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
@@ -67,7 +66,7 @@ def nearest(eye: np.ndarray, rays: np.ndarray, triangles: np.ndarray) -> np.ndar
     return out
 
 
-def test_depth_and_face_agree_with_rays_cast_by_another_tracer() -> None:
+def test_depth_agrees_with_an_independent_ray_caster() -> None:
     scene = rooms.lab(detail="furnished")
     camera = Camera.looking(np.array([1.0, 0.3, 1.2]), np.array([5.0, -0.4, 0.9]), 70, 48)
     seen = Drawing(scene).seen(camera)
@@ -75,10 +74,10 @@ def test_depth_and_face_agree_with_rays_cast_by_another_tracer() -> None:
     rays = np.stack([columns, rows, np.ones(seen.depth.shape)], -1).reshape(-1, 3) @ np.linalg.inv(camera.intrinsics).T
     depth = nearest(camera.pose[:3, 3], rays @ camera.pose[:3, :3].T, np.concatenate([s.mesh.triangles for s in scene]))
     same = np.isclose(depth.reshape(seen.depth.shape), seen.depth, atol=1e-4)
-    assert same.mean() > 0.995, "but for rays along edges"
+    assert same.mean() > 0.995, "all but rays along edges"
 
 
-def test_a_triangle_behind_and_before_the_eye_is_cut_where_it_passes_it() -> None:
+def test_triangle_that_crosses_the_camera_plane_is_clipped() -> None:
     floor = Surface(rooms.rectangle([-50, -50, 0], np.eye(3)[0], np.eye(3)[1], (99, 99)), "concrete", "floor", role="room")
     camera = Camera.looking(np.array([0, 0, 1.0]), np.array([1.0, 0, 1.0]), 90, 65)
     depth = Drawing(Scene([floor])).seen(camera).depth
@@ -112,9 +111,9 @@ def test_colours_of_vertices_faces_and_textures_are_drawn() -> None:
             assert np.allclose(picture[16, 16], [10, 200, 30], atol=4), name
 
 
-def test_every_surface_is_shown_thrice_with_its_outline_and_surroundings() -> None:
+def test_every_surface_has_three_crops_with_outline_and_surroundings() -> None:
     scene = box_room()
-    crops = Views(scene).of(range(len(scene)))
+    crops = Views(scene).crops(range(len(scene)))
     for index, found in crops.items():
         name = scene.surfaces[index].name
         assert len(found) == 3, name
@@ -126,15 +125,15 @@ def test_every_surface_is_shown_thrice_with_its_outline_and_surroundings() -> No
             magenta = (picture[..., 0] > 150) & (picture[..., 1] < 110) & (picture[..., 2] > 150)
             assert magenta.sum() > 300, name
     box = crops[5]
-    assert box[2].share < 0.5 * box[0].share, "the last is the wide one"
+    assert box[2].share < 0.5 * box[0].share, "the last crop is wide"
 
 
-def test_the_same_scene_gives_the_same_bytes() -> None:
-    first, second = (Views(box_room()).of([0, 5]) for _ in range(2))
+def test_crops_of_one_scene_are_identical() -> None:
+    first, second = (Views(box_room()).crops([0, 5]) for _ in range(2))
     assert [crop.jpeg for crops in first.values() for crop in crops] == [crop.jpeg for crops in second.values() for crop in crops]
 
 
-def test_photographs_come_first_and_only_where_nothing_hides_the_surface(tmp_path) -> None:
+def test_photographs_are_used_only_if_they_show_the_surface(tmp_path) -> None:
     scene = box_room()
     drawing = Drawing(scene)
     low, high = eye_at([0.4, 1.5, 0.5], [4, 1.5, 0.5]), eye_at([0.4, 1.5, 1.6], [4, 1.5, 1.2])
@@ -142,7 +141,7 @@ def test_photographs_come_first_and_only_where_nothing_hides_the_surface(tmp_pat
     shots.append((np.zeros((480, 640, 3), np.uint8), eye_at([-1, 1.5, 1.5], [-4, 1.5, 1.5]).pose, high.intrinsics))  # away
 
     photos = save_photos(tmp_path, shots)
-    crops = Views(scene, photos, 2).of(range(len(scene)))
+    crops = Views(scene, photos, 2).crops(range(len(scene)))
     by_name = {scene.surfaces[index].name: found for index, found in crops.items()}
     assert {crop.origin for crop in by_name["box"]} == {"photo"}
     assert [crop.origin for crop in by_name["near"]] == ["mesh", "mesh"], "no photograph shows the wall behind the camera"
@@ -150,17 +149,17 @@ def test_photographs_come_first_and_only_where_nothing_hides_the_surface(tmp_pat
     assert ((box[:, 0] > 120) & (box[:, 1] < 80) & (box[:, 2] < 80)).mean() > 0.1, "the red box is in its crop"
 
 
-def test_an_outline_follows_the_mask_and_the_border() -> None:
+def test_outline_follows_the_mask_and_the_border() -> None:
     mask = np.zeros((40, 60), bool)
     mask[10:30, 20:60] = True
     drawn = (outlined(np.zeros((40, 60, 3), np.uint8), mask) == OUTLINE).all(axis=2)
     assert drawn[10:12, 22:58].all()
-    assert drawn[12:28, 58:60].all(), "where the surface leaves the picture"
+    assert drawn[12:28, 58:60].all(), "along the border of the picture"
     assert not drawn[14:26, 24:56].any()
     assert not drawn[:9].any()
 
 
-def test_photographs_survive_the_disk_and_bad_ones_are_named(tmp_path) -> None:
+def test_photographs_round_trip_and_invalid_files_are_named(tmp_path) -> None:
     camera = eye_at([0, 0, 1], [1, 0, 1], 32, 24)
     saved = save_photos(tmp_path, [(np.full((24, 32, 3), 100, np.uint8), camera.pose, camera.intrinsics)])
     [loaded] = load_photos(tmp_path)
@@ -172,7 +171,7 @@ def test_photographs_survive_the_disk_and_bad_ones_are_named(tmp_path) -> None:
     with pytest.raises(InputError, match=r"00000\.jpg cannot be read"):
         loaded.pixels()
     loaded.path.unlink()
-    with pytest.raises(MissingError, match=r"is not there, though photos\.json names it"):
+    with pytest.raises(MissingError, match=r"is missing, though photos\.json names it"):
         loaded.pixels()
     with pytest.raises(PoseError, match="not a rigid"):
         save_photos(tmp_path, [(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4)), np.eye(3))])
@@ -181,7 +180,7 @@ def test_photographs_survive_the_disk_and_bad_ones_are_named(tmp_path) -> None:
         load_photos(tmp_path)
 
 
-def test_a_question_tells_geometry_and_nothing_of_the_truth() -> None:
+def test_question_has_the_geometry_and_not_the_material() -> None:
     scene = Scene([s.replaced(name=f"secret_{s.name}", material="detergent", provenance={"minc": "leather"}) for s in box_room()])
     asked = questions(scene, views=1)
     assert len(asked) == 6
@@ -196,7 +195,7 @@ def test_a_question_tells_geometry_and_nothing_of_the_truth() -> None:
     assert len({q.key for q in asked}) == 6
 
 
-def test_prompt_names_all_categories_and_asks_objects_for_their_inside() -> None:
+def test_prompt_names_all_categories_and_asks_for_the_contents_of_objects() -> None:
     assert tuple(MEANINGS) == CATEGORIES
     surface, thing = prompt("surface", "flat", ["photo"] * 3), prompt("object", "round", ["mesh"])
     assert all(f"- {category}: " in surface for category in CATEGORIES)
@@ -210,7 +209,7 @@ def test_prompt_names_all_categories_and_asks_objects_for_their_inside() -> None
 
 
 @pytest.mark.slow
-def test_half_a_million_triangles_are_shown_within_the_memory_of_a_laptop() -> None:
+def test_crops_of_half_a_million_triangles_need_less_than_4_gib() -> None:
     import resource
 
     lab = rooms.lab(detail="cluttered")
@@ -225,6 +224,6 @@ def test_half_a_million_triangles_are_shown_within_the_memory_of_a_laptop() -> N
         fine.append(surface.replaced(mesh=mesh, role=surface.kind))
     scene = Scene(fine)
     assert sum(len(surface.mesh.faces) for surface in scene) > 500_000
-    crops = Views(scene).of(range(len(scene)))
+    crops = Views(scene).crops(range(len(scene)))
     assert all(len(found) == 3 for found in crops.values())
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 4 * 2**20, "kibibytes"
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 4 * 2**20, "in kibibytes"

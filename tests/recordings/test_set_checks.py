@@ -97,7 +97,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "a card that is no YAML": (lambda f: (f / "card.yaml").write_text("name: [\n"), ("card.yaml", "line 2")),
     "a card without a licence": (lambda f: edit(f / "card.yaml", "licence: CC-BY-4.0", "licence: ''"), ("licence is missing", "CC-BY")),
     "a card without a sensor": (lambda f: edit(f / "card.yaml", "sensor: IWR1843BOOST\n", ""), ("sensor is missing",)),
-    "units nobody knows": (lambda f: edit(f / "card.yaml", "amplitude", "volts"), ("units 'volts'", "counts or amplitude")),
+    "unknown units": (lambda f: edit(f / "card.yaml", "amplitude", "volts"), ("units 'volts'", "counts or amplitude")),
     "units that the scale contradicts": (lambda f: edit(f / "card.yaml", "amplitude", "counts"), ("a0: its scale 2e-09", "counts")),
     "an index without its columns": (lambda f: edit(f / "index.csv", "distance_m", "distance"), ("line 1: it has no column distance_m",)),
     "an index of semicolons": (lambda f: edit(f / "index.csv", "recording,object,", "recording;object;"), ("line 1", "no column")),
@@ -108,8 +108,8 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "a row with a value too few": (lambda f: edit(f / "index.csv", "a1,mug,", "a1,"), ("line 3: it has 7 values for 8 columns",)),
     "a name twice": (lambda f: edit(f / "index.csv", "a1,", "a0,"), ("line 3: recording a0 is already in line 2",)),
     "a condition twice": (lambda f: edit(f / "index.csv", "depth,1", "depth,0"), ("line 3: it repeats line 2", "mug, 1 m, lab, depth")),
-    "a motion nobody knows": (lambda f: edit(f / "index.csv", "depth,1", "walk,1"), ("line 3", "'walk'", "turntable")),
-    "a split nobody knows": (lambda f: edit(f / "index.csv", "depth,1,,", "depth,1,,eval"), ("line 3", "'eval'", "test")),
+    "an unknown motion": (lambda f: edit(f / "index.csv", "depth,1", "walk,1"), ("line 3", "'walk'", "turntable")),
+    "an unknown split": (lambda f: edit(f / "index.csv", "depth,1,,", "depth,1,,eval"), ("line 3", "'eval'", "test")),
     "a distance that is no number": (lambda f: edit(f / "index.csv", "mug,1.0", "mug,nan"), ("line 2", "distance_m nan")),
     "a distance in words": (lambda f: edit(f / "index.csv", "mug,1.0", "mug,1 m"), ("line 2", "'1 m' is not a number of metres")),
     "a repetition that is no number": (lambda f: edit(f / "index.csv", "depth,1", "depth,1.5"), ("line 3", "'1.5' is not a whole number")),
@@ -154,7 +154,7 @@ def test_each_problem_is_found_alone(folder: Path, damage: Callable[[Path], obje
 
 
 def test_all_problems_are_listed(folder: Path) -> None:
-    names = ["a card without a licence", "a motion nobody knows", "no trajectory"]
+    names = ["a card without a licence", "an unknown motion", "no trajectory"]
     for name in names:
         DAMAGE[name][0](folder)
     (folder / "recordings" / "a0.bin").unlink()

@@ -1,8 +1,8 @@
-"""InternVL on this machine through transformers, from weights the user names: a folder, or a name that transformers finds.
+"""Provider of answers from InternVL on this machine through transformers, with weights from a folder or a name known to transformers.
 
-The model class is the one transformers registers for its configuration (AutoModelForImageTextToText). Pictures are prepared here, as its
-processor would with one tile each (resized to the model's square, ImageNet mean and deviation), because that processor needs torchvision,
-which has no build beside this torch. Decoding is greedy, so the same weights give the same answer.
+The model class is AutoModelForImageTextToText, which transformers registers for the configuration. This module prepares the pictures like
+the processor of the model with one tile each (resized to the square of the model, ImageNet mean and deviation), because that processor
+needs torchvision, which has no build for the installed torch. Decoding is greedy, so the same weights give the same answer.
 """
 
 from __future__ import annotations
@@ -15,26 +15,25 @@ import numpy as np
 
 from radartwin.errors import BackendError, ConfigError, MissingError
 from radartwin.label.journal import Record
-from radartwin.label.provider import Turn, ask
-from radartwin.label.questions import Question
+from radartwin.label.questions import Message, Question, ask
 
 if TYPE_CHECKING:
     import torch
 
-MEAN, DEVIATION = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])  # of ImageNet
+MEAN, DEVIATION = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])  # ImageNet
 BEGIN, TOKEN, END = "<img>", "<IMG_CONTEXT>", "</img>"
 MAX_NEW_TOKENS = 256
 
 
-class Local:
+class InternVL:
     """The provider.
 
     Args:
-        model: folder or name of InternVL weights in the transformers format (published ones end in -hf).
-        max_new_tokens: of an answer.
+        model: folder or name of InternVL weights in the transformers format (names of published weights end in -hf).
+        max_new_tokens: largest length of an answer.
     Raises:
-        MissingError: transformers is not installed, or there are no such weights.
-        ConfigError: no model is named, or one of another kind.
+        MissingError: transformers is not installed, or the weights do not exist.
+        ConfigError: no model is given, or the model is not InternVL.
     """
 
     name = "local"
@@ -43,6 +42,7 @@ class Local:
         if not model:
             raise ConfigError("--provider local needs --model FOLDER: InternVL weights in the transformers format")
         try:
+            import torch
             from transformers import AutoConfig, AutoModelForImageTextToText, AutoTokenizer  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise MissingError("--provider local needs transformers and torch; pip install 'radartwin[local-vlm]'") from error
@@ -54,43 +54,43 @@ class Local:
             raise _no_weights(model, error) from error
         if config.model_type != "internvl":
             raise ConfigError(
-                f"{model} is a {config.model_type} model; --provider local runs InternVL, others run behind --provider server"
+                f"{model} is a {config.model_type} model, but --provider local runs InternVL; use --provider server for other models"
             )
         try:
             self._tokenizer: Any = AutoTokenizer.from_pretrained(model)
             network: Any = AutoModelForImageTextToText.from_pretrained(model, dtype="auto", use_safetensors=True)
         except (OSError, ValueError) as error:
             raise _no_weights(model, error) from error
-        self._network = network.to(_device()).eval()
+        self._network = network.to("cuda" if torch.cuda.is_available() else "cpu").eval()
         self._size = tuple(int(side) for side in config.vision_config.image_size)
         patch = config.vision_config.patch_size
         patches = (self._size[0] // patch[0]) * (self._size[1] // patch[1])
         self._tokens_per_picture = round(patches * config.downsample_ratio**2)
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
-        """Records one after the other.
+        """Records one by one.
 
         Raises:
-            BackendError: the device ran out of memory.
+            BackendError: the memory of the device is too small.
         """
         import torch
 
         for question in questions:
             pictures = torch.from_numpy(np.stack([_prepared(crop.jpeg, self._size) for crop in question.crops]))
             try:
-                answer = ask(question, lambda turns, shown=pictures: self._complete(shown, turns))
+                answer = ask(question, lambda messages, pictures=pictures: self._complete(pictures, messages))
             except torch.OutOfMemoryError as error:
                 raise BackendError(f"{self.model} does not fit into the memory of this device; use --provider server") from error
             yield question, Record.of(question, answer, self.model, self.name)
 
-    def _complete(self, pictures: torch.Tensor, turns: Sequence[Turn]) -> str:
-        """The model's next words."""
+    def _complete(self, pictures: torch.Tensor, messages: Sequence[Message]) -> str:
+        """The next message of the model."""
         import torch
 
         blocks = "".join(f"{BEGIN}{TOKEN * self._tokens_per_picture}{END}\n" for _ in range(len(pictures)))
-        messages = [{"role": turn.role, "content": turn.text} for turn in turns]
-        messages[0]["content"] = blocks + messages[0]["content"]
-        encoded = self._tokenizer.apply_chat_template(messages, add_generation_prompt=True, tokenize=False)
+        first, *others = messages
+        conversation = [{**first, "content": blocks + first["content"]}, *others]
+        encoded = self._tokenizer.apply_chat_template(conversation, add_generation_prompt=True, tokenize=False)
         inputs = self._tokenizer(encoded, return_tensors="pt", add_special_tokens=False).to(self._network.device)
         with torch.inference_mode():
             out = self._network.generate(
@@ -104,7 +104,7 @@ class Local:
 
 
 def _prepared(jpeg: bytes, size: tuple[int, ...]) -> np.ndarray:
-    """A picture as the network takes it: (3, height, width) float32."""
+    """A picture as network input, (3, height, width) float32."""
     from PIL import Image
 
     with Image.open(io.BytesIO(jpeg)) as picture:
@@ -113,11 +113,5 @@ def _prepared(jpeg: bytes, size: tuple[int, ...]) -> np.ndarray:
 
 
 def _no_weights(model: str, error: Exception) -> MissingError:
-    said = " ".join(str(error).split())[:200]
-    return MissingError(f"{model} holds no InternVL weights that transformers can load, whose names end in -hf ({said})")
-
-
-def _device() -> str:
-    import torch
-
-    return "cuda" if torch.cuda.is_available() else "cpu"
+    reason = " ".join(str(error).split())[:200]
+    return MissingError(f"{model} has no InternVL weights that transformers can load ({reason}); give published weights that end in -hf")

@@ -1,16 +1,17 @@
-"""InternVL through transformers: a tiny model with random weights is saved, loaded and asked; only its answers are noise."""
+"""The provider `InternVL` with a tiny model of random weights, whose answers are noise."""
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
+from PIL import Image
 
 from radartwin.errors import ConfigError, MissingError
-from radartwin.label.local import BEGIN, END, TOKEN, Local, _prepared
+from radartwin.label.internvl import BEGIN, END, TOKEN, InternVL
 from radartwin.label.questions import Question, questions
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
@@ -24,7 +25,7 @@ TEMPLATE = (
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """InternVL of some thousand weights with a byte tokenizer."""
+    """InternVL with a few thousand weights and a byte tokenizer."""
     import torch
     from tokenizers import Tokenizer, decoders, models, pre_tokenizers  # pyright: ignore[reportMissingImports]
     from transformers import InternVLConfig, InternVLForConditionalGeneration, PreTrainedTokenizerFast  # pyright: ignore[reportMissingImports]
@@ -61,8 +62,8 @@ def question() -> Question:
     return questions(Scene([plate]), views=2)[0]
 
 
-def test_noise_is_asked_three_times_and_becomes_other(weights: Path, question: Question) -> None:
-    provider = Local(str(weights), max_new_tokens=6)
+def test_three_invalid_answers_become_other(weights: Path, question: Question) -> None:
+    provider = InternVL(str(weights), max_new_tokens=6)
     [(asked, record)] = provider.answers([question])
     assert asked is question
     assert record.answer.material == "other"
@@ -71,55 +72,62 @@ def test_noise_is_asked_three_times_and_becomes_other(weights: Path, question: Q
     assert (record.provider, record.model, record.images) == ("local", str(weights), question.images)
 
 
-def test_words_of_the_network_are_read_as_an_answer(weights: Path, question: Question, monkeypatch: pytest.MonkeyPatch) -> None:
-    provider = Local(str(weights))
-    said = json.dumps({"material": "stone", "confidence": 0.7, "reason": "grey"})
-    seen = {}
+STONE = json.dumps({"material": "stone", "confidence": 0.7, "reason": "grey"})
 
-    def generate(**inputs):
+
+@pytest.fixture
+def inputs(weights: Path, monkeypatch: pytest.MonkeyPatch) -> dict:
+    """The inputs of the network, which replies with STONE."""
+    inputs: dict = {}
+    reply = transformers.AutoTokenizer.from_pretrained(weights)(STONE, return_tensors="pt")["input_ids"]
+
+    def generate(network, **given):
         import torch
 
-        seen.update(inputs)
-        words = provider._tokenizer(said, return_tensors="pt")["input_ids"]
-        return torch.cat([inputs["input_ids"], words], dim=1)
+        inputs.update(given)
+        return torch.cat([given["input_ids"], reply], dim=1)
 
-    monkeypatch.setattr(provider._network, "generate", generate)
-    [(_, record)] = provider.answers([question])
+    monkeypatch.setattr(transformers.InternVLForConditionalGeneration, "generate", generate)
+    return inputs
+
+
+def test_reply_of_the_network_is_read_as_an_answer(weights: Path, question: Question, inputs: dict) -> None:
+    [(_, record)] = InternVL(str(weights)).answers([question])
     assert (record.answer.material, record.answer.confidence, record.answer.attempts) == ("stone", 0.7, 1)
-    token = provider._tokenizer.convert_tokens_to_ids(TOKEN)
-    assert (seen["input_ids"] == token).sum() == 2 * 4, "two pictures of (56/14)^2 patches, four to a token"
-    assert seen["pixel_values"].shape == (2, 3, 56, 56)
-    assert question.text in provider._tokenizer.decode(seen["input_ids"][0])
+    tokenizer = transformers.AutoTokenizer.from_pretrained(weights)
+    token = tokenizer.convert_tokens_to_ids(TOKEN)
+    assert (inputs["input_ids"] == token).sum() == 2 * 4, "two pictures of (56/14)^2 patches, four patches per token"
+    assert inputs["pixel_values"].shape == (2, 3, 56, 56)
+    assert question.text in tokenizer.decode(inputs["input_ids"][0])
 
 
-def test_the_pictures_reach_the_network(weights: Path, question: Question) -> None:
+def test_pictures_change_the_features_of_the_network(weights: Path, question: Question, inputs: dict) -> None:
     import torch
 
-    provider = Local(str(weights))
-    features = provider._network.get_image_features(torch.zeros(2, 3, 56, 56)).pooler_output
+    list(InternVL(str(weights)).answers([question]))
+    network = transformers.InternVLForConditionalGeneration.from_pretrained(weights)
+    features = network.get_image_features(torch.zeros(2, 3, 56, 56)).pooler_output
     assert features.shape[:2] == (2, 4)
-    shown = torch.from_numpy(np.stack([_prepared(crop.jpeg, (56, 56)) for crop in question.crops]))
-    assert not torch.allclose(provider._network.get_image_features(shown).pooler_output, features)
+    assert not torch.allclose(network.get_image_features(inputs["pixel_values"].float().cpu()).pooler_output, features)
 
 
-def test_a_picture_is_normalised_as_imagenet() -> None:
-    from PIL import Image
-
+def test_picture_is_normalised_with_the_mean_of_imagenet(weights: Path, question: Question, inputs: dict) -> None:
     stream = io.BytesIO()
-    Image.new("RGB", (64, 48), (124, 116, 104)).save(stream, "JPEG", quality=95)  # ImageNet's mean colour
-    prepared = _prepared(stream.getvalue(), (28, 28))
-    assert prepared.shape == (3, 28, 28)
-    assert np.abs(prepared).max() < 0.03
+    Image.new("RGB", (64, 48), (124, 116, 104)).save(stream, "JPEG", quality=95)  # the mean colour of ImageNet
+    plain = dataclasses.replace(question, crops=(dataclasses.replace(question.crops[0], jpeg=stream.getvalue()),))
+    list(InternVL(str(weights)).answers([plain]))
+    assert inputs["pixel_values"].shape == (1, 3, 56, 56)
+    assert inputs["pixel_values"].abs().max() < 0.03
 
 
 def test_missing_weights_and_other_models_are_named(tmp_path: Path) -> None:
     from transformers import CLIPConfig  # pyright: ignore[reportMissingImports]
 
     with pytest.raises(ConfigError, match="needs --model FOLDER"):
-        Local(None)
+        InternVL(None)
     (tmp_path / "none").mkdir()
-    with pytest.raises(MissingError, match="none holds no InternVL weights"):
-        Local(str(tmp_path / "none"))
+    with pytest.raises(MissingError, match="none has no InternVL weights"):
+        InternVL(str(tmp_path / "none"))
     CLIPConfig().save_pretrained(tmp_path / "clip")
-    with pytest.raises(ConfigError, match="clip is a clip model; --provider local runs InternVL"):
-        Local(str(tmp_path / "clip"))
+    with pytest.raises(ConfigError, match="clip is a clip model, but --provider local runs InternVL"):
+        InternVL(str(tmp_path / "clip"))

@@ -1,7 +1,7 @@
-"""Questions out as a folder, answers back as a file: for a cluster, a person or any other tool that looks at pictures.
+"""Writes questions as a folder and reads answers from a file, so that a cluster, a person or another tool can answer them.
 
-The folder says all there is to know: what to do (README.txt, prompt.txt), the questions (questions.jsonl), their pictures and the form of
-an answer (schema_*.json). Names are digests of what is asked: they say nothing of the surface.
+The folder is self-contained: instructions (README.txt, prompt.txt), the questions (questions.jsonl), their pictures and the schema of an
+answer (schema_*.json). File names are digests of the questions, so that they do not reveal the surface.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ QUESTIONS, CROPS = "questions.jsonl", "crops"
 SHOWN_PROBLEMS = 20
 KINDS: tuple[Kind, ...] = ("surface", "object")
 
-_README = """Questions about what surfaces are made of, to be answered from pictures.
+_README = """Questions about the materials of surfaces, to be answered from pictures.
 
-questions.jsonl   one question a line: id, kind, images (pictures, relative to this folder, to be shown in this order) and question (the
-                  whole prompt for a vision-language model).
-prompt.txt        the two forms of the prompt, for reading.
+questions.jsonl   one question per line: id, kind, images (pictures in this order, relative to this folder) and question (the complete
+                  prompt for a vision-language model).
+prompt.txt        both forms of the prompt, for reading.
 schema_*.json     the JSON schema of an answer to each kind of question.
 
-Write one JSON object a line into a file, the id of its question and the fields of the answer:
+Write a file with one JSON object per line, with the id of a question and the fields of the answer:
 {examples}
-Then: radartwin label SCENE --import FILE --model NAME_OF_WHO_ANSWERED
-Every line is checked first; nothing is taken unless all lines are good. Prompt {digest}.
+Then run: radartwin label SCENE --import FILE --model NAME
+NAME is the model or person that answered. If one line is invalid, no answer is imported. Prompt {digest}.
 """
 
 
 def export(questions: Sequence[Question], folder: Path) -> Path:
-    """Write the questions and their pictures; questions.jsonl goes last.
+    """Write the questions and their pictures, questions.jsonl last.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -63,45 +63,45 @@ def export(questions: Sequence[Question], folder: Path) -> Path:
 
 
 def read_answers(path: Path, questions: Sequence[Question], model: str) -> list[Record]:
-    """Answers of a JSONL file to these questions.
+    """Answers to these questions from a JSONL file.
 
-    A material outside MINC that is known by name is taken as its closest row; there is nobody to ask again.
+    A known material outside MINC is replaced by its closest category, because the question cannot be asked again.
 
     Raises:
-        MissingError: no such file.
-        LabelError: all that is wrong with it, line by line; nothing is taken then.
+        MissingError: the file does not exist.
+        LabelError: lines are invalid; the message names them.
     """
     if not path.is_file():
-        raise MissingError(f"{path} is not there; give the file of answers, one JSON object a line")
-    asked = {question.id: question for question in questions}
-    found: dict[str, tuple[int, Record]] = {}
+        raise MissingError(f"{path} is missing; give the file of answers with one JSON object per line")
+    by_id = {question.id: question for question in questions}
+    records: dict[str, tuple[int, Record]] = {}
     problems = []
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         if not line.strip():
             continue
         try:
-            question, record = _record(line, asked, model)
+            question, record = _record(line, by_id, model)
         except LabelError as error:
             problems.append(f"line {number}: {error}")
             continue
-        if question in found:
-            problems.append(f"line {number}: {question} was answered in line {found[question][0]}")
+        if question in records:
+            problems.append(f"line {number}: {question} already has an answer in line {records[question][0]}")
         else:
-            found[question] = (number, record)
+            records[question] = (number, record)
     if problems:
         more = f"; and {len(problems) - SHOWN_PROBLEMS} more" if len(problems) > SHOWN_PROBLEMS else ""
-        raise LabelError(f"{path}: nothing is taken, mend {len(problems)} lines: {'; '.join(problems[:SHOWN_PROBLEMS])}{more}")
-    return [record for _, record in found.values()]
+        raise LabelError(f"{path}: no answer is imported; correct {len(problems)} lines: {'; '.join(problems[:SHOWN_PROBLEMS])}{more}")
+    return [record for _, record in records.values()]
 
 
-def _record(line: str, asked: Mapping[str, Question], model: str) -> tuple[str, Record]:
+def _record(line: str, by_id: Mapping[str, Question], model: str) -> tuple[str, Record]:
     try:
         values = untrusted_json.load(line)
     except ValueError as error:
         raise LabelError(f"not valid JSON ({error})") from error
     if not isinstance(values, dict) or not isinstance(values.get("id"), str):
-        raise LabelError("no object with the id of a question")
-    question = asked.get(values.pop("id"))
+        raise LabelError("not an object with the id of a question")
+    question = by_id.get(values.pop("id"))
     if question is None:
-        raise LabelError("answers no question of this scene as it is now; export it again if it changed")
+        raise LabelError("the id is not a question of this scene; export the scene again if it changed")
     return question.id, Record.of(question, read_answer(values, question.kind, names=True), model, "import")
