@@ -1,5 +1,6 @@
-"""Numba functions compiled once: the machine code is kept beside the source, or in the user's cache where the installation is
-read-only, or in memory alone where neither can be written.
+"""Compile functions with Numba, and run them on all cores.
+
+The machine code is cached beside the source; if that folder is read-only, in the user's cache; else only in memory.
 """
 
 import os
@@ -11,16 +12,19 @@ from numba import njit
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """The function as machine code that releases the interpreter's lock. Products and sums do not fuse: fused, code just compiled and
-    code read from the cache gave other last bits, and fusing saved no time."""
+    """The function as machine code that releases the interpreter's lock.
+
+    Multiplications and additions are not fused. With fusing, newly compiled code and cached code differed in the last bits, and it was not
+    faster.
+    """
     return _built(function, {})
 
 
 def innermost(function: Callable[..., Any]) -> Any:
-    """As `compiled`, for what compiled loops call millions of times: it makes no array and returns none.
+    """As `compiled`, for functions that compiled loops call millions of times. They must not create or return arrays.
 
-    Such a function does not count references to its arrays. Counting is atomic, costs as much as ten divisions a call, and more where
-    threads count on the same array.
+    Such a function does not count references to its arrays. Counting is atomic and takes as long as ten divisions per call, and longer
+    if several threads use the same array.
     """
     return _built(function, {"_nrt": False})
 
@@ -33,15 +37,15 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 
 def cores() -> int:
-    """Processor cores this process may use."""
+    """Number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def shared_out(function: Callable[..., Any], count: int, *arguments: Any, pieces: int = 4) -> None:
-    """Run function(first, last, *arguments) over the range 0..count, pieces of it on all cores.
+    """Run function(first, last, *arguments) for parts of the range 0..count, on all cores.
 
-    Plain threads, which survive forks and may be nested, unlike the thread pools Numba brings. The pieces must write to places of their
-    own; then the result does not depend on the number of cores.
+    The threads are Python's, because Numba's own pools do not survive a fork and cannot be nested. Each part must write to memory of its
+    own, so that the result does not depend on the number of cores.
     """
     workers = min(cores(), count)
     if workers <= 1:

@@ -164,6 +164,10 @@ def _add_results(group: Verbs) -> None:
     doctor.add_argument("--data", metavar="FOLDER", type=Path, help="check this recording set instead and list all its faults")
     _output(doctor)
 
+    clean = _add(group, "clean", verbs.clean, "the size of the computed products in the output folder, and their deletion")
+    clean.add_argument("--cache", action="store_true", help="delete the products; the next run computes them again")
+    _output(clean)
+
 
 def _add(
     group: Verbs, name: str, function: Callable[[argparse.Namespace], int], text: str, resumes: bool = False

@@ -12,10 +12,10 @@ from radartwin.errors import OutputError
 
 def run(options: argparse.Namespace) -> int:
     if options.search:
-        from radartwin.runs.search import Wish, search
+        from radartwin.runs.search import SearchGoal, search
 
-        wish = Wish(options.search, options.trials, options.direction, options.at_once)
-        return search(_all_overrides(options), options.config_dir, wish)
+        goal = SearchGoal(options.search, options.trials, options.direction, options.at_once)
+        return search(_all_overrides(options), options.config_dir, goal)
     if options.multirun:
         from radartwin.runs.sweep import sweep
 
@@ -189,6 +189,12 @@ def doctor(options: argparse.Namespace) -> int:
     from radartwin.runs.doctor import doctor, doctor_data
 
     return doctor_data(options.data) if options.data is not None else doctor(options.output)
+
+
+def clean(options: argparse.Namespace) -> int:
+    from radartwin.store.clean import clean
+
+    return clean(options.output, options.cache)
 
 
 def _all_overrides(options: argparse.Namespace) -> list[str]:

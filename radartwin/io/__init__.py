@@ -1,1 +1,1 @@
-"""Files, locks, untrusted input, progress and the chat client: what every package may use."""
+"""Files, locks, untrusted input, worker processes, progress and the chat client. Every package may import this one."""

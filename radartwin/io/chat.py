@@ -1,8 +1,8 @@
-"""A language model behind an OpenAI-compatible endpoint: vLLM, Ollama, LM Studio, or a service.
+"""Chat with a language model behind an OpenAI-compatible server: vLLM, Ollama, LM Studio or a service.
 
-POST URL/chat/completions with the answer's JSON schema as response_format. What may pass is tried again with growing pauses (time-outs,
-408, 409, 425, 429 and 5xx; Retry-After is obeyed); what cannot is one line. The key is read from the environment and written nowhere.
-Layouts ask it one sentence at a time, labels (radartwin.label.server) many questions at once over one client.
+A request is POST URL/chat/completions with a JSON schema for the answer. Time-outs and the status codes in RETRIED are tried again after
+growing pauses, or after the pause that the server asks for in Retry-After; other errors end the request. The key comes from the environment
+and is never written. docs/decisions/012-own-or-library.md says why this is not the openai package.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from radartwin.io.secret import hidden
 if TYPE_CHECKING:
     import httpx
 
-PASSING = {408, 409, 425, 429, 500, 502, 503, 504, 529}
+RETRIED = {408, 409, 425, 429, 500, 502, 503, 504, 529}
 LONGEST_PAUSE_S = 120.0
 
 
 class NoAnswerInTime(BackendError):
-    """One request took too long each time: its own trouble, while any other error is every request's."""
+    """Every try of one request took too long. Other requests may succeed; after any other error they cannot."""
 
 
 @dataclass
 class Endpoint:
-    """Where a model answers. One may serve several threads.
+    """A model on a server. Several threads may share it.
 
     Args:
-        url: base of the API, with its /v1.
-        timeout_s: of one request.
-        requests: tries of one request.
-        pause_s: before the second try; doubled each time.
-        key_variable: the environment variable that holds the bearer token, if there is one.
-        max_tokens: of an answer.
-        key: bearer token, instead of the variable's.
+        url: base address of the API, with /v1.
+        timeout_s: time limit of one try.
+        requests: number of tries of one request.
+        pause_s: pause before the second try; each further pause is twice as long.
+        key_variable: environment variable with the bearer token; it may be unset.
+        max_tokens: longest answer.
+        key: bearer token in place of the variable's.
     Raises:
-        ConfigError: an address that is none; when it is asked, a key that cannot be sent.
+        ConfigError: the address is not valid; on a request, the key cannot be sent.
     """
 
     url: str = field(repr=False)  # it may hold a password
@@ -64,7 +64,7 @@ class Endpoint:
             good = False
         if not good:
             raise ConfigError(f"{self.url.rpartition('@')[2]} is not the address of a server; give http://HOST:PORT/v1")
-        self.down = threading.Event()  # whoever sets it ends the waiting of all
+        self.down = threading.Event()  # when it is set, no request waits for another try
         self._plain = False
 
     @property
@@ -74,31 +74,32 @@ class Endpoint:
         return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], parts.path.rstrip("/"), "", ""))
 
     def client(self) -> httpx.Client:
-        """For several requests; close it."""
+        """A client that several requests can share. The caller closes it."""
         import httpx
 
         return httpx.Client(timeout=self.timeout_s, headers={"Authorization": f"Bearer {key}"} if (key := self._secret) else {})
 
     @property
     def _secret(self) -> str:
-        """The bearer token, or "". Raises ConfigError for one that cannot be sent, without repeating it."""
+        """The bearer token, or "". Raises ConfigError for a token that cannot be sent; the message does not contain the token."""
         key = (self.key if self.key is not None else os.environ.get(self.key_variable, "")).strip()
         if not (key.isascii() and key.isprintable()):
-            raise ConfigError(f"{self.key_variable} holds signs that no key has; copy the key again")
+            raise ConfigError(f"{self.key_variable} holds characters that no key has; copy the key again")
         return key
 
     def complete(
         self, messages: Sequence[Mapping[str, Any]], schema: Mapping[str, Any], name: str, client: httpx.Client | None = None
     ) -> str:
-        """The model's next words.
+        """The model's answer.
 
         Args:
-            messages: {"role", "content"} in the API's form.
-            schema: JSON schema of the answer; a server that refuses response_format is asked without, so check the answer.
-            client: one of `client`, where several requests share it.
+            messages: {"role", "content"} as in the API.
+            schema: JSON schema of the answer. A server that refuses response_format gets the request without it, so the caller checks the
+                answer.
+            client: a client from `client`, if several requests share it.
         Raises:
             NoAnswerInTime: the last try timed out.
-            BackendError: no connection, a refusal, or a server that is none of these.
+            BackendError: there is no connection, the server refuses, or it is not OpenAI-compatible.
         """
         if client is None:
             with self.client() as client:
@@ -108,7 +109,7 @@ class Endpoint:
             body["response_format"] = {"type": "json_schema", "json_schema": {"name": name, "strict": True, "schema": schema}}
         response = self._post(client, body)
         if response.status_code in (400, 422) and "response_format" in body and "response_format" in response.text:
-            self._plain = True  # an old server; the prompt must ask for JSON anyway
+            self._plain = True  # an old server; the prompt asks for JSON as well
             del body["response_format"]
             response = self._post(client, body)
         if response.status_code != 200:
@@ -120,7 +121,7 @@ class Endpoint:
         return hidden(text, self._secret) if isinstance(text, str) else ""
 
     def _post(self, client: httpx.Client, body: Mapping[str, Any]) -> httpx.Response:
-        """The response to a request that was tried until it was none of PASSING."""
+        """The response after as many tries as its status needs."""
         import httpx
 
         problem, error_type = "", BackendError
@@ -131,12 +132,12 @@ class Endpoint:
                 response = client.post(f"{self.url.rstrip('/')}/chat/completions", json=body)
             except httpx.TimeoutException:
                 problem, error_type = f"no answer within {self.timeout_s:g} s", NoAnswerInTime
-            except httpx.ConnectError as error:  # nobody there: waiting does not start a server
+            except httpx.ConnectError as error:  # no server runs, and waiting does not start it
                 raise BackendError(f"{self.shown}: no connection ({error}); start the server, or correct its address") from error
             except httpx.TransportError as error:
                 problem = f"the connection broke ({hidden(str(error), self._secret) or type(error).__name__})"
             else:
-                if response.status_code not in PASSING:
+                if response.status_code not in RETRIED:
                     return response
                 problem = f"status {response.status_code}"
                 pause = min(_retry_after(response, pause), LONGEST_PAUSE_S)
@@ -150,12 +151,12 @@ class Endpoint:
             403: f"set {self.key_variable} to a key that may use the model",
             404: f"check the address and that it serves {self.model}",
         }.get(response.status_code, "see the server's log")
-        said = hidden(" ".join(response.text.split()), self._secret)[:200]
-        return f"{self.shown} refuses with status {response.status_code} ({said}); {remedy}"
+        text = hidden(" ".join(response.text.split()), self._secret)[:200]
+        return f"{self.shown} refuses with status {response.status_code} ({text}); {remedy}"
 
 
 def _retry_after(response: httpx.Response, otherwise: float, now: Callable[[], float] = time.time) -> float:
-    """Seconds that the server asks to wait, as a number or a date; `otherwise` if it does not."""
+    """Seconds to wait by the Retry-After header, which holds a number or a date; `otherwise` without the header."""
     header = response.headers.get("retry-after", "").strip()
     try:
         return max(0.0, float(header))

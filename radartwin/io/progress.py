@@ -1,4 +1,4 @@
-"""Progress of long work: a bar on a terminal, plain lines elsewhere. On standard error, so that results can be piped.
+"""Progress of long work on standard error: a bar on a terminal, plain lines elsewhere.
 
 >>> progress = Progress(quiet=True)
 >>> [x * x for x in progress.over([1, 2, 3], "squares")]
@@ -18,19 +18,19 @@ PLAIN_INTERVAL_S = 5.0
 
 
 class Progress:
-    """Says what is being done. `quiet` silences it, for tests and library use."""
+    """Prints progress. `quiet` switches it off, for tests and library use."""
 
     def __init__(self, quiet: bool = False) -> None:
         self._quiet = quiet
         self._terminal = not quiet and sys.stderr.isatty()
 
     def say(self, line: str) -> None:
-        """One plain line."""
+        """Print one line."""
         if not self._quiet:
             print(line, file=sys.stderr, flush=True)
 
     def over(self, items: Iterable[T], label: str) -> Iterator[T]:
-        """The items, with progress counted as each is done with."""
+        """The items, with progress after each."""
         total = len(items) if isinstance(items, Sized) else None
         with self.task(label, total) as advance:
             for item in items:
@@ -39,7 +39,7 @@ class Progress:
 
     @contextlib.contextmanager
     def task(self, label: str, total: int | None = None) -> Iterator[Callable[[], None]]:
-        """A piece of work of `total` steps; call the value after each."""
+        """Work of `total` steps. Call the yielded function after each step."""
         if self._quiet:
             yield lambda: None
         elif self._terminal:

@@ -1,16 +1,16 @@
-"""Keys and passwords of the environment, so that they are found nowhere else: no log, no message, no artifact."""
+"""Remove keys and passwords of the environment from text before it is logged, shown or stored."""
 
 from __future__ import annotations
 
 import os
 
 VARIABLES = ("RADARTWIN_VLM_KEY", "RADARTWIN_LLM_KEY", "MLFLOW_TRACKING_PASSWORD", "MLFLOW_TRACKING_TOKEN", "HF_TOKEN")
-SHORTEST = 6  # a shorter word may stand in any text by chance
+SHORTEST = 6  # characters; a shorter value may occur in any text by chance
 HIDDEN = "***"
 
 
 def hidden(text: str, *more: str | None) -> str:
-    """The text without the values of these variables and without `more`, which servers and libraries like to repeat.
+    """The text without the values of VARIABLES and of `more`. Error messages of servers and libraries may repeat them.
 
     >>> hidden("invalid key abc-123-def", "abc-123-def")
     'invalid key ***'

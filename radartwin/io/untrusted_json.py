@@ -1,4 +1,4 @@
-"""JSON of strangers: no larger than any of ours, and nested too deeply is malformed like anything else that cannot be read."""
+"""Read JSON from other sources, with limits on size and nesting."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-MAX_BYTES = 256 << 20  # parsed it takes up to twenty times as much; 10,000 poses are 4 MB
+MAX_BYTES = 256 << 20  # parsed JSON takes up to twenty times the memory; 10,000 poses are 4 MB of JSON
 
 
 def load(text: str | bytes) -> Any:
-    """The content of a JSON text. Raises ValueError for one that is malformed, nested too deeply, or too large.
+    """The content of a JSON text. Raises ValueError if it is malformed, nested too deeply or too large.
 
     >>> load("[" * 100_000)
     Traceback (most recent call last):
@@ -25,7 +25,7 @@ def load(text: str | bytes) -> Any:
 
 
 def read(path: Path) -> Any:
-    """The content of a JSON file in UTF-8. Raises ValueError as `load`, before a file that is too large is read; OSError."""
+    """The content of a JSON file in UTF-8. Raises ValueError as `load` does, for a large file without reading all of it; OSError."""
     with path.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
     return load(content.decode("utf-8"))

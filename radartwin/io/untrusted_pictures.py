@@ -1,6 +1,6 @@
-"""Pictures of strangers: the formats that scanners write, and no more pixels than Pillow takes for a picture (179 million).
+"""Open pictures from other sources: only the formats that scanners write, and at most Pillow's limit of 179 million pixels.
 
-Pillow knows fifty formats and asks other programs about some (Ghostscript for EPS), whatever a file's name ends in.
+Pillow detects fifty formats by content and runs other programs for some, such as Ghostscript for EPS.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-FORMATS = ("PNG", "JPEG", "PPM", "TIFF")  # PPM is PGM too
+FORMATS = ("PNG", "JPEG", "PPM", "TIFF")  # PPM includes PGM
 
 
 def open_picture(path: Path) -> Image:
-    """The picture, its head read and its pixels not yet; close it.
+    """The picture with its header read; the pixels are read on first use. The caller closes it.
 
     Raises:
-        FileNotFoundError; OSError: none of these formats, or too many pixels.
+        FileNotFoundError; OSError: the file is of another format or has too many pixels.
     """
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""YAML of strangers: safe types only, and no aliases, with which a line can stand for more than memory holds."""
+"""Read YAML from other sources: only plain types, and no aliases, because a few lines of aliases can expand beyond all memory."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def loader() -> type[yaml.SafeLoader]:
-    """The loader class; reading an alias raises a yaml.YAMLError with its line."""
+    """The loader class. An alias raises a yaml.YAMLError with its line."""
     import yaml
     from yaml.composer import ComposerError
 

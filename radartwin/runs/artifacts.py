@@ -1,6 +1,6 @@
-"""What a run leaves in MLflow besides figures and metrics: its table, its models, the data it rests on, what the machine did.
+"""What a run logs to MLflow besides metrics: its table, models, input data and the load of the machine.
 
-With radartwin/runs/tracking.py, which opens the store, the only module that imports mlflow.
+Only this module and radartwin/runs/tracking.py, which opens the store, import mlflow.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ SYSTEM_METRICS = "MLFLOW_ENABLE_SYSTEM_METRICS_LOGGING"
 
 @dataclass
 class Record:
-    """What a run leaves behind; whoever runs it fills this in.
+    """What the runner logs for a run.
 
     Attributes:
-        rows: of its table.
-        inputs: keys of the products that it rests on, by their kind.
+        rows: the rows of the run's table.
+        inputs: keys of the products that the result was computed from, by kind.
     """
 
     run_id: str = ""
@@ -57,7 +57,7 @@ def tags(table: str, key: str) -> dict[str, str]:
 
 
 def log_table(client: MlflowClient, run_id: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    """The rows as table.csv, which MLflow's page of a run shows as a table."""
+    """Log the rows as table.csv, which MLflow shows as a table on the page of the run."""
     text = io.StringIO()
     writer = csv.DictWriter(text, list(dict.fromkeys(column for row in rows for column in row)), lineterminator="\n")
     writer.writeheader()
@@ -66,12 +66,12 @@ def log_table(client: MlflowClient, run_id: str, rows: Sequence[Mapping[str, Any
 
 
 def log_models(client: MlflowClient, run_id: str, folder: Path) -> None:
-    """Each folder in it as a python_function model, models/NAME of the run; its data is the folder, and nothing is pickled."""
+    """Log each subfolder NAME as a python_function model models/NAME of the run. The subfolder is its data, and nothing is pickled."""
     from mlflow import pyfunc
 
     for model in sorted(folder.iterdir()):
         with tempfile.TemporaryDirectory() as work, warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*Any type hint is inferred")  # of mlflow's own classes, when it is first imported
+            warnings.filterwarnings("ignore", ".*Any type hint is inferred")  # about mlflow's own classes, at its first import
             made = Path(work) / model.name
             requirements = [f"radartwin=={__version__}"]
             pyfunc.save_model(str(made), loader_module=LOADER, data_path=str(model), pip_requirements=requirements)
@@ -79,7 +79,7 @@ def log_models(client: MlflowClient, run_id: str, folder: Path) -> None:
 
 
 def datasets(inputs: Mapping[str, Sequence[str]]) -> list[DatasetInput]:
-    """A dataset per kind of product: its digest is the key of the only one, or that of all their keys."""
+    """One dataset per kind of product. Its digest is the product's key, or a digest of all keys if there are several products."""
     from mlflow.entities import Dataset, DatasetInput
 
     found = []
@@ -94,13 +94,13 @@ def datasets(inputs: Mapping[str, Sequence[str]]) -> list[DatasetInput]:
 
 @contextlib.contextmanager
 def machine(run_id: str, uri: str) -> Iterator[list[Metric]]:
-    """Processor, memory, disk, network and GPU during the `with`, where SYSTEM_METRICS is set as MLflow has it.
+    """Samples of processor, memory, disk, network and GPU load during the `with`, if SYSTEM_METRICS is set.
 
-    The list grows as they are sampled and is logged by the caller: MLflow's own thread would write to the store at any time, and a SQLite
-    that two write to at once fails. How often is MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL, in seconds.
+    The caller logs the samples, because MLflow's own thread would write to the SQLite database at any time and two writers at once fail.
+    MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL sets the interval in seconds.
 
     Raises:
-        BackendError: they are asked for without psutil.
+        BackendError: psutil is not installed.
     """
     from mlflow.entities import Metric
     from mlflow.environment_variables import MLFLOW_ENABLE_SYSTEM_METRICS_LOGGING
@@ -136,12 +136,12 @@ def machine(run_id: str, uri: str) -> Iterator[list[Metric]]:
 
 
 def log_metrics(client: MlflowClient, run_id: str, metrics: Sequence[Metric]) -> None:
-    """Any number of them."""
+    """Log any number of metrics."""
     for first in range(0, len(metrics), BATCH):
         client.log_batch(run_id, metrics=metrics[first : first + BATCH])
 
 
 def comparison(experiment_id: str, run_ids: Sequence[str]) -> str:
-    """Description of a sweep's parent run, Markdown: a link to its jobs side by side, in the dashboard that shows it."""
+    """Description of a sweep's parent run in Markdown: a link that compares its jobs in the dashboard."""
     runs, experiments = (quote(json.dumps(ids, separators=(",", ":"))) for ids in (list(run_ids), [experiment_id]))
     return f"[Compare its {len(run_ids)} latest jobs](#/compare-runs?runs={runs}&experiments={experiments})"

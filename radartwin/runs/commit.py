@@ -1,4 +1,4 @@
-"""Which code made a result, besides `radartwin.__version__`: commit of the checkout and whether it has changes."""
+"""The commit of the checkout that computed a result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 @functools.cache
 def commit() -> tuple[str, bool]:
-    """Commit of the checkout this package runs from and whether files differ from it; ("none", False) outside one."""
+    """Commit of the checkout that this package runs from, and whether files differ from it; ("none", False) outside a checkout."""
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return "none", False

@@ -1,4 +1,4 @@
-"""`radartwin dashboard`: MLflow's own server on loopback, over the runs of the output folder."""
+"""`radartwin dashboard`: MLflow's server on loopback, over the runs of the output folder."""
 
 from __future__ import annotations
 
@@ -12,24 +12,28 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NoReturn
 
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import BackendError, ConfigError
 from radartwin.runs.tracking import Tracker
 
 HOST, USUAL_PORT = "127.0.0.1", 5000
+PAGE = "/#/experiments"  # MLflow's page of experiments
 STARTS_WITHIN_S, ENDS_WITHIN_S = 120, 5
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> int:
-    """Serve until interrupted; the exit status of the server.
+    """Serve until Ctrl-C, SIGTERM or SIGHUP; the exit status of the server.
 
     Args:
-        port: None: 5000, or a free one if that is taken.
+        port: None means 5000, or a free port if 5000 is taken.
     Raises:
-        ConfigError: tracking goes to a server of its own, or is off.
-        BackendError: the port asked for is taken.
+        ConfigError: tracking is off or goes to another server.
+        BackendError: the chosen port is taken.
     """
     tracker = Tracker(config, output)
     if tracker.off:
@@ -38,39 +42,55 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
         raise ConfigError(f"tracking.uri={tracker.uri} is a server of its own; open it in a browser")
     if port and not _free(port):
         raise BackendError(f"port {port} is taken; leave --port out and a free one is found")
-    port = port or next((p for p in (USUAL_PORT,) if _free(p)), 0) or _any_port()
+    port = port or (USUAL_PORT if _free(USUAL_PORT) else _any_port())
     tracker.prepare()
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]
     command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
-    with contextlib.suppress(KeyboardInterrupt):
-        # Without the runners of MLflow's own jobs, seven processes for language models. Ctrl-C reaches us alone; we end the server,
-        # whatever it waits for.
-        environment = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", **os.environ}
+    # MLflow would start seven processes for jobs with language models.
+    environment = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", **os.environ}
+    with contextlib.suppress(KeyboardInterrupt), _interrupted_by_signals():
+        # In a session of its own the server does not receive Ctrl-C, so this process ends the server and all that it started.
         server = subprocess.Popen(command, env=environment, start_new_session=True)
         try:
             threading.Thread(target=_announce, args=(server, port), daemon=True).start()
             return server.wait()
         finally:
+            for number in ENDING:
+                signal.signal(number, signal.SIG_IGN)
             _end(server)
     return 0
 
 
+@contextlib.contextmanager
+def _interrupted_by_signals() -> Iterator[None]:
+    """Within the `with`, each of the signals raises KeyboardInterrupt."""
+
+    def interrupt(*_: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in ENDING}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def _end(server: subprocess.Popen[bytes]) -> None:
-    """End the server and its workers: asked first, then not."""
-    for sign in (signal.SIGTERM, signal.SIGKILL):
+    """End the server and the processes that it started: by SIGTERM, after some seconds by SIGKILL."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(server.pid, sign)
+            os.killpg(server.pid, number)
         with contextlib.suppress(subprocess.TimeoutExpired):
             server.wait(ENDS_WITHIN_S)
-            return
 
 
 def _announce(server: subprocess.Popen[bytes], port: int) -> None:
-    """Say the address once the server answers."""
+    """Print the address of the experiments page once the server answers."""
     address, end = f"http://{HOST}:{port}", time.monotonic() + STARTS_WITHIN_S
     while server.poll() is None and time.monotonic() < end:
         if _answers(f"{address}/health"):
-            print(f"dashboard: {address} (Ctrl-C ends it)", flush=True)
+            print(f"dashboard: {address}{PAGE} (Ctrl-C ends it)", flush=True)
             return
         time.sleep(0.2)
 

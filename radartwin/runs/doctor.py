@@ -1,4 +1,4 @@
-"""What this machine has for the simulation, what is wrong with a recording set, and what to do about it."""
+"""`radartwin doctor`: checks this machine, an output folder or a recording set, and says what to do."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from radartwin import __version__
 from radartwin.errors import OutputError
 from radartwin.io import files
 from radartwin.runs.commit import commit
+from radartwin.store.clean import CACHE, cache_bytes
 
 LIBRARIES = ("mitsuba", "drjit", "numpy", "scipy", "trimesh", "hydra-core", "mlflow", "matplotlib")
-DISK_NEEDED_GB = 5.0  # the quick profile writes well below one, the paper profile a few
+DISK_NEEDED_GB = 5.0  # the quick profile writes less than 1 GB, the paper profile a few
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One line: `missing` makes the machine unusable, `note` does not."""
+    """One line of the report. `missing` makes the machine unusable, `note` does not."""
 
     topic: str
     status: Literal["ok", "note", "missing"]
@@ -32,7 +33,7 @@ class Finding:
 
 
 def doctor(output: Path) -> int:
-    """Print the findings and what to do; 0 if simulations can run here, else 2."""
+    """Print the findings and what to do; exit status 0 if simulations can run here, else 2."""
     findings = list(examine(output))
     for finding in findings:
         print(f"{finding.status:8s}{finding.topic:10s}{finding.text}")
@@ -45,7 +46,7 @@ def doctor(output: Path) -> int:
 
 
 def doctor_data(folder: Path) -> int:
-    """Print everything that is wrong with a recording set, and what is in it; 0 if it can be used, else 2."""
+    """Print all problems of a recording set and its content; exit status 0 if it can be used, else 2."""
     from radartwin.io.progress import Progress
     from radartwin.recordings.checks import examine as examine_set
 
@@ -78,6 +79,7 @@ def examine(output: Path) -> Iterator[Finding]:
     disk = _disk(output)
     yield disk
     if disk.status != "missing":
+        yield from _cache(output)
         yield _tracking(output)
 
 
@@ -111,7 +113,7 @@ def _devices() -> Iterator[Finding]:
         yield Finding("llvm", "ok", f"version {variant.llvm_version(llvm)}, {llvm}")
     else:
         explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
-        text = f"DRJIT_LIBLLVM_PATH={explicit} is none" if explicit else "no library"
+        text = f"DRJIT_LIBLLVM_PATH={explicit} is no library" if explicit else "no library"
         text += f" of version {variant.LLVM_MINIMUM} or newer"
         yield Finding("llvm", "note" if cuda else "missing", text, variant.REMEDY)
     if cuda or llvm is not None:
@@ -135,6 +137,13 @@ def _disk(output: Path) -> Finding:
     enough = free >= DISK_NEEDED_GB
     remedy = "" if enough else f"free {DISK_NEEDED_GB:g} GB or choose another folder with --output DIR"
     return Finding("disk", "ok" if enough else "note", f"{free:.0f} GB free in {folder}", remedy)
+
+
+def _cache(output: Path) -> Iterator[Finding]:
+    if sizes := cache_bytes(output):
+        largest = ", ".join(f"{kind} {size / 1e6:.0f}" for kind, size in list(sizes.items())[:3])
+        text = f"{sum(sizes.values()) / 1e6:.0f} MB in {output / CACHE}; radartwin clean --cache deletes it (largest, MB: {largest})"
+        yield Finding("cache", "ok", text)
 
 
 def _tracking(output: Path) -> Finding:

@@ -1,7 +1,7 @@
-"""What an experiment is to the runner: a module with `run(config, store, progress) -> Result`.
+"""The interface between the runner and an experiment: a module with `run(config, store, progress) -> Result`.
 
-The library finds it by the name its configuration gives (`experiment.name` -> experiments.NAME, or `experiment.module`)
-and never imports it by statement. A finished result is itself a product of the store, so a second run reads it back.
+The runner imports the module that the configuration names (`experiment.module`, or experiments.NAME for `experiment.name`). A finished
+result is a product of the store, so a second run reads it back.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ MODELS = "models"  # folder of a run's product
 
 @dataclass
 class Result:
-    """What one experiment found.
+    """The result of one experiment.
 
     Attributes:
-        table: name of the table it belongs to.
-        rows: one dictionary each; SCORE_COLUMNS and `run_keys`, besides columns that say which case the row is.
-        figures: by name, functions that draw one, or after reading back from the store the files (without suffix).
-        metrics: the scalars to track, about thirty at most; no brackets in their names.
-        keys: the products it was computed from.
+        table: name of the table.
+        rows: dictionaries with columns that name the case, then SCORE_COLUMNS and `run_keys`.
+        figures: by name, functions that draw a figure; for a result read from the store, paths of the files without suffix.
+        metrics: scalars to track, about thirty at most; no brackets in their names.
+        keys: keys of the products that the result was computed from.
         run_key: set by the runner.
-        models: by name, what was trained and may leave the study, or after reading back its folder.
+        models: trained models by name; for a result read from the store, their folders.
     """
 
     table: str
@@ -65,7 +65,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Table:
-    """How the report shows the rows of an experiment of the study: its module declares one as `TABLE`.
+    """How the report shows the rows of an experiment. The experiment's module declares it as `TABLE`.
 
     Attributes:
         name: of the experiment (conf/experiment/NAME.yaml) and of the table's files.
@@ -79,7 +79,7 @@ class Table:
 
 
 class Model(Protocol):
-    """What can be kept in a folder of its own, such as radartwin.recognize.model.Recogniser."""
+    """A model that can be saved in a folder, such as radartwin.recognize.model.Recogniser."""
 
     def save(self, folder: str | Path) -> Path: ...
 
@@ -91,7 +91,7 @@ class Experiment(Protocol):
 
 
 def module_name(experiment: ExperimentConfig) -> str:
-    """Module of the configured experiment. Raises ConfigError where none is named, or by what is no name."""
+    """Name of the module of the configured experiment. Raises ConfigError if no experiment is named, or the name is not valid."""
     if not experiment.module and not experiment.name:
         raise ConfigError("no experiment was named; add experiment=NAME (radartwin run --help lists them)")
     name = experiment.module or f"experiments.{experiment.name}"
@@ -105,7 +105,7 @@ def load(experiment: ExperimentConfig) -> Experiment:
     """The module of the configured experiment, imported.
 
     Raises:
-        ConfigError: it does not exist here, or has no `run`.
+        ConfigError: there is no such module, or it has no function `run`.
     """
     name = module_name(experiment)
     study.add_to_path()
@@ -132,10 +132,10 @@ def declared(experiment: ExperimentConfig) -> Table:
 
 
 def check_rows(table: str, rows: list[dict[str, Any]]) -> None:
-    """Every row has the score columns, a known verdict, and an interval that holds its value.
+    """Check that every row has the score columns, a known verdict, and an interval that holds its value.
 
     Raises:
-        InputError: naming table, row and column.
+        InputError: names table, row and column.
     """
     for number, row in enumerate(rows, 1):
         where = f"table {table}, row {number}"
@@ -154,7 +154,7 @@ def check_rows(table: str, rows: list[dict[str, Any]]) -> None:
 
 
 def save(result: Result, folder: Path) -> None:
-    """Write a result into a product folder under construction, its figures drawn as PNG and PDF."""
+    """Draw the figures and write the result into a product folder under construction."""
     check_rows(result.table, result.rows)
     for name in result.metrics:
         if any(bracket in name for bracket in "[](){}"):
@@ -181,10 +181,10 @@ def save(result: Result, folder: Path) -> None:
 
 
 def read(product: Product) -> Result:
-    """The result a product holds; its figures are paths without suffix (.png, .pdf and .html exist).
+    """The result in a product folder. Its figures are paths without suffix; .png, .pdf and .html exist.
 
     Raises:
-        InputError: a cache from elsewhere whose result is none, or names files outside of its folder.
+        InputError: the product is no result, or names files outside of its folder.
     """
     try:
         content = product.read_json("result")
@@ -197,7 +197,7 @@ def read(product: Product) -> Result:
 
 
 def _plain(value: Any) -> Any:
-    """JSON has no NumPy scalars and no NaN; a value that could not be computed is None."""
+    """The value as JSON can hold it: Python scalars in place of NumPy's, None in place of NaN."""
     if isinstance(value, bool) or value is None or isinstance(value, str):
         return value
     if isinstance(value, numbers.Integral):

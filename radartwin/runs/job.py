@@ -1,11 +1,10 @@
-"""One job of a sweep, as a launcher calls it: run the experiment, leave an outcome, raise nothing.
+"""One job of a sweep, as a launcher calls it: run the experiment, write an outcome, raise nothing.
 
-A job that raised into its launcher would lose the rest of the sweep. So it leaves files in its folder instead, and the
-parent of the sweep reads those, wherever the job ran:
+An exception in a launcher would lose the rest of the sweep. So a job writes files into its folder, and the parent of the sweep reads them:
 
-    started        as soon as it begins: a folder with this and no outcome is of a job that was killed
-    log.txt        what it said, and the traceback of a defect
-    outcome.json   how it ended, written whole
+    started        written first; a folder with this file and no outcome belongs to a job that was killed
+    log.txt        standard error of the job, with the traceback of a defect
+    outcome.json   how the job ended, written atomically
 """
 
 from __future__ import annotations
@@ -37,12 +36,12 @@ STATUSES = (DONE, CACHED, FAILED, REFUSED, UNFINISHED)
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one job ended: done, cached (found finished), failed (a defect, or killed), refused (the user's input), not run.
+    """How one job ended: done, cached (finished before), failed (a defect, or killed), refused (the user's input), not run.
 
     Attributes:
-        line: what was computed, or the reason it failed.
-        seconds: of wall-clock time in the job.
-        log: file with all it said; empty where nothing was said.
+        line: counts of products, or the reason of a failure.
+        seconds: wall-clock time.
+        log: path of the log; empty if the log is empty.
     """
 
     job: str
@@ -62,7 +61,7 @@ class Outcome:
 
     @classmethod
     def read(cls, folder: Path) -> Outcome | None:
-        """The outcome in a job's folder; None as long as there is none."""
+        """The outcome in a job's folder; None if the job has not ended."""
         try:
             return cls(**json.loads((folder / OUTCOME).read_text(encoding="utf-8")))
         except FileNotFoundError:
@@ -70,18 +69,18 @@ class Outcome:
 
 
 def job_name(overrides: Sequence[str]) -> str:
-    """materials=void,seed=1: what tells a job apart from others of its sweep."""
+    """The overrides that distinguish a job from the others of its sweep, such as materials=void,seed=1."""
     return ",".join(f"{key}={value}" for key, value in naming(overrides).items()) or "defaults"
 
 
 def job(composed: DictConfig) -> None:
-    """The task function that Hydra's launchers call, in whatever process."""
+    """The task function that Hydra's launchers call, in any process or on any machine."""
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 
     runtime = HydraConfig.get()
     overrides = list(runtime.overrides.task)
-    unresolved = OmegaConf.to_container(runtime.runtime, resolve=False)  # Hydra wrote a plain path, which may hold ${
+    unresolved = OmegaConf.to_container(runtime.runtime, resolve=False)  # the path may contain ${, which must not be resolved
     folder = Path(cast(dict, unresolved)["output_dir"])
     in_parent = runtime.runtime.choices.get("hydra/launcher") == "basic"
     (folder / STARTED).touch()
@@ -110,7 +109,7 @@ def _outcome(composed: DictConfig, overrides: Sequence[str]) -> Outcome:
 
 @contextlib.contextmanager
 def _logged(path: Path, echo: bool) -> Iterator[None]:
-    """Standard error of this process goes to the file, and in a job of the parent to the terminal as well."""
+    """Write standard error to the file, and with `echo` also to the terminal."""
     with contextlib.ExitStack() as stack:
         log = stack.enter_context(path.open("w", encoding="utf-8", buffering=1))
         stack.enter_context(contextlib.redirect_stderr(cast(Any, _Both(log, sys.stderr)) if echo else log))
@@ -118,7 +117,7 @@ def _logged(path: Path, echo: bool) -> Iterator[None]:
 
 
 class _Both(io.TextIOBase):
-    """Writes to two streams; not a terminal, so that progress comes as lines."""
+    """Writes to two streams. It is not a terminal, so progress is printed as lines."""
 
     def __init__(self, first: TextIO, second: TextIO) -> None:
         self._streams = (first, second)

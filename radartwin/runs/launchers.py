@@ -1,8 +1,8 @@
-"""Hydra's launchers (serial, joblib, SLURM), driven batch by batch so that a sweep outlives the death of a job.
+"""Run the jobs of a sweep with one of Hydra's launchers (serial, joblib, SLURM), so that a killed job does not end the sweep.
 
-Hydra's own multirun hands all jobs to the launcher at once and loses them all with the first killed worker. Here the
-launcher gets the jobs, each leaves its outcome in a folder (radartwin/runs/job.py), and if the launcher breaks down, those
-that were under way are run again one by one: who dies alone is at fault and fails, all others go on together.
+With Hydra's own multirun the first killed worker loses all jobs. Here each job writes an outcome into a folder (radartwin/runs/job.py).
+If the launcher fails, jobs that had started run again one by one. A job that dies again when it runs alone has failed; the others continue
+together.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from radartwin.io import files
 from radartwin.runs.job import FAILED, LOG, STARTED, Outcome, job, job_name
 
 POLL_S = 0.2
-ALONE_TRIES = 2  # a kill may come from outside; two in a row, running alone, do not
+ALONE_TRIES = 2  # one kill may come from outside, two in a row hardly
 
 
 class Launcher:
-    """The launcher that hydra/launcher=... names, for one sweep.
+    """The launcher of one sweep.
 
     Args:
-        hydra_overrides: those of hydra's own settings (`hydra/launcher=joblib`, `hydra.launcher.n_jobs=2`).
-        folder: of the sweep; job N leaves its files in folder/N.
+        hydra_overrides: overrides of Hydra's settings, such as `hydra/launcher=joblib` and `hydra.launcher.n_jobs=2`.
+        folder: folder of the sweep; job N writes its files into folder/N.
         say: receives a line per finished job.
     Raises:
-        ConfigError: an unknown launcher or setting, or one that would call code outside radartwin and the launchers.
+        ConfigError: the launcher or a setting is unknown, or would call code outside radartwin and the launchers.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Launcher:
         self._plugin = launcher([*hydra_overrides, path_override("hydra.sweep.dir", folder)], config_dirs, job)
 
     def run(self, jobs: Mapping[int, Sequence[str]], total: int) -> None:
-        """Run the jobs (overrides by number) until each has an outcome. Raises what stopped all of them from starting."""
+        """Run the jobs (overrides by number) until each has an outcome. Raises the launcher's error if no job has started."""
         waiting = dict(jobs)
         with self._watched(list(jobs), total):
             while waiting:
@@ -57,7 +57,7 @@ class Launcher:
         Outcome(job_name(overrides), FAILED, reason, log=str(log) if log.exists() else "").write(self._place(number))
 
     def _launch(self, jobs: Mapping[int, Sequence[str]]) -> None:
-        """One call of the launcher. A launcher that breaks down after jobs have begun is no error here."""
+        """Call the launcher once. An error of the launcher after jobs have started is ignored, because `run` starts them again."""
         for number in jobs:
             files.make_folder(self._place(number))
             (self._place(number) / STARTED).unlink(missing_ok=True)
@@ -76,7 +76,7 @@ class Launcher:
 
     @contextlib.contextmanager
     def _watched(self, numbers: list[int], total: int) -> Iterator[None]:
-        """Say a line for each outcome as it appears; jobs end in other processes, or on other machines."""
+        """Print a line for each outcome as soon as its file appears."""
         over, said = threading.Event(), total - len(numbers)
 
         def look() -> None:

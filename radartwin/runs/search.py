@@ -1,8 +1,7 @@
-"""`radartwin run --search METRIC`: settings that make a metric largest, or smallest, by Optuna's ask and tell.
+"""`radartwin run --search METRIC`: settings that maximise or minimise a metric, with Optuna.
 
-Optuna proposes, the launcher of the sweep runs, the outcome is told back. The study lies in output/search/NAME.db, named
-for the space that is searched, so the same command goes on where it stopped; a trial whose run is finished is read from
-the cache like any other job.
+Optuna proposes settings, the launcher of the sweep runs them, and Optuna gets the metric. The study is saved in output/search/NAME.db,
+named after the search space, so the same command continues it. A trial whose run is already finished is read from the store.
 """
 
 from __future__ import annotations
@@ -32,8 +31,8 @@ DIRECTIONS = ("maximize", "minimize")
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What is searched for: a metric of the experiment, how often to try, and how many trials at once."""
+class SearchGoal:
+    """The metric to optimise, the number of trials, and how many trials run at once."""
 
     metric: str
     trials: int = 20
@@ -47,11 +46,11 @@ class Wish:
             raise ConfigError(f"--trials {self.trials} and --at-once {self.at_once} must be 1 or more")
 
 
-def search(overrides: Sequence[str], config_dirs: Sequence[Path], wish: Wish) -> int:
-    """Run trials until the study has as many as wished for; print the best. Returns the exit status.
+def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGoal) -> int:
+    """Run trials until the study has enough and print the best one. Returns the exit status.
 
     Raises:
-        ConfigError: nothing to search over, or an experiment without the metric.
+        ConfigError: no override is an interval or a choice, or the experiment does not have the metric.
         BackendError: Optuna is not installed, or its database cannot be used.
     """
     extend_path(config_dirs)
@@ -61,26 +60,26 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], wish: Wish) ->
         raise ConfigError("--search needs a setting to search over, such as 'trajectory.height_m=interval(0.5,1.5)'")
     composer = Composer(config_dirs)
     first = _compose(composer, [*fixed, *_values(searched, _middle)])
-    study, place = _study(first, fixed, searched, wish)
-    with Sweep(first, hydras, config_dirs, f"search {wish.direction} {wish.metric} over {', '.join(searched)}") as running:
-        while (done := len(_finished(study))) < wish.trials:
-            trials = [study.ask(searched) for _ in range(min(wish.at_once, wish.trials - done))]
+    study, place = _study(first, fixed, searched, goal)
+    with Sweep(first, hydras, config_dirs, f"search {goal.direction} {goal.metric} over {', '.join(searched)}") as running:
+        while (done := len(_finished(study))) < goal.trials:
+            trials = [study.ask(searched) for _ in range(min(goal.at_once, goal.trials - done))]
             jobs = {trial.number: _job(composer, fixed, trial) for trial in trials}
-            running.run(jobs, total=wish.trials)
+            running.run(jobs, total=goal.trials)
             for trial in trials:
-                _tell(study, trial, running.outcomes[trial.number], wish.metric)
+                _report(study, trial, running.outcomes[trial.number], goal.metric)
     status = running.close()
-    print(f"search: {len(_finished(study))} trials in {place}; {_best(study, wish)}")
+    print(f"search: {len(_finished(study))} trials in {place}; {_best(study, goal)}")
     return status
 
 
 def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistribution]]:
-    """The overrides that stay, and the distribution of each that is searched.
+    """The fixed overrides, and the distribution of each searched setting.
 
-    interval(a,b) is continuous, tag(log,interval(a,b)) on a logarithmic scale, range(a,b,step) steps, a,b,c a choice.
+    interval(a,b) is continuous, tag(log,interval(a,b)) continuous on a logarithmic scale, range(a,b,step) and a,b,c are choices.
 
     Raises:
-        ConfigError: an override that cannot be read, or an interval that holds nothing.
+        ConfigError: an override cannot be parsed, or an interval is empty.
     """
     optuna = _optuna()
     fixed, searched = [], {}
@@ -100,18 +99,18 @@ def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistributi
     return fixed, searched
 
 
-def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribution], wish: Wish) -> tuple[Study, Path]:
-    """The study of this space, opened or made; trials that a killed process left are tried again."""
+def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribution], goal: SearchGoal) -> tuple[Study, Path]:
+    """The study of this space and its file, opened or created. Trials of a killed process are queued again."""
     optuna = _optuna()
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     described = {key: repr(distribution) for key, distribution in searched.items()}
-    told = {"space": described, "fixed": sorted(fixed), "metric": wish.metric, "direction": wish.direction}
-    name = f"{first.experiment.name or 'search'}-{spec_digest(told)[:8]}"
+    identity = {"space": described, "fixed": sorted(fixed), "metric": goal.metric, "direction": goal.direction}
+    name = f"{first.experiment.name or 'search'}-{spec_digest(identity)[:8]}"
     place = files.make_folder(Path(first.output).absolute() / "search") / f"{name}.db"
     try:
         with files.lock(place.with_name(f".{place.name}.lock")):
             storage = optuna.storages.RDBStorage(f"sqlite:///{place.as_posix()}", engine_kwargs={"connect_args": {"timeout": 60}})
-            study = optuna.create_study(storage=storage, study_name=name, direction=wish.direction, load_if_exists=True)
+            study = optuna.create_study(storage=storage, study_name=name, direction=goal.direction, load_if_exists=True)
     except Exception as error:  # SQLAlchemy's, alembic's and SQLite's own
         if isinstance(error, UserError):
             raise
@@ -136,7 +135,7 @@ def _compose(composer: Composer, overrides: list[str]) -> Config:
         raise ConfigError(f"{job_name(overrides)}: {error}") from error
 
 
-def _tell(study: Study, trial: Trial, outcome: Outcome, metric: str) -> None:
+def _report(study: Study, trial: Trial, outcome: Outcome, metric: str) -> None:
     optuna = _optuna()
     value = outcome.metrics.get(metric)
     if outcome.finished and value is None:
@@ -151,19 +150,19 @@ def _tell(study: Study, trial: Trial, outcome: Outcome, metric: str) -> None:
 
 
 def _finished(study: Study) -> list[Any]:
-    """Trials that count: scored ones, and failed ones that were run; not those a kill cut short."""
+    """Completed trials, and failed trials that have a reason; not those that a kill interrupted."""
     optuna = _optuna()
     complete = study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.FAIL))
     return [trial for trial in complete if trial.state == optuna.trial.TrialState.COMPLETE or "reason" in trial.user_attrs]
 
 
-def _best(study: Study, wish: Wish) -> str:
+def _best(study: Study, goal: SearchGoal) -> str:
     try:
         best = study.best_trial
     except ValueError:
         return "none succeeded"
     settings = " ".join(f"{key}={_text(value)}" for key, value in best.params.items())
-    return f"best {wish.metric} = {best.value:.6g} at {settings}, run {best.user_attrs['run_key'][:8]}"
+    return f"best {goal.metric} = {best.value:.6g} at {settings}, run {best.user_attrs['run_key'][:8]}"
 
 
 def _values(searched: dict[str, BaseDistribution], choose: Any) -> list[str]:

@@ -1,7 +1,7 @@
-"""A sweep on SLURM: hydra-submitit-launcher submits it, and what became of each job is asked of the queue itself.
+"""A sweep on SLURM: hydra-submitit-launcher submits the jobs, and squeue says which of them still run.
 
-The launcher's own waiting stops at the first job that was killed, and waits for ever where the cluster keeps no
-accounting. Here a job is over when it has left its outcome (radartwin/runs/job.py), or when the queue no longer holds it.
+The launcher's own waiting stops at the first killed job, and never ends on a cluster without accounting. Here a job has ended when its
+outcome is written (radartwin/runs/job.py) or when the queue no longer holds the job.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from radartwin.errors import BackendError
 from radartwin.runs.job import FAILED, LOG, Outcome, job_name
 
 POLL_S = float(os.environ.get("RADARTWIN_SLURM_POLL", "5"))
-GRACE_S = 4 * POLL_S  # a file written on a node is seen here a little later
+GRACE_S = 4 * POLL_S  # a file written on a node appears here with a delay
 WAITING = ("PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "REQUEUED", "SUSPENDED", "RESIZING", "SIGNALING", "STAGE_OUT", "STOPPED")
 
 
 class SlurmSweep(SlurmLauncher):
-    """The launcher that hydra/launcher=slurm names; its settings are those of submitit_slurm."""
+    """The launcher of hydra/launcher=slurm, with the settings of submitit_slurm."""
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[Any]:
         """Submit the jobs as one array and return when each has an outcome.
 
         Raises:
-            BackendError: there is no SLURM here, or it refuses the submission.
+            BackendError: SLURM is not installed here, or refuses the submission.
         """
         from hydra.core.singleton import Singleton
         from submitit import AutoExecutor
@@ -40,13 +40,13 @@ class SlurmSweep(SlurmLauncher):
         assert self.config is not None
         own = {"submitit_folder", "max_num_timeout"}
         shared = set(BaseQueueConf.__dataclass_fields__)
-        asked = {name if name in shared else f"slurm_{name}": value for name, value in self.params.items() if name not in own}
+        settings = {name if name in shared else f"slurm_{name}": value for name, value in self.params.items() if name not in own}
         numbers = range(initial_job_idx, initial_job_idx + len(job_overrides))
         try:
             executor = AutoExecutor(
                 folder=self.params["submitit_folder"], cluster="slurm", slurm_max_num_timeout=self.params["max_num_timeout"]
             )
-            executor.update_parameters(**asked)
+            executor.update_parameters(**settings)
             count, names = len(job_overrides), [str(number) for number in numbers]
             submitted = executor.map_array(
                 self, [list(o) for o in job_overrides], ["hydra.sweep.dir"] * count, numbers, names, [Singleton.get_state()] * count
@@ -60,7 +60,7 @@ class SlurmSweep(SlurmLauncher):
         return []
 
     def _wait(self, jobs: dict[str, Sequence[str]]) -> None:
-        """Until each job has an outcome; one the queue no longer holds gets a failed one."""
+        """Wait until each job has an outcome. A job that left the queue without an outcome has failed."""
         array, gone_since = _array(list(jobs)), dict[str, float]()
         while True:
             jobs = {job: overrides for job, overrides in jobs.items() if Outcome.read(self._place(overrides)) is None}
@@ -72,30 +72,30 @@ class SlurmSweep(SlurmLauncher):
                 if states is UNREACHABLE or state in WAITING:
                     gone_since.pop(job, None)
                 elif time.monotonic() - gone_since.setdefault(job, time.monotonic()) >= GRACE_S:
-                    self._gone(job, overrides, state)
+                    self._fail(job, overrides, state)
             time.sleep(POLL_S)
 
-    def _gone(self, job: str, overrides: Sequence[str], state: str) -> None:
+    def _fail(self, job: str, overrides: Sequence[str], state: str) -> None:
         place = self._place(overrides)
         assert self.config is not None
-        ours, theirs = place / LOG, Path(str(self.config.hydra.sweep.dir)) / "slurm" / job / f"{job}_0_log.err"
-        log = next((str(path) for path in (ours, theirs) if path.exists() and path.stat().st_size), "")
+        own_log, slurm_log = place / LOG, Path(str(self.config.hydra.sweep.dir)) / "slurm" / job / f"{job}_0_log.err"
+        log = next((str(path) for path in (own_log, slurm_log) if path.exists() and path.stat().st_size), "")
         reason = f"SLURM job {job} ended {state or 'and left the queue'} without a result"
         named = [o for o in overrides if not o.startswith("hydra.")]
         Outcome(job_name(named), FAILED, reason, log=log).write(place)
 
     def _place(self, overrides: Sequence[str]) -> Path:
-        """The folder of a job; radartwin/runs/launchers.py gives its name by an override."""
+        """The folder of a job. radartwin/runs/launchers.py names it by an override."""
         assert self.config is not None
         name = next(o.partition("=")[2].strip("'") for o in overrides if o.startswith("hydra.sweep.subdir="))
         return Path(str(self.config.hydra.sweep.dir)) / name
 
 
-UNREACHABLE: dict[str, str] = {}  # no answer from the queue, which is not the answer that it is empty
+UNREACHABLE: dict[str, str] = {}  # the queue did not answer; an empty queue is another dictionary
 
 
 def queue_states(array: str) -> dict[str, str]:
-    """State of each job of an array that the queue still knows, by its id, such as {"12_3": "RUNNING"}."""
+    """States of the jobs of an array that the queue still knows, by job id, such as {"12_3": "RUNNING"}."""
     command = ["squeue", "--noheader", "--array", "--states=all", f"--jobs={array}", "--format=%i %T"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode and "Invalid job id" not in done.stderr:

@@ -1,4 +1,4 @@
-"""Finding the study: experiments/ and analysis/ are run from a checkout and are not part of the wheel."""
+"""Import experiments/ and analysis/, which are in a checkout of the repository but not in the wheel."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from radartwin.errors import MissingError
 
 
 def add_to_path() -> Path | None:
-    """Make experiments/ and analysis/ importable from the checkout that holds them; its root, or None outside a
-    checkout.
-    """
+    """Make experiments/ and analysis/ importable; the root of their checkout, or None outside a checkout."""
     for root in (Path(__file__).resolve().parents[2], Path.cwd()):
         if (root / "experiments" / "__init__.py").is_file() and (root / "analysis" / "__init__.py").is_file():
             if str(root) not in sys.path:

@@ -1,8 +1,7 @@
-"""`radartwin run -m`: one job per combination of values, what is finished skipped, a table at the end.
+"""`radartwin run -m`: one job per combination of values, and a table of jobs at the end.
 
-All jobs are composed before anything starts, so that a wrong key costs nothing, and each one's run key is looked up: a
-finished run is read, not launched. The rest goes to the launcher that hydra/launcher names. Nothing of a sweep is
-remembered but its runs, so the same command resumes it, after a kill as after a mistake was mended.
+All jobs are composed before the first one starts, so that a wrong key is found early. A finished run is read from the store; the launcher
+that hydra/launcher names runs the others. A sweep has no state beside its runs, so the same command resumes it.
 """
 
 from __future__ import annotations
@@ -29,27 +28,27 @@ TABLE = "jobs.csv"
 
 
 def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
-    """Run every combination. Returns 0 if all are done, 1 if one failed, 2 if one was refused."""
+    """Run every combination. Returns 0 if all jobs are done, 1 if a job failed, 2 if a job was refused."""
     extend_path(config_dirs)
     ours, hydras = split(overrides)
     jobs = combinations(ours)
     configs = composed(jobs, config_dirs)
-    told = " ".join(override for override in ours if naming([override]))
-    with Sweep(configs[0], hydras, config_dirs, told) as running:
+    title = " ".join(override for override in ours if naming([override]))
+    with Sweep(configs[0], hydras, config_dirs, title) as running:
         running.run({number: (job, config) for number, (job, config) in enumerate(zip(jobs, configs, strict=True))})
     return running.close()
 
 
 class Sweep:
-    """A sweep under way: its folder, its parent run in MLflow, its launcher, and the outcomes so far.
+    """A running sweep: its folder, its parent run in MLflow, its launcher, and the outcomes so far.
 
     Args:
-        first: configuration of any of its jobs: the table and the output are the same for all.
+        first: configuration of one of its jobs; all jobs have the same table and output.
         hydra_overrides: the launcher and its settings.
-        told: the overrides that tell it from other sweeps of the table; the name of its parent run.
+        title: name of the parent run: the overrides that distinguish the sweep from others of the same table.
     """
 
-    def __init__(self, first: Config, hydra_overrides: Sequence[str], config_dirs: Sequence[Path], told: str) -> None:
+    def __init__(self, first: Config, hydra_overrides: Sequence[str], config_dirs: Sequence[Path], title: str) -> None:
         load(first.experiment)
         table = first.experiment.name or module_name(first.experiment)
         stamp = f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{uuid.uuid4().hex[:6]}"
@@ -57,7 +56,7 @@ class Sweep:
         self.outcomes: dict[int, Outcome] = {}
         self._launcher = Launcher(hydra_overrides, config_dirs, self.folder)
         self._tracker = Tracker(first.tracking, Path(first.output))
-        self._title = (table, told or table)
+        self._title = (table, title or table)
         self._parent: str | None = None
         self._jobs: dict[int, list[str]] = {}
 
@@ -72,7 +71,7 @@ class Sweep:
             status = "FINISHED" if all(o.finished for o in self.outcomes.values()) else "FAILED"
         else:
             status = "KILLED" if issubclass(kind, KeyboardInterrupt) else "FAILED"
-            print(self._counted())
+            print(self._totals())
         try:
             self._write()
         finally:
@@ -80,7 +79,7 @@ class Sweep:
             self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
 
     def run(self, jobs: Mapping[int, tuple[list[str], Config]], total: int | None = None) -> None:
-        """Run the jobs (overrides and configuration by number), those that are finished read back."""
+        """Run the jobs (overrides and configuration by number); finished ones are read from the store."""
         total = total or len(jobs)
         self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
         waiting: dict[int, list[str]] = {}
@@ -95,9 +94,9 @@ class Sweep:
         self._collect()
 
     def close(self) -> int:
-        """Print the table of jobs; the exit status."""
+        """Print the table of jobs. Returns the exit status."""
         print(table_text(self.outcomes.values()))
-        print(self._counted())
+        print(self._totals())
         statuses = {outcome.status for outcome in self.outcomes.values()}
         return 1 if statuses & {FAILED, UNFINISHED} else 2 if REFUSED in statuses else 0
 
@@ -108,7 +107,7 @@ class Sweep:
                 stopped = "stopped before its end" if (folder / STARTED).exists() else "not begun"
                 self.outcomes[number] = Outcome.read(folder) or Outcome(job_name(overrides), UNFINISHED, stopped)
 
-    def _counted(self) -> str:
+    def _totals(self) -> str:
         count = {status: sum(o.status == status for o in self.outcomes.values()) for status in STATUSES}
         shown = {status: n for status, n in count.items() if n or status != UNFINISHED}
         return "sweep: " + ", ".join(f"{n} {status}" for status, n in shown.items()) + f"; {self.folder / TABLE}"
@@ -118,13 +117,13 @@ class Sweep:
 
 
 def split(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The overrides of the study, and those of Hydra's own settings (the launcher)."""
+    """The overrides of the experiment, and those of Hydra's own settings."""
     hydras = [o for o in overrides if o.lstrip("+~").startswith(("hydra.", "hydra/"))]
     return [o for o in overrides if o not in hydras], hydras
 
 
 def composed(jobs: Sequence[list[str]], config_dirs: Sequence[Path] = ()) -> list[Config]:
-    """Each job's configuration. Raises ConfigError for the first that cannot be composed, named."""
+    """The configuration of each job. Raises ConfigError that names the first job whose configuration is wrong."""
     configs, composer = [], Composer(config_dirs)
     for job in jobs:
         try:
@@ -135,13 +134,13 @@ def composed(jobs: Sequence[list[str]], config_dirs: Sequence[Path] = ()) -> lis
 
 
 def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
-    """The outcome of a job whose run is finished already; None if it has to run."""
+    """The outcome of a job whose run is already finished; None if the job has to run."""
     started = time.monotonic()
     try:
         if not finished(config):
             return None
         result, counts = run_experiment(config, overrides, Progress(quiet=True))
-    except UserError:  # the job itself will say so
+    except UserError:  # the job itself reports the error
         return None
     return Outcome(
         job_name(overrides), CACHED, str(counts), result.run_key, round(time.monotonic() - started, 3), metrics=dict(result.metrics)
@@ -149,7 +148,7 @@ def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
 
 
 def table_text(outcomes: Iterable[Outcome]) -> str:
-    """The closing table: a line per job, with the reason and the log of those that did not finish."""
+    """One line per job, with the reason and the log of each job that did not finish."""
     lines = []
     for outcome in sorted(outcomes, key=lambda o: STATUSES.index(o.status)):
         log = f"; log {outcome.log}" if outcome.log and not outcome.finished else ""
@@ -158,7 +157,7 @@ def table_text(outcomes: Iterable[Outcome]) -> str:
 
 
 def table_csv(outcomes: Iterable[Outcome]) -> str:
-    """The table of jobs in their order: job, status, run_key, line, log, seconds, and a column per metric."""
+    """The jobs as CSV: job, status, run_key, a column per metric, line, log, seconds."""
     rows = list(outcomes)
     metrics = sorted({name for row in rows for name in row.metrics})
     text = io.StringIO()

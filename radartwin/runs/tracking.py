@@ -1,8 +1,8 @@
-"""Runs in MLflow: SQLite in the output folder by default, or a server. What a run leaves there is in radartwin/runs/artifacts.py.
+"""Track runs in MLflow: in SQLite in the output folder, or on a server.
 
-Several processes that open a fresh SQLite store at once destroy it, and writers that meet give up. So everything that
-touches the database happens under one file lock, starting with its creation; artifacts are plain files and need none. A
-run is written in two short visits: created, and ended with all its metrics, tags and datasets.
+Several processes that open a new SQLite database at once destroy it, and writers that meet fail. So one file lock protects every access to
+the database; artifacts are plain files and need no lock. A run locks the database twice for a short time: to create the run, and to end it
+with all metrics, tags and datasets.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ if TYPE_CHECKING:
     from mlflow.entities import Metric
 
 DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
-KIND = {"mlflow.experimentKind": "custom_model_development"}  # its page opens on the table of runs, not on traces
-PROCESS = "process"  # tag: host and process that compute a run
-COMPARED = 100  # jobs of a sweep that the link of its parent run compares
+KIND = {"mlflow.experimentKind": "custom_model_development"}  # then the page of an experiment opens on the table of runs
+PROCESS = "process"  # tag: host and process id that compute a run
+COMPARED = 100  # number of jobs that the link of a parent run compares
 MAX_METRICS = 40  # about thirty scalars a run; curves and tables are artifacts
 
 
 class Tracker:
-    """Tracking of one output folder. `Tracker(config, output)` opens nothing; `prepare` does.
+    """Tracking of one output folder. The constructor only checks the database; `prepare` opens it.
 
     Args:
-        config: backend off makes every method a no-op.
+        config: with backend "off" every method does nothing.
         output: root of everything written.
     Raises:
-        BackendError, OutputError: a SQLite database that cannot be opened or made.
+        BackendError, OutputError: the SQLite database cannot be opened or created.
     """
 
     def __init__(self, config: TrackingConfig, output: Path) -> None:
@@ -61,7 +61,7 @@ class Tracker:
 
     @property
     def artifacts(self) -> str | None:
-        """Where artifacts lie beside a SQLite database, as a URI; a server decides for itself."""
+        """Folder of the artifacts beside a SQLite database, as a URI; None for a server."""
         return (self._database.absolute().parent / ARTIFACTS).as_uri() if self._database else None
 
     @property
@@ -70,19 +70,19 @@ class Tracker:
         return self._database.with_name(f".{self._database.name}.lock")
 
     def prepare(self) -> None:
-        """Create or open the store. The parent of a sweep calls it before its jobs start."""
+        """Create or open the store. The parent of a sweep calls this before its jobs start."""
         if not self.off:
             with self._exclusive():
                 self._connect()
 
     @contextlib.contextmanager
     def run(self, table: str, key: str, name: str, params: Mapping[str, str]) -> Iterator[Record]:
-        """Track the work inside the `with`: finished with the record's metrics and artifacts, or failed with the error.
+        """Track the work inside the `with` as a run that finishes with the record's metrics and artifacts, or fails with the error.
 
         Args:
-            table: the MLflow experiment it belongs to.
-            key: run key, a tag. An unfinished run of the same key is a killed one, and is marked so.
-            name: without the key; it is added.
+            table: name of the MLflow experiment.
+            key: run key, a tag. An unfinished run of the same key was killed and is marked as killed.
+            name: name of the run; the short key is appended.
         """
         record = Record()
         if self.off:
@@ -90,9 +90,9 @@ class Tracker:
             return
         with self._visit() as client:
             experiment_id = self._experiment(client, table)
-            self._bury(client, experiment_id, key)
-            told = {**artifacts.tags(table, key), PROCESS: f"{socket.gethostname()}:{os.getpid()}"}
-            record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", told, self.parent_run_id)
+            self._mark_killed(client, experiment_id, key)
+            tags = {**artifacts.tags(table, key), PROCESS: f"{socket.gethostname()}:{os.getpid()}"}
+            record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", tags, self.parent_run_id)
         began, clock = int(time.time() * 1000), time.monotonic()
         status, error = "FINISHED", ""
         samples: list[Metric] = []
@@ -103,17 +103,14 @@ class Tracker:
             status, error = "KILLED" if isinstance(raised, KeyboardInterrupt) else "FAILED", hidden(str(raised))[:500]
             raise
         finally:
-            ended = began + int((time.monotonic() - clock) * 1000)  # the wall clock may have been set meanwhile
+            ended = began + int((time.monotonic() - clock) * 1000)  # monotonic, because the wall clock may be set during the run
             try:
                 self._end(record, params, samples, status, error, ended)
             except (BackendError, OutputError) as lost:
                 warnings.warn(f"run {key[:8]} is not in MLflow as it ended: {lost}; what it computed is kept", stacklevel=1)
 
     def sweep(self, table: str, name: str) -> str | None:
-        """Open the parent run of a sweep and return its id for the jobs; None when tracking is off.
-
-        The same sweep, started again, goes on under the parent it had.
-        """
+        """Open the parent run of a sweep and return its id; None if tracking is off. A sweep that is resumed keeps its parent run."""
         if self.off:
             return None
         sweep_key = hashlib.sha256(f"{table} {name}".encode()).hexdigest()[:32]
@@ -126,7 +123,7 @@ class Tracker:
             return self._create(client, experiment_id, name, {**artifacts.tags(table, "sweep"), "sweep_key": sweep_key}, None)
 
     def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"], table: Path | None = None) -> None:
-        """End the parent run, with the table of its jobs and a link that compares them; what fails costs a warning."""
+        """End the parent run with the table of its jobs and a link that compares them. A failure is only a warning."""
         if run_id is None:
             return
         try:
@@ -142,7 +139,7 @@ class Tracker:
             warnings.warn(f"the sweep is not in MLflow as it ended: {lost}; its runs are kept", stacklevel=1)
 
     def known(self, table: str, key: str) -> bool:
-        """Whether a run of this key is recorded as finished, or a living process of this machine is about to record it."""
+        """Whether a run of this key is finished in the store, or a living process of this machine computes it."""
         if self.off:
             return True
         with self._visit() as client:
@@ -151,16 +148,16 @@ class Tracker:
 
     @contextlib.contextmanager
     def _visit(self) -> Iterator[MlflowClient]:
-        """The store, under its lock; what goes wrong with it in the meantime is a BackendError."""
+        """The store, under its lock. Errors of the store become BackendError."""
         with self._exclusive():
             client = self._connect()
-            with _told(self.uri):
+            with _store_errors(self.uri):
                 yield client
 
     def _connect(self) -> MlflowClient:
         if self._client is None:
             quieten()
-            with _told(self.uri), _impatient():
+            with _store_errors(self.uri), _short_timeouts():
                 from mlflow import MlflowClient
 
                 client = MlflowClient(tracking_uri=self.uri)
@@ -179,7 +176,7 @@ class Tracker:
     def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
         return list(client.search_runs([experiment_id], filter_string=f"tags.`run_key` = '{key}'"))
 
-    def _bury(self, client: MlflowClient, experiment_id: str, key: str) -> None:
+    def _mark_killed(self, client: MlflowClient, experiment_id: str, key: str) -> None:
         for run in self._of_key(client, experiment_id, key):
             if run.info.status == "RUNNING":
                 client.set_terminated(run.info.run_id, "KILLED")
@@ -195,7 +192,7 @@ class Tracker:
 
         if len(record.metrics) > MAX_METRICS:
             raise ValueError(f"{len(record.metrics)} metrics in one run; keep {MAX_METRICS} and write the rest as an artifact")
-        with _told(self.uri):
+        with _store_errors(self.uri):
             client = self._connect()
             for path in record.artifacts:
                 if path.name == MODELS and path.is_dir():
@@ -228,17 +225,17 @@ class Tracker:
 
 
 def quieten() -> None:
-    """No telemetry, no migration log, no complaint about a missing git: before the first import of mlflow."""
+    """Switch off telemetry, the migration log and the warning about a missing git. Call this before the first import of mlflow."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("DO_NOT_TRACK", "true")
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
     logging.getLogger("alembic").setLevel(logging.WARNING)
-    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # what it says is raised as well, and told by `_unusable`
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # the same error is raised and reported by `_unusable`
 
 
 def _check_database(path: Path) -> None:
-    """Refuse at once what mlflow would retry for minutes, saying so each time."""
+    """Refuse a database that cannot work, because mlflow would retry for minutes."""
     if signs := [sign for sign in "?#%" if sign in str(path)]:
         raise _unusable(path, f"mlflow misreads '{signs[0]}' in the path of a database")
     if not path.exists():
@@ -254,8 +251,8 @@ def _check_database(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def _told(uri: str) -> Iterator[None]:
-    """Errors of the store as one line that names it."""
+def _store_errors(uri: str) -> Iterator[None]:
+    """Turn errors of the store into one line that names the store."""
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
@@ -268,8 +265,8 @@ def _told(uri: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _impatient() -> Iterator[None]:
-    """Ask a server for its first answer twice, 10 s each, where mlflow would ask for minutes; the user's settings win."""
+def _short_timeouts() -> Iterator[None]:
+    """Try a server twice for 10 s each, where mlflow would try for minutes. The user's settings take precedence."""
     ours = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1", "MLFLOW_HTTP_REQUEST_TIMEOUT": "10"}
     added = {name: value for name, value in ours.items() if name not in os.environ}
     os.environ.update(added)
@@ -286,13 +283,13 @@ def _unusable(store: object, reason: str) -> BackendError:
 
 
 def _one_line(error: Exception) -> str:
-    """What SQLite said, out of the layers around it; else the first line."""
+    """The message of SQLite inside the errors around it; otherwise the first line."""
     if found := re.search(r"\(sqlite3\.\w+\) ([^\n\[]+)", str(error)):
         return found.group(1).strip()
     return hidden((str(error).splitlines() or [type(error).__name__])[0])[:200]
 
 
 def _alive(found: Mapping[str, str]) -> bool:
-    """Whether the process that a run's tags name runs on this machine."""
+    """Whether the process in the tags of a run still runs on this machine."""
     host, _, process = found.get(PROCESS, "").rpartition(":")
     return host == socket.gethostname() and process.isdecimal() and files.alive(int(process))

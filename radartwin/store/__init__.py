@@ -1,1 +1,1 @@
-"""The store of computed products and the digests that form its keys."""
+"""The store of computed products, the cache of arrays, and the digests that form their keys."""

@@ -12,7 +12,7 @@ import pytest
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 HEAVY = ("hydra", "omegaconf", "mlflow", "mitsuba", "drjit", "numpy", "scipy", "trimesh", "matplotlib", "pandas", "plotly")
-VERBS = ("run", "tables", "simulate", "process", "import", "export", "reconstruct", "label", "view", "dashboard", "report", "doctor")
+VERBS = ("run", "tables", "simulate", "process", "import", "export", "reconstruct", "label", "view", "dashboard", "report", "doctor", "clean")
 ROOT = Path(__file__).resolve().parents[2]
 
 

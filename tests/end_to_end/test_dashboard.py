@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-import os
 import signal
 import socket
 import subprocess
@@ -11,7 +11,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -48,29 +48,55 @@ def listening(port: int) -> set[str]:
     return found
 
 
+@contextlib.contextmanager
+def serving(output: Path, port: int) -> Iterator[subprocess.Popen[str]]:
+    """The running command, after it has printed its address."""
+    command = [sys.executable, "-m", "radartwin", "dashboard", "--output", str(output), "--port", str(port)]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True)
+    assert server.stdout is not None
+    try:
+        line = next((line for line in server.stdout if "dashboard:" in line), "")
+        assert f"http://127.0.0.1:{port}/#/experiments " in line, "the server stopped before it answered"
+        yield server
+    finally:
+        server.terminate()
+        server.wait(20)
+        server.stdout.close()
+
+
 def test_the_dashboard_shows_the_runs_of_the_output_folder(tmp_path: Path) -> None:
     with Tracker(TrackingConfig(), tmp_path).run("environment", "a" * 32, "materials=void", {}) as record:
         record.metrics = {"correlation_2m": 0.42}
     address = f"http://127.0.0.1:{(port := free_port())}"
-    command = [sys.executable, "-m", "radartwin", "dashboard", "--output", str(tmp_path), "--port", str(port)]
-    server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
-    try:
-        for _ in range(240):
-            try:
-                assert answer(f"{address}/health") == "OK"
-                break
-            except (urllib.error.URLError, ConnectionError):
-                assert server.poll() is None, "the server stopped"
-                time.sleep(0.25)
+    with serving(tmp_path, port):
+        assert answer(f"{address}/health") == "OK"
         assert "mlflow" in answer(address).lower()
         assert listening(port) == {"127.0.0.1"}
-        with pytest.raises(urllib.error.HTTPError, match="403"):  # a page elsewhere whose name leads here
+        with pytest.raises(urllib.error.HTTPError, match="403"):  # a foreign page whose host name leads here
             answer(address, headers={"Host": "attacker.example"})
         experiments = json.loads(answer(f"{address}/api/2.0/mlflow/experiments/search?max_results=10"))["experiments"]
         chosen = [e["experiment_id"] for e in experiments if e["name"] == "environment"]
         query = json.dumps({"experiment_ids": chosen}).encode()
         runs = json.loads(answer(f"{address}/api/2.0/mlflow/runs/search", query))["runs"]
         assert [(m["key"], m["value"]) for m in runs[0]["data"]["metrics"]] == [("correlation_2m", 0.42)]
-    finally:
-        os.killpg(server.pid, signal.SIGINT)
-        server.wait(20)
+
+
+def descendants(pid: int) -> list[int]:
+    """Processes that a process started, directly or indirectly."""
+    children = [int(word) for path in Path(f"/proc/{pid}/task").glob("*/children") for word in path.read_text().split()]
+    return children + [grandchild for child in children for grandchild in descendants(child)]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_server_with_all_its_processes_and_frees_the_port(tmp_path: Path, number: signal.Signals) -> None:
+    port = free_port()
+    with serving(tmp_path, port) as command:
+        started = descendants(command.pid)
+        assert len(started) >= 1
+        command.send_signal(number)
+        assert command.wait(20) == 0
+        assert listening(port) == set()
+        end = time.monotonic() + 10
+        while any(Path(f"/proc/{pid}").exists() and " Z " not in Path(f"/proc/{pid}/stat").read_text() for pid in started):
+            assert time.monotonic() < end, "a process of the server lives on"
+            time.sleep(0.1)
