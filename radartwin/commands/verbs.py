@@ -121,18 +121,18 @@ def label(options: argparse.Namespace) -> int:
     """Options that are not given take their value from conf/materials/vlm.yaml."""
     from radartwin.config.compose import compose
     from radartwin.io.progress import Progress
-    from radartwin.label.labelling import Wishes, label_folder
+    from radartwin.label.labelling import LabelOptions, label_folder
 
     names = ("provider", "model", "url", "timeout_s", "concurrency", "views")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     materials = replace(compose(["materials=vlm"]).materials, **given)
-    wishes = Wishes(
+    label_options = LabelOptions(
         **{name: getattr(materials, name) for name in names},
         export=options.export,
         answers=options.answers,
         missing=options.missing,
     )
-    for line in label_folder(options.scene, wishes, Progress()):
+    for line in label_folder(options.scene, label_options, Progress()):
         print(line)
     return 0
 
