@@ -1,4 +1,4 @@
-"""What a Markdown page shows to be typed: its code blocks, fenced or indented, and the commands in them and in its text."""
+"""Code blocks and commands of a Markdown page."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ DOCS = ROOT / "docs"
 
 @dataclass(frozen=True)
 class Block:
-    """Code of one language, "" for what names none; `file` is what a comment at its head calls it."""
+    """A code block. `language` is "" for a plain block; `file` is the file name in the comment of its first line."""
 
     language: str
     text: str
@@ -24,7 +24,7 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """In the order of the page."""
+    """Fenced and indented code blocks in the order of the page."""
     out: list[Block] = []
     lines: list[str] = []
     fence: str | None = None
@@ -44,7 +44,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def commands(page: Path) -> list[str]:
-    """Lines of plain blocks that call radartwin, put together where they are continued and without their comments."""
+    """Commands in plain blocks, with continuation lines joined and comments removed."""
     return [line for block in blocks(page) if not block.language for line in lines_of(block)]
 
 
@@ -59,5 +59,5 @@ def prose(page: Path) -> str:
 
 
 def quoted(page: Path) -> list[str]:
-    """What stands between backticks in the text."""
+    """Inline code of the text."""
     return re.findall(r"`([^`\n]+)`", prose(page))

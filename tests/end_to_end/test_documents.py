@@ -1,4 +1,7 @@
-"""Every command and example of docs/ runs here, or is composed with the reason why it is not run; what the pages point to exists."""
+"""The documents and the help texts: their commands and examples run or compose, and every file, module and target they name exists.
+
+The commands of the README run in test_readme.py.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,7 @@ from markdown_blocks import DOCS, ROOT, Block, blocks, commands, lines_of, prose
 from experiments.validation.oracles.cases import CASES
 from radartwin.cli import main
 from radartwin.commands.arguments import parse
+from radartwin.commands.examples import EXAMPLES, FIRST_STEPS
 from radartwin.config.compose import combinations, compose
 from radartwin.runs import sweep
 from radartwin.runs.search import space
@@ -24,7 +28,7 @@ from radartwin.runs.search import space
 PAGES = sorted(DOCS.rglob("*.md"))
 README = ROOT / "README.md"
 RUN_HERE = {"extending.md", "recording-sets.md"}
-# The first words of what takes too long or needs what is not here, and why. It is parsed and composed instead.
+# Commands that take too long or need a cluster, by their first words, with the reason. They are composed only.
 COMPOSED = {
     "radartwin run -m experiment=environment materials=vlm,uniform,void seed": "nine jobs of minutes; sweeps of small ones: test_faults.py",
     "radartwin run -m experiment=environment seed=0,1,2,3 --output": "needs a cluster: make test-slurm starts one",
@@ -36,41 +40,66 @@ COMPOSED = {
     "radartwin run experiment=environment measured=recordings": "reads what export wrote; the same test does",
 }
 SMALL = {"run": ["tracking=off"]}
-OWN = ("echoes", "my_experiment")  # modules of the pages' that tests have too
+OWN = ("echoes", "my_experiment")  # modules that both the pages and the tests define
 
 
 def reason(command: str) -> str | None:
     return next((why for start, why in COMPOSED.items() if command.startswith(start)), None)
 
 
-def test_every_command_is_run_or_composed_and_every_reason_is_needed() -> None:
-    shown = [(page.name, command) for page in PAGES for command in commands(page)]
-    assert len(shown) >= 15
-    left = [command for name, command in shown if name not in RUN_HERE and not reason(command) and "--search" not in command]
-    assert not left
-    shown += [(README.name, command) for command in commands(README)]
-    assert not [start for start in COMPOSED if not any(command.startswith(start) for _, command in shown)]
+def accept(command: str) -> None:
+    """Parse a command and compose its configurations without running it.
 
-
-@pytest.mark.parametrize("command", [c for page in [*PAGES, README] for c in commands(page) if reason(c)])
-def test_a_command_that_is_not_run_composes(command: str, tmp_path: Path) -> None:
-    (tmp_path / "card.yaml").write_text("")
+    Raises:
+        SystemExit, UserError: the command line or the configuration is wrong.
+    """
     options = parse(shlex.split(command)[1:])
-    ours, hydras = sweep.split(options.overrides)
-    ours = [f"measured.folder={tmp_path}" if word == "measured.folder=SET" else word for word in ours]
-    if getattr(options, "multirun", False):
+    assert callable(options.verb)
+    if command.split()[1] not in ("run", "simulate", "export"):
+        return
+    ours, hydras = sweep.split([word for word in options.overrides if word != "experiment=mine"])  # defined in docs/extending.md
+    assert all(word.startswith(("hydra/launcher=", "hydra.launcher.")) for word in hydras)
+    if getattr(options, "search", None):
+        fixed, searched = space(ours)
+        assert searched
+        compose(fixed)
+    elif getattr(options, "multirun", False):
         assert len(sweep.composed(combinations(ours))) > 1
     else:
         compose(ours)
-    if hydras:
-        assert "hydra/launcher=slurm" in hydras
-        compose([*ours[:1], *hydras])
 
 
-@pytest.mark.parametrize("command", commands(README))
-def test_a_command_of_the_readme_is_taken(command: str) -> None:
-    """Most run in test_readme.py; this holds the others, such as tables and classify, to the arguments there are."""
-    assert callable(parse(shlex.split(command)[1:]).verb)
+SHOWN = [(page.name, command) for page in [*PAGES, README] for command in commands(page)]
+HELP = [command for examples in (FIRST_STEPS, *EXAMPLES.values()) for command, _ in examples]
+
+
+def test_every_command_has_a_test_or_a_reason() -> None:
+    pages = [(name, command) for name, command in SHOWN if name != README.name]
+    assert len(pages) >= 15
+    assert not [c for name, c in pages if name not in RUN_HERE and not reason(c) and "--search" not in c]
+    assert not [start for start in COMPOSED if not any(command.startswith(start) for _, command in SHOWN)]
+
+
+@pytest.mark.parametrize("command", sorted({c for name, c in SHOWN if reason(c) or name == README.name} | set(HELP)))
+def test_printed_command_is_accepted(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for folder in ("room", "SET"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "SET" / "card.yaml").write_text("")
+    accept(command)
+
+
+@pytest.mark.parametrize("verb", ["", *EXAMPLES])
+def test_help_ends_with_examples(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        parse([*filter(None, [verb]), "--help"])
+    assert stopped.value.code == 0
+    shown = capsys.readouterr().out.partition("\nexamples:\n")[2]
+    examples = EXAMPLES[verb] if verb else FIRST_STEPS
+    assert len(examples) >= 2
+    for command, text in examples:
+        assert f"  {text}\n    {command}\n" in shown + "\n"
+        assert not verb or command.split()[1] == verb
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Every command the README prints is run here, on small input; what takes minutes gets overrides that make it small."""
+"""Every command of the README runs on small input; overrides shorten the slow ones."""
 
 import json
 import os
@@ -24,11 +24,11 @@ SMALL = {
     ],
     "simulate": ["trajectory.frames=2", "simulator.rays=20000"],
 }  # fmt: skip
-AUTO = ["simulator.parts=none", "trajectory.period_s=4"]  # a whole turn is what it judges
+AUTO = ["simulator.parts=none", "trajectory.period_s=4"]  # simulator=auto needs a whole revolution
 ROOT = Path(__file__).resolve().parents[2]
 VIEWS = ["--views", "1"]
 INSIDE = {"doctor", "import", "label", "process", "reconstruct", "view"}
-# Serves until it is stopped (test_dashboard.py); takes a trained model (test_classify.py); takes minutes (tests/experiments).
+# Tested elsewhere: a server (test_dashboard.py), a command that needs a trained model (test_classify.py), minutes of run time (tests/experiments).
 ELSEWHERE = {"dashboard", "classify", "tables"}
 CLUSTER = "hydra/launcher=slurm"  # composed in test_documents.py; make test-slurm starts a cluster of one node
 CAMPAIGN = [
@@ -38,7 +38,7 @@ CAMPAIGN = [
 
 
 def blocks(language):
-    """Texts of the blocks of a language, "" for the plain ones."""
+    """Texts of the code blocks in a language; "" selects plain blocks."""
     return [block.text for block in markdown_blocks.blocks(ROOT / "README.md") if block.language == language]
 
 
@@ -48,7 +48,7 @@ def commands():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, shared_data):
-    """What the commands read: a room, a radar's configuration, a real capture and a real cube."""
+    """A folder with the inputs of the commands: a room, a radar configuration, a real capture and a real cube."""
     folder = tmp_path_factory.mktemp("readme")
     room = rooms.lab(detail="shell")
     trimesh.util.concatenate([s.mesh for s in room]).export(folder / "room.glb")
@@ -67,12 +67,12 @@ def folder(tmp_path_factory, shared_data):
 
 @pytest.fixture
 def model():
-    """A chat server that takes everything for wood."""
+    """URL of a chat server that labels every surface as wood."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self):
             body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-            words = json.dumps(said("object" if "contents" in json.dumps(body["response_format"]) else "surface"))
+            words = json.dumps(wooden_answer("object" if "contents" in json.dumps(body["response_format"]) else "surface"))
             reply = json.dumps({"choices": [{"message": {"content": words}}]}).encode()
             self.send_response(200)
             self.send_header("Content-Length", str(len(reply)))
@@ -87,20 +87,20 @@ def model():
         server.shutdown()
 
 
-def said(kind):
+def wooden_answer(kind):
     answer = {"material": "wood", "confidence": 0.8, "reason": "grain"}
     return answer | ({"wall_thickness_mm": 1.0, "contents": "solid"} if kind == "object" else {})
 
 
 def extra(words, folder, model):
-    """What a command needs beyond what is printed: smaller sizes, a server, and the answers to what was exported."""
+    """Overrides that make a command small, the server address, and the file of answers to exported questions."""
     if "simulator=auto" in words:
         return AUTO
     if words[0] != "label":
         return SMALL.get(words[0], []) + (CAMPAIGN if "experiment=campaign" in words else [])
     if "--import" in words:
         asked = [json.loads(line) for line in (folder / "questions" / "questions.jsonl").read_text().splitlines()]
-        lines = [json.dumps({"id": question["id"], **said(question["kind"])}) for question in asked]
+        lines = [json.dumps({"id": question["id"], **wooden_answer(question["kind"])}) for question in asked]
         (folder / "answers.jsonl").write_text("\n".join(lines))
     return [*VIEWS, *(["--url", model] if "server" in words else [])]
 
@@ -116,7 +116,7 @@ def test_the_readme_prints_commands():
 def test_command_runs_as_printed(line, folder, model, monkeypatch, capsys):
     words = shlex.split(line)[1:]
     words += extra(words, folder, model)
-    if words[0] in INSIDE:  # a process of its own would import everything again
+    if words[0] in INSIDE:  # without a new process, which would import everything again
         monkeypatch.chdir(folder)
         assert main(words) == 0, capsys.readouterr().err[-2000:]
         return
