@@ -142,5 +142,5 @@ def _warn(name: str, stand_in: str) -> None:
     if (name, stand_in) in _warned and action not in ("always", "all", "error"):
         return
     _warned.add((name, stand_in))
-    text = f"material {name!r} is fitted only {_ranges(name)} in ITU-R P.2040-4; {stand_in!r} stands in for it elsewhere"
+    text = f"material {name!r} is fitted only {_ranges(name)} in ITU-R P.2040-4; outside this range {stand_in!r} replaces it"
     warnings.warn(text, StandInWarning, stacklevel=3)

@@ -29,23 +29,23 @@ RECIPES = {
 NAMES = ("water", "ethanol", *RECIPES)
 
 
-def permittivity(name: str, frequency_hz: np.ndarray | float, temperature_c: float = TEMPERATURE_C) -> np.ndarray:
+def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     """Complex relative permittivity eta' - j eta'' of a liquid of NAMES, shape of `frequency_hz`.
 
-    Args:
-        temperature_c: of the water; ethanol and oil keep their values at room temperature.
+    Water has 20 C; ethanol and oil have their values at room temperature.
+
     Raises:
-        MaterialError: a frequency or temperature outside the range of a model.
+        MaterialError: a frequency outside the range of a model.
 
     >>> complex(np.round(permittivity("mustard", 77e9), 1))
     (8.1-12.4j)
     """
     if name == "water":
-        return water(frequency_hz, temperature_c)
+        return water(frequency_hz)
     if name == "ethanol":
         return ethanol(frequency_hz)
     recipe = RECIPES[name]
-    phases = [(1 - sum(recipe.values()), water(frequency_hz, temperature_c))]
+    phases = [(1 - sum(recipe.values()), water(frequency_hz))]
     for part, fraction in recipe.items():
         phases.append((fraction, _part(part, frequency_hz)))
     return looyenga(phases)

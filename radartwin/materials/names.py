@@ -85,14 +85,12 @@ class Resolved:
         material: half-space or stack.
         category: the MINC category of the name; None for a plain material.
         stand_in: the material is a substitute at 77 GHz.
-        why: the rule that applied, in one phrase.
     """
 
     name: str
     material: str | Layered
     category: str | None
     stand_in: bool
-    why: str
 
 
 def resolve(name: str) -> Resolved:
@@ -107,16 +105,15 @@ def resolve(name: str) -> Resolved:
     plain = "_".join(str(name).strip().lower().replace("-", " ").split())
     plain = _SPELLINGS.get(plain, plain)
     if plain in MINC:
-        return Resolved(plain, row(plain).material, plain, row(plain).stand_in(), "MINC category")
+        return Resolved(plain, row(plain).material, plain, row(plain).stand_in())
     if plain in MATERIAL_NAMES:
-        return Resolved(plain, plain, None, not in_range(plain), "a material")
+        return Resolved(plain, plain, None, not in_range(plain))
     if plain in _ROW_OF:
-        synonym = _ROW_OF[plain]
-        return replace(resolve(synonym), name=plain, why=f"another word for {synonym}")
+        return replace(resolve(_ROW_OF[plain]), name=plain)
     if plain in PERMITTIVITY:
         real, loss = PERMITTIVITY[plain]
-        material, distance = closest(real * (1 - 1j * loss), ("air", *(n for n in P2040 if in_range(n))), SWEEP_HZ)
-        return Resolved(plain, material, None, True, f"permittivity {real:g}, {distance:.1f} dB from {material}")
+        material, _ = closest(real * (1 - 1j * loss), ("air", *(n for n in P2040 if in_range(n))), SWEEP_HZ)
+        return Resolved(plain, material, None, True)
     raise MaterialError(f"unknown material {name!r}; known: {', '.join(known_names())}")
 
 

@@ -91,11 +91,6 @@ def roughness_m(name: str) -> float:
     return CLASSES[name].height_m
 
 
-def rayleigh_limit_m(cos_incidence: np.ndarray | float, wavelength_m: float) -> np.ndarray:
-    """Rms height above which a surface counts as rough: lambda/(8 cos theta), a phase of a quarter cycle per sigma of height."""
-    return wavelength_m / (8 * np.asarray(cos_incidence, float))
-
-
 def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray) -> np.ndarray:
     """Factor on the coherent reflected field, shape of `cos_incidence`.
 

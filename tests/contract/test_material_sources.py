@@ -1,4 +1,4 @@
-"""Every material source keeps the same promises: geometry and target untouched, every surface labelled and told by whom."""
+"""Contract of every material source: geometry and target stay unchanged, every surface gets a label and its source."""
 
 import numpy as np
 import pytest
@@ -51,32 +51,32 @@ def test_source_keeps_the_contract(scene, name):
     assert labelled.provenance["materials"] == source.name
     assert labelled.provenance["room"] == "lab"
     assert before == [(s.name, s.material, s.provenance) for s in scene]  # the input is not changed
-    again = source(scene if name == "random" else labelled)  # of the random source's own labels nobody knows the truth
+    again = source(scene if name == "random" else labelled)  # the random source needs true labels
     assert [(s.name, s.material) for s in again] == [(s.name, s.material) for s in labelled]
 
 
-def test_every_source_is_under_contract(scene):
+def test_every_source_is_tested(scene):
     assert {name.split()[0] for name in sources(scene)} == set(SOURCES)
 
 
-def test_a_scene_that_is_labelled_already_stays_as_it_is(scene):
+def test_the_scene_source_keeps_existing_labels(scene):
     labelled = material_source("uniform", material="brick")(scene)
     kept = material_source("scene")(labelled)
     assert [(s.material, dict(s.provenance)) for s in kept] == [(s.material, dict(s.provenance)) for s in labelled]
 
 
-def test_uniform_forces_every_room_surface_to_plasterboard(scene):
+def test_uniform_labels_every_room_surface_as_plasterboard(scene):
     labelled = material_source("uniform")(scene)
     assert {s.material for s in labelled.only("room")} == {"plasterboard"}
     assert len(labelled) == len(scene)
     assert all(s.roughness_m == 0 for s in labelled.only("room"))
 
 
-def test_void_keeps_the_object_and_its_stand_only(scene):
+def test_void_keeps_only_the_object_and_its_stand(scene):
     assert material_source("void")(scene).names == ("turntable", "stand", "reflector")
 
 
-def test_true_gives_back_the_truth_and_refuses_to_guess(scene):
+def test_true_returns_the_truth_or_refuses(scene):
     assert [s.material for s in material_source("true")(scene)] == [s.material for s in scene]
     blurred = material_source("uniform")(scene)
     with pytest.raises(SceneError, match="true material of surface 'floor'"):
@@ -86,7 +86,7 @@ def test_true_gives_back_the_truth_and_refuses_to_guess(scene):
     assert [s.material for s in known] == [s.material for s in scene]
 
 
-def test_vlm_without_answers_says_what_to_do(scene):
+def test_vlm_without_answers_is_refused_with_a_remedy(scene):
     nowhere = Scene(scene.surfaces, {"room": "nowhere"})
     with pytest.raises(MissingError, match="no recorded answers for nowhere; use materials=uniform"):
         material_source("vlm")(nowhere)
@@ -94,7 +94,7 @@ def test_vlm_without_answers_says_what_to_do(scene):
         material_source("vlm", answers={})(scene)
 
 
-def test_unanswered_surfaces_take_what_is_given_for_them_and_say_so(scene):
+def test_surfaces_without_an_answer_get_the_given_material_and_are_marked(scene):
     labelled = material_source("vlm", answers={"floor": Answer("wood", 0.9, "grain")}, missing="concrete")(scene)
     floor, ceiling = labelled.surfaces[:2]
     assert (floor.material, floor.roughness_m) == (MINC["wood"].material, MINC["wood"].roughness_m)
@@ -104,17 +104,17 @@ def test_unanswered_surfaces_take_what_is_given_for_them_and_say_so(scene):
     assert (ceiling.material, ceiling.provenance["source"], ceiling.provenance["missing"]) == ("concrete", "uniform", True)
 
 
-def test_facts_of_the_geometry_outlive_a_label_and_old_labels_do_not():
-    told = {"source": "vlm", "minc": "wood", "reason": "grain", "segment": 4, "planar": True, "area_m2": 2.0}
-    tiny = Surface(objects.plate(0.1, 0.1), "wood", "part", provenance=told)
+def test_relabelling_keeps_geometric_facts_and_drops_old_labels():
+    provenance = {"source": "vlm", "minc": "wood", "reason": "grain", "segment": 4, "planar": True, "area_m2": 2.0}
+    tiny = Surface(objects.plate(0.1, 0.1), "wood", "part", provenance=provenance)
     labelled = material_source("uniform")(Scene([tiny])).surfaces[0]
     assert dict(labelled.provenance) == {
         "segment": 4, "planar": True, "area_m2": 2.0, "source": "uniform", "confidence": None, "stand_in": False, "minc": None,
     }  # fmt: skip
-    assert material_source("void")(Scene([tiny])).names == (), "what came with a scan is part of the room, however small"
+    assert material_source("void")(Scene([tiny])).names == (), "a small scanned surface is part of the room"
 
 
-def test_random_labels_err_at_the_rate_asked_for_and_grow_with_it():
+def test_random_labels_have_the_given_error_rate_and_are_nested():
     kinds = ["wood" if k % 2 else "metal" for k in range(2000)]
     walls = [
         Surface(objects.plate(3, 3), minc, f"s{k}", role="room", provenance={"source": "true", "minc": minc})
@@ -144,7 +144,7 @@ def test_random_labels_err_at_the_rate_asked_for_and_grow_with_it():
     assert max(map(drawn.count, drawn)) < 2.5 * 2000 / 21, "drawn evenly"
 
 
-def test_random_needs_true_categories_and_something_to_draw(scene):
+def test_random_needs_true_categories_and_at_least_two(scene):
     plain = Scene([Surface(objects.plate(3, 3), "wood", "w", role="room", provenance={"source": "true"})])
     with pytest.raises(SceneError, match="true category of surface 'w'"):
         material_source("random")(plain)
@@ -155,19 +155,19 @@ def test_random_needs_true_categories_and_something_to_draw(scene):
         material_source("random", p=1.5)
 
 
-def test_true_materials_of_a_scan_come_from_what_it_lies_on(scene):
+def test_true_materials_of_a_scan_come_from_the_nearest_true_surfaces(scene):
     scanned = displaced(scene, np.random.default_rng(0))
     blind = Scene([s.replaced(name=f"x{k}", material="concrete", provenance={"planar": True}) for k, s in enumerate(scanned)])
     known = material_source("true", scene=scene)(blind)
-    for found, true in zip(known, scene, strict=True):
-        assert (found.material, found.provenance["minc"]) == (true.material, true.provenance.get("minc")), true.name
-        assert found.provenance["source"] == "true"
+    for surface, true in zip(known, scene, strict=True):
+        assert (surface.material, surface.provenance["minc"]) == (true.material, true.provenance.get("minc")), true.name
+        assert surface.provenance["source"] == "true"
     far = blind.surfaces[0].moved(np.array([[1, 0, 0, 50.0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
     with pytest.raises(SceneError, match="true material of surface 'x0'"):
         material_source("true", scene=scene)(Scene([far]))
 
 
-def test_unknown_sources_materials_and_options_are_named():
+def test_unknown_sources_materials_and_options_are_refused():
     with pytest.raises(ConfigError, match="materials=psychic is not a material source; choose uniform"):
         material_source("psychic")
     with pytest.raises(MaterialError, match="granite"):

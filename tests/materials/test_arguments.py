@@ -33,7 +33,7 @@ POSE[0, 0, 3] = -1.0
         ({"max_bounces": 0}, "max_bounces"),
         ({"seed": 1.5}, "seed"),
         ({"seed": -1}, "seed"),
-        ({"rays": 10**12}, "rays must be at most"),
+        ({"rays": 10**12}, "rays must be a whole number from 1 to"),
         ({"rays_per_wavelength2": 1e300}, "rays_per_wavelength2"),
         ({"rays_per_wavelength2": "x"}, "rays_per_wavelength2"),
         ({"rays_per_wavelength2": np.inf}, "rays_per_wavelength2"),

@@ -70,16 +70,6 @@ def test_an_invalid_mesh_entry_is_refused_with_its_name(folder, entry, error, wo
         furnished(folder, f"{entry}, on: {TABLE}")
 
 
-def test_mesh_paths_survive_saving_into_another_folder(folder):
-    first = f"objects:\n  - {{object: meshes/Tin.obj, material: metal, unit: mm, up: y, on: {TABLE}}}\n"
-    (folder / "layout.yaml").write_text(first)
-    layout = Layout.load(folder / "layout.yaml")
-    (folder / "else").mkdir()
-    again = layout.save(folder / "else" / "moved.yaml")
-    assert "object: ../meshes/Tin.obj" in again.read_text()
-    assert "tin" in furnish(rooms.lab(), Layout.load(again)).names
-
-
 @pytest.mark.parametrize(("name", "height_m"), [("ycb/MustardBottle.obj", 0.19), ("ycb/TomatoSoupCan.obj", 0.1), ("fuze/fuze.obj", 0.22)])
 @pytest.mark.filterwarnings("ignore::radartwin.scene.mesh_file.TextureWarning")
 def test_scanned_meshes_are_placed_in_a_room(shared_data, tmp_path, name, height_m):

@@ -8,8 +8,7 @@ from radartwin.scene import checks, objects
 
 SOLIDS = {
     # name: (mesh, exact volume, exact area)
-    "ico sphere": (objects.sphere(0.05, 5), 4 / 3 * np.pi * 0.05**3, 4 * np.pi * 0.05**2),
-    "uv sphere": (objects.sphere(0.05, 5, "uv"), 4 / 3 * np.pi * 0.05**3, 4 * np.pi * 0.05**2),
+    "sphere": (objects.sphere(0.05, 5), 4 / 3 * np.pi * 0.05**3, 4 * np.pi * 0.05**2),
     "can": (objects.cylinder(0.033, 0.12, 256), np.pi * 0.033**2 * 0.12, 2 * np.pi * 0.033 * (0.12 + 0.033)),
     "box": (objects.box([0, 0, 0], [0.1, 0.2, 0.3]), 0.006, 2 * (0.02 + 0.03 + 0.06)),
 }
@@ -25,9 +24,8 @@ def test_solids_are_closed_outward_and_of_the_right_size(name):
     assert np.abs(welded.bounds.mean(axis=0) - (0 if name != "box" else [0.05, 0.1, 0.15])).max() < 1e-12
 
 
-@pytest.mark.parametrize("name", ["ico sphere", "uv sphere"])
-def test_sphere_normals_are_radial(name):
-    mesh = SOLIDS[name][0]
+def test_sphere_normals_are_radial():
+    mesh = SOLIDS["sphere"][0]
     radial = mesh.vertices / 0.05
     assert np.abs(mesh.vertex_normals - radial).max() < 1e-9
 
@@ -49,16 +47,14 @@ def test_revolution_shares_normals_only_where_the_profile_is_smooth():
     assert len(sharp.vertices) == 4 * 32
 
 
-@pytest.mark.parametrize("origin", ["apex", "aperture"])
-def test_trihedral_is_three_right_triangles_opening_to_plus_x(origin):
+def test_trihedral_is_three_right_triangles_opening_to_plus_x():
     leg = 0.1
-    mesh = objects.trihedral(leg, origin)
+    mesh = objects.trihedral(leg)
     assert np.allclose(mesh.area_faces, leg**2 / 2)
     assert np.allclose(mesh.face_normals @ mesh.face_normals.T, np.eye(3))
     assert np.allclose(mesh.face_normals[:, 0], 1 / np.sqrt(3))  # equally inclined to the boresight, facing it
     depth = leg / np.sqrt(3)
-    low = 0.0 if origin == "apex" else -depth
-    assert np.allclose(mesh.bounds[:, 0], [low, low + depth])
+    assert np.allclose(mesh.bounds[:, 0], [0, depth])
     assert np.isclose(mesh.vertices[:, 2].max(), leg * np.sqrt(2 / 3))  # one leg upright
 
 

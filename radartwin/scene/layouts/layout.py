@@ -34,7 +34,6 @@ support of its anchor if the anchor is an object, and on the floor otherwise.
 from __future__ import annotations
 
 import copy
-import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -43,7 +42,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from radartwin.errors import LayoutError, MissingError
 from radartwin.io import untrusted_yaml
-from radartwin.io.files import write_atomically
 from radartwin.scene.mesh_file import MESH_SUFFIXES
 
 if TYPE_CHECKING:
@@ -221,16 +219,6 @@ class Layout:
             raise LayoutError(f"{path} is not YAML ({' '.join(str(error).split())[:160]})") from error
         layout = cls.from_dict(value, str(path))
         return cls(tuple(replace(item, object=str(path.parent / item.object)) if item.is_mesh else item for item in layout.items))
-
-    def save(self, path: str | Path) -> Path:
-        """Write a layout file atomically; paths of meshes become relative to its folder."""
-        import yaml
-
-        folder = Path(path).resolve().parent
-        items = (
-            replace(item, object=os.path.relpath(Path(item.object).resolve(), folder)) if item.is_mesh else item for item in self.items
-        )
-        return write_atomically(Path(path), yaml.safe_dump(Layout(tuple(items)).to_dict(), sort_keys=False, allow_unicode=True))
 
 
 def _loader() -> type[yaml.SafeLoader]:

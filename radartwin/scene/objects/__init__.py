@@ -3,7 +3,7 @@
 All dimensions are in metres and all windings are consistent. `catalogue()` lists the twelve objects, `make(name)` builds one of them.
 """
 
-from radartwin.scene.objects.catalogue import Entry, catalogue, entry, make, rover_set
+from radartwin.scene.objects.catalogue import Entry, catalogue, entry, make
 from radartwin.scene.objects.meshes import from_mesh
 from radartwin.scene.objects.shapes import (
     SMOOTH_RAD,
@@ -32,7 +32,6 @@ __all__ = [
     "make",
     "plate",
     "revolution",
-    "rover_set",
     "sphere",
     "trihedral",
 ]

@@ -237,11 +237,6 @@ def catalogue() -> dict[str, Entry]:
     return {entry.name: entry for entry in ENTRIES}
 
 
-def rover_set() -> dict[str, Entry]:
-    """The eleven objects of the rover, without one of the cans."""
-    return {entry.name: entry for entry in ENTRIES if entry.rover}
-
-
 def entry(name: str) -> Entry:
     """One object of the catalogue.
 

@@ -7,7 +7,6 @@ exact vertex normals. Sharp rims have separate vertices, so that no normal is an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 import trimesh
@@ -33,38 +32,26 @@ def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
     return flat([left, right])
 
 
-def trihedral(leg_m: float, origin: Literal["apex", "aperture"] = "apex") -> trimesh.Trimesh:
+def trihedral(leg_m: float) -> trimesh.Trimesh:
     """Triangular trihedral corner reflector: three right isosceles triangles, boresight (1, 1, 1)/sqrt(3) turned to +x.
 
-    One leg rises in the xz plane, the other two spread to left and right below it. Its far-field peak is
-    4 pi leg^4 / (3 lambda^2).
+    The origin is the apex, which is the phase centre. One leg rises in the xz plane, the other two spread to left and right below it.
+    The far-field peak is 4 pi leg^4 / (3 lambda^2).
 
     Args:
         leg_m: length of the two equal sides of each triangle.
-        origin: position of the mesh origin: the apex (the phase centre) or the centre of the aperture, leg/sqrt(3) in front of it.
     """
     _positive(leg_m=leg_m)
     azimuth = np.radians([90.0, 210.0, 330.0])
     legs = leg_m * np.stack([np.full(3, 1 / np.sqrt(3)), np.sqrt(2 / 3) * np.cos(azimuth), np.sqrt(2 / 3) * np.sin(azimuth)], axis=1)
-    apex = np.zeros(3) if origin == "apex" else np.array([-leg_m / np.sqrt(3), 0, 0])
+    apex = np.zeros(3)
     return flat([[apex, apex + legs[k], apex + legs[(k + 1) % 3]] for k in range(3)])
 
 
-def sphere(radius_m: float, subdivisions: int = 4, kind: Literal["ico", "uv"] = "ico") -> trimesh.Trimesh:
-    """Sphere about the origin with exact normals.
-
-    Args:
-        subdivisions: n; "ico" has 20 * 4^n faces, "uv" 2^(n+2) segments around and half as many from pole to pole.
-    """
+def sphere(radius_m: float, subdivisions: int = 4) -> trimesh.Trimesh:
+    """Sphere about the origin with exact normals and 20 * 4^subdivisions faces."""
     _positive(radius_m=radius_m)
-    if kind == "uv":
-        segments = 2 ** (subdivisions + 2)
-        polar = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 1)
-        profile = radius_m * np.stack([np.cos(polar), np.sin(polar)], axis=1)
-        profile[[0, -1], 0] = 0.0  # cos(pi/2) is not exactly zero, but only a zero radius closes the poles
-        mesh = revolution(profile, segments)
-    else:
-        mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius_m)
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius_m)
     normals = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=normals, process=False)
 

@@ -17,7 +17,9 @@ from radartwin.scene.objects.shapes import SMOOTH_RAD, revolution
 
 AROUND = 128  # facets of a body of revolution; the tracer restores the curvature from vertex normals
 QUADRANT = 24  # facets of a quarter of an oval
-RING_M = 0.004  # between rings of an oval
+RING_M = 0.004  # largest distance between rings of an oval
+SEAM_M = 0.0012  # protrusion of the seams of a food can
+END_M = 0.054  # diameter of a drink can over the seam of its end
 
 
 def straightened(profile_m: Sequence[tuple[float, float]], least_m: float = 0.005, rim_m: float = 0.0003) -> list[tuple[float, float]]:
@@ -40,41 +42,39 @@ def smoothed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return trimesh.Trimesh(out.vertices, out.faces, vertex_normals=out.vertex_normals, process=False)
 
 
-def food_can(diameter_m: float, height_m: float, seam_m: float = 0.0012, around: int = AROUND) -> trimesh.Trimesh:
+def food_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
     """A three-piece can: a straight body between two protruding double seams, with ends recessed by 4 mm.
 
     Args:
         diameter_m: over the seams, as in can sizes.
-        seam_m: protrusion of a seam.
     """
-    outer, body, rim, deep = diameter_m / 2, diameter_m / 2 - seam_m, 0.003, 0.004
+    outer, body, rim, deep = diameter_m / 2, diameter_m / 2 - SEAM_M, 0.003, 0.004
     half = [(0, deep), (body - 0.002, deep), (body - 0.001, 0.0005), (body, 0), (outer - 0.0004, 0), (outer, 0.0004), (outer, rim)]
     profile = [*half, (body, rim + 0.0008), *[(r, height_m - z) for r, z in reversed([*half, (body, rim + 0.0008)])]]
-    return revolution(profile, around)
+    return revolution(profile, AROUND)
 
 
-def drink_can(diameter_m: float, height_m: float, end_m: float = 0.054, around: int = AROUND) -> trimesh.Trimesh:
+def drink_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
     """A two-piece can: domed base with a standing ring, straight wall, neck, and an end recessed below its seam.
 
     Args:
-        diameter_m: of the wall. end_m: over the seam of the end.
+        diameter_m: of the wall.
     """
-    wall, ring, end = diameter_m / 2, 0.024, end_m / 2
+    wall, ring, end = diameter_m / 2, 0.024, END_M / 2
     dome = [(float(r), 0.0105 - 0.0095 * float(r / (ring - 0.002)) ** 2) for r in np.linspace(0, ring - 0.002, 9)]
     low = [(ring - 0.001, 0.0002), (ring, 0), (ring + 0.001, 0.0004), (wall - 0.004, 0.008), (wall - 0.001, 0.0125), (wall, 0.017)]
     bend = np.linspace(0, 1, 9)
     neck = [(wall - (wall - end + 0.0015) * float(3 * t**2 - 2 * t**3), height_m - 0.0025 - 0.0165 * float(1 - t)) for t in bend]
     seam = [(end, height_m - 0.0022), (end, height_m), (end - 0.002, height_m), (end - 0.003, height_m - 0.006), (0, height_m - 0.006)]
-    return revolution(straightened([*dome, *low, *neck, *seam]), around)
+    return revolution(straightened([*dome, *low, *neck, *seam]), AROUND)
 
 
-def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, ring_m: float = RING_M) -> trimesh.Trimesh:
+def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray) -> trimesh.Trimesh:
     """A vessel lofted through superellipses |x/a|^n + |y/b|^n = 1, with monotone cubic interpolation between them.
 
     Args:
         sections_m: (N, 4) rows of height z, half width a along x, half depth b along y, and exponent n (2: an ellipse, 6: flat sides with
             rounded corners), from the bottom upwards; flat ends close the first and the last section.
-        ring_m: largest distance between rings of vertices.
     Raises:
         MeshError: fewer than two sections, heights that do not rise, or an invalid width, depth or exponent.
     """
@@ -87,7 +87,7 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, r
 
     heights = np.concatenate(
         [
-            np.linspace(low, high, max(2, int(np.ceil((high - low) / ring_m)) + 1))[:-1]
+            np.linspace(low, high, max(2, int(np.ceil((high - low) / RING_M)) + 1))[:-1]
             for low, high in zip(sections[:-1, 0], sections[1:, 0], strict=True)
         ]
         + [sections[-1:, 0]]
@@ -107,8 +107,8 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, r
     return smoothed(trimesh.Trimesh(points, np.concatenate([side, *ends]), process=False))
 
 
-def superellipse(a: float, b: float, n: float, quadrant: int = QUADRANT) -> np.ndarray:
-    """(4 * quadrant, 2) points counter-clockwise; their density follows arc length and curvature with equal weight.
+def superellipse(a: float, b: float, n: float) -> np.ndarray:
+    """(4 * QUADRANT, 2) points counter-clockwise; their density follows arc length and curvature with equal weight.
 
     >>> bool(np.allclose(np.linalg.norm(superellipse(1, 1, 2), axis=1), 1, atol=1e-3))
     True
@@ -120,7 +120,7 @@ def superellipse(a: float, b: float, n: float, quadrant: int = QUADRANT) -> np.n
     course = np.arctan2(step[:, 1], step[:, 0])
     turn = np.abs(np.diff(course, prepend=course[:1]))
     share = np.concatenate([[0], np.cumsum(length / length.sum() + turn / turn.sum())]) / 2
-    at = np.linspace(0, 1, quadrant + 1)[:-1]
+    at = np.linspace(0, 1, QUADRANT + 1)[:-1]
     quarter = np.stack([np.interp(at, share, fine[:, k]) for k in (0, 1)], axis=1)
     end = np.array([[0.0, b]])
     second = np.concatenate([end, quarter[:0:-1] * [-1, 1]])
@@ -128,7 +128,7 @@ def superellipse(a: float, b: float, n: float, quadrant: int = QUADRANT) -> np.n
     return np.concatenate([half, -half])
 
 
-def mug(diameter_m: float, height_m: float, around: int = AROUND) -> trimesh.Trimesh:
+def mug(diameter_m: float, height_m: float) -> trimesh.Trimesh:
     """The outside of a mug: a straight cup with a rounded foot; a lid of the wall's material closes its mouth.
 
     The tracer needs closed hollow bodies. A level radar sees the mouth edge-on, so the lid has little effect.
@@ -136,7 +136,7 @@ def mug(diameter_m: float, height_m: float, around: int = AROUND) -> trimesh.Tri
     radius = diameter_m / 2
     foot = [(radius - 0.006 + 0.006 * np.sin(t), 0.006 - 0.006 * np.cos(t)) for t in np.linspace(0, np.pi / 2, 7)]
     lip = [(radius - 0.002 + 0.002 * np.cos(t), height_m - 0.002 + 0.002 * np.sin(t)) for t in np.linspace(0, np.pi / 2, 5)]
-    return revolution(straightened([(0, 0), *foot, *lip, (0, height_m)]), around)
+    return revolution(straightened([(0, 0), *foot, *lip, (0, height_m)]), AROUND)
 
 
 def handle(
