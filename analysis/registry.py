@@ -1,4 +1,4 @@
-"""The tables of the study, in the order of the report. Title and caption of a table stand in its experiment module (`TABLE`)."""
+"""The tables of the study, in the order of the report. Title, caption and chart of a table stand in its experiment module (`TABLE`)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def table(name: str) -> Table:
 
 
 def check(names: list[str]) -> None:
-    """Refuse names that are no table. Raises ConfigError."""
+    """Raises ConfigError for a name that is no table."""
     for name in names:
         if name not in NAMES:
             raise ConfigError(f"--only {name}: there is no such table; tables: {', '.join(NAMES)}")

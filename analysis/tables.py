@@ -1,8 +1,7 @@
-"""One table in four formats: CSV for tools, Markdown for the repository, LaTeX booktabs for the paper, HTML for the
-report.
+"""One table in four formats: CSV for programs, Markdown for the repository, LaTeX booktabs for the paper, HTML for the report.
 
-Columns that say which case a row is come first, then the run keys, then the score columns in their fixed order. The CSV
-holds full precision and every run key; the other three round to three significant digits and leave the keys to the CSV.
+The columns of the case come first, then the run keys, then the score columns in their fixed order. The CSV has full precision and every
+run key. The other formats round to three significant digits and have no keys.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ Row = dict[str, Any]
 FORMATS = ("csv", "md", "tex", "html")
 _NUMBER = int | float | None
 _UNITS = {"m": "m", "db": "dB", "deg": "deg", "hz": "Hz", "s": "s", "mps": "m/s"}
-_WIDE = 6  # columns that still fit one column of a page
-# What captions, claims and metrics may hold beside ASCII; pdflatex knows the rest of no alphabet but its own.
+_WIDE = 6  # largest number of columns that fits into one column of a page
+# The characters beside ASCII that captions, claims and metrics may contain, because pdflatex cannot set others.
 _SYMBOLS = {
     "–": "--", "−": "$-$", "±": r"$\pm$", "×": r"$\times$", "≤": r"$\leq$", "≥": r"$\geq$", "→": r"$\rightarrow$", "°": r"$^\circ$",
     "²": "$^2$", "³": "$^3$", "µ": r"$\mu$", "ρ": r"$\rho$", "λ": r"$\lambda$", "σ": r"$\sigma$", "ε": r"$\epsilon$", "·": r"$\cdot$",
@@ -32,10 +31,10 @@ _LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasci
 
 
 def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
-    """Write NAME.csv, .md, .tex and .html, each whole or not at all; the paths.
+    """Write NAME.csv, .md, .tex and .html, each whole or not at all; their paths.
 
     Raises:
-        InputError: a row without a score column, with an unknown verdict, or outside its interval.
+        InputError: a row lacks a score column, has an unknown verdict, or a value outside its interval.
     """
     check_rows(table.name, list(rows))
     texts = {
@@ -54,7 +53,7 @@ def columns(rows: Sequence[Row]) -> list[str]:
 
 
 def caption(table: Table, rows: Sequence[Row]) -> str:
-    """The declared caption, with the note that a virtual measured domain owes its reader."""
+    """The declared caption, with a note if the table is scored against the testbed."""
     return f"{table.caption} {TESTBED_NOTE}" if any("testbed" in str(row["domain"]) for row in rows) else table.caption
 
 
@@ -74,7 +73,7 @@ def to_markdown(table: Table, rows: Sequence[Row]) -> str:
 
 
 def to_latex(table: Table, rows: Sequence[Row]) -> str:
-    """For pdflatex with booktabs and graphicx; a table of many columns spans both of the page, shrunk to fit."""
+    """For pdflatex with booktabs and graphicx; a wide table spans both columns of the page and is shrunk to fit."""
     shown, cells = _cells(rows)
     align = "".join("r" if all(isinstance(row.get(c), _NUMBER) for row in rows) else "l" for c in shown)
     body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
@@ -97,7 +96,7 @@ def to_latex(table: Table, rows: Sequence[Row]) -> str:
 
 
 def to_html(table: Table, rows: Sequence[Row]) -> str:
-    """The table element alone, in ASCII, so that it reads the same on a page of any encoding."""
+    """The table element only, in ASCII, so that it reads the same on a page of any encoding."""
     shown, cells = _cells(rows)
     kinds = [' class="number"' if all(isinstance(row.get(c), _NUMBER) for row in rows) else "" for c in shown]
     head = "".join(f'<th scope="col"{kind}>{html.escape(heading(c))}</th>' for c, kind in zip(shown, kinds, strict=True))
@@ -118,7 +117,7 @@ def _cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def text_of(value: Any) -> str:
-    """A cell as readers see it: three significant digits, a dash where nobody could compute it."""
+    """A cell for readers: three significant digits, or a dash for a value that could not be computed."""
     if value is None:
         return "–"
     if isinstance(value, float):

@@ -1,4 +1,4 @@
-"""docs/choosing.md and its two pictures from the committed results alone: `python -m analysis.figures.choosing`.
+"""Write docs/choosing.md and its pictures from the committed results only.
 
 radartwin tables --profile paper --only speed_accuracy --only stability --only complexity
 cp outputs/tables/{speed_accuracy,stability,complexity}.csv docs/results/ && python -m analysis.figures.choosing
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from radartwin.io import files
 from radartwin.plotting import style
 
 ROOT = Path(__file__).resolve().parents[2]
-RESULTS, PAGE, FIGURES = ROOT / "analysis" / "results", ROOT / "docs" / "choosing.md", ROOT / "docs" / "figures"
+RESULTS, PAGE, FIGURES = ROOT / "docs" / "results", ROOT / "docs" / "choosing.md", ROOT / "docs" / "figures"
 NAMES = ("speed_accuracy", "stability", "complexity")
 GOALS = (
     ("profile_error_db", 3.0, "profile", " dB"), ("profile_error_db", 1.0, "profile", " dB"), ("signal_error", 0.1, "signal", ""),
@@ -35,15 +36,15 @@ OPTIONS: dict[str, Any] = {
 }
 Row = Mapping[str, Any]
 KINDS = {
-    "numerical": "Numerical: a finer setting mends it",
-    "a setting": "A setting: more of it mends it, and costs",
-    "knowledge": "Knowledge: what nobody measured of the scene, no setting mends",
-    "physical": "Physical: the sensor, the wave or the model ends there",
+    "numerical": "Numerical: a finer setting removes the error",
+    "a setting": "A setting: a higher value removes the error and takes more time",
+    "knowledge": "Knowledge: the scan lacks this property of the scene, and no setting replaces it",
+    "physical": "Physical: a limit of the sensor, the wave or the model",
 }
 
 
 def read(name: str, folder: Path = RESULTS) -> list[dict[str, Any]]:
-    """Rows of a committed table, numbers as numbers, empty cells as None (but for text that a row leaves out)."""
+    """Rows of a committed table, with numbers as numbers and empty cells as None, except in text columns."""
     with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as stream:
         return [{key: _value(key, text) for key, text in row.items()} for row in csv.DictReader(stream)]
 
@@ -64,35 +65,46 @@ def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Ro
     measured = [row for row in speed if not row["claim"] and row["profile_error_db"] is not None]
     parts = [
         "# Choosing a method and its settings",
-        "Written by `python -m analysis.figures.choosing` from `speed_accuracy.csv`, `stability.csv` and `complexity.csv` in "
-        "`docs/results/`: every figure is theirs. "
-        f"Times are processor-seconds of {measured[0]['machine'].replace('; ', ', ')}, and move with its load: "
-        "compare ratios.",
+        _paragraph(
+            "`python -m analysis.figures.choosing` writes this page from `speed_accuracy.csv`, `stability.csv` and `complexity.csv` in "
+            "`docs/results/`. Every value comes from these tables. Times are processor seconds of "
+            f"{measured[0]['machine'].replace('; ', ', ')}. They change with the load of the machine, so compare ratios."
+        ),
         "## What accuracy costs",
-        "![Seconds a frame against error of the range profile, a panel for each problem](figures/speed_accuracy.png)",
-        "Fast is left, accurate is down. The cheapest setting that keeps the range profile (rms over 40 dB), or the signal (relative to "
-        "its norm), within a tolerance: its error, and its time over the default's. Exact references are left out, for they know no other "
-        "scene; where the answer is this tracer's own run, an error is a distance from it.",
+        "![Seconds per frame against error of the range profile, one panel per problem](figures/speed_accuracy.png)",
+        _paragraph(
+            "Left is fast, low is accurate. The table gives the cheapest setting that keeps an error within a tolerance, with its "
+            "error and its time relative to the default. The profile error is the rms of the range profile over 40 dB; the signal "
+            "error is relative to the norm of the signal. Exact references are left out, because they work for one scene only. "
+            "Where the reference is this tracer's own finer run, an error is the distance from that run."
+        ),
         _goals(measured),
-        "How to ask for a setting:",
+        "Options of the settings:",
         _options(measured),
         "## How much model the features need",
-        "![Models that simulator=auto chose, and what they cost](figures/complexity.png)",
-        "`simulator=auto` leaves out what the features do not need: those that `features` names, to within what recordings of the same "
-        "thing, set up anew, differ by. It tries on a few frames, says why, keeps the choice, and leaves alone what is set "
-        "(`simulator.max_bounces=3`); `simulator.tolerance=0.5` halves what features may move. Here what it chose, and how many times "
-        "less that costs than the cheapest single setting for all of these.",
+        "![Models that simulator=auto chose, and their run times](figures/complexity.png)",
+        _paragraph(
+            "`simulator=auto` leaves out the parts of the model that the features in `features` do not need. A feature may move by "
+            "as much as recordings of the same object differ after a new set-up; `simulator.tolerance=0.5` halves that. The choice "
+            "is made on a few frames, reports its reasons and is kept. Settings that you give stay unchanged (for instance "
+            "`simulator.max_bounces=3`). The table shows the chosen models, and how much cheaper each is than the cheapest single "
+            "setting that works for all cases."
+        ),
         _needed(complexity),
         "## The default",
         _default(speed),
         "## Where methods fail",
         "![Error of each method along each sweep](figures/stability.png)",
-        "A safe region is what comes before the first error over 3 dB, easiest values first.",
+        "A safe region contains the values before the first error above 3 dB, easiest values first.",
         _safe(stability),
-        "## What kind of failure it is",
+        "## Kinds of failure",
         _kinds(stability),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _paragraph(words: str) -> str:
+    return textwrap.fill(words, 150, break_long_words=False, break_on_hyphens=False)
 
 
 def _goals(measured: Sequence[Row]) -> str:
@@ -110,15 +122,20 @@ def _goals(measured: Sequence[Row]) -> str:
 
 
 def _needed(complexity: Sequence[Row]) -> str:
-    lines = ["| case | features | model | error between, in limits | cheaper | layers needed |", "|---|---|---|---|---|---|"]
+    lines = [
+        "| case | features | model | held-out error, in limits | times cheaper | layers needed |",
+        "|---|---|---|---|---|---|",
+    ]
     for row in complexity:
         if row["metric"] == "cost of the fixed default over auto's":
             layers = "yes" if row["without layers"] > 1 else "no"
             cells = [row["case"], row["features"], row["model"], f"{row['between']:.2g}", f"{row['value']:.2g} x", layers]
             lines.append(f"| {' | '.join(cells)} |")
     overall = [row for row in complexity if row["case"] == "all"]
-    told = [f"- {row['metric']}: {row['value']:.2g}; {row['claim']}: {row['verdict']} ({row['model'] or 'all cases'})." for row in overall]
-    return "\n".join([*lines, "", *told])
+    claims = [
+        f"- {row['metric']}: {row['value']:.2g}; {row['claim']}: {row['verdict']} ({row['model'] or 'all cases'})." for row in overall
+    ]
+    return "\n".join([*lines, "", *claims])
 
 
 def _method(row: Row, error: str, unit: str) -> str:
@@ -131,19 +148,19 @@ def _options(measured: Sequence[Row]) -> str:
 
 
 def options(setting: str) -> str:
-    """What a run is given for a setting of this tracer."""
+    """The command-line options of a setting of this tracer."""
     return next(re.sub(pattern, option, setting) for pattern, option in OPTIONS.items() if re.fullmatch(pattern, setting))
 
 
 def _default(speed: Sequence[Row]) -> str:
     heads = (
         "problem",
-        "processor-seconds a frame",
+        "processor seconds per frame",
         "range profile",
         "signal",
-        "factor from the front",
+        "distance from the front",
         "RF-Genesis as published",
-        "its error",
+        "error of RF-Genesis",
     )
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     scored = [row for row in speed if row["profile_error_db"] is not None]
@@ -161,7 +178,7 @@ def _default(speed: Sequence[Row]) -> str:
 
 
 def _safe(stability: Sequence[Row]) -> str:
-    lines = ["| what gets harder | this tracer is safe at | fails at | safe elsewhere |", "|---|---|---|---|"]
+    lines = ["| sweep | this tracer is safe at | fails at | safe regions of other methods |", "|---|---|---|---|"]
     for mine in _sweeps(stability).values():
         own = next(row for row in mine if row["family"] == OURS)
         others = [f"{_family(row)}: {row['safe']}" for row in mine if row is not own and row["value"]]
@@ -189,14 +206,14 @@ def _kinds(stability: Sequence[Row]) -> str:
 
 
 def _shared(own: Row, mine: Sequence[Row]) -> str:
-    """Whether the failure is this tracer's alone."""
+    """A sentence on whether other methods fail on the sweep too."""
     others = [row for row in mine if row is not own and row["value"]]
     if not own["fails at"]:
         return " This tracer does not fail in this range."
     if not others:
         return " No other method is safe anywhere on this sweep."
     same = all(row["value"] == own["value"] for row in others)
-    return " Shared by every method that is safe at all." if same else ""
+    return " Every method with a safe region fails at the same value." if same else ""
 
 
 def _sweeps(stability: Sequence[Row]) -> dict[str, list[Row]]:

@@ -13,7 +13,7 @@ from radartwin.scene import objects
 from radartwin.scene.objects import Entry
 
 PATCH_M = 0.004
-HALF_M = 0.13  # of each picture, so that all objects show at one scale
+HALF_M = 0.13  # half width of each picture; all objects have the same scale
 LIGHT = np.array([0.5, -0.55, 0.67])
 VIEW_DEG = (14.0, -35.0)  # elevation, azimuth
 
@@ -22,7 +22,7 @@ def patches(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
     """Small triangles (F, 3, 3) of a textured mesh and their colours (F, 3) under one lamp."""
     visual: Any = mesh.visual
     image = np.asarray(visual.material.baseColorTexture.convert("RGB")) / 255.0
-    both = np.hstack([mesh.vertices, 1e-3 * visual.uv])  # cut together, the coordinates too short to count
+    both = np.hstack([mesh.vertices, 1e-3 * visual.uv])  # subdivided together; texture coordinates are too small to affect lengths
     points, faces = trimesh.remesh.subdivide_to_size(both, mesh.faces, PATCH_M)[:2]
     corners = points[faces][..., :3]
     u, v = (1e3 * points[faces][..., 3:].mean(axis=1) % 1.0).T
@@ -52,7 +52,7 @@ def draw(axes, entry: Entry) -> None:
 
 
 def objects_figure(path: Path) -> Path:
-    """Write the grid; the catalogue's order, one scale."""
+    """Write the grid, in the catalogue's order and at one scale."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,4 +1,4 @@
-"""What the report tells of each table: its rows, which of them are claims, its files, and why a table is not there."""
+"""Content of the report by table: its rows, claims and files, or the reason why the table is absent."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from radartwin.runs.experiment import SCORE_COLUMNS, VERDICTS, Table
 MISSING, STALE, FAILED = "not run", "stale", "failed"
 ABSENT = {
     MISSING: "This table has not been run.",
-    STALE: "The run is of an earlier source or configuration, so its figures stay out.",
+    STALE: "The run belongs to an earlier source or configuration, so its results are not shown.",
     FAILED: "The run ended with an error:",
 }
-LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # formats of a table; the page itself shows the other
-CASES = 4  # columns that say which case a claim is of; more stand in the table
+LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # the page itself shows the HTML
+CASES = 4  # largest number of columns that name a claim's case
 _NO_CASE = {"claim", "p", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A row that states something: `row` counts from 1, `case` are its telling columns."""
+    """A row with a claim. `row` counts from 1; `case` names the columns that distinguish it from other claims of the table."""
 
     table: Table
     row: int
@@ -42,10 +42,13 @@ class Claim:
 
 @dataclass(frozen=True)
 class Section:
-    """One table of the report, or why there is none.
+    """One table of the report, or the reason why it is absent.
 
     Attributes:
-        output: root of everything written. figures: names of its figures. absent: a key of ABSENT, or "". error: of a failed run, one line.
+        output: root of all written files.
+        figures: names of its figures.
+        absent: a key of ABSENT, or "".
+        error: of a failed run, one line.
     """
 
     table: Table
@@ -58,23 +61,23 @@ class Section:
 
     @property
     def command(self) -> str:
-        """What makes the table, or makes it anew."""
+        """The command that makes the table."""
         return f"radartwin tables --profile {self.profile} --only {self.table.name}"
 
     def file(self, suffix: str) -> Path:
         """A file of the table.
 
         Raises:
-            MissingError: it is not there.
+            MissingError: it does not exist.
         """
         return self._there(self.output / "tables" / f"{self.table.name}.{suffix}")
 
     def figure(self, name: str, suffix: str = ".png") -> Path:
-        """A file of a figure. Raises MissingError where it is not there."""
+        """A file of a figure. Raises MissingError if it does not exist."""
         return self._there(self.output / "figures" / f"{name}{suffix}")
 
     def pixels(self, name: str) -> tuple[int, int]:
-        """Width and height of a figure's picture. Raises MissingError where it is no picture."""
+        """Width and height of a figure's picture. Raises MissingError if the file is no picture."""
         from PIL import Image
 
         path = self.figure(name)
@@ -85,7 +88,7 @@ class Section:
             raise self._damaged(path) from error
 
     def files(self) -> Iterator[tuple[str, Path]]:
-        """Every file that the page links to, with the part of the report it belongs to."""
+        """Every file that the page links to, with the part of the report that holds it."""
         if not self.absent:
             yield from (("tables", self.file(suffix)) for suffix in LINKED)
             yield from (("figures", self.figure(name, suffix)) for name in self.figures for suffix in SUFFIXES)
@@ -103,7 +106,7 @@ class Section:
 
     @cached_property
     def rows(self) -> list[dict[str, str]]:
-        """Its rows as the CSV has them; none of an absent table.
+        """Rows of the CSV; none of an absent table.
 
         Raises:
             MissingError: the CSV is missing or damaged.
@@ -122,7 +125,7 @@ class Section:
 
     @cached_property
     def claims(self) -> list[Claim]:
-        """The rows that state something: those with a claim, and those with a verdict of their own."""
+        """The rows with a claim or with a verdict other than untestable."""
         claimed = [(n, row) for n, row in enumerate(self.rows, 1) if row.get("claim") or row["verdict"] != "untestable"]
         columns = [c for c in (self.rows[0] if self.rows else ()) if c not in _NO_CASE]
         telling = [c for c in columns if len({row[c] for _, row in claimed}) > 1][:CASES]
@@ -153,6 +156,6 @@ def figure(cell: str) -> str:
 
 
 def _case(column: str, cell: str) -> str:
-    """A word speaks for itself, a figure needs its column's name: lab, strength 0.5."""
+    """A word as it is, a number with the name of its column: lab, strength 0.5."""
     told = figure(cell)
     return cell if told == cell and not cell[:1].isdigit() else f"{heading(column)} {told}"

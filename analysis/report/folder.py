@@ -1,9 +1,9 @@
-"""The report's files: gathered aside, named by their content, and shown by replacing index.html last.
+"""The report's files: collected in a temporary folder, named by their content, and published by replacing index.html last.
 
     report/index.html           links to one folder of parts
     report/parts-DIGEST/        figures, tables, gallery, rooms
 
-A reader who opens index.html at any moment finds the report before or the report after, never a mixture.
+A reader who opens index.html at any moment finds either the old report or the new one, never a mixture.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ class Stage:
         self._folder = root / _STAGE
 
     def take(self, source: Path, part: str) -> str:
-        """Copy a file into a part; its link, from within the parts."""
+        """Copy a file into a part; its link from within the parts."""
         link = f"{part}/{source.name}"
         shutil.copyfile(source, self.path(link))
         return link
 
     def path(self, link: str) -> Path:
-        """Where a part is to be written."""
+        """Path to which a part is written."""
         path = self._folder / link
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
     def publish(self, page: Callable[[str], str]) -> Path:
-        """Name the parts by their content, write the page that `page` gives for that name, remove what earlier ones left."""
+        """Name the parts by their content, write the page that `page` returns for that name, and remove files of earlier reports."""
         digest = _digest(self._folder)
         parts = self.root / f"parts-{digest[:12]}"
         text = page(parts.name)
-        if parts.exists() and _digest(parts) != digest:  # somebody has touched it
+        if parts.exists() and _digest(parts) != digest:  # the user changed it
             shutil.rmtree(parts)
         if not parts.exists():
             files.sync(self._folder)
@@ -61,14 +61,14 @@ class Stage:
 
 @contextlib.contextmanager
 def staged(root: Path) -> Iterator[Stage]:
-    """An empty stage, under the folder's lock: of two reports at once the second waits.
+    """An empty stage under the folder's lock; a second report waits for the first.
 
     Raises:
-        OutputError: the folder cannot be made or written.
+        OutputError: the folder cannot be created or written.
     """
     files.make_folder(root)
     with files.lock(root / LOCK):
-        shutil.rmtree(root / _STAGE, ignore_errors=True)  # of a process that was killed
+        shutil.rmtree(root / _STAGE, ignore_errors=True)  # left by a killed process
         try:
             (root / _STAGE).mkdir()
             yield Stage(root)
@@ -77,7 +77,7 @@ def staged(root: Path) -> Iterator[Stage]:
 
 
 def _digest(folder: Path) -> str:
-    """SHA-256 of the folder's names and contents."""
+    """SHA-256 of the folder's file names and contents."""
     total = hashlib.sha256()
     for path in sorted(one for one in folder.rglob("*") if one.is_file()):
         total.update(f"{path.relative_to(folder).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())

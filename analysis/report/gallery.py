@@ -1,5 +1,6 @@
-"""Measured and simulated pictures on one place: a page per figure of the gallery, with one slider that wipes between the two and one that
-moves along range. The values are those that the figure's own page carries (radartwin/plotting/pages.py).
+"""Comparison of measured and simulated pictures: one page per figure of the gallery, with a slider that moves the divider between both
+and a
+slider that moves along range. The values come from the figure's own page (radartwin/plotting/pages.py).
 """
 
 from __future__ import annotations
@@ -21,22 +22,22 @@ from radartwin.plotting.style import SEQUENTIAL
 TABLE = "gallery"
 PAGE = Path(__file__).with_name("page") / "compare.html"
 _DATA = re.compile(r"^const data = (\{.*\});$", re.MULTILINE)
-_SAME = 1e-3  # of a figure's width: panels above each other
+_SAME = 1e-3  # of a figure's width: largest offset of panels above each other
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A figure that can be compared: its name and the link to its page, from within the parts."""
+    """A figure with a comparison page: its name and the link to the page, from within the parts."""
 
     figure: str
     page: str
 
 
 def write(sections: Sequence[Section], staged: Stage) -> list[Compared]:
-    """A page for each figure of the gallery that has two pictures of one extent above each other.
+    """Write a page for each gallery figure that has two pictures of the same extent, one above the other.
 
     Raises:
-        MissingError: a figure's page is missing or damaged.
+        MissingError: the page of a figure is missing or damaged.
     """
     compared = []
     for section in sections:
@@ -49,7 +50,7 @@ def write(sections: Sequence[Section], staged: Stage) -> list[Compared]:
 
 
 def drawn(path: Path, command: str) -> dict[str, Any]:
-    """What a figure's page knows of it."""
+    """The data in a figure's page."""
     found = _DATA.search(path.read_text(encoding="utf-8", errors="replace"))
     try:
         data = json.loads(found[1]) if found else None
@@ -61,7 +62,7 @@ def drawn(path: Path, command: str) -> dict[str, Any]:
 
 
 def pairs(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """Panels whose picture stands above another of the same columns and extent: its title, label and extent; values and marks of both."""
+    """Panels with a picture above another of the same columns and extent: title, label and extent; values and marks of both."""
     pictured = [axes for axes in data["axes"] if len(axes["pictures"]) == 1]
     found = []
     for upper in pictured:
@@ -83,7 +84,7 @@ def _beneath(upper: dict[str, Any], lower: dict[str, Any], near: float) -> bool:
 
 
 def page(name: str, panels: Sequence[dict[str, Any]]) -> str:
-    """The page of one figure. Values in decibels, as the gallery's are."""
+    """The page of one figure. Values are in decibels."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

@@ -1,4 +1,4 @@
-"""The report's page as text. Everything that comes from a table, a run or a scene is escaped here."""
+"""The report's page as text. All text from tables, runs and scenes is escaped here."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from analysis.tables import caption
 from radartwin.store.products import SHORT
 
 FOLDER = Path(__file__).with_name("page")
-FIRST = ("speed_accuracy", "stability", GALLERY)  # shown above all others, in this order
-OPEN_ROWS = 12  # a longer table is folded, and unfolds in print
-_CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)  # of tables.to_html; here it stands above the figures
+FIRST = ("speed_accuracy", "stability", GALLERY)  # shown above the other tables
+OPEN_ROWS = 12  # a longer table starts folded, and unfolds in print
+_CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)  # of tables.to_html; this page shows the caption above the figures
 
 
 def page(sections: Sequence[Section], compared: Sequence[Compared], shown: Sequence[Shown], origin: Origin, parts: str) -> str:
-    """The whole page; `parts` is the folder that its links begin with."""
+    """The whole page; `parts` is the folder to which its links lead."""
     by_name = {section.table.name: section for section in sections}
     first = [by_name[name] for name in FIRST if name in by_name]
     rest = [section for section in sections if section not in first]
@@ -44,7 +44,7 @@ def page(sections: Sequence[Section], compared: Sequence[Compared], shown: Seque
         "tables": "\n".join(_section(section, compared, parts, 3) for section in rest),
         "origin": _origin(origin),
     }
-    # In one pass, so that nothing of the content is searched for names.
+    # One pass, so that the inserted content is not searched for names.
     return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], (FOLDER / "page.html").read_text(encoding="utf-8"))
 
 
@@ -57,7 +57,7 @@ def _contents(first: Sequence[Section], rest: Sequence[Section]) -> str:
 
     return (
         f'<li><a href="#summary">Summary</a></li>{links(first)}<li><a href="#rooms">The rooms</a></li>'
-        f'<li><a href="#tables">Tables</a><ul>{links(rest)}</ul></li><li><a href="#origin">Where this comes from</a></li>'
+        f'<li><a href="#tables">Tables</a><ul>{links(rest)}</ul></li><li><a href="#origin">Origin of the report</a></li>'
     )
 
 
@@ -73,7 +73,7 @@ def _section(section: Section, compared: Sequence[Compared], parts: str, level: 
 
 
 def absent(section: Section) -> str:
-    """What a reader finds in place of a table, with the command that makes it."""
+    """The text in place of an absent table, with the command that makes it."""
     error = f" <code>{escape(section.error)}</code>" if section.error else ""
     return (
         f'<p class="absent"><strong>{section.absent}</strong>: {ABSENT[section.absent]}{error} '
@@ -82,7 +82,7 @@ def absent(section: Section) -> str:
 
 
 def verdicts(section: Section) -> str:
-    """How many claims of a table hold and fail."""
+    """The number of claims of a table by verdict."""
     count = section.verdicts
     if not count:
         return f'<p class="verdicts">{plural(len(section.rows), "row")}, none of them a claim.</p>\n'
@@ -99,7 +99,7 @@ def _figure(section: Section, name: str, comparison: str, parts: str) -> str:
         else ""
     )
     width, height = section.pixels(name)
-    links = f'<a href="{beside}">sliders by themselves</a> · ' if comparison else ""
+    links = f'<a href="{beside}">sliders on a page of their own</a> · ' if comparison else ""
     return (
         f'{live}<figure><a href="{stem}.html"><img loading="lazy" decoding="async" src="{stem}.png" alt="{spoken}" '
         f'width="{width}" height="{height}"></a>\n'
@@ -114,7 +114,7 @@ def spoken_name(section: Section, figure: str) -> str:
 
 
 def _link(parts: str, part: str) -> str:
-    """Where a part lies from index.html, for an attribute."""
+    """Link from index.html to a part, escaped for an attribute."""
     return escape(quote(f"{parts}/{part}"))
 
 
@@ -122,7 +122,7 @@ def _chart(section: Section, parts: str) -> str:
     if not section.table.chart:
         return ""
     link = _link(parts, f"figures/{section.table.name}_page.html")
-    return f'<p class="chart"><a href="{link}" data-here>interactive chart</a>: other axes, and the figures under the pointer.</p>\n'
+    return f'<p class="chart"><a href="{link}" data-here>interactive chart</a>: choose the axes, zoom, read all values of a point.</p>\n'
 
 
 def _table(section: Section) -> str:
@@ -158,8 +158,8 @@ def _origin(origin: Origin) -> str:
     profiles = sorted({run.section.profile for run in origin.runs})
     lines += f"<dt>profile</dt><dd>{escape(', '.join(profiles) or '–')}</dd><dt>seed</dt><dd>{', '.join(map(str, seeds)) or '–'}</dd>"
     products = plural(len(origin.made), "product")
-    made = f"; the {products} they name took {_seconds(sum(origin.made.values()))} to make" if origin.made else ""
-    lines += f"<dt>cost</dt><dd>{_seconds(origin.core_seconds)} of these runs, with what each had to make{made}</dd>"
+    made = f"; the {products} they use took {_seconds(sum(origin.made.values()))} to make" if origin.made else ""
+    lines += f"<dt>cost</dt><dd>{_seconds(origin.core_seconds)} of these runs, with the products that each of them made{made}</dd>"
     heads = ("table", "profile", "seed", "run key", "finished", "took", "computed from", "MLflow run")
     head = "".join(f'<th scope="col">{one}</th>' for one in heads)
     rows = "\n".join(_run(run) for run in origin.runs)

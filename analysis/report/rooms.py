@@ -1,4 +1,4 @@
-"""The study's rooms in three dimensions: a page of each (radartwin view) and a picture that stands for it."""
+"""The study's rooms in three dimensions: a page of each (radartwin view) and a preview picture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from radartwin.scene.scene import Scene
 
 PIXELS = 480
-BARE = ("empty", "void")  # rooms without anything to look at
+BARE = ("empty", "void")  # rooms without furniture
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Shown:
 
 
 def write(staged: Stage) -> list[Shown]:
-    """Write every furnished room as it truly is, with its true materials."""
+    """Write every furnished room with its true surfaces and materials."""
     import numpy as np
 
     from radartwin.scene import rooms
@@ -47,7 +47,7 @@ def write(staged: Stage) -> list[Shown]:
 
 @functools.cache
 def _drawn(name: str) -> tuple[Scene, bytes]:
-    """A room, and as JPEG how it looks from one of its corners."""
+    """A room, and a JPEG picture of it from one of its corners."""
     from PIL import Image
 
     from radartwin.label.material_map import corner_camera

@@ -1,7 +1,7 @@
-"""A figure as one page for a browser: zoom, pan, and the values that were drawn, under the pointer or by keys. No network.
+"""A figure as one HTML page: zoom, pan, and values of the drawn data under the pointer or by keys. It works offline.
 
-The page shows the figure's own vector drawing, and knows its data: points of lines, scatters, error bars and bars by their series, and the
-values of pictures. What it cannot read (dates, shaded meshes, cells of uneven width) is drawn and has no values.
+The page shows the figure's own vector drawing and contains its data: the points of lines, scatters, error bars and bars by series, and the
+values of pictures. Dates, shaded meshes and cells of unequal width are drawn, but have no values.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-POINTS_MOST = 5000  # of one series; of more every so many are kept
-CELLS_MOST = 200_000  # of a picture; a larger one is drawn and has no values
-POINTS_PER_INCH = 72  # of a drawing's own coordinates
-STEPS = 256  # at which a scale that is neither linear nor logarithmic is told
+MAX_POINTS = 5000  # of one series; longer series are thinned
+MAX_CELLS = 200_000  # of a picture; larger pictures have no values
+POINTS_PER_INCH = 72  # of the drawing's coordinates
+STEPS = 256  # sampled places of a scale that is neither linear nor logarithmic
 PAGE = Path(__file__).with_name("pages.html")
 
 
 def page(drawing: Figure, title: str) -> str:
-    """The page of a figure that has been laid out (`savefig` or `draw_without_rendering` does it)."""
+    """The page of a figure whose layout is final (after `savefig` or `draw_without_rendering`)."""
     stream = io.StringIO()
     drawing.savefig(stream, format="svg", metadata={"Date": None})
     drawn = stream.getvalue()
@@ -39,13 +39,13 @@ def page(drawing: Figure, title: str) -> str:
 
 
 def _numbered(drawn: str) -> str:
-    """The drawing with its shared parts numbered; Matplotlib names some of them by where they lay in memory."""
+    """Replace Matplotlib's identifiers of shared parts, which depend on memory addresses, by numbers."""
     names = {name: f"part{number}" for number, name in enumerate(dict.fromkeys(re.findall(r'id="([a-zA-Z]+[0-9a-f]{10})"', drawn)))}
     return re.sub(r"\b[a-zA-Z]+[0-9a-f]{10}\b", lambda found: names.get(found[0], found[0]), drawn)
 
 
 def _axes(axes: Axes, size: list[float]) -> dict[str, Any]:
-    """What a reader may ask of one pair of axes."""
+    """Position, scales and data of one pair of axes."""
     box = axes.get_position()
     return {
         "box": _rounded([box.x0 * size[0], (1 - box.y1) * size[1], box.x1 * size[0], (1 - box.y0) * size[1]]),
@@ -58,13 +58,13 @@ def _axes(axes: Axes, size: list[float]) -> dict[str, Any]:
 
 
 def _label(axes: Axes, name: str) -> str:
-    """Its own, or that of axes it shares the scale with."""
+    """The label of an axis, or of an axis with which it shares the scale."""
     shared = getattr(axes, f"get_shared_{name}_axes")().get_siblings(axes)
     return next((text for one in (axes, *shared) if (text := getattr(one, f"get_{name}label")())), "")
 
 
 def _scale(axis: Any, limits: tuple[float, float], label: str) -> dict[str, Any]:
-    """Limits, kind of scale, label, and names of places where the axis has names instead of figures."""
+    """Limits, kind and label of a scale, and the names of ticks if the axis has names instead of numbers."""
     from matplotlib.ticker import FixedFormatter, FuncFormatter
 
     names = []
@@ -81,11 +81,11 @@ def _scale(axis: Any, limits: tuple[float, float], label: str) -> dict[str, Any]
 
 
 def _series(axes: Axes) -> list[dict[str, Any]]:
-    """Points of lines, scatters, error bars and bars, in the coordinates of the axes; a third number is a bar's own value."""
+    """Points of lines, scatters, error bars and bars in data coordinates; the third number of a bar is its own value."""
     from matplotlib.collections import PathCollection
     from matplotlib.container import BarContainer, ErrorbarContainer
 
-    found, within = [], set()
+    found, parts = [], set()
     for bars in axes.containers:
         if isinstance(bars, BarContainer):
             flat = bars.orientation == "horizontal"
@@ -97,14 +97,14 @@ def _series(axes: Axes) -> list[dict[str, Any]]:
             ]
             found.append((bars.get_label(), np.column_stack([np.reshape(ends, (-1, 2)), np.asarray(bars.datavalues, float).ravel()])))
             if bars.errorbar is not None:
-                within |= {id(part) for part in (bars.errorbar[0], *bars.errorbar[1])}
+                parts |= {id(part) for part in (bars.errorbar[0], *bars.errorbar[1])}
         elif isinstance(bars, ErrorbarContainer):
             line, caps, _ = bars
-            within |= {id(part) for part in (line, *caps)}
+            parts |= {id(part) for part in (line, *caps)}
             if line is not None:
                 found.append((bars.get_label(), _points(line.get_xdata(orig=False), line.get_ydata(orig=False))))
     for line in axes.lines:
-        if id(line) not in within and line.get_transform() == axes.transData:
+        if id(line) not in parts and line.get_transform() == axes.transData:
             found.append((line.get_label(), _points(line.get_xdata(orig=False), line.get_ydata(orig=False))))
     for some in axes.collections:
         if isinstance(some, PathCollection):
@@ -112,7 +112,7 @@ def _series(axes: Axes) -> list[dict[str, Any]]:
     series = []
     for label, points in found:
         points = points[np.isfinite(points).all(axis=1)]
-        points = points[:: -(-len(points) // POINTS_MOST) or 1]
+        points = points[:: -(-len(points) // MAX_POINTS) or 1]
         if len(points):
             name = "" if str(label).startswith("_") else str(label)
             series.append({"name": name, "points": [_rounded(p) for p in points.tolist()]})
@@ -120,12 +120,12 @@ def _series(axes: Axes) -> list[dict[str, Any]]:
 
 
 def _points(x: Any, y: Any) -> np.ndarray:
-    """(N, 2), NaN where something is masked."""
+    """(N, 2), NaN where a value is masked."""
     return np.column_stack([np.ma.filled(np.ma.asarray(one, float), np.nan) for one in (x, y)])
 
 
 def _pictures(axes: Axes) -> list[dict[str, Any]]:
-    """Images and meshes of even cells: extent, and rows of values from its third to its fourth number upwards."""
+    """Images and meshes of equal cells: extent (left, right, first, last), and rows of values from `first` to `last`."""
     from matplotlib.collections import QuadMesh
 
     found = []
@@ -147,7 +147,7 @@ def _pictures(axes: Axes) -> list[dict[str, Any]]:
             "values": [[float(f"{v:.4g}") if np.isfinite(v) else None for v in row] for row in values],
         }
         for left, right, low, high, values in found
-        if values.ndim == 2 and values.size <= CELLS_MOST
+        if values.ndim == 2 and values.size <= MAX_CELLS
     ]
 
 

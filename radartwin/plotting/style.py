@@ -1,7 +1,8 @@
-"""One style for every figure: the Okabe-Ito palette, readable without colour vision, and print sizes in inches.
+"""One style for every figure: the Okabe-Ito palette, which works without colour vision, and print sizes in inches.
 
-Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. Figures are drawn without a
-display and without pyplot's global state: make one with `figure`, return it, and `save` writes PNG, PDF and a page to zoom and read values.
+Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. Figures need no display and no global state of
+pyplot:
+create one with `figure`; `save` writes it as PNG, PDF and interactive page.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def style() -> dict[Any, Any]:
 def figure(
     rows: int = 1, columns: int = 1, *, width_in: float = PAGE_WIDTH_IN, height_in: float = 2.6, **subplots: Any
 ) -> tuple[Figure, Any]:
-    """A figure in the project's style and its axes, as `plt.subplots` returns them, without registering it anywhere."""
+    """A figure in the project's style and its axes, as returned by `plt.subplots` but not registered in pyplot."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -59,7 +60,8 @@ def figure(
 
 
 def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path]:
-    """Write `stem`.png, .pdf and .html, each whole or not at all, from a figure, a function that draws one, or files of another stem."""
+    """Write `stem`.png, .pdf and .html, each whole or not at all. `drawing`: a figure, a function that draws it, or a stem of existing
+    files."""
     import matplotlib
 
     from radartwin.io import files
@@ -73,7 +75,7 @@ def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path
     with matplotlib.rc_context(style()):
         drawn = drawing() if callable(drawing) else drawing
         for path in paths[:-1]:
-            # A PDF without its creation date is the same bytes for the same figure.
+            # Without its creation date, the PDF of the same figure has the same bytes.
             stream = io.BytesIO()
             drawn.savefig(stream, format=path.suffix[1:], metadata={"CreationDate": None} if path.suffix == ".pdf" else None)
             files.write_atomically(path, stream.getvalue())
