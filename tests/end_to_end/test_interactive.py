@@ -93,7 +93,7 @@ def over(opened, axes: dict, x: float, y: float) -> str:
         holder.dispatchEvent(new PointerEvent("pointermove", {{bubbles: true,
           clientX: b.left + (X - view[0]) / view[2] * b.width, clientY: b.top + (Y - view[1]) / view[3] * b.height}})); }})()"""
     )
-    return opened.run("told.textContent")
+    return opened.run("readout.textContent")
 
 
 def test_values_under_the_pointer_are_those_of_the_data(opened, path: Path) -> None:
@@ -127,5 +127,5 @@ def test_values_under_the_pointer_are_those_of_the_data(opened, path: Path) -> N
     opened.run('holder.dispatchEvent(new KeyboardEvent("keydown", {key: "0"}))')
     assert opened.run("view[2] === data.size[0]")
     opened.run('holder.dispatchEvent(new KeyboardEvent("keydown", {key: "n"}))')
-    assert opened.run("told.textContent") == "rising · distance (m) 0 · level 1"
+    assert opened.run("readout.textContent") == "rising · distance (m) 0 · level 1"
     assert opened.messages == []

@@ -213,12 +213,12 @@ def test_one_slider_wipes_between_measured_and_simulated_and_the_other_moves_alo
     assert 45 < float(page.run("wipe.value")) < 65
     page.run("range.focus()")
     assert float(page.run("range.value")) == pytest.approx(reported.MEASURED_M, abs=0.05)  # begins at the target
-    assert "measured −40.0 dB, simulated −100.0 dB" in page.run("told.textContent")
+    assert "measured −40.0 dB, simulated −100.0 dB" in page.run("levels.textContent")
     for _ in range(200):
         if float(page.run("range.value")) >= reported.SIMULATED_M:
             break
         press(page, "ArrowRight", 39)
-    assert "measured −100.0 dB, simulated −40.0 dB" in page.run("told.textContent")
+    assert "measured −100.0 dB, simulated −40.0 dB" in page.run("levels.textContent")
     assert page.messages == []
 
 

@@ -1,12 +1,12 @@
 "use strict";
-// The page is whole without this: here tables learn to be sorted and filtered, and pages to open in place.
+// The page works without this script, which adds sorting and filtering of tables and opens other pages in place.
 document.documentElement.classList.add("scripted");
 const make = (name, properties = {}, ...children) => {
   const one = Object.assign(document.createElement(name), properties);
   one.append(...children);
   return one;
 };
-const LONG = 8; // rows of a table from which filtering helps
+const LONG = 8; // a table with fewer rows has no filter
 
 function sortable(table) {
   const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0];
@@ -27,7 +27,7 @@ function sortable(table) {
       const sign = next === "ascending" ? 1 : -1, keys = new Map(given.map(row => [row, value(row, k)]));
       const order = (a, b) => {
         const [wordA, figureA, textA] = keys.get(a), [wordB, figureB, textB] = keys.get(b);
-        if (wordA !== wordB) return wordA ? 1 : -1; // what is no figure comes last, either way
+        if (wordA !== wordB) return wordA ? 1 : -1; // text comes after numbers in both orders
         return sign * (wordA ? textA.localeCompare(textB) : figureA - figureB);
       };
       body.append(...[...given].sort(order));
@@ -40,37 +40,37 @@ const verdictOf = row => ["holds", "fails", "untestable"].find(one => row.classL
 function filterable(table, number) {
   const rows = [...table.tBodies[0].rows];
   if (rows.length < LONG) return;
-  const texts = new Map(rows.map(row => [row, null])), told = make("output", {id: `told-${number}`});
+  const texts = new Map(rows.map(row => [row, null])), count = make("output", {id: `count-${number}`});
   const words = make("input", {type: "search", placeholder: "words to find", autocomplete: "off"});
   const verdict = make("select", {}, make("option", {value: ""}, "all verdicts"));
   const kinds = [...new Set(rows.map(verdictOf))].filter(Boolean);
   for (const kind of kinds) verdict.append(make("option", {value: kind}, kind));
   const apply = () => {
-    const wanted = words.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const searched = words.value.toLowerCase().split(/\s+/).filter(Boolean);
     let left = 0;
     for (const row of rows) {
-      if (wanted.length && texts.get(row) === null) texts.set(row, row.textContent.toLowerCase());
-      const kept = (!verdict.value || row.classList.contains(verdict.value)) && wanted.every(word => texts.get(row).includes(word));
-      row.classList.toggle("filtered", !kept);
-      left += kept;
+      if (searched.length && texts.get(row) === null) texts.set(row, row.textContent.toLowerCase());
+      const shown = (!verdict.value || row.classList.contains(verdict.value)) && searched.every(word => texts.get(row).includes(word));
+      row.classList.toggle("filtered", !shown);
+      left += shown;
     }
-    told.textContent = left === rows.length ? `${left} rows` : `${left} of ${rows.length} rows`;
+    count.textContent = left === rows.length ? `${left} rows` : `${left} of ${rows.length} rows`;
     table.dispatchEvent(new CustomEvent("filtered", {detail: verdict.value}));
   };
   const tools = make("div", {className: "tools"}, make("label", {}, "Filter ", words));
   if (kinds.length > 1) tools.append(make("label", {}, "Verdict ", verdict));
-  tools.append(told);
+  tools.append(count);
   table.closest(".scroll").before(tools);
   words.addEventListener("input", apply);
   verdict.addEventListener("change", apply);
-  table.addEventListener("wanted", event => { verdict.value = event.detail; words.value = ""; apply(); });
-  told.textContent = `${rows.length} rows`;
+  table.addEventListener("choose", event => { verdict.value = event.detail; words.value = ""; apply(); });
+  count.textContent = `${rows.length} rows`;
 }
 
-// A folded table learns it when it is first unfolded.
+// A folded table becomes sortable and filterable when it is first unfolded.
 document.querySelectorAll("table[data-tools]").forEach((table, number) => {
-  const folded = table.closest("details:not([open])"), learn = () => { sortable(table); filterable(table, number); };
-  if (folded) folded.addEventListener("toggle", learn, {once: true}); else learn();
+  const folded = table.closest("details:not([open])"), prepare = () => { sortable(table); filterable(table, number); };
+  if (folded) folded.addEventListener("toggle", prepare, {once: true}); else prepare();
 });
 
 // The counts of the summary become buttons that filter the claims.
@@ -82,7 +82,7 @@ for (const cards of document.querySelectorAll("[data-filter]")) {
     button.setAttribute("aria-pressed", "false");
     button.addEventListener("click", () => {
       const on = button.getAttribute("aria-pressed") === "true";
-      table.dispatchEvent(new CustomEvent("wanted", {detail: on ? "" : button.dataset.verdict}));
+      table.dispatchEvent(new CustomEvent("choose", {detail: on ? "" : button.dataset.verdict}));
     });
     card.append(button);
     return button;
@@ -92,7 +92,7 @@ for (const cards of document.querySelectorAll("[data-filter]")) {
   });
 }
 
-// A page beside this one opens in place when asked for; until then nothing of it is loaded.
+// A button opens a linked page in place; the page is loaded only then.
 for (const link of document.querySelectorAll("a[data-here]")) {
   const button = make("button", {type: "button", className: "here"}, "open here");
   button.setAttribute("aria-expanded", "false");
@@ -112,13 +112,13 @@ for (const link of document.querySelectorAll("a[data-here]")) {
   link.after(button);
 }
 
-// Pages that say how tall they are get that height.
+// A page in a frame that reports its height gets that height.
 addEventListener("message", event => {
   const frame = [...document.querySelectorAll("iframe[data-fit]")].find(one => one.contentWindow === event.source), tall = Number(event.data?.tall);
   if (frame && tall > 100 && tall < 3000) frame.style.height = `${Math.ceil(tall) + 2}px`;
 });
 
-// A link to a row opens the table that it is folded in, and shows the row even if it is filtered out.
+// A link to a row unfolds its table and shows the row even if a filter hides it.
 function reveal() {
   const row = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
   if (!row) return;
@@ -129,7 +129,7 @@ function reveal() {
 addEventListener("hashchange", reveal);
 reveal();
 
-// On a narrow screen the contents start folded; on paper everything is open.
+// On a narrow screen the contents start folded; in print everything is unfolded.
 const contents = document.querySelector("#contents details");
 if (matchMedia("(max-width: 68rem)").matches) contents.open = false;
 let folded = [];
