@@ -12,7 +12,8 @@ import pytest
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 HEAVY = ("hydra", "omegaconf", "mlflow", "mitsuba", "drjit", "numpy", "scipy", "trimesh", "matplotlib", "pandas", "plotly")
-VERBS = ("run", "tables", "simulate", "process", "import", "export", "reconstruct", "label", "view", "dashboard", "report", "doctor", "clean")
+STUDY_VERBS = ("run", "tables", "dashboard", "report", "doctor", "clean")
+VERBS = (*STUDY_VERBS, "simulate", "process", "import", "export", "reconstruct", "label", "view")
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -1,4 +1,4 @@
-"""`radartwin dashboard` is MLflow's own server, on loopback, over the runs of the output folder."""
+"""`radartwin dashboard` runs MLflow's server on loopback and ends it with all its processes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import pytest
 from radartwin.config.study import TrackingConfig
 from radartwin.runs.tracking import Tracker
 
-# SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
+# SQLAlchemy warns about a loader that mlflow uses.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 
 

@@ -1,7 +1,4 @@
-"""MLflow's pages over our runs in a real browser: the list of experiments, a run with its picture, a sweep compared.
-
-The screenshots stay in outputs/screenshots of the checkout.
-"""
+"""MLflow's pages show our runs in a real browser. Screenshots are written to outputs/screenshots of the checkout."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ from radartwin.config.study import TrackingConfig
 from radartwin.plotting import style
 from radartwin.runs.tracking import Tracker
 
-# SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
+# SQLAlchemy warns about a loader that mlflow uses.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "outputs" / "screenshots"
@@ -37,7 +34,7 @@ MATERIALS = ("void", "uniform", "vlm")
 
 @contextlib.contextmanager
 def serving(output: Path) -> Iterator[str]:
-    """`radartwin dashboard` over the folder; its address, read from what it says."""
+    """Run `radartwin dashboard` on the folder; the printed address without the page."""
     command = [sys.executable, "-m", "radartwin", "dashboard", "--output", str(output)]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True)
     assert server.stdout is not None
@@ -53,7 +50,7 @@ def serving(output: Path) -> Iterator[str]:
 
 
 def record(tracker: Tracker, number: int, artifacts: Path) -> str:
-    """A run as the runner leaves it: parameters, metrics, a table, its data and pictures."""
+    """Track a run as the runner does, with parameters, metrics, a table, input data and pictures."""
     source = MATERIALS[number % len(MATERIALS)]
     params = {"materials": source, "seed": str(number)}
     with tracker.run("environment", f"{number:032x}", f"materials={source},seed={number}", params) as run:
@@ -66,7 +63,7 @@ def record(tracker: Tracker, number: int, artifacts: Path) -> str:
 
 @pytest.fixture(scope="module")
 def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run's figures."""
+    """A folder with figures."""
     folder = tmp_path_factory.mktemp("product") / "figures"
     figure, axes = style.figure()
     axes.plot(np.linspace(0, 1, 50), np.linspace(0, 1, 50) ** 2)
@@ -76,7 +73,7 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory: pytest.TempPathFactory, figures: Path) -> tuple[Path, str, list[str]]:
-    """An output folder with a sweep of three runs, the id of its parent, and theirs."""
+    """An output folder with a sweep of three runs, the id of the parent run, and the ids of the three."""
     output = tmp_path_factory.mktemp("output")
     tracker = Tracker(TrackingConfig(), output)
     parent = tracker.sweep("environment", f"materials={','.join(MATERIALS)}")
@@ -89,7 +86,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory, figures: Path) -> tuple[Path
 
 
 def visit(page: browser.Page, url: str, *words: str, seconds: float = 150) -> float:
-    """Go to a page and wait until it shows all the words; how long that took in s."""
+    """Load a page and wait until it shows all the words. Returns the time in s."""
     page.call("Emulation.setDeviceMetricsOverride", width=1500, height=950, deviceScaleFactor=1, mobile=False)
     page.call("Page.navigate", url="about:blank")  # another fragment of the same page would not load anew
     started = time.monotonic()
@@ -103,7 +100,7 @@ def _shows(words: Sequence[str]) -> str:
 
 
 def follow(page: browser.Page, fragment: str, *words: str) -> float:
-    """Go elsewhere in the page that is open, as a link in it does; how long until it shows all the words in s."""
+    """Follow a link inside the open page and wait until it shows all the words. Returns the time in s."""
     started = time.monotonic()
     page.run(f"location.hash = {json.dumps(fragment)}")
     page.until(_shows(words), 150)
@@ -121,7 +118,7 @@ def experiment_id(address: str, table: str = "environment") -> str:
 
 
 @pytest.mark.slow
-def test_the_pages_show_the_experiments_a_run_with_its_picture_and_a_sweep_compared(chromium, sweep) -> None:
+def test_pages_show_experiments_a_run_with_its_picture_and_the_jobs_of_a_sweep(chromium, sweep) -> None:
     output, parent, runs = sweep
     with serving(output) as address:
         page, number = chromium(), experiment_id(address)
@@ -146,7 +143,7 @@ def test_the_pages_show_the_experiments_a_run_with_its_picture_and_a_sweep_compa
         keep(page, "comparison")
 
 
-def test_without_a_port_the_dashboard_takes_a_free_one_and_one_that_is_taken_is_refused(sweep) -> None:
+def test_a_free_port_is_found_and_a_taken_port_is_refused(sweep) -> None:
     from radartwin.errors import BackendError
     from radartwin.runs.dashboard import HOST, USUAL_PORT, dashboard
 
@@ -163,8 +160,8 @@ def test_without_a_port_the_dashboard_takes_a_free_one_and_one_that_is_taken_is_
 
 
 @pytest.mark.slow
-def test_a_server_of_its_own_holds_a_sweep_of_another_folder(tmp_path: Path) -> None:
-    """As on a cluster: the jobs reach the store over HTTP alone, artifacts too."""
+def test_a_tracking_server_holds_a_sweep_of_another_folder(tmp_path: Path) -> None:
+    """As on a cluster: the jobs reach the store and its artifacts only over HTTP."""
     arguments, own = own_experiment.write(tmp_path / "mine")
     (tmp_path / "served").mkdir()
     with serving(tmp_path / "served") as address:
@@ -192,7 +189,7 @@ def test_a_server_of_its_own_holds_a_sweep_of_another_folder(tmp_path: Path) -> 
 
 
 def ask(address: str, experiment: str, words: str, most: int) -> tuple[list, float]:
-    """Runs that the server finds by the filter, and how long it took in s."""
+    """Runs that match the filter, and the time of the search in s."""
     query = json.dumps({"experiment_ids": [experiment], "filter": words, "max_results": most}).encode()
     request = urllib.request.Request(f"{address}/api/2.0/mlflow/runs/search", query, {"Content-Type": "application/json"})
     started = time.monotonic()

@@ -1,4 +1,4 @@
-"""`radartwin run` on a user's own experiment: computed once, resumed, swept, refused in one line."""
+"""`radartwin run` computes a user's own experiment once, resumes sweeps, and refuses wrong input in one line."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ YAML = "# @package _global_\nexperiment:\n  name: mine\n  module: my_experiment\
 
 @pytest.fixture
 def own(tmp_path: Path) -> list[str]:
-    """Arguments that run an experiment of the user's own, from a folder outside the checkout."""
+    """Arguments that run a user's experiment from a folder outside the checkout."""
     folder = tmp_path / "mine" / "experiment"
     folder.mkdir(parents=True)
     (folder / "mine.yaml").write_text(YAML)
@@ -66,7 +66,7 @@ def test_a_run_is_computed_once_and_read_back(radartwin: Command, own: list[str]
     assert list((tmp_path / "outputs").rglob("*.tmp")) == []
 
 
-def test_a_run_is_tracked_with_its_table_and_the_data_it_rests_on(radartwin: Command, own: list[str], tmp_path: Path) -> None:
+def test_a_run_is_tracked_with_its_table_and_its_input_data(radartwin: Command, own: list[str], tmp_path: Path) -> None:
     assert radartwin(*own).returncode == 0
     ((key,),) = [(path.name,) for path in (tmp_path / "outputs" / "cache" / "recording").iterdir()]
     with closing(sqlite3.connect(tmp_path / "outputs" / "mlflow.db")) as connection:
@@ -75,7 +75,7 @@ def test_a_run_is_tracked_with_its_table_and_the_data_it_rests_on(radartwin: Com
     assert f"1.0,{key},correlation,0.42,0.4,0.1,0.9,3,testbed,holds" in table.read_text()
 
 
-def test_a_result_found_without_tracking_is_tracked_once_when_it_is_on(radartwin: Command, own: list[str], tmp_path: Path) -> None:
+def test_a_result_computed_without_tracking_is_tracked_once_later(radartwin: Command, own: list[str], tmp_path: Path) -> None:
     assert radartwin(*own, "tracking=off").returncode == 0
     for _ in range(2):
         assert "scored 0" in radartwin(*own).stdout
@@ -113,7 +113,7 @@ def test_a_sweep_survives_a_refused_and_a_failed_job_and_resumes(radartwin: Comm
     assert children == (5,), "three jobs of the first sweep and the two failed ones of the second"
 
 
-def test_a_broken_tracking_store_is_named_and_nothing_is_lost(radartwin: Command, own: list[str], tmp_path: Path) -> None:
+def test_a_broken_tracking_store_is_named_and_tracking_off_still_works(radartwin: Command, own: list[str], tmp_path: Path) -> None:
     (tmp_path / "outputs").mkdir()
     (tmp_path / "outputs" / "mlflow.db").write_bytes(bytes(range(256)) * 16)
     done = radartwin(*own)
@@ -124,7 +124,7 @@ def test_a_broken_tracking_store_is_named_and_nothing_is_lost(radartwin: Command
     assert radartwin(*own, "tracking=off").returncode == 0
 
 
-def test_a_sweep_with_a_mistake_starts_nothing(radartwin: Command, own: list[str], tmp_path: Path) -> None:
+def test_a_sweep_with_a_wrong_value_starts_no_job(radartwin: Command, own: list[str], tmp_path: Path) -> None:
     swept = radartwin(*own, "-m", "materials=uniform,steel")
     assert swept.returncode == 2
     assert swept.stdout == ""
@@ -148,14 +148,14 @@ def test_a_sweep_with_a_mistake_starts_nothing(radartwin: Command, own: list[str
         (["report"], "run radartwin tables first"),
     ],
 )
-def test_wrong_input_is_one_line_and_status_two(radartwin: Command, arguments: list[str], word: str, tmp_path: Path) -> None:
+def test_wrong_input_prints_one_line_and_exits_with_status_two(radartwin: Command, arguments: list[str], word: str, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = radartwin(*arguments)
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert done.stderr.startswith("radartwin: ")
     assert word in done.stderr
-    assert [p.name for p in tmp_path.iterdir()] == ["file"], "something was half-written"
+    assert [p.name for p in tmp_path.iterdir()] == ["file"], "a partial file is left"
 
 
 def test_a_sweep_takes_folders_of_any_name(radartwin: Command, own: list[str], tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`radartwin run --search` finds the best setting of a known function, remembers its trials, and refuses in one line."""
+"""`radartwin run --search` finds the best setting of a known function, resumes, and refuses wrong input in one line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def radartwin(arguments: list[str], environment: dict[str, str], output: Path) -
 
 
 @pytest.mark.slow
-def test_a_search_comes_close_to_the_known_best_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_a_search_comes_close_to_the_known_optimum_and_resumes(tmp_path: Path) -> None:
     arguments, own = own_experiment.write(tmp_path / "mine")
     first = radartwin([*arguments, *SEARCH, "--trials", "5"], own, tmp_path / "out")
     assert "sweep: 5 done" in first.stdout, first.stderr
@@ -46,7 +46,7 @@ def test_a_search_comes_close_to_the_known_best_and_goes_on_where_it_stopped(tmp
         (["--search", "peak", "--trials", "0", "trajectory.height_m=interval(1,2)"], "--trials 0"),
     ],
 )
-def test_a_search_that_cannot_be_made_is_one_line(tmp_path: Path, arguments: list[str], word: str) -> None:
+def test_an_impossible_search_prints_one_line(tmp_path: Path, arguments: list[str], word: str) -> None:
     run, own = own_experiment.write(tmp_path / "mine")
     done = radartwin([*run, *arguments], own, tmp_path / "out")
     assert done.returncode == 2
@@ -55,7 +55,7 @@ def test_a_search_that_cannot_be_made_is_one_line(tmp_path: Path, arguments: lis
     assert "Traceback" not in done.stderr
 
 
-def test_a_space_is_read_from_overrides() -> None:
+def test_overrides_define_the_search_space() -> None:
     searched: dict[str, Any]
     fixed, searched = space(["seed=3", "materials=vlm,void", "a.b=interval(1,2)", "c.d=tag(log,interval(0.1,10))", "e.f=range(1,4)"])
     assert fixed == ["seed=3"]

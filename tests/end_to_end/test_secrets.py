@@ -1,4 +1,4 @@
-"""Keys and passwords come from the environment and are found nowhere else: no log, no key, no artifact, no database."""
+"""Keys and passwords of the environment appear in no log, run key, artifact or database."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def radartwin(arguments: list[str], environment: dict[str, str], output: Path) -
     return subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, timeout=300, check=False)
 
 
-def test_a_sweep_writes_no_key_of_the_environment_anywhere(tmp_path: Path) -> None:
+def test_a_sweep_writes_no_secret_of_the_environment(tmp_path: Path) -> None:
     arguments, own = own_experiment.write(tmp_path / "mine")
     (tmp_path / "mine" / "BREAK_1").touch()
     keys = {"RADARTWIN_VLM_KEY": SECRET, "MLFLOW_TRACKING_USERNAME": SECRET, "MLFLOW_TRACKING_PASSWORD": SECRET}
@@ -38,7 +38,7 @@ def test_a_sweep_writes_no_key_of_the_environment_anywhere(tmp_path: Path) -> No
         f"scene.llm_url=http://me:{SECRET}@127.0.0.1:9",
     ],
 )
-def test_an_address_that_carries_a_password_is_refused_without_repeating_it(override: str, tmp_path: Path) -> None:
+def test_an_address_with_a_password_is_refused_and_not_printed(override: str, tmp_path: Path) -> None:
     more = ["materials=vlm"] if override.startswith("materials") else []
     done = radartwin(["run", "experiment=environment", *more, override], {}, tmp_path / "out")
     assert done.returncode == 2

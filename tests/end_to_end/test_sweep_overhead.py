@@ -1,4 +1,4 @@
-"""What a sweep adds to each of its jobs: composing, looking up its key, tracking, and the files of its outcome."""
+"""The overhead of a sweep per job: composing, the key, tracking and the outcome's files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_S = 0.3  # per job in a worker that is warm
 
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", [("hydra/launcher=basic",), ("hydra/launcher=joblib", "hydra.launcher.n_jobs=1")])
-def test_a_warm_worker_spends_little_beside_the_work(tmp_path: Path, launcher: tuple[str, ...]) -> None:
+def test_overhead_per_job_is_small_in_a_warm_worker(tmp_path: Path, launcher: tuple[str, ...]) -> None:
     arguments, own = own_experiment.write(tmp_path / "mine")
     command = [sys.executable, "-m", "radartwin", *arguments, "-m", *launcher, "seed=range(60)", "--output", str(tmp_path / "out")]
     done = subprocess.run(command, env={**os.environ, **own}, capture_output=True, text=True, timeout=500, check=False)

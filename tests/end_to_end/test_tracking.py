@@ -1,4 +1,4 @@
-"""Tracking on a real SQLite store: complete after a run, intact after many processes, silent on the terminal."""
+"""Tracking in a real SQLite store is complete after a run, survives concurrent processes and prints nothing."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from radartwin.errors import BackendError, ConfigError, OutputError
 from radartwin.runs.dashboard import dashboard
 from radartwin.runs.tracking import ARTIFACTS, DATABASE, Tracker
 
-# SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
+# SQLAlchemy warns about a loader that mlflow uses.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 
 
 def query(output: Path, statement: str) -> list[tuple]:
-    """What the database holds, read without mlflow."""
+    """Rows of the database, read without mlflow."""
     with closing(sqlite3.connect(output / DATABASE)) as connection:
         return connection.execute(statement).fetchall()
 
 
 @pytest.fixture(scope="module")
 def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store with a finished run, a failed one and a sweep of one child."""
+    """A store with a finished run, a failed run and a sweep of one job."""
     folder = tmp_path_factory.mktemp("tracked")
     tracker = Tracker(TrackingConfig(), folder)
     artifact = folder / "result.json"
@@ -70,7 +70,7 @@ def test_the_table_of_a_run_is_an_artifact(output: Path) -> None:
     assert table.read_text() == "distance_m,value,verdict\n1.0,0.4,\n,0.5,holds\n"
 
 
-def test_a_run_names_the_data_it_rests_on_by_digest(output: Path) -> None:
+def test_a_run_lists_the_digests_of_its_input_data(output: Path) -> None:
     both = hashlib.sha256(f"{'d' * 32} {'e' * 32}".encode()).hexdigest()[:32]
     rows = query(output, "SELECT name, digest, dataset_profile FROM datasets ORDER BY name")
     assert rows == [("campaign", both, '{"products": 2}'), ("recordings", "f" * 32, '{"products": 1}')]
@@ -78,14 +78,14 @@ def test_a_run_names_the_data_it_rests_on_by_digest(output: Path) -> None:
     assert query(output, "SELECT DISTINCT destination_id FROM inputs") == [run]
 
 
-def test_the_parent_of_a_sweep_keeps_its_jobs_and_links_to_them_side_by_side(output: Path) -> None:
+def test_the_parent_run_of_a_sweep_holds_the_table_of_jobs_and_a_link_that_compares_them(output: Path) -> None:
     (child,) = query(output, "SELECT run_uuid FROM tags WHERE key = 'mlflow.parentRunId'")[0]
     ((note,),) = query(output, "SELECT value FROM tags WHERE key = 'mlflow.note.content'")
     assert f"/compare-runs?runs=%5B%22{child}%22%5D" in note
     assert len(list((output / ARTIFACTS).rglob("jobs.csv"))) == 1
 
 
-def test_the_filters_of_the_documentation_are_understood(output: Path) -> None:
+def test_filters_of_the_documentation_are_valid(output: Path) -> None:
     from mlflow import MlflowClient
 
     text = (Path(__file__).resolve().parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
@@ -101,7 +101,7 @@ def test_the_filters_of_the_documentation_are_understood(output: Path) -> None:
     assert len(client.search_runs([table.experiment_id], known)) == 1
 
 
-def test_system_metrics_are_sampled_where_they_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_system_metrics_are_sampled_when_they_are_switched_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MLFLOW_ENABLE_SYSTEM_METRICS_LOGGING", "true")
     monkeypatch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.05")
     with Tracker(TrackingConfig(), tmp_path).run("environment", "a" * 32, "x", {}) as record:
@@ -114,19 +114,19 @@ def test_system_metrics_are_sampled_where_they_are_asked_for(tmp_path: Path, mon
     assert [step for (step,) in steps] == list(range(len(steps)))
 
 
-def test_a_failed_run_says_why(output: Path) -> None:
+def test_a_failed_run_has_its_error_as_a_tag(output: Path) -> None:
     rows = query(output, "SELECT status, value FROM runs r JOIN tags t USING (run_uuid) WHERE t.key = 'error'")
     assert rows == [("FAILED", "solver")]
 
 
-def test_the_runs_of_a_sweep_know_their_parent(output: Path) -> None:
+def test_runs_of_a_sweep_have_its_parent_run(output: Path) -> None:
     parents = query(output, "SELECT value FROM tags WHERE key = 'mlflow.parentRunId'")
     swept = query(output, "SELECT run_uuid FROM runs WHERE name = 'materials=void,uniform'")
     assert parents == swept
     assert len(parents) == 1
 
 
-def test_a_finished_run_is_known_and_a_failed_one_is_not(output: Path) -> None:
+def test_a_finished_run_is_known_and_a_failed_run_is_not(output: Path) -> None:
     tracker = Tracker(TrackingConfig(), output)
     assert tracker.known("environment", "a" * 32)
     assert not tracker.known("environment", "b" * 32)
@@ -144,7 +144,7 @@ with Tracker(TrackingConfig(), Path(output)).run("environment", number * 32, num
 """
 
 
-def test_processes_that_open_a_fresh_store_at_once_all_get_their_run_in_it(tmp_path: Path) -> None:
+def test_processes_that_open_a_new_store_at_once_all_track_their_run(tmp_path: Path) -> None:
     def start(number: int) -> subprocess.Popen[str]:
         command = [sys.executable, "-c", OPENS, str(number), str(tmp_path)]
         return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -156,7 +156,7 @@ def test_processes_that_open_a_fresh_store_at_once_all_get_their_run_in_it(tmp_p
     assert {p.name for p in tmp_path.iterdir()} == {DATABASE}, "a lock or temporary file stayed"
 
 
-def test_tracking_off_touches_nothing(tmp_path: Path) -> None:
+def test_tracking_off_writes_nothing(tmp_path: Path) -> None:
     tracker = Tracker(TrackingConfig(backend="off"), tmp_path)
     tracker.prepare()
     with tracker.run("environment", "a" * 32, "x", {}):
@@ -165,12 +165,12 @@ def test_tracking_off_touches_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_server_of_its_own_is_not_served_again(tmp_path: Path) -> None:
+def test_the_dashboard_does_not_serve_another_tracking_server(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"http://127\.0\.0\.1:9"):
         dashboard(TrackingConfig(uri="http://127.0.0.1:9"), tmp_path, 5000)
 
 
-def test_a_store_that_cannot_be_used_is_refused_at_once_and_by_name(tmp_path: Path) -> None:
+def test_an_unusable_store_is_refused_at_once_and_named(tmp_path: Path) -> None:
     started = time.monotonic()
     (tmp_path / "folder" / DATABASE).mkdir(parents=True)
     (tmp_path / "text").mkdir()

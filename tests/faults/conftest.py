@@ -1,4 +1,4 @@
-"""Fixtures of the faults: disks of their own."""
+"""Fixtures: disks of their own that can be full or read-only."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from disks import Disk, mounted
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Disk]:
-    """Of 3 MB."""
+    """A disk of 3 MB."""
     yield from mounted(tmp_path / "disk", 3)
 
 
 @pytest.fixture(scope="module")
 def shared_disk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Disk]:
-    """Of 12 MB, for all tests of a module."""
+    """A disk of 12 MB for all tests of a module."""
     yield from mounted(tmp_path_factory.mktemp("mounted") / "disk", 12)

@@ -1,6 +1,6 @@
-"""A campaign that is killed again and again is, once it has ended, the campaign that nothing disturbed: every file, byte for byte.
+"""A campaign that is killed and restarted ends with the same files, byte for byte, as a campaign without kills.
 
-Only meta.json differs, which says when and how long. The quick test puts a made-up signal in the tracer's place; the slow one traces.
+Only meta.json differs, because it holds times. The quick test replaces the tracer by a made-up signal; the slow tests trace.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from pathlib import Path
 
 import pytest
 
-WITHOUT = ["materials=void", "measured.gap.solver=0", "measured.gap.clutter=0"]  # scan, clutter and creep
+WITHOUT = ["materials=void", "measured.gap.solver=0", "measured.gap.clutter=0"]  # no scan, clutter or creep
 TINY = [
     "run", "experiment=campaign", "tracking=off",
     "profile.campaign.turntable_objects=[corner_reflector,can_211_400]", "profile.campaign.reflector_distances_m=[1.0]",
     "profile.campaign.frames_per_turn=40", "profile.campaign.reflector_repeats=2", "profile.campaign.rail_repeats=1",
     "profile.campaign.rover_objects=[can_211_400]", "profile.campaign.rover_every=10",
 ]  # fmt: skip
-RECORDINGS = 13  # of both domains
-# Recordings of noise and, where there are more frames than aspects, of aspects: a tenth of a second each.
+RECORDINGS = 13  # in both domains
+# Recordings of noise, and of aspects where there are more frames than aspects. Each takes 0.1 s.
 MADE_UP = """
 import sys, time
 import numpy as np
@@ -60,7 +60,7 @@ sys.exit(main(sys.argv[1:]))
 
 def started(output: Path, program: list[str], *more: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        # What is made up is made in this very process.
+        # The made-up tracer exists only in this process.
         [sys.executable, *program, *TINY, *(more or WITHOUT), f"output={output}", *(["jobs=1"] if program[0] == "-c" else [])],
         cwd=output.parent,
         stdout=subprocess.PIPE,
@@ -79,10 +79,10 @@ def completed(output: Path, program: list[str], seconds: float, *more: str) -> s
 
 
 def products(output: Path) -> dict[str, str]:
-    """Digest of every file that the campaign left, but for when it was made."""
+    """Digest of every file of the campaign but meta.json."""
     cache = output / "cache"
     found = [path for kind in ("clean", "processed") for path in cache.glob(f"{kind}/*/*") if path.name != "meta.json"]
-    found = [path for path in found if path.parent.suffix != ".tmp"]  # of a process that was killed
+    found = [path for path in found if path.parent.suffix != ".tmp"]  # left by a killed process
     return {path.relative_to(cache).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(found)}
 
 
@@ -93,7 +93,7 @@ def finished(output: Path) -> int:
 def disturbed(
     output: Path, program: list[str], kills: int, pause_s: float, seconds: float, *more: str, recordings: int = RECORDINGS
 ) -> str:
-    """Kill it so many times, each somewhere in the making of another recording, and let it end."""
+    """Kill the campaign `kills` times, each time during another recording, then let it end."""
     chance = random.Random(0)
     goals = sorted(chance.sample(range(recordings - 1), kills))
     for goal in goals:
@@ -108,7 +108,7 @@ def disturbed(
     return completed(output, program, seconds, *more)
 
 
-def same_in_the_end(folder: Path, program: list[str], kills: int, pause_s: float, seconds: float) -> None:
+def assert_same_files(folder: Path, program: list[str], kills: int, pause_s: float, seconds: float) -> None:
     completed(folder / "whole", program, seconds)
     whole = products(folder / "whole")
     assert len(whole) == 4 * RECORDINGS  # samples and description, arrays and radar
@@ -118,17 +118,17 @@ def same_in_the_end(folder: Path, program: list[str], kills: int, pause_s: float
     assert "wall time per frame" in said
 
 
-def test_a_campaign_killed_twice_is_the_same_in_the_end(tmp_path: Path) -> None:
-    same_in_the_end(tmp_path, ["-c", MADE_UP], kills=2, pause_s=0.2, seconds=120)
+def test_a_campaign_killed_twice_ends_with_the_same_files(tmp_path: Path) -> None:
+    assert_same_files(tmp_path, ["-c", MADE_UP], kills=2, pause_s=0.2, seconds=120)
 
 
 @pytest.mark.slow
-def test_a_traced_campaign_killed_ten_times_is_the_same_in_the_end(tmp_path: Path) -> None:
-    same_in_the_end(tmp_path, ["-m", "radartwin"], kills=10, pause_s=2.0, seconds=1800)
+def test_a_traced_campaign_killed_ten_times_ends_with_the_same_files(tmp_path: Path) -> None:
+    assert_same_files(tmp_path, ["-m", "radartwin"], kills=10, pause_s=2.0, seconds=1800)
 
 
 @pytest.mark.slow
-def test_scan_clutter_and_creep_are_the_same_from_one_process_two_and_after_kills(tmp_path: Path) -> None:
+def test_scan_clutter_and_creep_do_not_depend_on_the_number_of_workers_or_on_kills(tmp_path: Path) -> None:
     whole = ["materials=uniform", "measured.gap.solver=0", "profile.campaign.rover_rooms=[]"]
     program, seconds = ["-m", "radartwin"], 1800
     completed(tmp_path / "one", program, seconds, *whole, "jobs=1")

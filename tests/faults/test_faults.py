@@ -1,4 +1,4 @@
-"""What can go wrong under a sweep, made to go wrong: nothing finished is lost, nothing wrong is kept, and the message says what to do."""
+"""After every fault under a sweep, finished runs are kept, unfinished ones are dropped, and the message says what to do."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ WHERE t.key = 'run_key' AND t.value != 'sweep' AND r.status = 'FINISHED'"""
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_killed_for_memory_fails_alone_and_the_message_says_so(study: Study) -> None:
+def test_a_job_whose_worker_is_killed_fails_alone_with_a_message(study: Study) -> None:
     (study.folder / "KILL_1").touch()
     joblib = ("-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", SEEDS)
     code, said, complained = study.run(*joblib)
@@ -90,7 +90,7 @@ def test_a_worker_that_is_killed_for_memory_fails_alone_and_the_message_says_so(
 
 
 @pytest.mark.slow
-def test_a_run_that_asks_for_too_much_memory_is_one_line_and_goes_on_later(study: Study) -> None:
+def test_a_run_out_of_memory_is_one_line_and_resumes(study: Study) -> None:
     (study.folder / "EAT_1").touch()
     code, said, complained = study.run("seed=1")
     assert code == 1
@@ -109,7 +109,7 @@ def test_a_run_that_asks_for_too_much_memory_is_one_line_and_goes_on_later(study
 
 
 @pytest.mark.slow
-def test_interrupted_twice_a_sweep_keeps_what_is_finished_and_resumes(study: Study) -> None:
+def test_two_interrupts_keep_the_finished_runs_of_a_sweep_which_resumes(study: Study) -> None:
     (study.folder / "HOLD_2").touch()
     for launcher in ("basic", "joblib"):
         sweep = study.start("-m", f"hydra/launcher={launcher}", SEEDS)
@@ -127,7 +127,7 @@ def test_interrupted_twice_a_sweep_keeps_what_is_finished_and_resumes(study: Stu
 
 
 @pytest.mark.slow
-def test_two_sweeps_at_once_on_one_store_compute_each_run_once(study: Study) -> None:
+def test_two_concurrent_sweeps_on_one_store_compute_each_run_once(study: Study) -> None:
     for _ in range(2):
         pair = [study.start("-m", SEEDS), study.start("-m", SEEDS)]
         for sweep in pair:
@@ -167,7 +167,7 @@ def test_a_damaged_cache_entry_is_computed_again(study: Study) -> None:
     assert result.read_bytes() == sound
 
 
-def test_a_corrupted_tracking_store_is_named_and_the_finished_runs_are_kept(study: Study) -> None:
+def test_a_corrupted_tracking_store_is_named_and_finished_runs_are_kept(study: Study) -> None:
     assert study.run("seed=0")[0] == 0
     database = study.output / "mlflow.db"
     content = bytearray(database.read_bytes())
@@ -186,7 +186,7 @@ def test_a_corrupted_tracking_store_is_named_and_the_finished_runs_are_kept(stud
 
 
 @pytest.mark.slow
-def test_a_full_disk_is_told_leaves_nothing_half_written_and_resumes(small_disk: Disk, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_the_run_resumes_without_partial_files(small_disk: Disk, tmp_path: Path) -> None:
     study = Study(tmp_path, small_disk.folder / "out")
     assert study.run("seed=0")[0] == 0
     small_disk.fill()
@@ -202,7 +202,7 @@ def test_a_full_disk_is_told_leaves_nothing_half_written_and_resumes(small_disk:
     assert study.no_traces()
 
 
-def test_an_output_that_can_only_be_read_is_one_line(study: Study) -> None:
+def test_a_read_only_output_is_one_line(study: Study) -> None:
     assert study.run("seed=0", "tracking=off")[0] == 0
     if subprocess.run(["unshare", "--mount", "true"], capture_output=True, check=False).returncode:
         pytest.skip("no read-only file system can be mounted here: run as root to test one")

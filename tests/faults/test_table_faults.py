@@ -1,4 +1,4 @@
-"""`radartwin tables` under kills, beside another of its kind, on a disk that fills up: what it leaves is what an undisturbed one leaves."""
+"""`radartwin tables` writes the same files after kills, beside another `radartwin tables`, and after a full disk."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from radartwin.plotting import style
 from radartwin.runs.experiment import Result
 
 ROOT = Path(__file__).resolve().parents[2]
-TABLES = ["labels", "positioning"]  # the cheapest that trace, scan and start a worker of their own
+TABLES = ["labels", "positioning"]  # the cheapest tables that trace, scan and start Sionna's process
 # Of the report: when a run finished, what it took, and its number in MLflow.
 STATED = re.compile(r"\d{4}-\d\d-\d\dT[\d:]+Z|[\d,.]+ core-seconds|<a href=\"http://127[^\"]*\"><code>[0-9a-f]+</code></a>")
 
@@ -50,7 +50,7 @@ def completed(output: Path) -> str:
 
 
 def written(output: Path) -> dict[str, bytes]:
-    """Tables, figures and report, without what the report states of times and numbers."""
+    """Tables, figures and report, without times and MLflow numbers in the report."""
     found = [path for part in ("tables", "figures", "report") for path in sorted((output / part).rglob("*")) if path.is_file()]
     content = {path.relative_to(output).as_posix(): path.read_bytes() for path in found}
     page = content["report/index.html"].decode()
@@ -62,13 +62,13 @@ def products(output: Path) -> set[str]:
 
 
 def worked_s(process: int) -> float:
-    """Processor seconds of a process so far, which do not depend on what else runs here; proc(5), utime and stime."""
+    """Processor seconds of a process so far (proc(5), utime and stime), which do not depend on the load of the machine."""
     words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @pytest.mark.slow
-def test_tables_killed_at_random_moments_are_byte_for_byte_those_of_an_undisturbed_run(tmp_path: Path) -> None:
+def test_tables_killed_at_random_moments_equal_those_of_a_run_without_kills(tmp_path: Path) -> None:
     began = sum(os.times()[2:4])
     completed(tmp_path / "whole")
     whole, long_s = written(tmp_path / "whole"), sum(os.times()[2:4]) - began
@@ -78,7 +78,7 @@ def test_tables_killed_at_random_moments_are_byte_for_byte_those_of_an_undisturb
     assert written(tmp_path / "whole") == whole
 
     output, chance, killed = tmp_path / "killed", random.Random(0), 0
-    for longest_s in [long_s / 2] * 5 + [short_s] * 8:  # while it computes, then while it reads back and writes
+    for longest_s in [long_s / 2] * 5 + [short_s] * 8:  # first kills during computation, then kills while results are read and written
         process, moment = started(output), chance.uniform(0.1, longest_s)
         while process.poll() is None and worked_s(process.pid) < moment:
             time.sleep(0.02)
@@ -108,7 +108,7 @@ ROW = {
 }  # fmt: skip
 
 
-def test_two_that_write_tables_at_once_lose_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_concurrent_writers_of_tables_lose_no_index_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read = index.read
 
     def slowly(output: Path, name: str) -> index.Entries:
@@ -125,7 +125,7 @@ def test_two_that_write_tables_at_once_lose_none(tmp_path: Path, monkeypatch: py
     assert not list(tmp_path.rglob("*.lock"))
 
 
-def test_a_disk_that_fills_up_while_a_table_is_written_leaves_each_file_old_or_new(small_disk: Disk, tmp_path: Path) -> None:
+def test_a_disk_that_fills_up_leaves_each_file_of_a_table_old_or_new(small_disk: Disk, tmp_path: Path) -> None:
     table, output = registry.table("environment"), small_disk.folder / "out"
     results = {}
     for value in (0.5, 0.45):

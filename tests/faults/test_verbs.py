@@ -1,4 +1,4 @@
-"""Every verb on a disk that is full or can only be read: one line that names the place, status 2, and what was there is there as it was."""
+"""On a full or read-only disk every verb prints one line that names the place, exits with status 2 and changes no file."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def room() -> Scene:
 
 @pytest.fixture(scope="module")
 def place(shared_disk: Disk) -> Disk:
-    """A disk with a scene and answers to label it by, a recording, a table, a report and a tracked run."""
+    """A disk with a scene, answers for its labels, a recording, a table, a report and a tracked run."""
     folder = shared_disk.folder
     room().save(folder / "scene")
     rooms.lab().surfaces[0].mesh.export(folder / "room.ply")
@@ -88,16 +88,16 @@ VERBS = {
     "dashboard": ["dashboard", "--output", "{d}/out"],
     "doctor": ["doctor", "--output", "{d}/out"],
 }  # fmt: skip
-NEEDS_NO_ROOM = ("dashboard", "doctor")  # on a full disk they work
+NEEDS_NO_SPACE = ("dashboard", "doctor")  # they work on a full disk
 
 
-def told(done: subprocess.CompletedProcess[str]) -> list[str]:
-    """What is said besides progress and warnings."""
+def error_lines(done: subprocess.CompletedProcess[str]) -> list[str]:
+    """Error lines on standard error, without progress and warnings."""
     return [line for line in done.stderr.splitlines() if line.startswith("radartwin: ") and "warning" not in line]
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_a_verb_on_a_disk_that_can_only_be_read_is_one_line(verb: str, place: Disk, inside: Command) -> None:
+def test_a_verb_on_a_read_only_disk_prints_one_line(verb: str, place: Disk, inside: Command) -> None:
     before = place.content()
     with place.read_only() as folder:
         done = inside(*(word.format(d=folder) for word in VERBS[verb]))
@@ -105,14 +105,14 @@ def test_a_verb_on_a_disk_that_can_only_be_read_is_one_line(verb: str, place: Di
     if verb == "doctor":
         assert "cannot be written" in done.stdout
     else:
-        assert len(told(done)) == 1, done.stderr
-        assert str(folder) in told(done)[0]
-        assert re.search(r"cannot be written|Read-only", told(done)[0])
+        assert len(error_lines(done)) == 1, done.stderr
+        assert str(folder) in error_lines(done)[0]
+        assert re.search(r"cannot be written|Read-only", error_lines(done)[0])
     assert place.content() == before
 
 
-@pytest.mark.parametrize("verb", [verb for verb in VERBS if verb not in NEEDS_NO_ROOM])
-def test_a_verb_on_a_full_disk_is_one_line_and_leaves_all_as_it_was(verb: str, place: Disk, inside: Command) -> None:
+@pytest.mark.parametrize("verb", [verb for verb in VERBS if verb not in NEEDS_NO_SPACE])
+def test_a_verb_on_a_full_disk_prints_one_line_and_changes_no_file(verb: str, place: Disk, inside: Command) -> None:
     before = place.content()
     place.fill()
     try:
@@ -120,8 +120,8 @@ def test_a_verb_on_a_full_disk_is_one_line_and_leaves_all_as_it_was(verb: str, p
     finally:
         place.empty()
     assert done.returncode == 2, done.stdout + done.stderr
-    assert len(told(done)) == 1, done.stderr
-    assert "space" in told(done)[0]
+    assert len(error_lines(done)) == 1, done.stderr
+    assert "space" in error_lines(done)[0]
     after = place.content()
     assert before.items() <= after.items()
     assert not any(after[name] for name in after.keys() - before.keys()), "half of a file is left"
@@ -135,8 +135,8 @@ def test_a_corrupted_tracking_store_is_named_before_any_work(verb: str, content:
     database.write_bytes(content)
     done = inside(*(word.format(d=tmp_path) for word in VERBS[verb]))
     assert done.returncode == 2
-    assert len(told(done)) == 1, done.stderr
-    assert str(database) in told(done)[0]
-    assert "move the store away" in told(done)[0]
+    assert len(error_lines(done)) == 1, done.stderr
+    assert str(database) in error_lines(done)[0]
+    assert "move the store away" in error_lines(done)[0]
     assert database.read_bytes() == content
     assert not list(tmp_path.rglob("meta.json"))

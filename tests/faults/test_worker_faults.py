@@ -63,7 +63,7 @@ def ended(folder: Path, output: Path) -> tuple[int, str, str]:
 
 
 def members(group: int) -> list[int]:
-    """Processes of the group that run."""
+    """Running processes of the group."""
     found = subprocess.run(["pgrep", "-g", str(group), "-r", "R,S,D"], capture_output=True, text=True, check=False)
     return [int(word) for word in found.stdout.split()]
 

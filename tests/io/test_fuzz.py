@@ -1,6 +1,6 @@
-"""Files from strangers are data: whatever is in them, a reader gives a value or one line of radartwin.errors, and soon.
+"""For any content of a file, a reader soon returns a value or raises a UserError of one line.
 
-Inputs are valid files with bytes changed, cut or repeated, arbitrary bytes, and JSON of the right form with wrong values.
+Inputs are valid files with bytes changed, cut or repeated, arbitrary bytes, and JSON with wrong values.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ QUICK = settings(
     database=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
-SECONDS, LENGTH = 20, 2000  # a reader answers within, and in no longer a line
+SECONDS, LENGTH = 20, 2000  # longest time of a reader, and longest message
 
 TEXTS = {
     "radar.cfg": b"channelCfg 15 5 0\n"
@@ -68,7 +68,7 @@ values = st.recursive(
 
 
 def changed(seed: bytes) -> st.SearchStrategy[bytes]:
-    """The seed with some bytes replaced, a part cut out or repeated; or any bytes at all."""
+    """The seed with bytes replaced or a part cut out; or arbitrary bytes."""
 
     def apply(edits: list[tuple[int, int, bytes]]) -> bytes:
         content = seed
@@ -83,17 +83,17 @@ def changed(seed: bytes) -> st.SearchStrategy[bytes]:
     return st.lists(edit, min_size=1, max_size=4).map(apply) | st.binary(max_size=200)
 
 
-def answers_or_refuses(read: Callable[[], Any]) -> None:
-    """The property: a value, or one line for the user; no other exception, no hang."""
+def reads_or_refuses(read: Callable[[], Any]) -> None:
+    """Check that the reader returns, or raises a UserError of one line, in time."""
     started = time.monotonic()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             read()
     except UserError as error:
-        said = str(error).strip()
-        if "\n" in said or len(said) > LENGTH:
-            raise AssertionError(f"not one line: {said[:500]}") from error
+        message = str(error).strip()
+        if "\n" in message or len(message) > LENGTH:
+            raise AssertionError(f"not one line: {message[:500]}") from error
     assert time.monotonic() - started < SECONDS
 
 
@@ -101,11 +101,11 @@ def written(name: str, content: bytes, read: Callable[[Path], Any]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(content)
-        answers_or_refuses(lambda: read(path))
+        reads_or_refuses(lambda: read(path))
 
 
 def with_changes(tree: Any) -> st.SearchStrategy[Any]:
-    """A JSON tree with one of its leaves or branches replaced by any value."""
+    """A JSON tree with one leaf or branch replaced by any value."""
     places = list(_places(tree))
 
     def put(place: tuple, value: Any) -> Any:
@@ -127,7 +127,7 @@ def _places(tree: Any, path: tuple = ()) -> Any:
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_the_seeds_of_the_text_files_are_read(name: str, tmp_path: Path) -> None:
+def test_unchanged_text_files_are_read(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(TEXTS[name])
     READERS[name](tmp_path / name)
 
@@ -135,7 +135,7 @@ def test_the_seeds_of_the_text_files_are_read(name: str, tmp_path: Path) -> None
 @pytest.mark.parametrize("name", TEXTS)
 @QUICK
 @given(data=st.data())
-def test_a_text_file_of_any_content_is_read_or_refused(name: str, data: st.DataObject) -> None:
+def test_a_text_file_with_any_content_is_read_or_refused(name: str, data: st.DataObject) -> None:
     written(name, data.draw(changed(TEXTS[name])), READERS[name])
 
 
@@ -159,13 +159,13 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, dict]:
 
 @QUICK
 @given(data=st.data())
-def test_a_recording_of_any_content_is_read_or_refused(recording: tuple[bytes, dict], data: st.DataObject) -> None:
+def test_a_recording_with_any_content_is_read_or_refused(recording: tuple[bytes, dict], data: st.DataObject) -> None:
     counts, described = recording
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a"
         path.with_suffix(".bin").write_bytes(data.draw(changed(counts) | st.just(counts)))
         path.with_suffix(".json").write_text(json.dumps(data.draw(with_changes(described) | st.just(described))))
-        answers_or_refuses(lambda: Recording.load(path))
+        reads_or_refuses(lambda: Recording.load(path))
 
 
 @QUICK
@@ -175,8 +175,8 @@ def test_a_recording_of_any_content_is_read_or_refused(recording: tuple[bytes, d
         st.sampled_from(["a", "mug", "1", "m", "in", "front", "of", "the", "table", "two", "boxes", "and", "left", "-3", "nan", "it"])
     ).map(" ".join)
 )
-def test_any_sentence_is_a_layout_or_refused(sentence: str) -> None:
-    answers_or_refuses(lambda: parse(sentence))
+def test_any_sentence_is_a_layout_or_is_refused(sentence: str) -> None:
+    reads_or_refuses(lambda: parse(sentence))
 
 
 @QUICK
@@ -187,7 +187,7 @@ def test_any_sentence_is_a_layout_or_refused(sentence: str) -> None:
 )
 def test_any_answer_of_a_model_is_read_or_refused(text: str) -> None:
     for kind in ("surface", "object"):
-        answers_or_refuses(lambda kind=kind: read_answer(text, kind))
+        reads_or_refuses(lambda kind=kind: read_answer(text, kind))
 
 
 @pytest.fixture(scope="module")
@@ -205,12 +205,12 @@ def test_a_manifest_with_any_value_in_any_place_is_read_or_refused(scene: tuple[
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "scene.glb").write_bytes(glb)
         (Path(folder) / "manifest.json").write_text(json.dumps(data.draw(with_changes(manifest))))
-        answers_or_refuses(lambda: Scene.load(folder))
+        reads_or_refuses(lambda: Scene.load(folder))
 
 
 @QUICK
 @given(data=st.data())
-def test_a_mesh_of_any_content_is_read_or_refused(scene: tuple[bytes, dict], data: st.DataObject) -> None:
+def test_a_mesh_with_any_content_is_read_or_refused(scene: tuple[bytes, dict], data: st.DataObject) -> None:
     for name, content in (("a.glb", scene[0]), ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), ("a.ply", PLY)):
         written(name, data.draw(changed(content)), read_meshes)
 
@@ -220,7 +220,7 @@ PLY += b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0
 
 
 def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:
-    """A binary glTF file of this document."""
+    """A binary glTF file with this document."""
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     body = struct.pack("<II", len(text), 0x4E4F534A) + text
@@ -260,7 +260,7 @@ BOMBS = {
 
 
 @pytest.mark.parametrize("bomb", BOMBS)
-def test_a_mesh_that_would_fill_the_memory_or_leaves_its_folder_is_refused(bomb: str, tmp_path: Path) -> None:
+def test_a_mesh_larger_than_memory_or_with_files_elsewhere_is_refused(bomb: str, tmp_path: Path) -> None:
     (tmp_path / "a.glb").write_bytes(BOMBS[bomb])
     started = time.monotonic()
     with pytest.raises(MeshError, match=r"a\.glb"):
@@ -274,7 +274,7 @@ LAUGHS = b"a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + b"".join(
 
 
 @pytest.mark.parametrize("name", ["layout.yaml", "map.yaml", "radar.yaml"])
-def test_yaml_that_multiplies_itself_is_refused(name: str, tmp_path: Path) -> None:
+def test_yaml_with_aliases_or_python_objects_is_refused(name: str, tmp_path: Path) -> None:
     for before in (b"", b"captures:\n  - file: a.bin\n    object: *a11\n", b"objects: *a11\n"):
         (tmp_path / name).write_bytes(LAUGHS + before)
         with pytest.raises(UserError, match=r"alias|line 2"):
@@ -285,7 +285,7 @@ def test_yaml_that_multiplies_itself_is_refused(name: str, tmp_path: Path) -> No
             READERS[name](tmp_path / name)
 
 
-def test_an_archive_that_unpacks_to_far_more_than_it_is_is_refused(tmp_path: Path) -> None:
+def test_an_archive_that_unpacks_to_a_multiple_of_its_size_is_refused(tmp_path: Path) -> None:
     from radartwin.io.files import read_arrays
 
     header = io.BytesIO()

@@ -1,7 +1,6 @@
-"""What a stranger hands over as a folder, well formed but for one file that was changed: it is read, or refused in one line, and soon.
+"""A folder with one changed file is read, or refused in one line, and soon.
 
-Changes: any value in any place of a JSON tree; words of a text replaced by numbers and names that are not expected there, lines lost and
-repeated; bytes.
+Changes are any value in any place of a JSON tree, replaced words, lost or repeated lines of a text, and changed bytes.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_files import log_text, recogniser
 from PIL import Image
-from test_fuzz import QUICK, TEXTS, answers_or_refuses, changed, glb, with_changes
+from test_fuzz import QUICK, TEXTS, changed, glb, reads_or_refuses, with_changes
 
 from radartwin.features.processed import Processed, process
 from radartwin.label.answers import Answer
@@ -158,7 +157,7 @@ def _read_set(folder: Path) -> object:
 
 @dataclass(frozen=True)
 class Case:
-    """A folder, its file that is changed, how, and who reads it."""
+    """A folder, the file that is changed, the kind of change, and the reader."""
 
     make: Callable[[Path], object]
     file: str
@@ -203,7 +202,7 @@ _WORD = re.compile(r"[^\s,:=\[\]{}]+")
 
 
 def replaced(seed: str) -> st.SearchStrategy[str]:
-    """The text with one to three words replaced, or a line lost or repeated."""
+    """The text with one to three words replaced, or with a line lost or repeated."""
     words, lines = list(_WORD.finditer(seed)), seed.splitlines(keepends=True)
 
     def put(edits: Sequence[tuple[int, str]]) -> str:
@@ -245,23 +244,23 @@ def test_a_folder_with_a_changed_file_is_read_or_refused(case: Case, tmp_path_fa
     case.make(whole)
     content = {path.relative_to(whole): path.read_bytes() for path in whole.rglob("*") if path.is_file()}
     if not case.file.startswith("radar"):
-        case.read(whole)  # as it was made it is read
+        case.read(whole)  # the unchanged folder is read
 
     @THOROUGH
     @given(data=st.data())
     def property(data: st.DataObject) -> None:
         with tempfile.TemporaryDirectory() as place:
-            folder = Path(place) / "stranger"
+            folder = Path(place) / "foreign"
             for name, old in content.items():
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 (folder / name).write_bytes(old)
             (folder / case.file).write_bytes(data.draw(variants(content[Path(case.file)], case.how)))
-            answers_or_refuses(lambda: case.read(folder))
+            reads_or_refuses(lambda: case.read(folder))
 
     property()
 
 
-def test_words_that_are_replaced_are_those_of_the_text() -> None:
+def test_replaced_words_change_the_text() -> None:
     seen: set[Any] = set()
 
     @QUICK

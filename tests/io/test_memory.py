@@ -1,4 +1,4 @@
-"""Freed memory stays with the process, where the C library can be asked to keep it; elsewhere nothing is changed."""
+"""With the GNU C library freed memory stays with the process; with another C library nothing changes."""
 
 import ctypes
 import platform
@@ -23,19 +23,19 @@ print(kept, faults() - before)
 """
 
 
-REASON = "counts page faults that only the GNU C library can be told to spare; on this one results are the same, tracing is slower"
+REASON = "only the GNU C library can avoid these page faults; results are the same with this one, tracing is slower"
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason=REASON)
-def test_a_large_array_is_not_mapped_afresh():
-    told = subprocess.run([sys.executable, "-c", CHURN], capture_output=True, text=True, check=True, env={"NUMPY_MADVISE_HUGEPAGE": "0"})
-    kept, faults = told.stdout.split()
+def test_memory_of_a_large_array_is_reused():
+    done = subprocess.run([sys.executable, "-c", CHURN], capture_output=True, text=True, check=True, env={"NUMPY_MADVISE_HUGEPAGE": "0"})
+    kept, faults = done.stdout.split()
     assert kept == "True"
     assert int(faults) < 2000  # 20 arrays of 64 MB are 312,000 pages
 
 
 @pytest.mark.parametrize("found", [AttributeError, OSError, TypeError])  # no such function, no such library, no library without a name
-def test_another_c_library_is_left_as_it_is(monkeypatch, found):
+def test_another_c_library_is_not_used(monkeypatch, found):
     def opened(name):
         raise found
 
@@ -43,7 +43,7 @@ def test_another_c_library_is_left_as_it_is(monkeypatch, found):
     assert memory.keep_freed.__wrapped__() is False
 
 
-def test_a_c_library_that_refuses_is_believed(monkeypatch):
+def test_a_refusal_of_the_c_library_is_reported(monkeypatch):
     class Refusing:
         def mallopt(self, parameter, value):
             return 0

@@ -1,9 +1,9 @@
-"""Progress away from a terminal: lines that say how much is left."""
+"""Progress without a terminal is printed as lines with the remaining time."""
 
 from radartwin.io import progress
 
 
-def test_lines_tell_what_is_done_and_what_is_left(monkeypatch, capsys):
+def test_lines_show_finished_items_and_remaining_time(monkeypatch, capsys):
     clock = iter([0.0, 6.0, 7.0, 12.0, 20.0])  # start, three steps of which the second comes soon after a line, end
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     now = [next(clock)]
@@ -17,7 +17,7 @@ def test_lines_tell_what_is_done_and_what_is_left(monkeypatch, capsys):
     ]  # fmt: skip
 
 
-def test_without_a_total_nothing_is_promised(monkeypatch, capsys):
+def test_without_a_total_no_remaining_time_is_shown(monkeypatch, capsys):
     monkeypatch.setattr(progress, "PLAIN_INTERVAL_S", 0.0)
     assert list(progress.Progress().over(iter("ab"), "letters")) == ["a", "b"]
     assert capsys.readouterr().err.splitlines()[:2] == ["letters: 1", "letters: 2"]

@@ -1,6 +1,6 @@
-"""Attacks by what a stranger hands over: each is refused in one line, and reads, writes or calls nothing that it should not.
+"""Malicious files are refused in one line, and no code of theirs runs and no file outside their folder is read or written.
 
-What a parser makes of damaged files is in test_fuzz.py; here each file is well formed and means harm.
+Each file here is well formed. Damaged files are in test_fuzz.py.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ KEY = "s3cr3t-w0rd-of-the-test"
 
 
 class Evil:
-    """What a pickle can hold: a call, made while it is read."""
+    """A pickle of this object calls `open` when it is read."""
 
     def __init__(self, mark: Path) -> None:
         self.mark = mark
@@ -67,13 +67,13 @@ class Evil:
 
 @pytest.fixture
 def mark(tmp_path: Path) -> Iterator[Path]:
-    """A file that is there if an attack has run its code."""
+    """A file that exists if the code of an attack has run."""
     path = tmp_path / OWNED
     pickle.loads(pickle.dumps(Evil(path))).close()
-    assert path.exists(), "the attack itself must work"
+    assert path.exists(), "the attack does not work, so the test shows nothing"
     path.unlink()
     yield path
-    assert not path.exists(), "code of a stranger has run"
+    assert not path.exists(), "the code of the attack has run"
 
 
 # --- code ---------------------------------------------------------------------------------------------------------------
@@ -83,7 +83,7 @@ CALLS = {"eval", "exec", "compile", "__import__"}
 
 
 @pytest.mark.parametrize("package", ["radartwin", "experiments", "analysis"])
-def test_nothing_here_unpickles_evaluates_or_asks_a_shell(package: str) -> None:
+def test_no_module_unpickles_evaluates_text_or_calls_a_shell(package: str) -> None:
     for path in sorted((ROOT / package).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             where = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
@@ -120,7 +120,7 @@ def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, mark: Path) -> None
         load_capture(tmp_path / "b.npy", Radar.iwr1843())
 
 
-def test_a_model_that_is_a_pickle_is_no_model(tmp_path: Path, mark: Path) -> None:
+def test_a_pickle_is_refused_as_a_model(tmp_path: Path, mark: Path) -> None:
     (tmp_path / "model.json").write_text(json.dumps({"format": "radartwin recogniser 1", "sha256": "0"}))
     (tmp_path / "model.safetensors").write_bytes(pickle.dumps(Evil(mark)))
     with pytest.raises(InputError, match="not a model that can be used"):
@@ -147,7 +147,7 @@ def test_a_model_that_is_a_pickle_is_no_model(tmp_path: Path, mark: Path) -> Non
         {"sweeper": {"_target_": "builtins.exec"}},
     ],
 )
-def test_an_experiment_file_cannot_make_hydra_call_anything(node: dict[str, Any], tmp_path: Path, mark: Path) -> None:
+def test_an_experiment_file_cannot_make_hydra_call_code(node: dict[str, Any], tmp_path: Path, mark: Path) -> None:
     (tmp_path / "experiment").mkdir()
     content = {"experiment": {"name": "evil", "module": "evil"}, "hydra": node}
     (tmp_path / "experiment" / "evil.yaml").write_text(f"# @package _global_\n{json.dumps(content).replace(OWNED, str(mark))}\n")
@@ -155,7 +155,7 @@ def test_an_experiment_file_cannot_make_hydra_call_anything(node: dict[str, Any]
         Composer([tmp_path]).compose(["experiment=evil", "seed=1"])
 
 
-def test_the_launchers_that_are_shipped_are_not_refused(tmp_path: Path) -> None:
+def test_known_launchers_are_accepted(tmp_path: Path) -> None:
     handlers = list(logging.getLogger().handlers)
     for launcher in ("basic", "joblib", "slurm", "submitit_local"):
         Launcher([f"hydra/launcher={launcher}"], (), tmp_path)
@@ -167,14 +167,14 @@ def test_the_launchers_that_are_shipped_are_not_refused(tmp_path: Path) -> None:
 
 
 def header(shape: tuple[int, ...], kind: str = "<c8") -> bytes:
-    """A .npy head that says this shape."""
+    """A .npy header with this shape."""
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": kind, "fortran_order": False, "shape": shape})
     return stream.getvalue()
 
 
 @pytest.mark.parametrize("shape", [(10**14,), (1 << 62,), (10**9, 10**9, 10**9), (1 << 33, 0, 1 << 33, 4)])
-def test_arrays_that_claim_more_than_they_hold_are_refused(shape: tuple[int, ...], tmp_path: Path) -> None:
+def test_arrays_that_declare_more_than_they_hold_are_refused(shape: tuple[int, ...], tmp_path: Path) -> None:
     (tmp_path / "a.npy").write_bytes(header(shape) + bytes(64))
     with pytest.raises(RecordingError, match=r"a\.npy"):
         load_capture(tmp_path / "a.npy", Radar.iwr1843())
@@ -186,7 +186,7 @@ def test_arrays_that_claim_more_than_they_hold_are_refused(shape: tuple[int, ...
         files.read_arrays(tmp_path / "a.npz")
 
 
-def test_an_archive_in_the_place_of_a_cube_is_refused(tmp_path: Path) -> None:
+def test_an_archive_in_place_of_a_cube_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", a=np.zeros(3))
     (tmp_path / "a.npz").rename(tmp_path / "a.npy")
     with pytest.raises(RecordingError, match=r"a\.npy"):
@@ -194,7 +194,7 @@ def test_an_archive_in_the_place_of_a_cube_is_refused(tmp_path: Path) -> None:
 
 
 def png(width: int, height: int) -> bytes:
-    """A black picture, a thousandth of its pixels long."""
+    """A black picture whose file has a thousandth of its number of pixels in bytes."""
 
     def chunk(kind: bytes, content: bytes) -> bytes:
         return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
@@ -216,8 +216,8 @@ def test_a_picture_of_billions_of_pixels_is_refused(tmp_path: Path) -> None:
         load_photos(tmp_path)[0].pixels()
 
 
-def test_a_picture_is_read_as_the_formats_of_scanners_alone(tmp_path: Path) -> None:
-    """Pillow would hand this to Ghostscript."""
+def test_only_picture_formats_of_scanners_are_read(tmp_path: Path) -> None:
+    """Pillow would run Ghostscript on this file."""
     eps = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 10 10\n%%EndComments\nshowpage\n%%EOF\n"
     (tmp_path / "depth_0.png").write_bytes(eps)
     with Image.open(tmp_path / "depth_0.png") as picture:
@@ -227,7 +227,7 @@ def test_a_picture_is_read_as_the_formats_of_scanners_alone(tmp_path: Path) -> N
 
 
 def textured(images: list[dict[str, Any]], picture: bytes) -> bytes:
-    """A .glb of triangles, each wearing one of these images, whose bytes follow its geometry."""
+    """A .glb of triangles, each with one of these images; `picture` follows the geometry."""
     count, places = len(images), np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4").tobytes()
     return glb(
         {
@@ -247,7 +247,7 @@ def textured(images: list[dict[str, Any]], picture: bytes) -> bytes:
     )  # fmt: skip
 
 
-def test_textures_that_unpack_to_more_than_memory_are_refused(tmp_path: Path) -> None:
+def test_textures_larger_than_memory_are_refused(tmp_path: Path) -> None:
     picture = png(8_000, 8_000)
     (tmp_path / "a.glb").write_bytes(textured([{"bufferView": 2, "mimeType": "image/png"}] * 18, picture))
     assert (tmp_path / "a.glb").stat().st_size < 100_000
@@ -256,7 +256,7 @@ def test_textures_that_unpack_to_more_than_memory_are_refused(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("faces", [[0, 1, 2_000_000_000], [0, 1, -1], [0, 1, 3]])
-def test_a_face_of_a_vertex_that_is_not_there_is_refused(faces: list[int], tmp_path: Path) -> None:
+def test_a_face_with_a_missing_vertex_is_refused(faces: list[int], tmp_path: Path) -> None:
     head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
     text = head + f"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 {' '.join(map(str, faces))}\n"
     (tmp_path / "a.ply").write_text(text)
@@ -275,7 +275,7 @@ DEEP: dict[str, tuple[str, Callable[[Path], Any]]] = {
 
 
 @pytest.mark.parametrize("name", DEEP)
-def test_json_that_is_nested_beyond_reason_is_one_line(name: str, tmp_path: Path) -> None:
+def test_deeply_nested_json_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
     content, reader = DEEP[name]
     (tmp_path / "scene.glb").write_bytes(b"")
     (tmp_path / "model.safetensors").write_bytes(b"")
@@ -285,10 +285,10 @@ def test_json_that_is_nested_beyond_reason_is_one_line(name: str, tmp_path: Path
     assert "\n" not in str(caught.value)
 
 
-def test_json_beyond_the_limit_is_refused_before_it_is_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_json_above_the_size_limit_is_refused_before_it_is_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(untrusted_json, "MAX_BYTES", 1000)
     with (tmp_path / "a.json").open("wb") as stream:
-        stream.truncate(10_000_000_000)  # of zeros that take no room, and that are never read
+        stream.truncate(10_000_000_000)  # a sparse file, which is never read as a whole
     with pytest.raises(ValueError, match="more than"):
         untrusted_json.read(tmp_path / "a.json")
 
@@ -321,21 +321,21 @@ INDICES: dict[str, tuple[Callable[[Path, str], object], Callable[[Path], object]
 
 
 @pytest.mark.parametrize("index", INDICES)
-@pytest.mark.parametrize("way", ["up", "root", "link"])
-def test_an_index_cannot_name_a_file_outside_its_folder(index: str, way: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("path", ["up", "root", "link"])
+def test_an_index_cannot_name_a_file_outside_its_folder(index: str, path: str, tmp_path: Path) -> None:
     write, reader = INDICES[index]
-    folder, private = tmp_path / "stranger", tmp_path / "private.png"
+    folder, private = tmp_path / "foreign", tmp_path / "private.png"
     folder.mkdir()
     Image.fromarray(np.full((480, 640), 2000, np.uint16)).save(private)
     (folder / "link.png").symlink_to(private)
-    write(folder, {"up": "../private.png", "root": str(private), "link": "link.png"}[way])
+    write(folder, {"up": "../private.png", "root": str(private), "link": "link.png"}[path])
     with pytest.raises(UserError, match="which is not in it"):
         reader(folder)
 
 
 @pytest.mark.parametrize("uri", ["../private.png", "{private}", "file://{private}", "link.png"])
-def test_a_mesh_takes_no_picture_from_outside_its_folder(uri: str, tmp_path: Path) -> None:
-    folder, private = tmp_path / "stranger", tmp_path / "private.png"
+def test_a_mesh_reads_no_picture_outside_its_folder(uri: str, tmp_path: Path) -> None:
+    folder, private = tmp_path / "foreign", tmp_path / "private.png"
     folder.mkdir()
     Image.fromarray(np.full((8, 8, 3), 77, np.uint8)).save(private)
     (folder / "link.png").symlink_to(private)
@@ -351,13 +351,13 @@ def test_a_mesh_takes_no_picture_from_outside_its_folder(uri: str, tmp_path: Pat
         assert getattr(material, "image", None) is None
 
 
-def test_a_mesh_that_names_a_device_as_its_materials_is_read_without(tmp_path: Path) -> None:
+def test_a_mesh_with_a_device_as_material_file_is_read_without_materials(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("mtllib /dev/zero\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.warns(UserWarning, match="/dev/zero"):
         assert len(read_meshes(tmp_path / "a.obj")) == 1
 
 
-def test_a_linked_journal_does_not_cut_off_or_extend_another_file(tmp_path: Path) -> None:
+def test_a_journal_behind_a_link_does_not_change_the_linked_file(tmp_path: Path) -> None:
     thesis = tmp_path / "thesis"
     thesis.write_bytes(b"years of work without a line's end")
     (tmp_path / "scene").mkdir()
@@ -367,7 +367,7 @@ def test_a_linked_journal_does_not_cut_off_or_extend_another_file(tmp_path: Path
     assert thesis.read_bytes() == b"years of work without a line's end"
 
 
-def test_locks_and_writes_do_not_go_through_links(tmp_path: Path) -> None:
+def test_locks_and_writes_do_not_follow_links(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     (tmp_path / "lock").symlink_to(victim)
     with pytest.raises(OutputError, match="lock"), files.lock(tmp_path / "lock"):
@@ -383,7 +383,7 @@ def test_locks_and_writes_do_not_go_through_links(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../../../x", "/x", "a\0b"])
-def test_a_cache_from_elsewhere_cannot_name_files_outside(name: str, tmp_path: Path) -> None:
+def test_a_foreign_cache_cannot_name_files_outside_its_folder(name: str, tmp_path: Path) -> None:
     content = {"table": "t", "rows": [], "metrics": {}, "keys": [], "figures": [name], "models": []}
     save_json(tmp_path, "result", content)
     with pytest.raises(InputError, match="not the result of a run"):
@@ -397,7 +397,7 @@ def test_a_cache_from_elsewhere_cannot_name_files_outside(name: str, tmp_path: P
         report_verb(tmp_path)
 
 
-def test_a_link_in_the_cache_is_not_taken_for_a_product(tmp_path: Path) -> None:
+def test_a_product_with_a_link_is_built_again(tmp_path: Path) -> None:
     private, spec = tmp_path / "private", {"seed": 1}
     private.write_text("of the user")
     build: Callable[[Path], object] = lambda folder: save_json(folder, "note", {"a": 1})  # noqa: E731
@@ -412,7 +412,7 @@ def test_a_link_in_the_cache_is_not_taken_for_a_product(tmp_path: Path) -> None:
 # --- pages and terminals ------------------------------------------------------------------------------------------------
 
 
-def test_names_of_a_scene_are_text_in_its_page(tmp_path: Path) -> None:
+def test_names_of_a_scene_are_escaped_in_its_page(tmp_path: Path) -> None:
     from dataclasses import replace
 
     nasty = "</script><script>alert(1)</script>"
@@ -421,7 +421,9 @@ def test_names_of_a_scene_are_text_in_its_page(tmp_path: Path) -> None:
     assert "<script>alert" not in (tmp_path / "view.html").read_text()
 
 
-def test_a_name_does_not_steer_the_terminal(inside: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+def test_a_file_name_sends_no_control_characters(
+    inside: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
     done = inside("process", "\x1b]0;owned\x07\x1b[2J.bin")
     assert done.returncode == 2
     assert "\x1b" not in done.stderr
@@ -433,15 +435,15 @@ def test_a_name_does_not_steer_the_terminal(inside: Callable[..., subprocess.Com
 
 
 class _Echo(BaseHTTPRequestHandler):
-    """A server that repeats the key it was sent: in its refusal, or in its answer."""
+    """A server that repeats the received key in its refusal or its answer."""
 
     status = 401
     location = ""
 
     def do_POST(self) -> None:
         self.rfile.read(int(self.headers["Content-Length"]))
-        told = self.headers.get("Authorization", "")
-        answer = {"choices": [{"message": {"content": f"{{told: {told}}}"}}], "error": f"Incorrect API key provided: {told}"}
+        key = self.headers.get("Authorization", "")
+        answer = {"choices": [{"message": {"content": f"{{key: {key}}}"}}], "error": f"Incorrect API key provided: {key}"}
         content = json.dumps(answer).encode()
         self.send_response(self.status)
         if self.location:
@@ -466,7 +468,7 @@ def echo() -> Iterator[str]:
         thread.join()
 
 
-def test_a_server_that_repeats_the_key_does_not_bring_it_into_messages_or_answers(echo: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_key_that_the_server_repeats_is_hidden_in_messages_and_answers(echo: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RADARTWIN_LLM_KEY", KEY)
     endpoint = Endpoint(f"{echo}/v1", "m")
     with pytest.raises(BackendError, match="401") as caught:
@@ -474,10 +476,10 @@ def test_a_server_that_repeats_the_key_does_not_bring_it_into_messages_or_answer
     assert KEY not in str(caught.value)
     assert secret.HIDDEN in str(caught.value)
     monkeypatch.setattr(_Echo, "status", 200)
-    assert endpoint.complete([], {}, "x") == "{told: Bearer ***}"
+    assert endpoint.complete([], {}, "x") == "{key: Bearer ***}"
 
 
-def test_a_server_that_sends_elsewhere_is_not_followed_with_the_key(echo: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_key_is_not_sent_to_the_target_of_a_redirection(echo: str, monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.create_server(("127.0.0.1", 0)) as elsewhere:
         elsewhere.setblocking(False)
         monkeypatch.setenv("RADARTWIN_LLM_KEY", KEY)
@@ -485,19 +487,19 @@ def test_a_server_that_sends_elsewhere_is_not_followed_with_the_key(echo: str, m
         monkeypatch.setattr(_Echo, "location", f"http://127.0.0.1:{elsewhere.getsockname()[1]}/v1/chat/completions")
         with pytest.raises(BackendError, match="307"):
             Endpoint(f"{echo}/v1", "m").complete([], {}, "x")
-        with pytest.raises(BlockingIOError):  # nobody has called
+        with pytest.raises(BlockingIOError):  # no connection was made
             elsewhere.accept()
 
 
 @pytest.mark.parametrize("ending", ["\n", " ", "\r\n"])
-def test_a_key_with_a_line_end_is_sent_without_it(echo: str, ending: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_white_space_after_a_key_is_not_sent(echo: str, ending: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RADARTWIN_LLM_KEY", KEY + ending)
     monkeypatch.setattr(_Echo, "status", 200)
-    assert Endpoint(f"{echo}/v1", "m").complete([], {}, "x") == "{told: Bearer ***}"
+    assert Endpoint(f"{echo}/v1", "m").complete([], {}, "x") == "{key: Bearer ***}"
 
 
 @pytest.mark.parametrize("bad", [KEY[:8] + "\n" + KEY[8:], KEY + "é", KEY + "\x07"])
-def test_a_key_that_cannot_be_sent_is_refused_without_repeating_it(bad: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_invalid_key_is_refused_and_not_printed(bad: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RADARTWIN_LLM_KEY", bad)
     with pytest.raises(ConfigError, match="RADARTWIN_LLM_KEY") as caught:
         Endpoint("http://127.0.0.1:9/v1", "m").complete([], {}, "x")
@@ -505,27 +507,27 @@ def test_a_key_that_cannot_be_sent_is_refused_without_repeating_it(bad: str, mon
 
 
 @pytest.mark.parametrize("token", [KEY, f"{KEY}\n"])
-def test_the_tracking_servers_token_is_in_no_message(echo: str, token: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_token_of_the_tracking_server_is_in_no_message(echo: str, token: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MLFLOW_TRACKING_TOKEN", token)
     with pytest.raises(BackendError) as caught:
         Tracker(TrackingConfig(uri=echo), tmp_path).prepare()
     assert KEY not in str(caught.value)
 
 
-@pytest.mark.parametrize("way", ["file", "override"])
-def test_a_configuration_cannot_carry_a_key_into_the_results(way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("source", ["file", "override"])
+def test_a_configuration_cannot_carry_a_key_into_the_results(source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RADARTWIN_VLM_KEY", KEY)
     (tmp_path / "experiment").mkdir()
     (tmp_path / "experiment" / "evil.yaml").write_text(
         "# @package _global_\nexperiment: {name: '${oc.env:RADARTWIN_VLM_KEY}', module: evil}\n"
     )
-    overrides = ["experiment=evil"] if way == "file" else [f"output=runs-{KEY}"]
+    overrides = ["experiment=evil"] if source == "file" else [f"output=runs-{KEY}"]
     with pytest.raises(ConfigError, match="holds a key of the environment") as caught:
         Composer([tmp_path]).compose(overrides)
     assert KEY not in str(caught.value)
 
 
-def test_a_message_of_the_command_line_hides_keys(tmp_path: Path) -> None:
+def test_messages_of_the_command_line_hide_keys(tmp_path: Path) -> None:
     environment = {**os.environ, "RADARTWIN_VLM_KEY": KEY, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "radartwin", "process", f"{KEY}.bin"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=tmp_path, check=False)

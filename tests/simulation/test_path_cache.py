@@ -53,8 +53,8 @@ def test_every_setting_and_array_changes_the_key(tmp_path):
     arrays = [{"y": grid}, {"x": grid.reshape(2, 3)}, {"x": grid.astype(np.float32)}, {"x": grid[::-1]}]
     choices = [*((some, {"x": grid}) for some in settings), *(({"a": 1}, some) for some in arrays)]
     with array_cache.in_folder(tmp_path):
-        for choice in [*choices, *choices]:
-            traced_once(*choice, lambda: traced.append(1) or [paths(3)])
+        for spec, named in [*choices, *choices]:
+            traced_once(spec, named, lambda: traced.append(1) or [paths(3)])
     assert len(traced) == len(choices)
 
 

@@ -1,4 +1,4 @@
-"""A SLURM cluster of one node in a folder of its own: munged, slurmctld and slurmd on loopback, from Debian's packages.
+"""A SLURM cluster of one node: munged, slurmctld and slurmd from Debian's packages, on loopback, with all files in one folder.
 
 with cluster(folder) as environment:
     subprocess.run(["srun", "hostname"], env=environment)
@@ -52,13 +52,13 @@ PartitionName=main Nodes={host} Default=YES MaxTime=INFINITE State=UP
 
 
 def missing() -> list[str]:
-    """The programs that are not installed."""
+    """SLURM programs that are not installed."""
     return [program for program in PROGRAMS if _which(program) is None]
 
 
 @contextlib.contextmanager
 def cluster(folder: Path) -> Iterator[dict[str, str]]:
-    """The environment in which SLURM's commands reach the cluster, which ends with the `with`."""
+    """Run the cluster within the `with`. Yields the environment in which SLURM's commands reach it."""
     for part in ("state", "spool"):
         (folder / part).mkdir(parents=True)
     (folder / "munge.key").write_bytes(secrets.token_bytes(1024))

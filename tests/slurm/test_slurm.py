@@ -1,4 +1,4 @@
-"""A sweep on a real SLURM: a killed job costs only itself, the same command resumes, and the table is the serial one."""
+"""A sweep on a real SLURM loses only a cancelled job, resumes, and gives the table of a serial sweep."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def radartwin(arguments: list[str], environment: dict[str, str], output: Path) -
 
 
 def queue(environment: dict[str, str]) -> dict[str, str]:
-    """State of each job of the array, by its number in it."""
+    """States of the jobs of the array, by job number."""
     command = ["squeue", "-h", "-r", "-o", "%K %T"]
     lines = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.splitlines()
     return dict(line.split() for line in lines)
@@ -43,7 +43,7 @@ def outcomes(output: Path) -> int:
     return len(list((output / "sweeps").glob("*/*/outcome.json")))
 
 
-def test_a_sweep_loses_only_the_job_that_was_cancelled_resumes_and_gives_the_serial_table(environment, tmp_path: Path) -> None:
+def test_a_sweep_loses_only_the_cancelled_job_and_resumes_to_the_serial_table(environment, tmp_path: Path) -> None:
     arguments, own = own_experiment.write(tmp_path / "mine")
     environment = {**environment, **own}
     serial = radartwin([*arguments, "-m", SEEDS], environment, tmp_path / "serial")
@@ -75,7 +75,7 @@ def test_a_sweep_loses_only_the_job_that_was_cancelled_resumes_and_gives_the_ser
     assert queue(environment) == {}
 
 
-def test_a_submission_that_slurm_refuses_is_one_line(environment, tmp_path: Path) -> None:
+def test_a_refused_submission_prints_one_line(environment, tmp_path: Path) -> None:
     arguments, own = own_experiment.write(tmp_path / "mine")
     refused = radartwin(
         [*arguments, "-m", "hydra/launcher=slurm", "hydra.launcher.partition=absent", "seed=0,1"], {**environment, **own}, tmp_path / "out"

@@ -1,4 +1,4 @@
-"""A product is whole or absent, computed once, and retried after a failure or a kill; whatever else is running."""
+"""A product is complete or absent, computed once, and computed again after a failure or a kill, also with concurrent processes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -39,7 +38,7 @@ def test_a_product_is_built_once_and_read_back(tmp_path: Path) -> None:
     assert str(counts) == "simulated 0, reused 1, scored 0"
 
 
-def test_another_specification_or_input_or_kind_is_another_product(tmp_path: Path) -> None:
+def test_specification_inputs_kind_and_source_change_the_key(tmp_path: Path) -> None:
     store = Store(tmp_path)
     keys = {
         store.key("recording", {"seed": 1}, ROOTS),
@@ -51,7 +50,7 @@ def test_another_specification_or_input_or_kind_is_another_product(tmp_path: Pat
     assert len(keys) == 5
 
 
-def test_a_failed_build_leaves_nothing_and_is_tried_again(tmp_path: Path) -> None:
+def test_a_failed_build_leaves_no_files_and_is_repeated(tmp_path: Path) -> None:
     def fails(folder: Path) -> None:
         (folder / "half").write_text("...")
         raise RuntimeError("solver")
@@ -77,14 +76,14 @@ Store(Path(sys.argv[1])).fetch("recording", {}, ["radartwin.constants"], build)
 """
 
 
-def test_what_a_killed_process_left_is_swept_and_built_again(tmp_path: Path) -> None:
+def test_the_rest_of_a_killed_process_is_removed_and_built_again(tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "building\n"
         unfinished = list(tmp_path.rglob("*.tmp"))
         assert len(unfinished) == 1
         Store(tmp_path)
-        assert unfinished[0].exists(), "a living process's work was swept"
+        assert unfinished[0].exists(), "the product of a living process was removed"
         process.send_signal(signal.SIGKILL)
         process.wait()
     store = Store(tmp_path)
@@ -104,7 +103,7 @@ def build_slowly(root: Path, log: Path) -> None:
     Store(root).fetch("recording", {}, ROOTS, build)
 
 
-def test_processes_that_need_the_same_product_build_it_once(tmp_path: Path) -> None:
+def test_concurrent_processes_build_a_product_once(tmp_path: Path) -> None:
     log = tmp_path / "log"
     context = multiprocessing.get_context("spawn")
     processes = [context.Process(target=build_slowly, args=(tmp_path / "cache", log)) for _ in range(3)]
@@ -117,22 +116,13 @@ def test_processes_that_need_the_same_product_build_it_once(tmp_path: Path) -> N
     assert len(list((tmp_path / "cache" / "recording").iterdir())) == 1
 
 
-def test_an_output_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+def test_an_impossible_output_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file is not a folder"):
         Store(tmp_path / "file" / "cache")
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
-    path = files.write_atomically(tmp_path / "deep" / "table.csv", "a,b\n")
-    assert path.read_text() == "a,b\n"
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(OutputError, match="folder"):
-        files.write_atomically(tmp_path / "folder", "text")
-    assert [p.name for p in tmp_path.rglob("*.tmp")] == []
-
-
-def test_the_sweep_takes_only_what_is_ours_and_abandoned(tmp_path: Path) -> None:
+def test_a_start_removes_only_abandoned_files_of_radartwin(tmp_path: Path) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
     ours = f".table.csv.radartwin-{os.getpid()}.tmp"
@@ -150,52 +140,15 @@ def test_the_sweep_takes_only_what_is_ours_and_abandoned(tmp_path: Path) -> None
     assert not gone.exists()
 
 
-def test_a_sweep_keeps_out_whoever_wants_the_folder_until_it_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    work = tmp_path / ("a" * 32 + ".tmp")
-    (work / "product").mkdir(parents=True)
-    (work / files.LOCK).touch()
-    emptied, found = threading.Event(), []
-
-    def wait_for_it() -> None:
-        with files.lock(work / files.LOCK):
-            assert emptied.is_set(), "the lock was given away in the middle of the sweep"
-            (work / "product").mkdir()
-            found.append(sorted(path.name for path in work.iterdir()))
-
-    remove, second = shutil.rmtree, threading.Thread(target=wait_for_it)
-
-    def slow(path: Path) -> None:
-        second.start()
-        time.sleep(0.2)
-        remove(path)
-        emptied.set()
-
-    monkeypatch.setattr(shutil, "rmtree", slow)
-    files.drop_abandoned(work)
-    second.join(10)
-    assert found == [[files.LOCK, "product"]]
-
-
-def test_a_damaged_product_is_built_again_and_said(tmp_path: Path) -> None:
+def test_a_damaged_product_is_reported_and_built_again(tmp_path: Path) -> None:
     product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
     for damage in (lambda: os.truncate(product.path / "arrays.npz", 10), (product.path / "note.json").unlink):
         damage()
-        said: list[str] = []
-        store = Store(tmp_path, said.append)
+        lines: list[str] = []
+        store = Store(tmp_path, lines.append)
         assert not store.fetch("recording", {}, ROOTS, one).reused
-        assert [line.partition(" (")[0] for line in said] == [f"recording {product.key[:8]} in the cache is damaged"]
+        assert [line.partition(" (")[0] for line in lines] == [f"recording {product.key[:8]} in the cache is damaged"]
         assert store.fetch("recording", {}, ROOTS, one).arrays()["x"].tolist() == [0, 1, 2, 3]
-
-
-def test_a_lock_file_is_gone_after_use_and_a_stale_one_is_dropped(tmp_path: Path) -> None:
-    lock = tmp_path / "lock"
-    with files.lock(lock):
-        files.drop_stale(lock)
-        assert lock.exists()
-    assert not lock.exists()
-    lock.write_text("")
-    files.drop_stale(lock)
-    assert not lock.exists()
 
 
 @pytest.mark.parametrize(
@@ -213,16 +166,16 @@ def test_a_lock_file_is_gone_after_use_and_a_stale_one_is_dropped(tmp_path: Path
     ],
     ids=lambda text: text[:12] or "empty",
 )
-def test_a_product_whose_description_is_damaged_is_built_again(damage: str, tmp_path: Path) -> None:
+def test_a_product_with_damaged_metadata_is_built_again(damage: str, tmp_path: Path) -> None:
     product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
     (product.path / "meta.json").write_text(damage)
-    said: list[str] = []
-    assert not Store(tmp_path, said.append).fetch("recording", {}, ROOTS, one).reused
-    assert "damaged" in said[0]
+    lines: list[str] = []
+    assert not Store(tmp_path, lines.append).fetch("recording", {}, ROOTS, one).reused
+    assert "damaged" in lines[0]
     assert Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
 
 
-def test_what_lies_in_the_place_of_a_product_is_replaced(tmp_path: Path) -> None:
+def test_a_file_folder_or_link_in_place_of_a_product_is_replaced(tmp_path: Path) -> None:
     path, elsewhere = Store(tmp_path).fetch("recording", {}, ROOTS, one).path, tmp_path / "elsewhere"
     elsewhere.mkdir()
     (elsewhere / "of the user").touch()
@@ -235,8 +188,8 @@ def test_what_lies_in_the_place_of_a_product_is_replaced(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("year", [1971, 2099])
-def test_dates_of_files_decide_nothing(year: int, tmp_path: Path) -> None:
-    """As after a clock that was wrong, or a copy that did not keep them."""
+def test_dates_of_files_do_not_matter(year: int, tmp_path: Path) -> None:
+    """Dates are wrong after a clock error or a plain copy."""
     Store(tmp_path).fetch("recording", {}, ROOTS, one)
     abandoned = tmp_path / "recording" / ("a" * 32 + ".tmp")
     (abandoned / "product").mkdir(parents=True)

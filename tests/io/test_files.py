@@ -1,0 +1,76 @@
+"""Files are complete or absent, and locks hold between processes and threads."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from radartwin.errors import OutputError
+from radartwin.io import files
+
+
+def test_a_file_is_written_completely_or_not_at_all(tmp_path: Path) -> None:
+    path = files.write_atomically(tmp_path / "deep" / "table.csv", "a,b\n")
+    assert path.read_text() == "a,b\n"
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OutputError, match="folder"):
+        files.write_atomically(tmp_path / "folder", "text")
+    assert [p.name for p in tmp_path.rglob("*.tmp")] == []
+
+
+def test_an_abandoned_folder_stays_locked_until_it_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    work = tmp_path / ("a" * 32 + ".tmp")
+    (work / "product").mkdir(parents=True)
+    (work / files.LOCK).touch()
+    emptied, found = threading.Event(), []
+
+    def wait_for_lock() -> None:
+        with files.lock(work / files.LOCK):
+            assert emptied.is_set(), "the lock was released before the folder was empty"
+            (work / "product").mkdir()
+            found.append(sorted(path.name for path in work.iterdir()))
+
+    remove, second = shutil.rmtree, threading.Thread(target=wait_for_lock)
+
+    def slow(path: Path) -> None:
+        second.start()
+        time.sleep(0.2)
+        remove(path)
+        emptied.set()
+
+    monkeypatch.setattr(shutil, "rmtree", slow)
+    files.drop_abandoned(work)
+    second.join(10)
+    assert found == [[files.LOCK, "product"]]
+
+
+def test_a_lock_file_is_removed_after_use_and_a_stale_one_is_dropped(tmp_path: Path) -> None:
+    lock = tmp_path / "lock"
+    with files.lock(lock):
+        files.drop_stale(lock)
+        assert lock.exists()
+    assert not lock.exists()
+    lock.write_text("")
+    files.drop_stale(lock)
+    assert not lock.exists()
+
+
+def test_a_lock_waits_for_its_holder_and_says_so_once(tmp_path: Path) -> None:
+    lock, order = tmp_path / "work" / "lock", []
+
+    def second() -> None:
+        with files.lock(lock, lambda: order.append("waiting")):
+            order.append("second")
+
+    thread = threading.Thread(target=second)
+    with files.lock(lock, lambda: order.append("not expected")):
+        thread.start()
+        time.sleep(0.3)
+        order.append("first")
+    thread.join(10)
+    assert order == ["waiting", "first", "second"]
+    assert not lock.exists()
