@@ -1,4 +1,4 @@
-"""Sionna RT as a simulator: exact over walls, wrong over objects and told so, and never in this process."""
+"""Sionna RT as a simulator: exact over walls, warnings about objects, and always in another process."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def level_db(parts: list[Paths]) -> float:
     return float(20 * np.log10(np.abs(parts[0].amplitude[0]).mean()))
 
 
-def test_without_the_package_it_says_what_to_install(monkeypatch):
+def test_missing_package_is_reported_with_the_command_to_install(monkeypatch):
     def absent(name):
         raise sionna.importlib.metadata.PackageNotFoundError(name)
 
@@ -61,8 +61,8 @@ def test_without_the_package_it_says_what_to_install(monkeypatch):
 
 
 @needs_sionna
-def test_it_shares_no_process_with_the_tracer():
-    """Both simulators answer in turn, each with its own Mitsuba variant, and Sionna is never imported here."""
+def test_sionna_and_the_tracer_use_separate_processes():
+    """Both simulators alternate, each with its own Mitsuba variant, and this process never imports Sionna."""
     wall = rt.Scene([rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", role="room")])
     first, own, again = (np.abs(rt.simulate(wall, RADAR, HERE, simulator=name).iq).max() for name in ("sionna", "mitsuba", "sionna"))
     import mitsuba
@@ -75,7 +75,7 @@ def test_it_shares_no_process_with_the_tracer():
 
 @needs_sionna
 @pytest.mark.parametrize(("material", "thickness_m"), [("glass", 0.004), ("plasterboard", 0.0125), ("wood", 0.022), ("hdpe", 0.003)])
-def test_a_slab_in_air_is_what_sionna_says_itself(material, thickness_m):
+def test_slab_in_air_matches_sionnas_own_reflection(material, thickness_m):
     frequency, cosine = 77e9, np.linspace(0.02, 1, 50)
     answer = sionna_process.ask({
         "variant": "auto", "cosine": cosine, "permittivity": complex(permittivity(material, frequency)), "thickness_m": thickness_m,
@@ -87,7 +87,7 @@ def test_a_slab_in_air_is_what_sionna_says_itself(material, thickness_m):
 
 
 @pytest.mark.parametrize("finish", ["plaster wall", "board floor", "court floor", "wood panelling", "window", "metal", "concrete"])
-def test_tables_are_fine_enough_for_stacks(finish):
+def test_tables_interpolate_layered_walls(finish):
     material, roughness = FINISHES[finish].material, 1e-4
     te, tm, row, frequencies = sionna.reflection_tables([(material, roughness)], RADAR)
     assert row.tolist() == [0]
@@ -101,7 +101,7 @@ def test_tables_are_fine_enough_for_stacks(finish):
 
 @needs_sionna
 def test_every_path_of_a_room_is_an_exact_image():
-    """Complex amplitudes, over layered walls, door and window, of up to four bounces, for a turned antenna."""
+    """Complex amplitudes over layered walls, door and window, up to four bounces, for a turned antenna."""
     scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 0, 0)
     found, images = reference("Sionna, co-located", scene, pose).strong(40.0), reference("image sources", scene, pose)
     index = partners(found, images)
@@ -115,8 +115,8 @@ def test_every_path_of_a_room_is_an_exact_image():
 
 @needs_sionna
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
-def test_elements_see_the_same_images_as_the_tracers():
-    """Mirrors are built from the facets Sionna met; those of the tracer from its panels."""
+def test_elements_see_the_same_images_as_with_the_tracer():
+    """Sionna's mirrors come from the facets of its paths, the tracer's from panels."""
     scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 1, 0)
     (theirs,) = backend("sionna", max_bounces=2).paths(scene, RADAR, pose[None])
     mine = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=2)).paths(scene, RADAR, pose[None])[0]
@@ -133,7 +133,7 @@ def test_elements_see_the_same_images_as_the_tracers():
 
 @needs_sionna
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
-def test_rates_are_the_growth_of_lengths():
+def test_rates_match_length_differences():
     """Sensor and plate both move and turn."""
     turn = [trimesh.transformations.rotation_matrix(np.radians(0.05 * f), [0.2, 0.3, 1]) for f in range(2)]
     sensor = np.array([at(0.001 * f, 0.0005 * f) @ turn[f] for f in range(2)])
@@ -154,7 +154,7 @@ def test_rates_are_the_growth_of_lengths():
 
 
 @needs_sionna
-def test_what_has_no_mirror_point_is_silent_and_named():
+def test_objects_without_mirror_point_are_reported():
     trihedral = rt.Scene([rt.Surface(objects.trihedral(0.1).apply_transform(at(2.0) @ FACING), "metal", "reflector")])
     for separation in (0.0, 0.02):
         parts, texts = told(trihedral, separation_m=separation)
@@ -166,7 +166,7 @@ def test_what_has_no_mirror_point_is_silent_and_named():
 
 
 @needs_sionna
-def test_a_limit_is_told_once():
+def test_each_limit_is_reported_once():
     scene = rt.Scene([rt.Surface(objects.sphere(0.05).apply_transform(at(2.0)), "metal", "ball told once")])
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")  # as Python has it outside tests
@@ -177,7 +177,7 @@ def test_a_limit_is_told_once():
 
 @needs_sionna
 @pytest.mark.parametrize(("size_m", "excess_db"), [(0.02, 19.8), (0.05, 3.8), (0.2, None)])
-def test_a_plate_of_any_size_returns_a_mirrors_level(size_m, excess_db):
+def test_plate_of_any_size_returns_the_level_of_a_mirror(size_m, excess_db):
     parts, texts = told(rt.Scene([rt.Surface(objects.plate(size_m, size_m).apply_transform(at(2.0)), "metal", "small plate")]))
     assert level_db(parts) == pytest.approx(mirror_db(2.0), abs=0.1)
     if excess_db is None:
@@ -189,8 +189,8 @@ def test_a_plate_of_any_size_returns_a_mirrors_level(size_m, excess_db):
 
 
 @needs_sionna
-def test_diffuse_paths_add_up_to_their_number():
-    """About the mirror direction their phases agree: with ten times the rays they return more, where power would stay."""
+def test_diffuse_level_grows_with_the_number_of_rays():
+    """Near the mirror direction, phases agree: ten times the rays return more."""
     wall = rt.Scene([rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "concrete", "wall", roughness_m=3e-4, role="room")])
     sums, powers = [], []
     for rays in (30_000, 300_000):
@@ -204,7 +204,7 @@ def test_diffuse_paths_add_up_to_their_number():
 
 
 @needs_sionna
-def test_what_roughness_takes_from_the_mirror_is_scattered():
+def test_scattering_coefficient_matches_the_roughness_loss():
     rough, smooth = (
         rt.Scene([rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", roughness_m=r, role="room")])
         for r in (3e-4, 0.0)
@@ -217,7 +217,7 @@ def test_what_roughness_takes_from_the_mirror_is_scattered():
 
 @needs_sionna
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
-def test_hidden_things_are_hidden_and_moving_ones_move():
+def test_moving_plate_hides_the_wall_behind_it():
     """A plate slides in front of a wall: then the wall's path is gone."""
     wall = rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", role="room")
     plate = rt.Surface(objects.plate(0.5, 0.5), "metal", "plate")
@@ -231,7 +231,7 @@ def test_hidden_things_are_hidden_and_moving_ones_move():
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
 @pytest.mark.parametrize("room", ["lab", "atrium", "squash_court"])
-def test_the_default_rays_find_what_ten_times_as_many_find(room):
+def test_default_rays_find_the_paths_of_ten_times_as_many(room):
     scene, pose = rooms.room(room, detail="furnished"), pose_in(room, 0, 0)[None]
     few, many = (backend("sionna", rays=rays).paths(scene, RADAR, pose)[0] for rays in (None, 10 * sionna.RAYS))
     level = 20 * np.log10(np.abs(many.amplitude).mean(axis=1))

@@ -1,4 +1,4 @@
-"""A turn from aspects: harmonics exactly, traced targets within the stated error, Doppler inside a frame."""
+"""Interpolation of a turning target between aspects: exact for harmonics, within the stated error for traced targets."""
 
 from dataclasses import replace
 
@@ -13,8 +13,8 @@ K = 2 * np.pi * 77e9 / 299792458.0
 
 
 @pytest.mark.parametrize("reach_m", [0.03, 0.06, 0.09])
-def test_points_on_a_turn(reach_m):
-    """A point that circles at `reach_m` before a far sensor: its phase is 2 k R cos."""
+def test_circling_point_matches_its_exact_phase(reach_m):
+    """A point circles at `reach_m` in front of a far sensor: its phase is 2 k R cos."""
     wave = lambda angle: np.exp(2j * K * reach_m * np.cos(angle + 0.3))  # noqa: E731
     aspects = Aspects.traced(lambda angle: np.tile(wave(angle)[:, None, None, None], (1, 2, 1, 1)))
     angles = np.random.default_rng(0).uniform(-20, 20, (50, 3, 2))
@@ -23,8 +23,8 @@ def test_points_on_a_turn(reach_m):
 
 
 @pytest.mark.parametrize(("reach_m", "expected"), [(0.01, MIN_ASPECTS), (0.048, 512), (0.075, 832), (0.12, 1280)])
-def test_as_many_aspects_as_the_reach_needs(reach_m, expected):
-    """The count holds a point at the reach to a hundredth: the window's own error."""
+def test_number_of_aspects_follows_the_reach(reach_m, expected):
+    """With this number, a point at the reach is accurate to 0.01, the error of the window."""
     assert needed([rt.Surface(objects.sphere(reach_m), "metal")]) == expected
     wave = lambda angle: np.exp(2j * K * reach_m * np.cos(angle + 0.3))  # noqa: E731
     aspects = Aspects.traced(lambda angle: np.tile(wave(angle)[:, None, None, None], (1, 1, 1, 1)), expected)
@@ -33,7 +33,7 @@ def test_as_many_aspects_as_the_reach_needs(reach_m, expected):
 
 
 @pytest.mark.parametrize("off_m", [0.006, 0.012, 0.02])
-def test_what_is_round_needs_what_it_stands_off(off_m):
+def test_round_targets_need_aspects_for_their_offset_only(off_m):
     count = needed([], off_m, round_about_axis=True)
     wave = lambda angle: np.exp(2j * K * off_m * np.cos(angle + 0.3))  # noqa: E731
     aspects = Aspects.traced(lambda angle: np.tile(wave(angle)[:, None, None, None], (1, 1, 1, 1)), count)
@@ -42,12 +42,12 @@ def test_what_is_round_needs_what_it_stands_off(off_m):
     assert np.abs(aspects.at(angles)[..., 0, 0] - wave(angles)).max() < 0.015
 
 
-def test_what_does_not_turn_rests():
+def test_resting_target_has_a_constant_signal():
     aspects = Aspects.traced(lambda angle: np.ones((len(angle), 1, 1, 4)))
     np.testing.assert_allclose(aspects.at(np.random.default_rng(0).uniform(0, 6, (9, 2, 1))), 1, atol=1e-6)
 
 
-def test_symmetry_repeats():
+def test_symmetric_target_repeats_within_a_turn():
     wave = lambda angle: np.exp(1j * 40 * np.cos(4 * angle))[:, None, None, None]  # noqa: E731
     aspects = Aspects.traced(wave, 512, symmetry=4)
     angles = np.linspace(0, 2 * np.pi, 40)[:, None, None]
@@ -55,8 +55,8 @@ def test_symmetry_repeats():
     np.testing.assert_allclose(aspects.at(angles + np.pi / 2), aspects.at(angles), atol=1e-3)
 
 
-def test_a_traced_trihedral_between_its_aspects():
-    """The stated error, and a frame in motion by per-chirp angles against one traced in motion."""
+def test_traced_trihedral_is_within_the_stated_error():
+    """Between aspects, and for a frame in motion by angles per chirp against a frame traced in motion."""
     radar = replace(rt.Radar.iwr1843("isotropic"), num_chirps=4)
     scene = rt.Scene([rt.Surface(objects.trihedral(0.1), "metal", "target", role="object")])
 

@@ -1,7 +1,8 @@
-"""What the baselines are known to return: the naive tracer as its published program did, point scatterers by the radar equation."""
+"""Known results of the baselines: the naive tracer as in its published program, and point scatterers by the radar equation."""
 
 import numpy as np
 import pytest
+from physics_helpers import at
 
 import radartwin as rt
 from experiments.validation import baselines
@@ -16,12 +17,8 @@ RADAR = rt.Radar.iwr1843(element="isotropic")
 HERE = np.eye(4)[None]
 
 
-def at(x, y=0.0):
-    return trajectory.pose([x, y, 0.0])
-
-
 def test_shipped_trihedral_is_below_the_sphere_instead_of_29_db_above():
-    """Published program: -11.6 dB at 2 m. The sample of a 10 cm target by 1.8 cm pixels depends on where they fall."""
+    """The published program returns -11.6 dB at 2 m. The result depends on how 1.8 cm pixels fall on a 10 cm target."""
     ratio = baselines.trihedral_over_sphere_db(backend("rfgenesis"), np.linspace(1.9, 2.1, 11))
     assert pytest.approx(29.4, abs=0.05) == baselines.CLOSED_FORM_RATIO_DB
     assert np.median(ratio) == pytest.approx(-11.6, abs=2)
@@ -29,7 +26,7 @@ def test_shipped_trihedral_is_below_the_sphere_instead_of_29_db_above():
 
 
 @pytest.mark.parametrize(("version", "low", "high"), [("shipped", 3, 5), ("columns", 9, 13), ("corrected", 3.5, 4.5)])
-def test_range_law(version, low, high):
+def test_levels_follow_the_range_law_of_each_version(version, low, high):
     exponents = baselines.range_exponents(backend("rfgenesis", version=version), np.geomspace(1, 4, 9)).values()
     assert low <= min(exponents)
     assert max(exponents) <= high
@@ -37,25 +34,25 @@ def test_range_law(version, low, high):
 
 @pytest.mark.parametrize(("version", "levels_db"), [("shipped", (-143, -105)), ("corrected", (-103, -86))])
 def test_level_grows_with_the_number_of_rays(version, levels_db):
-    """As rays^2 when every ray keeps its weight, as rays when each stands for its share; physics says one level."""
+    """As rays^2 if every ray keeps its weight, and as rays if each ray has its share of the power."""
     assert baselines.plate_levels_db(version, (128, 1024)) == pytest.approx(levels_db, abs=1.5)
 
 
 @pytest.mark.parametrize(("version", "speed"), [("shipped", 0.743), ("columns", 0.743), ("corrected", 0.2 * 79.106 / 77)])
-def test_speed_read_with_the_published_radar(version, speed):
-    """Read at the wavelength of 77 GHz, as the published program does; the chirps are about 79.1 GHz."""
+def test_speed_error_of_the_published_radar(version, speed):
+    """The published program uses the wavelength at 77 GHz, but its chirps are at about 79.1 GHz."""
     assert baselines.speed_read_mps(backend("rfgenesis", version=version), baselines.published_radar()) == pytest.approx(speed, rel=0.005)
 
 
-def test_plate_level_of_the_table_is_that_of_tubes():
-    """The closed form the table calls expected, against the tracer, at one and three metres."""
+def test_closed_form_plate_level_of_the_table_matches_tubes():
+    """At 1 and 3 m."""
     for distance in (1.0, 3.0):
         traced = baselines.level_db(objects.plate(0.1, 0.1), distance, backend("mitsuba"))
         assert traced == pytest.approx(baselines.plate_db(distance), abs=0.2)
 
 
 def test_direct_signal_and_shared_synthesis_agree():
-    """At rest: one hit alone to a thousandth once the residual video phase is taken out; a whole plate in level."""
+    """At rest: a single hit agrees to 0.001 after removal of the residual video phase; a whole plate agrees in level."""
     point = np.array([[2.0, 0.3, 0.1]])
     distance = float(np.linalg.norm(point))
     signal = direct_frame(point, point, np.array([distance]), RADAR)[0]
@@ -74,8 +71,8 @@ def test_direct_signal_and_shared_synthesis_agree():
     assert np.linalg.norm(slow) == pytest.approx(np.linalg.norm(fast), rel=0.01)
 
 
-def test_directions_and_distances_of_hits():
-    """Rows from the top, columns from the left; distances exact on a plane, and the nearer of two surfaces counts."""
+def test_hits_have_exact_directions_and_distances():
+    """Rows start at the top and columns at the left. Distances on a plane are exact; the nearer of two surfaces counts."""
     back = rt.Surface(objects.plate(6, 6).apply_transform(at(3.0)), "metal", "back")
     front = rt.Surface(objects.plate(0.5, 0.5), "metal", "front")
     settings = rfgenesis.RFGenesisSettings("corrected", 32)
@@ -87,8 +84,8 @@ def test_directions_and_distances_of_hits():
     assert (hits.surface[0] == 1).mean() == pytest.approx((0.25 / np.tan(np.radians(30))) ** 2, rel=0.1)
 
 
-def test_corrected_power_is_that_of_a_diffuse_sphere():
-    """Powers without phases: a Lambert sphere returns 8/3 times the cross-section of a mirror sphere, here to the pixels' 5 %."""
+def test_corrected_power_matches_a_diffuse_sphere():
+    """Without phases, a Lambert sphere returns 8/3 times the cross-section of a mirror sphere, here within 5 % (pixels)."""
     scene = rt.Scene([rt.Surface(objects.sphere(0.2).apply_transform(at(3.0)), "metal", "ball")])
     (paths,) = backend("rfgenesis", version="corrected", grid=512).paths(scene, RADAR, HERE)
     wavelength = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -96,8 +93,8 @@ def test_corrected_power_is_that_of_a_diffuse_sphere():
     assert np.sum(np.abs(paths.amplitude) ** 2) == pytest.approx(expected, rel=0.15)
 
 
-def test_shipped_hits_stay_behind_where_a_target_has_been():
-    """The published interpolation fills a pixel that misses from the frame before, for good."""
+def test_shipped_hits_remain_where_a_target_was():
+    """The published interpolation fills a missing pixel from the previous frame, permanently."""
     poses = np.array([at(1.5, y) for y in (0.0, 0.3, 0.6)])
     scene = rt.Scene([rt.Surface(objects.plate(0.2, 0.2), "metal", "plate")])
     counts = {}
@@ -108,7 +105,7 @@ def test_shipped_hits_stay_behind_where_a_target_has_been():
 
 
 def test_point_levels_follow_the_radar_equation_and_miss_the_near_field():
-    """A 10 cm plate at 0.5 m returns 17.6 dB less than its far-field cross-section says, which is all a table knows."""
+    """At 0.5 m, a 10 cm plate returns 17.6 dB less than its far-field cross-section, which the table uses."""
     plate = objects.plate(0.1, 0.1)
     far = baselines.level_db(plate, 4.0, backend("points")) - baselines.level_db(plate, 2.0, backend("points"))
     assert far == pytest.approx(-40 * np.log10(2), abs=0.05)
@@ -128,7 +125,7 @@ def test_point_wall_is_the_exact_image_in_level_and_phase():
     assert backend("points", room="void").paths(wall, RADAR, HERE) == []
 
 
-def test_table_of_cross_sections_is_that_of_the_far_field():
+def test_table_holds_far_field_cross_sections():
     mesh = objects.trihedral(0.1)
     turned = np.diag([-1.0, -1.0, 1.0])
     middle = mesh.bounds.mean(axis=0)
@@ -140,8 +137,8 @@ def test_table_of_cross_sections_is_that_of_the_far_field():
 
 
 @pytest.mark.slow
-def test_whole_frames_cost_no_more_than_the_original():
-    """24 s for 1,200 hits and 65 s for 16,384, on two cores."""
+def test_whole_frame_is_no_slower_than_the_published_program():
+    """The published program takes 24 s for 1,200 hits and 65 s for 16,384 hits on two cores."""
     plate = rt.Scene([rt.Surface(objects.plate(0.3, 0.3).apply_transform(at(1.0)), "metal", "plate")])
     few = whole_frame_seconds(plate, RADAR, np.eye(4))
     assert 1000 < few.hits < 1400

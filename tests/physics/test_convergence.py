@@ -1,25 +1,14 @@
-"""Long runs: level and spread of targets from 1 to 64 tubes per square wavelength, over offsets of the grid and orientations."""
+"""Slow tests: level and spread of targets for 1 to 64 tubes per square wavelength, over grid offsets and orientations."""
 
 import numpy as np
 import pytest
 import trimesh
+from physics_helpers import WAVELENGTH, K, db, mie_backscatter
 
 import radartwin as rt
 from radartwin.scene import objects
 
-WAVELENGTH = 299_792_458.0 / 77e9
-K = 2 * np.pi / WAVELENGTH
 SIDELOBE = 4.4934  # where tan x = x: the first sidelobe of sin x / x
-
-
-def db(x):
-    return 10 * np.log10(x)
-
-
-def mie(radius):
-    import miepython
-
-    return miepython.efficiencies_mx(1e4 - 1e4j, 2 * np.pi * radius / WAVELENGTH)[2] * np.pi * radius**2
 
 
 def _targets():
@@ -32,7 +21,7 @@ def _targets():
         out[f"plate {a}, first sidelobe"] = objects.plate(a, a), angle, peak * (np.sin(SIDELOBE) / SIDELOBE * np.cos(angle)) ** 2
     out.update({f"dihedral {a}": (objects.dihedral(a, a), 0.0, 8 * np.pi * a**4 / WAVELENGTH**2) for a in (0.03, 0.05, 0.1)})
     out.update({f"trihedral {a}": (objects.trihedral(a), 0.0, 4 * np.pi * a**4 / (3 * WAVELENGTH**2)) for a in (0.05, 0.1, 0.15)})
-    out.update({f"sphere {r}": (objects.sphere(r, 5), 0.0, mie(r)) for r in (0.02, 0.033, 0.05)})
+    out.update({f"sphere {r}": (objects.sphere(r, 5), 0.0, mie_backscatter(r)) for r in (0.02, 0.033, 0.05)})
     for r, h in ((0.02, 0.08), (0.033, 0.12), (0.05, 0.2)):
         out[f"cylinder {r}"] = objects.cylinder(r, h, 256), 0.0, K * r * h**2
     return out
@@ -51,9 +40,10 @@ def level(mesh, angle, roll, density, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
-def test_level_holds_from_one_tube_per_square_wavelength_on(name):
-    """Rms and worst error, over eight offsets and three orientations (two offsets at 64). The 5 cm trihedral converges 0.2 dB above its
-    closed form, which knows only the triple reflection."""
+def test_level_is_accurate_from_one_tube_per_square_wavelength(name):
+    """Rms and largest error over eight offsets and three orientations (two offsets at 64 tubes). The 5 cm trihedral converges to 0.2 dB
+    above its closed form, which contains only the triple reflection.
+    """
     mesh, angle, expected = TARGETS[name]
     levels = {
         n: np.array([[db(level(mesh, angle, np.radians(r), n, s) / expected) for s in range(8 if n < 64 else 2)] for r in (0, 17, 45)])
@@ -79,7 +69,7 @@ def test_near_field_does_not_drift(name, distance):
 
 @pytest.mark.slow
 def test_scanned_can_and_bottle_converge(shared_data):
-    """Mean level over aspects of a scanned can and bottle; single aspects of a scan are a sum of many glints."""
+    """Mean level over aspects; single aspects of a scan are sums of many glints."""
     for name in ("TomatoSoupCan", "MustardBottle"):
         mesh = trimesh.load_mesh(shared_data / "objects" / "ycb" / f"{name}.obj")
         mesh.apply_translation(-mesh.bounds.mean(axis=0))

@@ -1,4 +1,4 @@
-"""An object in a room: echoes by way of the panels against images, geometric optics, exact geometry and finite differences."""
+"""Paths between objects and a room against image sources, geometric optics, exact geometry and finite differences."""
 
 from dataclasses import replace
 
@@ -81,8 +81,8 @@ def db(ratio):
 
 
 @pytest.mark.parametrize("height", [0.3, 0.5, 0.7])
-def test_sphere_over_a_metal_floor(height):
-    """Direct, floor - sphere both ways round, and floor - sphere - floor: level to 0.3 dB of geometric optics, phase to 8 degrees."""
+def test_sphere_over_a_metal_floor_matches_geometric_optics(height):
+    """Direct, floor - sphere in both directions, and floor - sphere - floor: within 0.3 dB and 8 degrees."""
     centre = np.array([1.2, 0.0, height])
     parts = paths_of(rt.Scene([floor(), ball(centre)]), at(SENSOR))[1:]
     for source, target, ways in ((SENSOR, SENSOR, 1), (SENSOR, MIRRORED, 2), (MIRRORED, MIRRORED, 1)):
@@ -95,8 +95,8 @@ def test_sphere_over_a_metal_floor(height):
 
 
 @pytest.mark.parametrize("material", ["concrete", "glass"])
-def test_sphere_over_a_dielectric_floor(material):
-    """The same with Fresnel's coefficient (the field is upright, so TM) once and twice."""
+def test_sphere_over_a_dielectric_floor_matches_geometric_optics(material):
+    """With the Fresnel coefficient (TM, because the field is vertical) once and twice."""
     centre = np.array([1.2, 0.0, 0.35])
     parts = paths_of(rt.Scene([floor(material), ball(centre)]), at(SENSOR), rays_per_wavelength2=9.0)[1:]
     eps = stack.permittivity(material, RADAR.center_frequency_hz)
@@ -108,7 +108,7 @@ def test_sphere_over_a_dielectric_floor(material):
         assert db(value / (ways * level * abs(tm) ** (2 if ways == 1 else 1))) == pytest.approx(0, abs=0.5)
 
 
-def test_without_coupling_only_the_direct_echo_is_left():
+def test_without_coupling_only_the_direct_echo_remains():
     centre = np.array([1.2, 0.0, 0.3])
     parts = paths_of(rt.Scene([floor(), ball(centre)]), at(SENSOR), coupling=False)[1:]
     for target in (SENSOR, MIRRORED):
@@ -122,8 +122,8 @@ def table_top(edge):
     return rt.Surface(mesh, "metal", "top", role="room")
 
 
-def test_edge_of_a_table_passes_under_the_object():
-    """The echo table - sphere fades as the table is drawn away, as the half plane's Fresnel factor says (to 0.093)."""
+def test_table_edge_under_the_object_matches_the_half_plane_factor():
+    """The echo table - sphere fades as the table moves away, as the half-plane Fresnel factor predicts (to 0.093)."""
     centre = np.array([1.2, 0.0, 0.3])
     level, length, place = sphere_echo(centre, SENSOR, MIRRORED)
     mirror_point = place[0] * (1.0 / (1.0 + place[2]))
@@ -139,8 +139,8 @@ def test_edge_of_a_table_passes_under_the_object():
         assert abs(value) / (2 * level) == pytest.approx(abs(half_plane), abs=0.1)
 
 
-def test_object_behind_a_screen_is_seen_by_way_of_a_wall():
-    """The direct echo and both mixed ones are gone, wall - sphere - wall is left at its level."""
+def test_object_behind_a_screen_is_seen_over_a_wall():
+    """The direct echo and both mixed echoes vanish; wall - sphere - wall keeps its level."""
     centre = np.array([1.6, 0.0, 1.0])
     wall = rt.Surface(rooms.rectangle([-1, 1.0, -0.5], np.eye(3)[0], np.eye(3)[2], (4.5, 3.0)), "metal", "wall", role="room")
     screen = rt.Surface(rooms.rectangle([0.8, -0.35, 0.5], np.eye(3)[1], np.eye(3)[2], (0.7, 1.0)), "metal", "screen", role="room")
@@ -163,7 +163,7 @@ def legs(position):
 
 
 @pytest.mark.parametrize("kind", ["slide", "sensor", "turn"])
-def test_doppler_of_every_pair_of_legs(kind):
+def test_doppler_of_every_leg_pair_matches_path_differences(kind):
     """Amplitude-weighted rates of each echo against differences of exact path lengths."""
     frames, step = 3, 0.004
     offset = np.array([1.2, 0.05, 0.35])
@@ -197,8 +197,8 @@ def test_doppler_of_every_pair_of_legs(kind):
         assert (weighted / total).real == pytest.approx(rates[echo], abs=0.01 * np.abs(rates).max() + 1e-3)
 
 
-def test_phase_turns_as_the_echo_moves():
-    """Frame to frame, each echo's phase follows k times the change of its path to 2 degrees."""
+def test_phase_follows_the_path_length_between_frames():
+    """The phase of each echo follows k times its change of length to 2 degrees."""
     frames = 6
     motion = np.tile(np.eye(4), (frames, 1, 1))
     motion[:, :3, 3] = np.array([1.2, 0.05, 0.35]) + np.arange(frames)[:, None] * 3e-4 * np.array([0.5, 0.3, 0.8])
@@ -210,8 +210,8 @@ def test_phase_turns_as_the_echo_moves():
         assert np.degrees(np.ptp(left)) < 2
 
 
-def test_channels_over_image_paths_are_exact_image_geometry():
-    """Every channel's phase of floor - sphere - floor, and of the mixed pair, against the sphere's echo between mirrored elements."""
+def test_channels_of_image_paths_match_image_geometry():
+    """Phase of every channel, for floor - sphere - floor and the mixed pair, against the sphere's echo between mirrored elements."""
     turn = np.linalg.qr(np.array([[0.9, -0.1, 0.3], [0.15, 0.95, -0.25], [-0.3, 0.2, 0.9]]))[0]
     turn *= np.sign(np.diag(turn))
     turn[:, 2] *= np.linalg.det(turn)
@@ -241,7 +241,7 @@ def test_channels_over_image_paths_are_exact_image_geometry():
 
 
 def test_directions_are_in_the_frame_of_the_turned_sensor():
-    """Departures and arrivals point at the sphere or at its image below the floor, whatever the sensor's attitude."""
+    """Departure and arrival point at the sphere or its image below the floor, for any attitude of the sensor."""
     angle = 0.9
     turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]) @ np.array(
         [[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1.0]]
@@ -279,8 +279,8 @@ def static_and_named(sensors):
 
 
 @pytest.mark.parametrize("moving", [False, True])
-def test_echo_of_a_static_object_and_of_the_same_in_motion_at_rest(moving):
-    """The object's own paths to 1e-4 of all, in a furnished lab, moving sensor or not."""
+def test_static_object_and_resting_moving_object_have_equal_paths(moving):
+    """In a furnished lab, for a resting and a moving sensor, the object's paths agree to 1e-4 of all paths."""
     sensors = np.array([traced.pose((1.0, y, 1.0)) for y in ((0.0, 0.02) if moving else (0.0,))])
     (room, echo), (_, named) = static_and_named(sensors)
     assert np.linalg.norm(echo - named) < 1e-4 * np.linalg.norm(room + echo)
@@ -288,15 +288,16 @@ def test_echo_of_a_static_object_and_of_the_same_in_motion_at_rest(moving):
 
 
 @pytest.mark.xfail(strict=True, reason="what is named in `motion` casts no shadow on the room: 0.05 of the signal behind a can 1.3 m away")
-def test_signal_of_a_static_object_and_of_the_same_in_motion_at_rest():
+def test_static_object_and_resting_moving_object_have_equal_signals():
     static, named = (room + echo for room, echo in static_and_named(at((1.0, 0, 1.0))))
     assert np.linalg.norm(static - named) < 1e-4 * np.linalg.norm(static)
 
 
 @pytest.mark.slow
-def test_coupled_echoes_against_tubes():
-    """Sphere over a floor, tubes from the sensor alone: the direct echo to 0.3 dB; the mixed one, half of which the floor's wide tubes
-    bring to the sphere, to 0.8 (0.38 measured, panels within 0.08 of geometric optics, tubes 0.45)."""
+def test_coupled_echoes_match_tubes():
+    """Sphere over a floor, tubes from the sensor only. The direct echo agrees to 0.3 dB. The mixed echo agrees to 0.8 dB (0.38 measured),
+    because wide tubes of the floor bring half of it to the sphere (panels are within 0.08 dB of geometric optics, tubes 0.45 dB).
+    """
     centre = np.array([1.2, 0.0, 0.35])
     scene = rt.Scene([floor(), ball(centre)])
     panels = paths_of(scene, at(SENSOR))[1:]
@@ -335,9 +336,10 @@ def field_of(parts, low=0.0, high=np.inf):
 
 
 @pytest.mark.parametrize(("height", "within"), [(0.06, 1.0), (0.08, 2.6), (0.12, 1.0), (0.2, 1.0)])
-def test_box_that_stands_on_the_floor(height, within):
-    """Dihedral of floor and front, against the same box as panels, whose apertures share the corner. What an object sends and receives
-    over the floor are currents on its front alone, where panels take the mean with those on the floor: 2.3 dB where that matters most."""
+def test_box_on_the_floor_matches_the_box_as_panels(height, within):
+    """The dihedral of floor and front against the same box as panels, whose apertures share the corner. Paths over the floor use
+    currents on its front only, but panels use the mean with currents on the floor: 2.3 dB at most.
+    """
     box = objects.box((1.15, -0.075, 0.0), (1.25, 0.075, height))
     pose = at((0, 0, 0.6))
     panels = field_of(paths_of(rt.Scene([floor(), rt.Surface(box, "metal", "box", role="room")]), pose))
@@ -362,8 +364,8 @@ def mirror_facing(centre, towards, size=0.3):
     return plate.apply_transform(turn)
 
 
-def test_two_small_mirrors_see_each_other_once():
-    """A triangle over two plates: twice the image at its length, whether they stand or one is named in motion."""
+def test_paths_between_two_small_mirrors_count_once():
+    """A triangular path over two plates has twice the image at its length, whether both plates are static or one is named in motion."""
     sensor, a, b = np.array([0, 0, 1.5]), np.array([3.0, 1, 1.5]), np.array([3.0, -1, 1.5])
 
     def unit(v):
@@ -382,8 +384,8 @@ def test_two_small_mirrors_see_each_other_once():
 
 
 @pytest.mark.parametrize("room", ["auto", "tubes"])
-def test_what_moves_beside_things_without_panels(room):
-    """A ball, a floor that a scan has bent: nothing flat to see the mover by."""
+def test_object_moves_beside_curved_surfaces_without_panels(room):
+    """A ball and a floor bent by a scan have no panels."""
     bent = rooms.rectangle([0.5, -0.5, 0], np.eye(3)[0], np.eye(3)[1], (1, 1)).subdivide_loop(4)
     bent.vertices[:, 2] += 2e-3 * np.random.default_rng(0).standard_normal(len(bent.vertices))
     for static in (ball((1.5, 0.5, 1.0)), rt.Surface(bent, "concrete", "floor", role="room")):
@@ -393,7 +395,7 @@ def test_what_moves_beside_things_without_panels(room):
         assert sum(len(p) for p in parts)
 
 
-def test_names_do_not_decide_what_is_returned():
+def test_surface_names_do_not_change_the_paths():
     scene = [floor("concrete"), ball((1.2, 0.2, 0.5)), ball((1.5, -0.3, 0.4))]
     levels = []
     for names in (("x", "y"), ("x", "x")):

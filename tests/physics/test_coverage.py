@@ -1,4 +1,4 @@
-"""A large thing seen from near: tubes that could meet nothing are left out, in blocks that fit in memory, and every hit stays."""
+"""Large objects seen from near: tubes that meet nothing are skipped, in blocks that fit in memory, and no hit is lost."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def slanted_frame() -> Any:
     return trimesh.util.concatenate([bar, post, ball])
 
 
-def test_no_cell_that_a_ray_meets_is_left_out() -> None:
+def test_every_cell_with_a_hit_is_covered() -> None:
     mesh = slanted_frame()
     mesh.apply_translation([1.5, 0.0, 0.0])
     source = np.array([[0.0, 0.0, 0.0], [0.2, -0.4, 0.3]])
@@ -44,15 +44,15 @@ def test_no_cell_that_a_ray_meets_is_left_out() -> None:
         assert len(cells) < 0.6 * grid.per_pose
 
 
-def test_what_is_partly_behind_the_source_takes_all_cells() -> None:
+def test_object_partly_behind_the_source_needs_all_cells() -> None:
     mesh = slanted_frame()
     grid = tube_grid.towards(mesh.vertices + np.array([[3.0, 0.0, 0.0]]), np.zeros((1, 3)), np.array([3.0, 0.0, 0.0]), 0.02, (0.5, 0.5))
     assert grid is not None
     assert coverage.covered(grid, 0, mesh.triangles) is None
 
 
-def test_a_corner_beside_the_source_takes_all_cells() -> None:
-    """A depth of one rounding error is no depth: 0.1 + 0.2 is not 0.3."""
+def test_corner_beside_the_source_needs_all_cells() -> None:
+    """A depth of one rounding error does not count as depth: 0.1 + 0.2 is not 0.3."""
     grid = tube_grid.all_around(np.array([[0.3, 0.0, 0.0]]), np.eye(3)[None], 6 * 50**2)[0]
     corners = np.array([[[0.1 + 0.2, 1.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0]]])
     assert coverage.covered(grid, 0, corners) is None
@@ -62,14 +62,14 @@ def test_a_corner_beside_the_source_takes_all_cells() -> None:
     assert 0 < len(cells) < grid.per_pose
 
 
-def test_more_tubes_than_can_be_counted_are_refused() -> None:
+def test_too_many_tubes_for_an_index_are_refused() -> None:
     grid = tube_grid.all_around(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), 6 * 8000**2)[0]
     with pytest.raises(BackendError, match="exceed the limit"):
         next(division.blocks(None, grid, np.zeros((0, 3, 3)), TraceOptions(1), None, None))  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("bounces", [1, 3])
-def test_the_signal_is_the_same_in_small_blocks(monkeypatch: pytest.MonkeyPatch, bounces: int) -> None:
+def test_signal_does_not_depend_on_the_block_size(monkeypatch: pytest.MonkeyPatch, bounces: int) -> None:
     from radartwin.radar.chirp import Radar
     from radartwin.simulation.simulate import simulate
 

@@ -1,4 +1,4 @@
-"""The cross-check's own tools: image sources of furnished boxes, Fresnel zones, and matching; and what it finds."""
+"""The tools of the cross-check (image sources of furnished boxes, Fresnel zones, matching) and its result."""
 
 from __future__ import annotations
 
@@ -46,9 +46,10 @@ def test_an_empty_box_has_all_its_images() -> None:
     assert ours == pytest.approx(sorted(abs(a) * scale / length for a, length, _ in expected), rel=1e-9)
 
 
-def test_what_stands_in_the_way_takes_images_away_and_cuts_zones() -> None:
-    """A screen covers the wall ahead but for a slot about the mirror point; then it covers that too. A quarter of the way to the wall
-    and back the zone is two thirds as wide as on the wall."""
+def test_screen_removes_images_and_cuts_fresnel_zones() -> None:
+    """A screen covers the front wall except for a slot around the mirror point, then also the slot. At a quarter of the path, the zone is
+    two thirds as wide as on the wall.
+    """
     ahead = (round(2 * (SIZE[0] - SENSOR[0]), 6), 1.0, 0.0, 0.0)
     zone = np.sqrt(299_792_458.0 / FREQUENCY_HZ * ahead[0]) / 2
     assert images(bounces=1)[ahead][1]
@@ -88,7 +89,7 @@ def test_orders_of_one_image_are_added_and_neighbours_are_not() -> None:
     assert sorted(np.abs(each.amplitude)) == pytest.approx([0.125, 0.25, abs(1 + 0.5j)])
 
 
-def test_partners_are_near_in_length_and_at_both_ends() -> None:
+def test_matched_paths_agree_in_length_and_directions() -> None:
     among = found([5.0, 5.004, 6.0], [10.0, 10.0, 20.0], [1, 1, 1])
     of = found([5.001, 5.0035, 5.02, 6.0], [10.1, 10.0, 10.0, 20.6], [1, 1, 1, 1])
     assert partners(of, among).tolist() == [0, 1, -1, -1]
@@ -97,7 +98,7 @@ def test_partners_are_near_in_length_and_at_both_ends() -> None:
     assert partners(of, found([], [], [])).tolist() == [-1] * 4
 
 
-def test_a_reference_is_scored_by_what_it_shares() -> None:
+def test_reference_is_scored_by_its_matched_paths() -> None:
     mine = replace(found([5.0, 6.0, 7.0], [0.0, 10.0, 20.0], [1.0, 0.1, 1e-4]), clear=np.array([True, False, True]))
     theirs = found([5.0002, 6.0, 8.0, 9.0], [0.0, 10.0, 20.0, 30.0], [2.0, 0.1, 0.5, 1e-5])
     theirs = replace(theirs, clear=np.array([True, False, False, False]))
@@ -111,7 +112,7 @@ def test_a_reference_is_scored_by_what_it_shares() -> None:
 
 @pytest.mark.slow
 def test_the_cross_check_holds_in_every_room() -> None:
-    """Every image within 40 dB is ours too, at its length; so is every path of Sionna in one place."""
+    """Our paths contain every image within 40 dB at its length, and every path of Sionna at a single pose."""
     from radartwin.config.compose import compose
     from radartwin.io.progress import Progress
     from radartwin.runs.experiment import check_rows

@@ -1,4 +1,4 @@
-"""The diffuse cloud against quadratures and closed forms written here: energy, fixed points, density, shadows, motion."""
+"""The diffuse cloud against quadratures and closed forms: energy, fixed points, density, shadows and motion."""
 
 from dataclasses import replace
 
@@ -68,8 +68,8 @@ def wall_power(distance: float, low: tuple[float, float], high: tuple[float, flo
 
 @pytest.mark.parametrize("angle_deg", [0.0, 40.0, 75.0])
 @pytest.mark.parametrize("material", ["concrete", Layered([("plasterboard", 0.0125)])])
-def test_a_patch_scatters_what_roughness_removed(material, angle_deg):
-    """Received power over a hemisphere of receivers, Gauss-Legendre in the cosine: (1 - rho^2) |Gamma|^2 of what fell on the patch."""
+def test_patch_scatters_the_power_that_roughness_removes(material, angle_deg):
+    """Received power over a hemisphere of receivers (Gauss-Legendre in the cosine) is (1 - rho^2) |Gamma|^2 of the incident power."""
     cosine, f = np.cos(np.radians(angle_deg)), np.linspace(77e9, 80e9, 5)
     nodes, weights = np.polynomial.legendre.leggauss(24)
     cos_out = (nodes + 1) / 2
@@ -85,7 +85,7 @@ def test_a_patch_scatters_what_roughness_removed(material, angle_deg):
 
 
 def test_specular_and_diffuse_add_up_to_fresnel():
-    """The tabulated strengths of a half-space and the square of its rough reflection: Fresnel's power at every angle."""
+    """Tabulated strengths of a half-space plus its squared rough reflection are Fresnel's power at every angle."""
     cosine = np.linspace(0, 1, diffuse.COSINES)[1::37]
     table = diffuse.strengths([WALL], ISOTROPIC)
     f = ISOTROPIC.start_frequency_hz + ISOTROPIC.sampled_bandwidth_hz * np.linspace(0, 1, 5)
@@ -96,8 +96,8 @@ def test_specular_and_diffuse_add_up_to_fresnel():
 
 
 @pytest.mark.parametrize("count", [1_000, 4_000, 16_000, 50_000])
-def test_mean_power_is_the_integral_whatever_the_count(count):
-    """Every point at its mean power: within the share that the near limit takes, 1.5 x = 1.5 A/(pi r^2), and 1 %."""
+def test_mean_power_is_the_integral_for_any_number_of_points(count):
+    """Tolerance: the share of the near-field limit, 1.5 x = 1.5 A/(pi r^2), and 1 %."""
     mean = (np.abs(traced([WALL], at((0, 0, 0)), count=count, unit=True).amplitude) ** 2).sum()
     expected = wall_power(2.0, (-1.5, -1.0), (1.5, 1.5))
     bias = 1.5 * 7.5 / count / (np.pi * 2.0**2)
@@ -106,7 +106,7 @@ def test_mean_power_is_the_integral_whatever_the_count(count):
 
 @pytest.mark.parametrize("count", [1_000, 10_000])
 def test_speckle_is_exponential_about_the_same_mean(count):
-    """Sums of |field|^2 stay within four standard deviations of the mean; |field|^2 has the moments of an exponential."""
+    """Sums of |field|^2 are within four standard deviations of the mean; |field|^2 has the moments of an exponential distribution."""
     mean = np.abs(traced([WALL], at((0, 0, 0)), count=count, unit=True).amplitude[:, 0]) ** 2
     drawn = np.abs(traced([WALL], at((0, 0, 0)), count=count).amplitude[:, 0]) ** 2
     assert abs(drawn.sum() - mean.sum()) < 4 * np.sqrt((mean**2).sum())
@@ -116,7 +116,7 @@ def test_speckle_is_exponential_about_the_same_mean(count):
 
 
 def test_close_points_return_no_more_than_their_cell():
-    """A sensor 15 cm from a wall: the cloud's mean power stays below and within 1 dB of the integral; a point never tops its own disc."""
+    """At 15 cm from a wall, the mean power of the cloud is below the integral by at most 1 dB; no point exceeds its own disc."""
     sensor = at((1.85, 0.05, 0.03))
     mean = (np.abs(traced([WALL], sensor, count=20_000, unit=True).amplitude) ** 2).sum()
     expected = wall_power(0.15, (-1.55, -1.03), (1.45, 1.47), steps=2000)
@@ -126,8 +126,8 @@ def test_close_points_return_no_more_than_their_cell():
     assert diffuse.scattered_power(area, 1.0, 1.0, 1.0, height, height, WAVELENGTH) == pytest.approx(disc * WAVELENGTH**2 / (16 * np.pi**3))
 
 
-def test_a_still_scene_leaves_nothing_after_background_subtraction():
-    """Points, fields and samples are the same in every frame; another seed is another world of the same power."""
+def test_static_scene_vanishes_after_background_subtraction():
+    """Points, fields and samples are equal in every frame; another seed gives another scene of equal power."""
     iq = synthesize(traced([WALL], at((0, 0, 0), (0, 0, 0)), count=2_000), ISOTROPIC)
     assert np.abs(iq).max() > 0
     assert np.array_equal(iq[0], iq[1])
@@ -148,8 +148,8 @@ def test_smooth_surfaces_have_no_cloud():
     assert not synthesize(nothing, ISOTROPIC).any()
 
 
-def test_points_are_dealt_out_by_what_they_scatter():
-    """Four times the scattered share gets four times the points of an equal wall, and every point stands for its part of its wall."""
+def test_points_are_distributed_by_scattered_power():
+    """A wall with four times the scattered share has four times the points; each point represents its part of its wall."""
     k = 2 * np.pi * 77e9 / C
     quiet = WALL.replaced(roughness_m=float(np.sqrt(-np.log(1 - 0.1) / 4) / k), name="quiet")
     loud = WALL.replaced(roughness_m=float(np.sqrt(-np.log(1 - 0.4) / 4) / k), name="loud", mesh=rectangle(3.0, (-1.5, -1.0), (1.5, 1.5)))
@@ -160,7 +160,7 @@ def test_points_are_dealt_out_by_what_they_scatter():
 
 
 def test_path_rate_is_the_change_of_length():
-    """Against differences over two poses a millimetre apart: -2 v.u."""
+    """Against differences between poses one millimetre apart: -2 v.u."""
     velocity, step = np.array([0.3, -0.2, 0.1]), 1e-3
     poses = at((0, 0, 0), tuple(velocity * step))
     found = traced([WALL], poses, count=500, velocity=np.tile(velocity, (2, 1)))
@@ -171,7 +171,7 @@ def test_path_rate_is_the_change_of_length():
 
 
 def test_shadowed_points_vanish():
-    """A plate half way hides twice its size on the wall, and nothing else; a turned sensor sees the same points in its own frame."""
+    """A plate at half the distance hides twice its size on the wall only; a turned sensor sees the same points in its own frame."""
     plate = Surface(rectangle(1.0, (-0.3, -0.2), (0.3, 0.2)), "metal", "plate")
     open_wall = traced([WALL], at((0, 0, 0)), count=4_000)
     found = traced([WALL, plate], at((0, 0, 0)), count=4_000)
@@ -188,13 +188,13 @@ def test_shadowed_points_vanish():
     assert np.abs(other.amplitude) == pytest.approx(np.abs(open_wall.amplitude))
 
 
-def test_antennas_that_do_not_see_back_have_no_paths_there():
+def test_directional_antennas_have_no_paths_behind():
     behind = WALL.replaced(mesh=rectangle(-2.0, (-1.5, -1.0), (1.5, 1.5)))
     assert len(traced([behind], at((0, 0, 0)), radar=Radar.iwr1843(), count=500)) == 0
     assert len(traced([behind], at((0, 0, 0)), count=500)) > 400
 
 
-def test_pruned_points_carry_less_than_stated(monkeypatch):
+def test_pruned_points_have_less_power_than_stated(monkeypatch):
     wide = WALL.replaced(mesh=rectangle(0.3, (-6.0, -6.0), (6.0, 6.0)))
     found = np.abs(traced([wide], at((0, 0, 0)), count=20_000).amplitude) ** 2
     monkeypatch.setattr(diffuse, "PRUNED_POWER", 0.0)
@@ -203,7 +203,7 @@ def test_pruned_points_carry_less_than_stated(monkeypatch):
     assert 0 < 1 - found.sum() / everything.sum() < 1.5e-4
 
 
-def test_many_poses_are_each_as_one_alone(monkeypatch):
+def test_poses_are_independent(monkeypatch):
     poses = at(*((0.1 * i, 0.05 * i, 0.0) for i in range(7)))
     monkeypatch.setattr(diffuse, "LANES", 2 * 800)
     together = traced([WALL], poses, count=800)

@@ -1,7 +1,8 @@
-"""Drives along one track: what is shared between them against tracing each by itself."""
+"""Drives along one track: shared paths against tracing each drive separately."""
 
 import numpy as np
 import pytest
+from physics_helpers import relative_error
 
 import radartwin as rt
 from radartwin.scene import objects, rooms
@@ -26,23 +27,19 @@ def drive():
     return list(rooms.room("lab", detail="shell")), nominal[NEAR], actual
 
 
-def relative(one: np.ndarray, other: np.ndarray) -> float:
-    return float(np.sqrt((np.abs(one - other) ** 2).sum() / (np.abs(other) ** 2).sum()))
-
-
 def signal(parts, frames):
     return received(parts, RADAR, frames)
 
 
-def test_a_room_is_the_same_on_every_drive(drive):
+def test_room_of_a_drive_matches_separate_tracing(drive):
     room, nominal, actual = drive
     shared = signal(Drives(room, RADAR, nominal, SETTINGS).room(actual), len(actual))
     alone = signal(trace_paths(rt.Scene(room), RADAR, actual, None, SETTINGS)[0], len(actual))
     assert np.abs(actual[:, :3, 3] - nominal[:, :3, 3]).max() > 2e-3  # more than half a wavelength off the log
-    assert relative(shared, alone) < 0.02
+    assert relative_error(shared, alone) < 0.02
 
 
-def test_ways_over_the_room_are_carried_with_the_sensor(drive):
+def test_moved_paths_over_the_room_match_separate_tracing(drive):
     room, nominal, actual = drive
     at = rooms.bench("lab").target_position(1.0)
     can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(trajectory.pose(at)), "metal", "can", role="object")
@@ -51,13 +48,13 @@ def test_ways_over_the_room_are_carried_with_the_sensor(drive):
     over = signal(drives.over_room([can]).seen(actual, RADAR.frame_rate_hz), len(actual))
     together = signal(trace_paths(rt.Scene([*room, can]), RADAR, actual, {"can": still}, SETTINGS)[0], len(actual))
     without = signal(trace_paths(rt.Scene(room), RADAR, actual, None, SETTINGS)[0], len(actual))
-    assert relative(echo + over, together - without) < 0.05
-    assert relative(over, together - without - echo) < 0.3
-    assert relative(over, np.roll(over, 1, axis=0)) > 0.5  # the next frame is another signal
+    assert relative_error(echo + over, together - without) < 0.05
+    assert relative_error(over, together - without - echo) < 0.3
+    assert relative_error(over, np.roll(over, 1, axis=0)) > 0.5  # the next frame is another signal
 
 
-def test_what_is_carried_keeps_its_points():
-    """Lengths, directions and rates from a sensor 3 cm on, turned by 2 degrees and driving, to the points where paths leave and return."""
+def test_moved_paths_keep_their_first_and_last_points():
+    """Lengths, directions and rates from a driving sensor, moved by 3 cm and turned by 2 degrees."""
     place, there = np.eye(4), trajectory.look_at([0.01, -0.02, 0.015], [1.01, -0.02 + np.tan(np.radians(2)), 0.015])
     first, last = np.array([2.0, 0.3, 0.1]), np.array([1.5, -0.4, 0.2])
     between, velocity = 0.7, np.array([0.2, 0.1, 0.0])

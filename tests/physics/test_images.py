@@ -1,4 +1,4 @@
-"""Fresnel factors of polygons against quadrature of the same integrals, over the plane and along its edges."""
+"""Fresnel factors of polygons against quadrature of the same integrals, and images over panels."""
 
 import itertools
 from dataclasses import replace
@@ -67,7 +67,7 @@ def half_plane(distance, beyond):
 
 
 @pytest.mark.parametrize("d", [1e-6, 1e-3, 0.05, 0.3, 1.0, 1.9, 1.999, 2.001, 2.1, 4.0, 9.0])
-def test_edge_wave_is_its_integral(d):
+def test_edge_wave_matches_its_integral(d):
     def integrand(x, part):
         return getattr(d / (d * d + x * x) * np.exp(0.5j * np.pi * (d * d + x * x)), part)
 
@@ -81,15 +81,15 @@ def test_edge_wave_is_its_integral(d):
         assert abs(aperture.edge_wave(d, low, high) - value) < 2e-6, (low, high)
 
 
-def test_edge_wave_over_the_whole_line_is_the_half_plane():
+def test_edge_wave_over_a_whole_line_matches_the_half_plane():
     for beyond in (1e-4, 0.01, 0.1, 0.5, 2.0):
         d = np.sqrt(2 * K / np.pi * 2 * (np.hypot(1.0, beyond) - 1))
         assert aperture.edge_wave(d, -1e4, 1e4) / (2 * np.pi) == pytest.approx(half_plane(1.0, beyond), abs=1e-5)
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_factor_of_a_polygon_is_its_quadrature(name):
-    """Sensor before the middle, the edges and a width beyond: 0.002 at most of the full image, rms below 0.001."""
+def test_factor_of_a_polygon_matches_quadrature(name):
+    """The sensor is in front of the middle, the edges, and up to a width beyond."""
     shape = SHAPES[name]
     width = np.ptp(np.array(shape)[:, 0])
     places = [(d, share * width, z) for d in (0.5, 1.0, 2.0, 4.0) for share in (0.0, 0.25, 0.5, 1.0, 1.5) for z in (0.01, 0.13)]
@@ -99,16 +99,16 @@ def test_factor_of_a_polygon_is_its_quadrature(name):
 
 
 @pytest.mark.parametrize(("distance", "limit"), [(0.01, 0.08), (0.02, 0.04), (0.05, 0.015), (0.1, 0.01)])
-def test_factor_right_before_a_panel(distance, limit):
-    """A few wavelengths away the excess no longer is the square of anything: 0.07 of the image at 1 cm, 0.012 at 5 cm."""
+def test_factor_close_to_a_panel_matches_quadrature(distance, limit):
+    """At a few wavelengths the excess is not quadratic: errors are 0.07 of the image at 1 cm and 0.012 at 5 cm."""
     shape = np.array([(0, 0), (0.6, 0), (0.6, 0.6), (0, 0.6)])
     for place in ((0.3, 0.3), (distance, 0.3), (distance, distance), (0.05, 0.1), (-distance, 0.3)):
         assert abs(factor(shape, (distance, *place)) - exact(shape, (distance, *place))) < limit
 
 
 @pytest.mark.parametrize("name", ["triangle", "square", "pentagon", "trapezium"])
-def test_factor_at_oblique_incidence(name):
-    """Transmitter and receiver apart, up to 55 degrees off the normal."""
+def test_factor_at_oblique_incidence_matches_quadrature(name):
+    """Separate transmitter and receiver, up to 55 degrees off the normal."""
     shape = SHAPES[name]
     width = np.ptp(np.array(shape)[:, 0])
     errors = []
@@ -121,13 +121,13 @@ def test_factor_at_oblique_incidence(name):
     assert max(errors) < 0.01
 
 
-def test_factor_does_not_depend_on_where_the_ring_starts_or_which_way_it_goes():
+def test_factor_does_not_depend_on_the_order_of_corners():
     for shape in SHAPES.values():
         values = [factor(ring, (1.0, 0.07, -0.04), along=i) for ring in (shape, shape[::-1]) for i in range(len(shape))]
         assert np.ptp(np.real(values)) + np.ptp(np.imag(values)) < 1e-11
 
 
-def test_parts_add_up_to_the_whole():
+def test_factors_of_parts_add_up_to_the_whole():
     rng = np.random.default_rng(1)
     worst = 0.0
     for shape in SHAPES.values():
@@ -147,8 +147,8 @@ def test_parts_add_up_to_the_whole():
     assert worst < 1e-3
 
 
-def test_cuts_exactly_through_corners_lose_nothing():
-    """A plane through two corners of a polygon leaves two parts of its area, whichever way rounding puts the corners."""
+def test_cuts_through_corners_preserve_the_area():
+    """A line through two corners leaves two parts with the whole area, for any rounding of the corners."""
     rng = np.random.default_rng(11)
     out = np.zeros((aperture.MAX_CORNERS, 2))
     worst = 0.0
@@ -220,7 +220,7 @@ def common_area(a, b):
 
 
 @pytest.mark.parametrize("name", HOLES)
-def test_subtracting_leaves_the_rest(name):
+def test_subtraction_leaves_the_remaining_area_and_factor(name):
     whole, hole = SHAPES["square"], HOLES[name]
     left = pieces_of(whole, hole)
     common = common_area(whole, hole)
@@ -234,7 +234,7 @@ def test_subtracting_leaves_the_rest(name):
         assert abs(rest - direct) < 0.005
 
 
-def test_subtracting_many_things_in_any_order():
+def test_order_of_subtractions_does_not_matter():
     whole = SHAPES["square"]
     rng = np.random.default_rng(5)
     holes = [rng.uniform(-0.17, 0.17, 2) + 0.03 * np.array([(0, 0), (1, 0.2), (0.3, 1.0)]) for _ in range(9)]
@@ -251,7 +251,7 @@ def test_subtracting_many_things_in_any_order():
     assert sum(map(area, once)) == pytest.approx(sum(map(area, twice)), abs=1e-8)
 
 
-def test_polygons_without_area_return_nothing():
+def test_polygons_without_area_have_no_factor():
     for shape in ([(0, 0), (0.1, 0), (0.2, 0)], [(0.1, 0.1)] * 3, [(0, 0), (0.2, 0), (0.2, 0), (0, 0)]):
         for place in ((1.0, 0.05, 0.02), (1.0, 0.7, 0.3)):
             value = factor(shape, place)
@@ -266,15 +266,15 @@ def test_repeated_and_straight_corners_change_nothing():
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-9, -1e-9, 1e-7, 1e-5])
-def test_half_of_the_image_above_an_edge(off):
-    """A plate of 9 m is a half plane about the middle of its edge."""
+def test_factor_above_an_edge_is_one_half(off):
+    """A plate of 9 m is a half-plane near the middle of its edge."""
     plate = 30 * np.array(SHAPES["square"])
     assert factor(plate, (1.0, 4.5 + off, 0.3)) == pytest.approx(0.5, abs=2e-3)
 
 
 @pytest.mark.parametrize("degrees", [30.0, 50.0, 90.0, 120.0, 150.0])
-def test_share_of_the_image_above_a_corner_is_its_angle(degrees):
-    """A micrometre from the corner, on all sides of it; `evaluate` never stands on one exactly, for it steps aside."""
+def test_factor_above_a_corner_is_its_share_of_the_angle(degrees):
+    """One micrometre from the corner, on all sides; `evaluate` never uses the corner itself, because it offsets the receiver."""
     angle = np.radians(degrees)
     wedge = [(0.0, 0.0), (6.0, 0.0), (6 * np.cos(angle), 6 * np.sin(angle))]
     for turn in np.linspace(0, 2 * np.pi, 9):
@@ -282,8 +282,8 @@ def test_share_of_the_image_above_a_corner_is_its_angle(degrees):
         assert factor(wedge, (1.0, y, z)) == pytest.approx(degrees / 360, abs=3e-3)
 
 
-def test_factor_is_smooth_across_an_edge():
-    """No step where the specular point leaves the polygon, however it is sampled."""
+def test_factor_is_continuous_across_an_edge():
+    """For any sampling of the specular point."""
     for shape in SHAPES.values():
         corner, following = (np.array(shape[i]) for i in (0, 1))
         middle, normal = 0.6 * corner + 0.4 * following, np.array([following[1] - corner[1], corner[0] - following[0]])
@@ -341,7 +341,7 @@ def image_level(length):
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_one_panel_from_either_side(side):
+def test_panel_reflects_on_both_sides(side):
     ring = lifted(SHAPES["trapezium"])
     for place in ((1.0, 0.05, 0.02), (0.5, 0.3, 0.1), (2.0, -0.6, 0.2)):
         sensor = np.array(place) * (side, 1, 1)
@@ -350,8 +350,8 @@ def test_one_panel_from_either_side(side):
 
 
 @pytest.mark.parametrize("sensor", [(1.0, 0.8, 0.02), (0.4, 1.5, 0.1), (1.2, 1.2, -0.2), (0.25, 0.25, 0.3)])
-def test_two_panels_at_a_right_angle(sensor):
-    """Both ways round a fold, 0.5 m panels, over the level of the double image."""
+def test_two_panels_at_a_right_angle_match_quadrature(sensor):
+    """Both orders of a fold of 0.5 m panels, relative to the double image."""
     first = rectangle((0.2505, 0, 0), (0.2495, 0, 0), (0, 0, 0.25))
     second = rectangle((0, 0.2505, 0), (0, 0.2495, 0), (0, 0, 0.25))
     exact_ = sum(two_panel_quadrature(a, b, np.array(sensor), WAVELENGTH) for a, b in ((first, second), (second, first)))
@@ -359,8 +359,8 @@ def test_two_panels_at_a_right_angle(sensor):
     assert abs(ours - exact_) / image_level(2 * np.hypot(*sensor[:2])) < 0.03
 
 
-def test_trihedral_of_squares_three_bounces():
-    """0.3 m squares seen from 1.2 m: six orders, each over its own share."""
+def test_trihedral_of_squares_matches_its_three_bounces():
+    """0.3 m squares seen from 1.2 m: six orders, each with its own share."""
     low, high = 5e-4, 0.3
     square = [(low, low), (high, low), (high, high), (low, high)]
     rings = [[np.insert(p, axis, 0.0) for p in np.array(square)] for axis in range(3)]
@@ -372,8 +372,8 @@ def test_trihedral_of_squares_three_bounces():
 
 
 @pytest.mark.parametrize("centre", [(0.5, 0.0, 0.0), (0.5, 0.08, 0.03), (0.3, 0.2, 0.0), (0.9, 0.5, 0.1)])
-def test_plate_before_a_panel_takes_its_shadow(centre):
-    """Geometric shadow there and back: the panel less the plate seen from the sensor on it, by quadrature."""
+def test_plate_in_front_of_a_panel_removes_its_shadow(centre):
+    """Geometric shadow in both directions: the panel minus the plate seen from the sensor, by quadrature."""
     wall = rectangle((0, 0, 0), (0, 0.5, 0), (0, 0, 0.4))
     plate = rectangle(centre, (0, 0.06, 0), (0, 0, 0.05))
     sensor = np.array([1.2, 0.02, -0.01])
@@ -404,8 +404,8 @@ def test_plate_behind_a_panel_or_the_sensor_hides_nothing():
         assert abs(received(flat_panels(wall, other), [(0,)], sensor) - alone) < 1e-3 * abs(alone)
 
 
-def test_plate_between_two_panels_of_a_fold():
-    """A plate in the fold hides the double bounce where it cuts the leg between the panels, in either order."""
+def test_plate_in_a_fold_hides_the_double_bounce():
+    """The plate cuts the leg between the panels, in either order."""
     first = rectangle((0.2505, 0, 0), (0.2495, 0, 0), (0, 0, 0.25))
     second = rectangle((0, 0.2505, 0), (0, 0.2495, 0), (0, 0, 0.25))
     sensor = (1.0, 0.8, 0.02)
@@ -417,9 +417,10 @@ def test_plate_between_two_panels_of_a_fold():
 
 
 @pytest.mark.parametrize(("corners", "limit"), [(4, 0.01), (12, 0.01), (48, 0.1)])
-def test_column_before_a_wall_takes_its_outline(corners, limit):
-    """Geometric shadow of an upright prism. Up to 24 points it is exact; a rounder one keeps those that lie farthest out, and its outline
-    draws in by a few millimetres."""
+def test_column_in_front_of_a_wall_removes_its_outline(corners, limit):
+    """Geometric shadow of an upright prism. Up to 24 points it is exact; a round prism keeps its outermost points, and its outline shrinks
+    by a few millimetres.
+    """
     wall = rectangle((0, 0, 0), (0, 0.6, 0), (0, 0, 0.2))
     turn = 0.1 + np.linspace(0, 2 * np.pi, corners, endpoint=False)
     sensor = np.array([1.2, 0.02, -0.01])

@@ -1,10 +1,11 @@
-"""Rooms by panel images: every image of boxes at its level, furniture in the way, moving sensors, damaged input."""
+"""Rooms by image sources: levels of all images of boxes, furniture, moving sensors and damaged input."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
+from physics_helpers import relative_error
 from scipy.spatial.transform import Rotation
 from scipy.special import fresnel
 
@@ -53,10 +54,6 @@ def sampled(parts):
     return traced.sweep(parts, RADAR)
 
 
-def relative(ours, exact):
-    return float(np.linalg.norm(ours - exact) / np.linalg.norm(exact))
-
-
 def by_image(size, sensor, rotation, material="metal", bounces=4, **values):
     """(error over the image's own level, level over the strongest, bounces) of every distinct path length of a box."""
     part = paths_of(room_oracles.room_scene(size, material), looking(sensor, rotation), max_bounces=bounces, **values)[0]
@@ -79,9 +76,10 @@ def by_image(size, sensor, rotation, material="metal", bounces=4, **values):
 
 @pytest.mark.parametrize("attitude", ATTITUDES)
 @pytest.mark.parametrize(("name", "worst", "rms"), [("court", 0.04, 0.015), ("office", 0.04, 0.015), ("corridor", 0.08, 0.025)])
-def test_every_image_of_a_metal_box(name, worst, rms, attitude):
-    """Images to four bounces over the infinite mirror's level. In a corridor 2 m wide the end wall's edges are 5 Fresnel zones away at
-    most, and physical optics alone leaves 0.05 there; an edge or corner image is the sum of its orders."""
+def test_every_image_of_a_metal_box_has_its_level(name, worst, rms, attitude):
+    """Images of up to four bounces relative to the infinite mirror. In a corridor 2 m wide, the end wall's edges are at most 5 Fresnel
+    zones away, and physical optics itself has 0.05 there. An edge or corner image is the sum of its orders.
+    """
     _, size, sensor = room_oracles.ROOMS[name]
     errors, levels, _ = by_image(size, sensor, ATTITUDES[attitude])
     seen = levels > 2e-3
@@ -92,8 +90,8 @@ def test_every_image_of_a_metal_box(name, worst, rms, attitude):
 
 @pytest.mark.parametrize("material", ["concrete", "glass"])
 @pytest.mark.parametrize("name", list(room_oracles.ROOMS))
-def test_every_image_of_a_box_of_dielectric_walls(name, material):
-    """Nothing above the pruning is missing or extra, and the signal is right."""
+def test_every_image_of_a_dielectric_box_has_its_level(name, material):
+    """No image above the pruning level is missing or extra, and the signal matches."""
     _, size, sensor = room_oracles.ROOMS[name]
     errors, _, _ = by_image(size, sensor, ATTITUDES["tilted"], material)
     assert errors.max() < 0.05
@@ -101,11 +99,11 @@ def test_every_image_of_a_box_of_dielectric_walls(name, material):
         np.array(size), np.array(sensor), ATTITUDES["tilted"][:, 2], room_oracles.wall_reflection(material), 4, traced.frequencies(RADAR)
     )
     got = sampled(paths_of(room_oracles.room_scene(size, material), looking(sensor, ATTITUDES["tilted"])))
-    assert relative(got, exact) < 0.03
+    assert relative_error(got, exact) < 0.03
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_any_place_and_attitude_in_a_box(seed):
+def test_images_match_at_any_place_and_attitude(seed):
     rng = np.random.default_rng(seed)
     size = rng.uniform([3, 3, 2.4], [9, 7, 5])
     sensor = rng.uniform(0.15, 0.85, 3) * size
@@ -132,8 +130,8 @@ def wall_factor(distance, low, high):
     [(2.2, 1.7, 1.1), (0.01, 1.7, 1.1), (0.01, 0.01, 1.1), (0.01, 0.01, 0.01), (4.99, 2.0, 2.4), (0.3, 3.9, 2.3)],
     ids=["free", "1 cm from a wall", "in an edge", "in a corner", "far wall", "upper corner"],
 )
-def test_single_bounces_of_a_box_wherever_the_sensor_is(sensor):
-    """Against products of Fresnel integrals; nearer than 0.25 m to a wall these are no oracle, quadrature is (test_images)."""
+def test_single_bounces_match_fresnel_integrals(sensor):
+    """Against products of Fresnel integrals, valid beyond 0.25 m from a wall; test_images covers smaller distances by quadrature."""
     size, sensor = np.array([5.0, 4.0, 2.5]), np.array(sensor)
     part = paths_of(room_oracles.room_scene(tuple(size), "metal"), looking(sensor, ATTITUDES["tilted"]), max_bounces=1)[0]
     assert np.isfinite(part.amplitude).all()
@@ -157,25 +155,25 @@ CLOSE = [(0.01, 1.7, 1.1), (0.02, 0.015, 1.1), (0.01, 0.02, 0.03)]
 
 
 @pytest.mark.parametrize("sensor", CLOSE)
-def test_signal_right_before_walls(sensor):
-    """A centimetre from a wall its own echo outshines all others; the whole is right to what a panel's factor is there."""
+def test_signal_close_to_walls_is_accurate(sensor):
+    """A centimetre from a wall, its own echo dominates; the error is that of a panel's factor."""
     size = (5.0, 4.0, 2.5)
     turn = ATTITUDES["tilted"]
     exact = image_sum(np.array(size), np.array(sensor), turn[:, 2], room_oracles.wall_reflection("metal"), 3, traced.frequencies(RADAR))
     ours = sampled(paths_of(room_oracles.room_scene(size, "metal"), looking(sensor, turn), max_bounces=3))
     assert np.isfinite(ours).all()
-    assert relative(ours, exact) < 0.25
+    assert relative_error(ours, exact) < 0.25
 
 
 @pytest.mark.xfail(strict=True, reason="walls lose up to half their echo beside a corner, where exact images have no edge: 0.4 to 0.7")
 @pytest.mark.parametrize("sensor", CLOSE[:2])
-def test_every_image_right_before_walls(sensor):
+def test_every_image_close_to_walls_has_its_level(sensor):
     errors, levels, _ = by_image((5.0, 4.0, 2.5), sensor, ATTITUDES["tilted"], bounces=3)
     assert errors[levels > 5e-3].max() < 0.15
 
 
-def test_plate_between_sensor_and_wall():
-    """The wall loses exactly the plate's shadow on it, by quadrature; the plate itself is another path."""
+def test_plate_removes_its_shadow_from_the_wall():
+    """By quadrature; the plate itself is another path."""
     wall = rt.Surface(objects.plate(1.2, 0.8), "metal", "wall", role="room")
     plate = rt.Surface(objects.plate(0.3, 0.2).apply_translation([-0.7, 0.05, 0.02]), "metal", "plate", role="room")
     place = np.array([-1.5, 0.03, -0.02])
@@ -192,8 +190,8 @@ def test_plate_between_sensor_and_wall():
     assert abs(behind - exact) < 0.01 * WAVELENGTH / (8 * np.pi * 1.5)
 
 
-def test_box_on_the_floor_takes_the_floor_under_it():
-    """A box 1 cm above the floor straight below the sensor: the floor's own echo is what its shadow leaves."""
+def test_box_over_the_floor_removes_its_shadow():
+    """A box 1 cm above the floor, straight below the sensor."""
     floor = rt.Surface(rooms.rectangle([-2, -2, 0], np.eye(3)[0], np.eye(3)[1], (4, 4)), "metal", "floor", role="room")
     box = rt.Surface(objects.box([-0.3, -0.25, 0.01], [0.3, 0.25, 0.41]), "metal", "box", role="room")
     place = np.array([0.1, 0.05, 1.6])
@@ -221,8 +219,8 @@ def along(start, stop, frames):
 
 
 @pytest.mark.parametrize("speed", [0.3, -0.3])
-def test_doppler_towards_a_wall(speed):
-    """Moving at 0.3 m/s towards the front wall: its path shortens by 0.6 m/s, the back wall's grows, the side walls' keep."""
+def test_motion_towards_a_wall_changes_each_path_length(speed):
+    """At 0.3 m/s towards the front wall, its path shortens by 0.6 m/s, that of the back wall grows, those of the side walls stay."""
     poses = along((2.0, 1.7, 1.1), (2.0 + speed / RADAR.frame_rate_hz * 9, 1.7, 1.1), 10)
     part = paths_of(room_oracles.room_scene((6.0, 4.0, 2.5), "metal"), poses, max_bounces=2)[0]
     one = part.bounces == 1
@@ -232,8 +230,8 @@ def test_doppler_towards_a_wall(speed):
     assert part.rate_mps[one].max() == pytest.approx(0.6, abs=1e-4)
 
 
-def test_rates_are_the_growth_of_lengths():
-    """Every path's rate against the length of the same path two frames apart, four bounces, the sensor moving slantwise."""
+def test_rates_match_length_differences():
+    """Rate of every path against its length two frames later, for four bounces and an oblique motion."""
     frames, step = 3, np.array([0.004, -0.003, 0.002])
     poses = along(np.array([2.0, 1.7, 1.1]), np.array([2.0, 1.7, 1.1]) + 2 * step, frames)
     poses[:, :3, :3] = ATTITUDES["tilted"]
@@ -271,15 +269,15 @@ def test_signal_is_smooth_along_a_motion(edges):
     assert steps_about(edges).max() < 0.015
 
 
-def test_one_pose_of_many_is_the_pose_alone():
-    """What a pose returns hardly depends on the others: sequences found elsewhere only add to it."""
+def test_poses_are_nearly_independent():
+    """Sequences found at other poses can only add paths."""
     poses = along((1.0, -0.6, 1.0), (1.0, 0.6, 1.0), 13)
     scene = rooms.lab(detail="furnished")
     parts = paths_of(scene, poses)[:1]
     for i in (0, 6, 12):
         alone = sampled(paths_of(scene, poses[i : i + 1])[:1])
         moving = sampled([parts[0].frames(i, i + 1)])
-        assert relative(alone, moving) < 0.08
+        assert relative_error(alone, moving) < 0.08
 
 
 def test_static_and_repeated_poses_are_the_same():
@@ -291,7 +289,7 @@ def test_static_and_repeated_poses_are_the_same():
 
 
 @pytest.mark.parametrize("rotation", list(ATTITUDES))
-def test_channels_of_a_box_are_its_images_seen_by_each_element(rotation):
+def test_channels_match_images_seen_by_each_element(rotation):
     """Signals of the real array against image sources of every transmitter at every receiver."""
     size, sensor = np.array([6.0, 4.0, 2.6]), np.array([2.2, 1.7, 1.1])
     turn = ATTITUDES[rotation]
@@ -309,7 +307,7 @@ def test_channels_of_a_box_are_its_images_seen_by_each_element(rotation):
                 centre = 2 * abs(plane - sensor[axis])
                 length = np.linalg.norm(receiver - image)
                 exact[t, r] -= SPEED_OF_LIGHT / (4 * np.pi * f * centre) * np.exp(2j * np.pi * f / SPEED_OF_LIGHT * length)
-    assert relative(ours, exact) < 0.03
+    assert relative_error(ours, exact) < 0.03
     turned = np.angle((ours * exact.conj()).sum(axis=-1))
     assert np.degrees(np.abs(turned - turned.mean())).max() < 0.5
 
@@ -364,8 +362,8 @@ def test_fuzzed_rooms_stay_finite_and_passive(seed):
         np.testing.assert_allclose(np.linalg.norm(part.departure, axis=1), 1, atol=1e-6)
 
 
-def test_sensor_exactly_above_edges_and_corners():
-    """Straight above an edge half of the image comes back, above a corner a quarter, a hair aside the same."""
+def test_sensor_above_edges_and_corners_sees_partial_images():
+    """Straight above an edge half of the image returns, above a corner a quarter; a small offset changes nothing."""
     panel = rt.Scene([rt.Surface(objects.plate(6.0, 6.0), "metal", "wall", role="room")])
     level = WAVELENGTH / (8 * np.pi * 1.0)
     for y, z, share in ((3.0, 0.0, 0.5), (0.0, -3.0, 0.5), (3.0, 3.0, 0.25), (-3.0, 3.0, 0.25), (0.0, 0.0, 1.0)):
@@ -378,17 +376,17 @@ def test_sensor_exactly_above_edges_and_corners():
 
 
 @pytest.mark.slow
-def test_furnished_lab_single_bounces_against_tubes():
+def test_single_bounces_of_the_furnished_lab_match_tubes():
     scene = rooms.lab(detail="furnished")
     pose = looking((1.0, 0.0, 1.0))
     reference = sampled(paths_of(scene, pose, room="tubes", rays=5_000_000, max_bounces=1))
     ours = sampled(paths_of(scene, pose, max_bounces=1))
-    assert relative(ours, reference) < 0.02
+    assert relative_error(ours, reference) < 0.02
 
 
 @pytest.mark.slow
-def test_shell_two_bounces_against_images_of_its_box():
-    """The shell is a box but for door and window, whose seams close: with one material all images are known, and tubes are not needed."""
+def test_two_bounces_of_the_lab_shell_match_images():
+    """The shell is a box except for door and window, whose seams close. With one material all images are known."""
     scene = rt.Scene([s.replaced(material="concrete", roughness_m=0.0) for s in rooms.lab(detail="shell")])
     place = np.array([1.0, 0.1, 1.1])
     exact = image_sum(
@@ -396,12 +394,12 @@ def test_shell_two_bounces_against_images_of_its_box():
         traced.frequencies(RADAR),
     )  # fmt: skip
     ours = sampled(paths_of(scene, looking(place, ATTITUDES["tilted"])))
-    assert relative(ours, exact) < 0.03
+    assert relative_error(ours, exact) < 0.03
 
 
 @pytest.mark.parametrize(("count", "expected"), [(2, 0.73), (4, 0.66), (6, 0.68), (8, 0.61)])
-def test_wall_behind_many_boxes(count, expected):
-    """Echo over that of the free wall, boxes of 2 cm every 12 cm at 2.2 m before a wall at 3 m; expected: paraxial Fresnel sums."""
+def test_wall_behind_many_boxes_matches_fresnel_sums(count, expected):
+    """Echo relative to the free wall; boxes of 2 cm every 12 cm at 2.2 m in front of a wall at 3 m, against paraxial Fresnel sums."""
     wall = rt.Surface(rooms.rectangle([3, 3, -3], -np.eye(3)[1], np.eye(3)[2], (6, 6)), "metal", "wall", role="room")
     places = (np.arange(count) - (count - 1) / 2) * 0.12
     boxes = [
@@ -416,8 +414,8 @@ def test_wall_behind_many_boxes(count, expected):
 
 
 @pytest.mark.parametrize("height", [1.2, 2.7])
-def test_round_pillar_in_a_flat_room(height):
-    """No face is lost between panels and tubes."""
+def test_round_pillar_in_a_flat_room_loses_no_face(height):
+    """Every face belongs to a panel or to the tubes."""
     pillar = trimesh.creation.cylinder(0.15, height, sections=64).apply_translation([2.5, 0, height / 2 + 0.01])
     scene = rt.Scene([*rooms.lab(), rt.Surface(pillar, "metal", "pillar")])
     levels = []

@@ -3,25 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
+from physics_helpers import WAVELENGTH, K, db, mie_backscatter
 from scipy.special import fresnel
 
 import radartwin as rt
 from radartwin.scene import objects
-
-WAVELENGTH = 299_792_458.0 / 77e9
-K = 2 * np.pi / WAVELENGTH
-
-
-def db(x):
-    return 10 * np.log10(x)
-
-
-def mie_backscatter(radius):
-    import miepython
-
-    # a perfect conductor as the limit of a huge refractive index; miepython's efficiency is over the geometric cross-section
-    _, _, q_back, _ = miepython.efficiencies_mx(1e4 - 1e4j, 2 * np.pi * radius / WAVELENGTH)
-    return q_back * np.pi * radius**2
 
 
 def near_field_plate(side, distance):
@@ -47,8 +33,8 @@ def test_plate_matches_closed_form(side):
 
 @pytest.mark.parametrize("density", [1.0, 4.0, 16.0])
 @pytest.mark.parametrize("angle_deg", [1.0, 1.6, 5.0, 10.0, 20.0, 40.0])
-def test_plate_pattern_follows_its_sinc(angle_deg, density):
-    """Main lobe, first sidelobe and far out, where only the plate's edges return anything, in the horizontal plane."""
+def test_plate_pattern_matches_its_sinc(angle_deg, density):
+    """Main lobe, first sidelobe and far angles, where only the plate's edges return power, in the horizontal plane."""
     side, theta = 0.1, np.radians(angle_deg)
     x = K * side * np.sin(theta)
     expected = 4 * np.pi * side**4 / WAVELENGTH**2 * (np.sin(x) / x) ** 2 * np.cos(theta) ** 2
@@ -73,7 +59,7 @@ def test_trihedral_needs_three_bounces():
 
 
 def test_dihedral_matches_closed_form_and_turns_polarisation():
-    """Fold vertical: 8 pi a^2 b^2 / lambda^2 co-polarised; folded at 45 degrees the return is all cross-polarised."""
+    """Vertical fold: 8 pi a^2 b^2 / lambda^2 co-polarised; a fold at 45 degrees returns only cross-polarised power."""
     expected = db(8 * np.pi * 0.05**2 * 0.1**2 / WAVELENGTH**2)
     mesh = objects.dihedral(0.05, 0.1)
     assert db(rt.rcs(mesh, [1, 0, 0], rays_per_wavelength2=4)) == pytest.approx(expected, abs=0.25)
@@ -84,23 +70,23 @@ def test_dihedral_matches_closed_form_and_turns_polarisation():
 
 @pytest.mark.parametrize("radius", [0.02, 0.033, 0.05])
 def test_sphere_matches_mie(radius):
-    """At any density from one tube per square wavelength; physical optics itself is within 0.15 dB of Mie at these sizes."""
+    """From one tube per square wavelength; physical optics itself is within 0.15 dB of Mie at these sizes."""
     mesh = objects.sphere(radius, 4)
     for density in (1.0, 4.0, 16.0):
         measured = db(rt.rcs(mesh, [1, 0.2, 0.1], rays_per_wavelength2=density))
         assert measured == pytest.approx(db(mie_backscatter(radius)), abs=0.25)
 
 
-def test_coarse_can_is_still_round():
-    """A 16-sided can with smooth normals over aspects: 0.5 dB rms of the cylinder, where flat facets are off by 6 dB."""
+def test_coarse_can_matches_a_cylinder():
+    """A 16-sided can with smooth normals is within 0.5 dB rms over aspects; flat facets would be off by 6 dB."""
     mesh = objects.cylinder(0.033, 0.12, 16)
     expected = db(K * 0.033 * 0.12**2)
     error = [db(rt.rcs(mesh, [np.cos(a), np.sin(a), 0], rays_per_wavelength2=4)) - expected for a in np.linspace(0, np.pi / 8, 7)]
     assert np.sqrt(np.mean(np.square(error))) < 0.5
 
 
-def test_no_ray_slips_between_two_facets():
-    """A can turned so that a row of rays runs exactly along an edge between facets."""
+def test_no_ray_passes_between_two_facets():
+    """A row of rays runs exactly along an edge between facets of a can."""
     can = objects.cylinder(0.02, 0.08, 256)
     turn = np.asarray(trimesh.transformations.rotation_matrix(np.pi / 4, [1, 0, 0]))[:3, :3]
     tilted = trimesh.Trimesh(can.vertices @ turn.T, can.faces, vertex_normals=can.vertex_normals @ turn.T, process=False)
@@ -108,8 +94,8 @@ def test_no_ray_slips_between_two_facets():
     assert error == pytest.approx(0, abs=0.15)
 
 
-def test_coarse_sphere_is_still_round():
-    """1280 facets over twelve aspects: 0.35 dB rms of Mie."""
+def test_coarse_sphere_matches_mie():
+    """1280 facets over twelve aspects: 0.35 dB rms."""
     error = [
         db(rt.rcs(objects.sphere(radius, 3), view, rays_per_wavelength2=4) / mie_backscatter(radius))
         for radius in (0.033, 0.05)
@@ -118,7 +104,7 @@ def test_coarse_sphere_is_still_round():
     assert np.sqrt(np.mean(np.square(error))) < 0.35
 
 
-def test_trihedral_pattern_follows_its_aperture(shared_data):
+def test_trihedral_pattern_matches_its_aperture(shared_data):
     """To +-30 degrees in azimuth against geometric optics: 0.15 dB rms."""
     import csv
 
@@ -140,8 +126,8 @@ def test_near_field_plate_matches_quadrature(distance):
     assert db(rt.rcs(objects.plate(0.1, 0.1), [1, 0, 0], distance=distance)) == pytest.approx(db(expected), abs=0.2)
 
 
-def test_near_field_figures_of_the_reference(shared_data):
-    """10 cm plate and trihedral at 0.5, 1 and 2 m, relative to their far field, within 0.2 dB at four rays per square wavelength."""
+def test_near_field_levels_match_the_reference(shared_data):
+    """10 cm plate and trihedral at 0.5, 1 and 2 m, relative to the far field, within 0.2 dB at four tubes per square wavelength."""
     import csv
 
     rows = {
@@ -165,7 +151,7 @@ def test_power_does_not_depend_on_ray_count(mesh, distance):
     assert max(levels) - min(levels) < 0.25
 
 
-def test_another_seed_moves_the_grid_but_not_the_answer():
+def test_seed_hardly_changes_the_result():
     levels = [db(rt.rcs(objects.trihedral(0.1), [1, 0, 0], rays_per_wavelength2=16, seed=seed)) for seed in range(6)]
     assert len(set(levels)) == 6
     assert max(levels) - min(levels) < 0.1
@@ -179,20 +165,20 @@ def test_far_field_is_the_limit_of_distance():
 
 @pytest.mark.parametrize("distance", [10.0, 50.0])
 def test_multiple_bounces_do_not_fade_with_distance(distance):
-    """The float32 rounding of a far source must not put hits below their own facets."""
+    """Float32 rounding of a far source must not put hits below their own facets."""
     for mesh in (objects.dihedral(0.05, 0.1), objects.trihedral(0.1)):
         far = rt.rcs(mesh, [1, 0, 0], rays_per_wavelength2=4)
         assert db(rt.rcs(mesh, [1, 0, 0], distance=distance, rays_per_wavelength2=4) / far) == pytest.approx(0, abs=0.15)
 
 
-def test_level_follows_the_mesh_not_its_origin():
+def test_level_does_not_depend_on_the_mesh_origin():
     sphere = objects.sphere(0.05)
     centred = rt.rcs(sphere, [1, 0, 0], distance=10.0)
     shifted = rt.rcs(sphere.copy().apply_translation([-9, 0, 0]), [1, 0, 0], distance=1.0) * 10.0**4
     assert db(shifted / centred) == pytest.approx(0, abs=0.05)
 
 
-def test_doubled_or_flipped_faces_are_harmless():
+def test_doubled_or_flipped_faces_do_not_change_the_level():
     sphere = objects.sphere(0.05)
     faces = np.asarray(sphere.faces)
     doubled = trimesh.Trimesh(sphere.vertices, np.vstack([faces, faces]), process=False)
@@ -202,7 +188,7 @@ def test_doubled_or_flipped_faces_are_harmless():
         assert db(rt.rcs(mesh, [1, 0, 0]) / expected) == pytest.approx(0, abs=0.05)
 
 
-def test_dielectric_plate_is_its_reflection_coefficient_below_metal():
+def test_dielectric_plate_has_the_level_of_its_reflection_coefficient():
     metal = rt.rcs(objects.plate(0.1, 0.1), [1, 0, 0])
     for name, level in (("plasterboard", -12.168), ("glass", -7.313)):
         assert db(rt.rcs(objects.plate(0.1, 0.1), [1, 0, 0], material=name) / metal) == pytest.approx(level + 0.008, abs=0.02)
@@ -230,12 +216,12 @@ def test_scan_meshes_of_real_objects_converge(shared_data):
         ({"rays_per_wavelength2": 1e9}, "tubes"),
     ],
 )
-def test_bad_input_is_named(arguments, match):
+def test_wrong_arguments_are_refused(arguments, match):
     direction = arguments.pop("direction", [1, 0, 0])
     with pytest.raises(ValueError, match=match):
         rt.rcs(objects.plate(0.1, 0.1), direction, **arguments)
 
 
-def test_radar_inside_the_target_is_named():
+def test_radar_inside_the_target_is_refused():
     with pytest.raises(ValueError, match="inside"):
         rt.rcs(objects.sphere(0.1), [1, 0, 0], distance=0.05)

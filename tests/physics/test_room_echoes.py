@@ -1,4 +1,4 @@
-"""First echoes of each room stand where its walls do, and one frame of each has its strongest ranges there."""
+"""First-order echoes of each room are at the distances of its walls, and so are the peaks of a frame."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def wall_distances(name, scene):
 
 
 @pytest.mark.parametrize("name", ["lab", "atrium", "squash_court"])
-def test_first_order_echoes_stand_at_the_walls(name):
+def test_first_order_echoes_are_at_the_walls(name):
     scene = rooms.room(name, detail="shell")
     backend = MitsubaBackend(TraceSettings(room="panels", diffuse=False, coupling=False, max_bounces=1))
     (paths,) = backend.paths(scene, rt.Radar.iwr1843(element="isotropic"), rooms.bench(name, HEIGHT_M).sensor_pose[None])
@@ -30,8 +30,8 @@ def test_first_order_echoes_stand_at_the_walls(name):
 
 
 @pytest.mark.parametrize("name", ["lab", "atrium", "squash_court"])
-def test_one_frame_has_its_ranges_at_the_walls(name):
-    """Every wall within the fold stands 6 dB over the median of the range profile, within a bin."""
+def test_range_profile_has_peaks_at_the_walls(name):
+    """Every wall within the unambiguous range is 6 dB above the median of the range profile, within a bin."""
     scene = rooms.room(name, detail="shell")
     radar = rt.Radar.iwr1843(element="isotropic")
     backend = MitsubaBackend(TraceSettings(diffuse=False, max_bounces=1))

@@ -1,8 +1,9 @@
-"""Echoes through the walls of hollow things: levels and phases against transfer matrices, reciprocity, and what is no shell."""
+"""Echoes through the walls of hollow objects: level and phase against transfer matrices, reciprocity, and which meshes are shells."""
 
 import numpy as np
 import pytest
 import trimesh
+from physics_helpers import FREQUENCY, UP, WAVELENGTH, coherent
 
 import radartwin as rt
 from experiments.validation.oracles import stack
@@ -11,10 +12,6 @@ from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import shell, tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
-FREQUENCY = 77e9
-WAVELENGTH = 299_792_458.0 / FREQUENCY
-K = 2 * np.pi / WAVELENGTH
-UP = np.array([[0.0, 0.0, 1.0]])
 SENSOR = np.array([[2.0, 0.0, 0.0]])
 PET = rt.Layered([("pet", 0.001)])
 LAMINATE = rt.Layered([("glass", 0.0007), ("pet", 0.0012)])
@@ -30,8 +27,7 @@ def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=
     grid = tube_grid.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
     assert grid is not None
     hits = tubes.trace(built, table, grid, Antennas(start, UP), Antennas(end, UP), TraceOptions(1, pieces=3, prune=prune))
-    far = (hits.length_in_m > beyond_m) & (hits.length_in_m < within_m)
-    return (hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m)))[far].sum()
+    return coherent(hits, (hits.length_in_m > beyond_m) & (hits.length_in_m < within_m))
 
 
 def passed(layers, frequency=FREQUENCY):
@@ -51,8 +47,8 @@ def passed(layers, frequency=FREQUENCY):
 
 
 @pytest.mark.parametrize("material", [PET, LAMINATE], ids=["PET", "glass and PET"])
-def test_far_wall_of_a_box_is_what_the_transfer_matrix_lets_through(material):
-    """Over a metal plate in the far wall's place, complex."""
+def test_far_wall_of_a_box_matches_the_transfer_matrix(material):
+    """Complex ratio to a metal plate at the far wall's position."""
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     plate = objects.plate(0.1, 0.1).apply_translation([-0.05, 0, 0])
     through, inside = passed(material.layers)
@@ -60,23 +56,23 @@ def test_far_wall_of_a_box_is_what_the_transfer_matrix_lets_through(material):
     assert ratio == pytest.approx(-inside * through**2, rel=0.01)
 
 
-def test_metal_in_a_box_is_seen_through_its_wall():
+def test_metal_in_a_box_matches_the_transfer_matrix():
     box, plate = trimesh.creation.box((0.1, 0.1, 0.1)), objects.plate(0.04, 0.04)
     through, _ = passed(PET.layers)
     seen = echo([box, plate], [PET, "metal"], beyond_m=1.99, within_m=2.01)
     assert seen == pytest.approx(echo([plate], ["metal"]) * through**2, rel=0.03)
 
 
-def test_empty_bottles_are_near_the_exact_series():
-    """The mean over the sweep, with three reflections inside."""
+def test_empty_bottles_match_the_exact_series():
+    """Mean over the sweep, with three reflections inside."""
     from experiments.validation.oracles.dielectrics import exact_bottle, our_bottle
 
     error = [our_bottle(wall, "air") - exact_bottle(wall, "air", 65) for wall in ("pet 0.3", "hdpe 1", "glass 3")]
     assert np.abs(error).max() < 1.0
 
 
-def test_exit_is_looked_up_where_it_is():
-    """A receiver a hair away takes the way that finds the wall it leaves by, and reads the same."""
+def test_exit_wall_matches_the_monostatic_case():
+    """A receiver 0.1 um away uses the search for the exit wall and gives the same result."""
     can = objects.cylinder(0.033, 0.12, 64)
     assert echo([can], [PET], end=np.array([[2.0, 1e-7, 0.0]])) == pytest.approx(echo([can], [PET]), rel=1e-4)
 
@@ -90,7 +86,7 @@ def test_echo_through_a_can_is_reciprocal():
     assert abs(np.degrees(np.angle(there / back))) < 1
 
 
-def test_pruning_and_nodes_change_nothing():
+def test_pruning_does_not_change_the_echo():
     can = objects.cylinder(0.033, 0.12, 64)
     whole = echo([can], [PET], high_hz=80.4e9)
     assert echo([can], [PET], high_hz=80.4e9, prune=2e-4) == pytest.approx(whole, rel=0.01)
@@ -107,12 +103,12 @@ def test_pruning_and_nodes_change_nothing():
     ],
     ids=["open", "board", "filled", "solid", "room"],
 )
-def test_nothing_passes_what_is_no_shell(mesh, material):
+def test_meshes_that_are_no_shells_transmit_nothing(mesh, material):
     assert shell.find_shells(geometry.build([mesh]), reflection_table.build([(material, 0.0)], FREQUENCY)) is None
 
 
 def test_bottle_in_a_scene_shows_its_far_wall():
-    """In front of a wall, through rooms by images, as a moving object: its echo stands where its far wall does."""
+    """In front of a wall, in a room by tubes and by images, as a moving object."""
     from radartwin.simulation.backends.mitsuba import TraceSettings
     from radartwin.simulation.simulate import trace_paths
 

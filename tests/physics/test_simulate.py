@@ -1,4 +1,4 @@
-"""Scene to samples: level, phase, motion, angle, visibility and determinism of whole simulations."""
+"""Whole simulations from scene to samples: level, phase, motion, angle, visibility and determinism."""
 
 import dataclasses
 import hashlib
@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 import trimesh
+from physics_helpers import at
 
 import radartwin as rt
 from radartwin.materials import reflection
@@ -16,10 +17,6 @@ from radartwin.scene.trajectories import trajectory
 
 C = 299_792_458.0
 RADAR = rt.Radar.iwr1843(element="isotropic")
-
-
-def at(x, y=0.0, z=0.0):
-    return trajectory.pose([x, y, z])
 
 
 def profile(samples, bins=8192):
@@ -42,8 +39,8 @@ def facing(mesh, distance):
 
 
 @pytest.mark.parametrize("distance", [2.0, 4.0, 8.0])
-def test_level_of_a_sphere_is_the_radar_equation(distance):
-    """|a|^2 = lambda^2 sigma / ((4 pi)^3 R^4), and its range is where it stands less its radius."""
+def test_sphere_level_matches_the_radar_equation(distance):
+    """|a|^2 = lambda^2 sigma / ((4 pi)^3 R^4), at the distance of its centre minus its radius."""
     scene, motion = facing(objects.sphere(0.05), distance)
     recording = rt.simulate(scene, RADAR, np.eye(4)[None], motion=motion, rays_per_wavelength2=4)
     where, value = peak(recording.iq[0, 0, 0, 0])
@@ -54,8 +51,8 @@ def test_level_of_a_sphere_is_the_radar_equation(distance):
 
 
 @pytest.mark.parametrize("material", ["metal", "plasterboard", rt.Layered([("plasterboard", 0.0125)])])
-def test_large_wall_is_its_exact_image(material):
-    """Complex signal of a wall against the image source, every channel and sample; the rest is the wall's own edges."""
+def test_large_wall_matches_its_image(material):
+    """Complex signal of every channel and sample against the image source; the difference is the wall's edges."""
     wall = rt.Scene([rt.Surface(objects.plate(8.0, 8.0), material, "wall")])
     recording = rt.simulate(wall, RADAR, at(-2.0)[None])
     f = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * np.arange(256) / RADAR.sample_rate_hz
@@ -68,8 +65,8 @@ def test_large_wall_is_its_exact_image(material):
 
 
 @pytest.mark.parametrize("rays", [20_000, 200_000])
-def test_few_wide_tubes_make_an_exact_image(rays):
-    """A wall seen obliquely, not along any grid axis: complex profile within 2 % of the image from 20,000 tubes over the sphere."""
+def test_wide_tubes_match_the_image_of_a_wall(rays):
+    """A wall seen obliquely to the grid axes: complex profile within 2 % with 20,000 tubes over the sphere."""
     radar = dataclasses.replace(RADAR, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=((0.0, 0.0, 0.0),))
     pose = trajectory.look_at(np.array([-3.0, 0.3, 0.2]), np.array([0.0, 1.2, -0.4]))
     samples = rt.simulate(rt.Scene([rt.Surface(objects.plate(12, 12), "metal", "wall")]), radar, pose[None], rays=rays).iq[0, 0, 0, 0]
@@ -79,7 +76,7 @@ def test_few_wide_tubes_make_an_exact_image(rays):
 
 
 def test_corner_of_two_walls_returns_the_double_bounce_image():
-    """Two metal walls at a right angle: third path at the diagonal image distance, level lambda/(4 pi L)."""
+    """Two metal walls at a right angle: the third path is at the diagonal image distance with level lambda/(4 pi L)."""
     a = rt.Surface(rooms.rectangle([0, 0, -4], np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), (8, 8)), "metal", "a")
     b = rt.Surface(rooms.rectangle([0, 0, -4], np.array([0, 1.0, 0]), np.array([0, 0, 1.0]), (8, 8)), "metal", "b")
     pose = trajectory.look_at(np.array([2.0, 3.0, 0.0]), np.array([0.0, 0.0, 0.0]))
@@ -93,8 +90,8 @@ def test_corner_of_two_walls_returns_the_double_bounce_image():
 
 
 @pytest.mark.parametrize("speed", [0.2, -0.2, 1.0])
-def test_speed_and_angle_of_a_moving_target(speed):
-    """Chirp to chirp phase within one frame, TDM times as they are: within 1 % and 0.3 degrees."""
+def test_moving_target_has_exact_speed_and_angle(speed):
+    """Phase between chirps of a frame with TDM timing: within 1 % and 0.3 degrees."""
     azimuth = np.radians(20)
     way = np.array([np.cos(azimuth), np.sin(azimuth), 0])
     poses = np.array([trajectory.pose(way * (2 + speed * f / RADAR.frame_rate_hz)) for f in range(3)])
@@ -110,7 +107,7 @@ def test_speed_and_angle_of_a_moving_target(speed):
     assert np.degrees(np.arcsin(-across * C / (2 * np.pi * RADAR.center_frequency_hz))) == pytest.approx(20, abs=0.3)
 
 
-def test_moving_sensor_is_a_moving_target_seen_from_it():
+def test_moving_sensor_and_moving_target_are_equivalent():
     sphere = rt.Scene([rt.Surface(objects.sphere(0.03), "metal", "ball")])
     drive = np.array([at(0.05 * f) for f in range(3)])
     moved = np.array([at(2 - 0.05 * f) for f in range(3)])
@@ -119,7 +116,7 @@ def test_moving_sensor_is_a_moving_target_seen_from_it():
     assert np.abs(sensor - target).max() < 2e-3 * np.abs(target).max()
 
 
-def test_static_object_is_the_same_whether_moved_there_or_built_there():
+def test_object_moved_to_a_pose_equals_object_built_there():
     mesh = objects.plate(0.1, 0.1)
     there = mesh.copy().apply_transform(at(1.5))
     moved = rt.simulate(rt.Scene([rt.Surface(mesh, "metal", "p")]), RADAR, np.eye(4)[None], motion={"p": at(1.5)[None]}).iq
@@ -127,8 +124,8 @@ def test_static_object_is_the_same_whether_moved_there_or_built_there():
     assert np.abs(moved - built).max() < 2e-3 * np.abs(built).max()
 
 
-def test_turning_target_at_rest_has_no_speed_and_a_turning_rim_has():
-    """A sphere turning about its own axis returns the same samples in every frame."""
+def test_rotation_gives_speed_to_a_rim_but_not_to_a_sphere():
+    """A sphere that turns about its own axis returns equal samples in every frame."""
     poses = trajectory.turntable(np.array([1.5, 0.0, 0.0]), 4, 10.0, 25.0)
     iq = rt.simulate(
         rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]),
@@ -141,7 +138,7 @@ def test_turning_target_at_rest_has_no_speed_and_a_turning_rim_has():
     assert spread < 0.05  # tessellation under the curved facets
 
 
-def test_wall_hides_what_stands_behind_it():
+def test_wall_hides_objects_behind_it():
     scene, motion = facing(objects.plate(0.1, 0.1), 3.0)
     screen = rt.Surface(objects.plate(2.0, 2.0).apply_transform(at(1.0)), "plasterboard", "screen")
     only_screen = rt.simulate(rt.Scene([screen]), RADAR, np.eye(4)[None]).iq
@@ -150,7 +147,7 @@ def test_wall_hides_what_stands_behind_it():
 
 
 def test_object_and_sensor_moving_together_pass_behind_a_screen():
-    """The relative pose never changes, what stands between does."""
+    """The relative pose is constant, but the screen hides the object on a part of the motion."""
     screen = rt.Surface(objects.box([0.5, -0.2, -0.3], [0.52, 0.2, 0.3]), "wood", "screen")
     along = np.array([at(0.0, y) for y in (-1.0, 0.0, 1.0)])
     facing_back = along @ trajectory.pose([1.0, 0, 0], np.diag([-1.0, -1.0, 1.0]))
@@ -163,7 +160,7 @@ def test_object_and_sensor_moving_together_pass_behind_a_screen():
 
 
 def test_long_thin_and_large_round_targets_are_traced_finely():
-    """What is over half a metre is not thereby a wall: a pipe and a ball against the same marked as objects."""
+    """Surfaces over half a metre are not walls because of their size: a pipe and a ball against the same surfaces marked as objects."""
     for mesh, position in ((objects.cylinder(0.02, 0.75), at(-2.0, 0.026)), (objects.sphere(0.3), at(-2.0))):
         levels = [
             np.abs(rt.simulate(rt.Scene([rt.Surface(mesh, "metal", "t", role=role)]), RADAR, position[None]).iq).max()
@@ -172,7 +169,7 @@ def test_long_thin_and_large_round_targets_are_traced_finely():
         assert levels[0] == pytest.approx(levels[1], rel=0.02)
 
 
-def test_real_sampling_keeps_one_channel(tmp_path):
+def test_real_sampling_has_no_imaginary_part(tmp_path):
     scene, motion = facing(objects.plate(0.1, 0.1), 1.0)
     radar = dataclasses.replace(RADAR, real_sampling=True)
     recording = rt.simulate(scene, radar, np.eye(4)[None], motion=motion)
@@ -183,7 +180,7 @@ def test_real_sampling_keeps_one_channel(tmp_path):
 
 
 def test_small_object_survives_beside_a_bright_wall():
-    """Pruning is per part: a 3 cm sphere in front of a metal wall keeps its own level."""
+    """Pruning is per part: a 3 cm sphere in front of a metal wall keeps its level."""
     ball = objects.sphere(0.03).apply_transform(at(1.5))
     wall = objects.plate(6.0, 6.0).apply_transform(at(4.0))
     alone = rt.simulate(rt.Scene([rt.Surface(ball, "metal", "ball")]), RADAR, np.eye(4)[None])
@@ -195,7 +192,7 @@ def test_small_object_survives_beside_a_bright_wall():
     assert 20 * np.log10(b / a) == pytest.approx(0, abs=0.5)
 
 
-def test_same_seed_same_bytes_across_processes(tmp_path):
+def test_same_seed_gives_equal_bytes_across_processes(tmp_path):
     code = (
         "import sys, numpy as np, radartwin as rt; from radartwin.scene import rooms, objects;"
         "s = rooms.lab(detail='shell'); b = rooms.lab_bench();"
@@ -219,7 +216,7 @@ def test_another_seed_changes_the_noise_and_not_the_scene():
     assert not np.array_equal(noisy[0], noisy[1])
 
 
-def test_lab_is_finite_and_below_what_was_sent():
+def test_lab_signal_is_finite_and_below_the_transmitted_power():
     recording = rt.simulate(rooms.lab(detail="furnished"), rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays=100_000)
     assert np.isfinite(recording.iq).all()
     assert 0 < np.abs(recording.iq).max() < 1e-2
@@ -240,14 +237,14 @@ def test_lab_is_finite_and_below_what_was_sent():
         (lambda s: rt.simulate(s, RADAR, at(1.0)[None]), "inside surface 'box'"),
     ],
 )
-def test_bad_input_is_named(call, match):
+def test_wrong_arguments_are_refused(call, match):
     box = rt.Scene([rt.Surface(trimesh.creation.box((0.2, 0.2, 0.2)).apply_transform(at(1.0)), "metal", "box")])
     with pytest.raises(ValueError, match=match):
         call(box)
 
 
-def test_old_llvm_is_named_before_anything_loads(tmp_path):
-    """Dr.Jit would abort the process with 15 or 16; here it is one line."""
+def test_old_llvm_is_refused_before_it_loads(tmp_path):
+    """Dr.Jit would abort the process with LLVM 15 or 16."""
     fake = tmp_path / "libLLVM-15.so"
     fake.touch()
     code = (

@@ -49,7 +49,7 @@ def direct_sum(paths, radar):
 
 @pytest.mark.parametrize("rate", [0.0, 0.2, 2.0, 20.0])
 @pytest.mark.parametrize("nodes", [1, 4])
-def test_synthesis_is_the_direct_sum(rate, nodes):
+def test_synthesis_matches_the_direct_sum(rate, nodes):
     radar = Radar.iwr1843(element="isotropic")
     paths = random_paths(40, 3, rate, nodes)
     expected = direct_sum(paths, radar)
@@ -57,11 +57,11 @@ def test_synthesis_is_the_direct_sum(rate, nodes):
     assert error < 1e-4  # the target is 1e-3; 6 taps give 1e-5
 
 
-def test_no_paths_give_silence():
+def test_no_paths_give_zero_samples():
     assert not synthesize(random_paths(0, 2, 0.0), Radar.iwr1843()).any()
 
 
-def test_element_pattern_multiplies_both_ways():
+def test_element_pattern_applies_at_both_ends():
     paths = random_paths(1, 1, 0.0)
     forward = np.array([[1.0, 0.0, 0.0]])
     paths = Paths(**{**vars(paths), "departure": forward, "arrival": forward})
@@ -70,7 +70,7 @@ def test_element_pattern_multiplies_both_ways():
 
 
 def test_noise_power_is_kTBF():
-    """-98.5 dBm in 5.21 MHz at 15 dB noise figure, 12 dBm transmitted."""
+    """-98.5 dBm in 5.21 MHz at 15 dB noise figure and 12 dBm transmit power."""
     noise = thermal_noise((200_000,), Radar.iwr1843(), np.random.default_rng(1))
     expected = 10 * np.log10(1.380649e-23 * 290 * 5.21e6 * 1e3) + 15 - 12
     assert 10 * np.log10((np.abs(noise) ** 2).mean()) == pytest.approx(expected, abs=0.05)
@@ -82,7 +82,7 @@ def test_equal_input_gives_equal_bytes():
 
 
 @pytest.mark.parametrize("samples", [1, 2, 7, 100, 257])
-def test_any_number_of_samples_chirps_and_channels(samples):
+def test_synthesis_matches_for_any_radar_dimensions(samples):
     """Grids of even and odd powers of two, and sweeps that do not fill them."""
     array = {"tx_positions_m": ((0, 0.01, 0.002),), "rx_positions_m": ((0, 0, 0),) * 3}
     radar = dataclasses.replace(Radar.iwr1843(element="isotropic"), num_samples=samples, num_chirps=3, **array)
@@ -91,7 +91,7 @@ def test_any_number_of_samples_chirps_and_channels(samples):
     assert np.linalg.norm(synthesize(paths, radar) - expected) / np.linalg.norm(expected) < 1e-4
 
 
-def test_frames_of_many_paths_are_split_and_frames_of_none_stay_silent(monkeypatch):
+def test_frames_with_many_and_with_no_paths_match(monkeypatch):
     radar = Radar.iwr1843(element="isotropic")
     paths = random_paths(60, 2, 0.2)
     paths = dataclasses.replace(paths, poses=4, pose=2 * paths.pose)
@@ -110,7 +110,7 @@ def test_bytes_do_not_depend_on_the_number_of_cores(monkeypatch):
     assert synthesize(paths, radar).tobytes() == several
 
 
-def test_a_frame_is_added_to_what_is_there():
+def test_frames_are_added_to_the_given_array():
     paths, radar = random_paths(50, 2, 0.1), Radar.iwr1843()
     there = np.full((2, 16, 2, 4, 256), 3j, np.complex64)
     alone = synthesize(paths, radar)
@@ -121,15 +121,15 @@ def test_a_frame_is_added_to_what_is_there():
 
 
 @pytest.mark.parametrize("argument", [0.0, 3e-5, -2e-4, 0.07, -1.3, 6.7, -40.0])
-def test_bessel_functions(argument):
+def test_bessel_functions_match_scipy(argument):
     found = np.empty(60)
     gridding.bessel(argument, found)
     np.testing.assert_allclose(found, jv(np.arange(60), argument), atol=1e-12)
 
 
 @pytest.mark.parametrize(("range_m", "degrees"), [(0.2, 5.4747), (0.3, 3.6499), (0.5, 2.1900), (1.0, 1.0950), (2.0, 0.5475), (5.0, 0.2190)])
-def test_planar_elements_are_off_by_the_sagitta_of_the_wave(range_m, degrees):
-    """Against the distances themselves at boresight, and the largest error over the array of reference/array_phase_error_deg.csv."""
+def test_planar_elements_have_the_error_of_the_wavefront_curvature(range_m, degrees):
+    """Against exact distances at boresight, and the largest error over the array in reference/array_phase_error_deg.csv."""
     radar = Radar.iwr1843(element="isotropic")
     forward = np.array([[1.0, 0.0, 0.0]])
     rest = (np.ones((1, 1), complex), np.array([radar.center_frequency_hz]), np.array([range_m]), np.array([range_m]), forward, forward)
@@ -144,8 +144,8 @@ def test_planar_elements_are_off_by_the_sagitta_of_the_wave(range_m, degrees):
 
 
 @pytest.mark.parametrize("shortest_m", [2.0, 5.0])
-def test_planar_elements_of_a_scene_are_as_wrong_as_promised(shortest_m):
-    """Delays of the elements are kept over the band, so only the curvature of the wave is missing."""
+def test_planar_elements_of_a_scene_have_the_stated_error(shortest_m):
+    """Element delays apply over the whole band, so only the curvature of the wave is missing."""
     radar = Radar.iwr1843(element="isotropic")
     paths = random_paths(400, 1, 0.3)
     paths = dataclasses.replace(paths, length_in_m=paths.length_in_m + shortest_m, length_out_m=paths.length_out_m + shortest_m)
@@ -159,8 +159,8 @@ def test_unknown_elements_are_refused():
         synthesize(random_paths(1, 1, 0.0), Radar.iwr1843(), elements="spherical")
 
 
-def test_compiled_code_needs_no_folder_to_write_to():
-    """Where neither the source's folder nor the user's can hold a cache, functions are compiled in memory."""
+def test_compiled_code_works_without_a_writable_cache():
+    """Without a writable folder, functions are compiled in memory."""
     code = (
         "import numba.core.caching as c\n"
         "c.CacheImpl._locator_classes = []\n"
@@ -175,7 +175,7 @@ def test_compiled_code_needs_no_folder_to_write_to():
 
 @pytest.mark.parametrize("elements", ["exact", "planar"])
 def test_paths_of_images_start_at_the_mirrored_transmitter(elements):
-    """Each element's image is the mirrored array at the end of the path: distances straight from there to each receiver."""
+    """The image of each element is the mirrored array at the end of the path."""
     radar = Radar.iwr1843(element="isotropic")
     paths = random_paths(25, 2, 0.3)
     normal = paths.departure
@@ -208,7 +208,7 @@ def test_paths_that_are_not_finite_are_refused(name, value):
 
 
 def test_weak_echoes_beside_a_strong_one_keep_their_band_and_motion():
-    """Terms are left out by what they add to the frame: the floor below a strong echo stays that of the kernel, -97 dB."""
+    """Terms are dropped by their contribution to the frame: the floor below a strong echo is that of the kernel, -97 dB."""
     radar = Radar.iwr1843(element="isotropic")
     weak, strong = random_paths(1, 1, 0.4, 5, seed=2), random_paths(1, 1, 0.4, 5, seed=3)
     weak = dataclasses.replace(weak, amplitude=1e-3 * weak.amplitude)

@@ -1,8 +1,9 @@
-"""What tubes carry: curvature behind curved surfaces, energy, polarisation and reciprocity."""
+"""Ray tubes: spreading behind curved surfaces, energy, polarisation and reciprocity."""
 
 import numpy as np
 import pytest
 import trimesh
+from physics_helpers import FREQUENCY, UP, WAVELENGTH, K, coherent
 from scipy.optimize import minimize
 
 import radartwin as rt
@@ -10,19 +11,6 @@ from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
-
-FREQUENCY = 77e9
-WAVELENGTH = 299_792_458.0 / FREQUENCY
-K = 2 * np.pi / WAVELENGTH
-UP = np.array([[0.0, 0.0, 1.0]])
-
-
-def db(x):
-    return 10 * np.log10(x)
-
-
-def coherent(hits, keep=slice(None)):
-    return (hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m)))[keep].sum()
 
 
 def sphere_echo(source, receiver, centre, radius, walls):
@@ -74,9 +62,10 @@ def sphere_echo(source, receiver, centre, radius, walls):
     ("density", "bound_db"),
     [(4.0, {"S": 0.1, "S W": 0.5, "W S": 0.2, "W S W": 0.5}), (16.0, {"S": 0.1, "S W": 0.25, "W S": 0.1, "W S W": 0.2})],
 )
-def test_sphere_before_a_wall_echoes_by_all_its_images(density, bound_db):
-    """Second and third order: sphere then wall, wall then sphere, wall, sphere, wall. A sphere of 5 cm 30 cm from a wall, from the side,
-    where the reflections on the sphere are well off its shadow line."""
+def test_sphere_and_wall_match_geometric_optics(density, bound_db):
+    """Second and third order: sphere - wall, wall - sphere, wall - sphere - wall. A 5 cm sphere 30 cm from a wall is seen from the side,
+    where the reflections on the sphere are far from its shadow line.
+    """
     variant.activate()
     sensor, centre, radius, wall_x = np.zeros(3), np.array([0.3, 1.0, 0.0]), 0.05, 0.6
     image = np.array([2 * wall_x, 0, 0])
@@ -135,8 +124,8 @@ def carried(mesh, reflectance, bounces):
 
 
 @pytest.mark.parametrize("reflectance", [1.0, 0.3])
-def test_closed_shells_keep_the_energy_of_tubes(reflectance):
-    """A box and a ball: a lossless wall keeps all, a lossy one |Gamma|^2 at every bounce; no tube leaks through an edge."""
+def test_closed_rooms_conserve_the_energy_of_tubes(reflectance):
+    """Box and ball: lossless walls keep all power, lossy walls |Gamma|^2 at every bounce; no tube leaks through an edge."""
     box = trimesh.creation.box((1.0, 0.8, 0.9))
     for mesh in (box, objects.sphere(0.5, 3)):
         power = carried(mesh, reflectance, 5)
@@ -157,7 +146,7 @@ def test_dihedral_turns_polarisation_by_twice_its_own_angle(angle_deg, co, cross
 
 @pytest.mark.parametrize("name", ["plate", "sphere", "can"])
 def test_single_bounces_are_reciprocal(name):
-    """Transmitter and receiver 4 cm apart, swapped, at 1 m."""
+    """Transmitter and receiver 4 cm apart at 1 m, exchanged."""
     variant.activate()
     mesh = {"plate": objects.plate(0.1, 0.1), "sphere": objects.sphere(0.05, 5), "can": objects.cylinder(0.033, 0.12, 128)}[name]
     built = geometry.build([mesh])
@@ -174,8 +163,8 @@ def test_single_bounces_are_reciprocal(name):
 
 
 @pytest.mark.parametrize("pieces", [3, 5])
-def test_divided_tubes_still_sum_to_one(pieces):
-    """Hats and boxes, whole and in pieces, weighed over the grid: one everywhere inside."""
+def test_divided_tubes_sum_to_one(pieces):
+    """Weights of hats and boxes, whole and in pieces, at random points of the grid."""
     variant.activate()
     from radartwin.simulation.curved import division
 
@@ -200,9 +189,10 @@ def test_divided_tubes_still_sum_to_one(pieces):
 
 
 @pytest.mark.parametrize("foci_m", [(np.inf, np.inf), (1.0, np.inf), (3.0, 1.0), (1.0, 1.5), (1.0, 1.0), (3.0, 4.0), (-1.0, 1.0)])
-def test_a_field_leads_by_a_quarter_of_a_cycle_behind_each_focal_line(foci_m):
-    """Against the diffraction integral of a converging wave per axis, of exp(-j k x^2 (1/z - 1/f)/2) by its closed form: its phase far
-    behind the focus less that before it, under exp(+j omega t)."""
+def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
+    """Against the diffraction integral of a converging wave per axis, exp(-j k x^2 (1/z - 1/f)/2), in closed form: its phase far behind the
+    focus minus the phase before it, under exp(+j omega t).
+    """
     variant.activate("llvm")
     import mitsuba as mi
 
@@ -225,8 +215,8 @@ def test_a_field_leads_by_a_quarter_of_a_cycle_behind_each_focal_line(foci_m):
     assert got == pytest.approx((0.6 + 0.8j) * expected, abs=1e-5)
 
 
-def test_doubly_reflected_power_never_exceeds_what_was_sent():
-    """A corner and a concave mirror at their brightest: the echo of a unit transmitter stays far below one."""
+def test_received_power_is_below_the_transmitted_power():
+    """A corner and a concave mirror at their brightest."""
     bowl = objects.sphere(0.2, 4)
     bowl = trimesh.Trimesh(bowl.vertices, bowl.faces[bowl.triangles_center[:, 0] < -0.1], process=False)
     for mesh, distance in ((objects.trihedral(0.1), 0.5), (bowl, 0.02), (bowl, 0.1)):
@@ -236,8 +226,8 @@ def test_doubly_reflected_power_never_exceeds_what_was_sent():
 
 
 @pytest.mark.parametrize("material", ["metal", rt.Layered([("glass", 0.003)], "water"), rt.Layered([("pet", 0.001)])])
-def test_every_pose_of_a_run_is_traced_as_if_alone(material):
-    """With pruning, frequency nodes and shells: indices of tubes are told apart between poses."""
+def test_poses_of_a_grid_are_independent(material):
+    """With pruning, frequency nodes and shells."""
     variant.activate()
     built = geometry.build([objects.cylinder(0.033, 0.12)])
     table = reflection_table.build([(material, 0.0)], 77e9, 80.4e9)

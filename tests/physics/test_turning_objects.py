@@ -1,4 +1,4 @@
-"""Objects that turn before the radar with nothing around them: what physics alone says of their modulation, through the whole chain."""
+"""Objects that turn in free space: predictions of physics for their modulation, through the whole chain."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ def turning(campaign: Campaign, name: str) -> dict[float, dict[str, float]]:
 
 
 def test_a_can_is_flat_and_a_reflector_and_a_flat_bottle_are_peaked(campaign: Campaign) -> None:
-    """The paper's bands: cans 0.03 to 0.18, the reflector and bottles 0.72 to 2.5."""
+    """Bands of the paper: cans 0.03 to 0.18, reflector and bottles 0.72 to 2.5."""
     assert turning(campaign, "can_211_400")[1.0]["harmonic_ratio"] < 0.03
     assert turning(campaign, "corner_reflector")[1.0]["harmonic_ratio"] > 0.72
     assert turning(campaign, "mustard")[1.0]["harmonic_ratio"] > 0.72
 
 
-def test_the_reflectors_ratio_is_stable_with_distance_until_the_wavefront_bends_over_it(campaign: Campaign) -> None:
+def test_harmonic_ratio_of_the_reflector_is_stable_in_its_far_field(campaign: Campaign) -> None:
     ratio = {distance: values["harmonic_ratio"] for distance, values in turning(campaign, "corner_reflector").items()}
     far = np.array([ratio[distance] for distance in (1.0, 1.5, 2.0)])
     assert far.std(ddof=1) / far.mean() < 0.07  # the paper's figure over 0.6 to 2.1 m
     assert ratio[0.5] < 0.75 * far.mean()  # a tenth of a metre across, at half a metre: far inside the near field
 
 
-def test_brightness_of_a_can_falls_as_that_of_a_line_and_not_of_a_point(campaign: Campaign) -> None:
-    """A standing cylinder is a line source within H^2 / lambda, 2.7 m: its echo falls with R^3, and R^4 less R^3 is 3 dB per doubling."""
+def test_brightness_of_a_can_follows_the_range_law_of_a_line(campaign: Campaign) -> None:
+    """Within H^2 / lambda = 2.7 m, a standing cylinder is a line source: its echo falls with R^3, 3 dB per doubling less than R^4."""
     bright = {distance: values["brightness_db"] for distance, values in turning(campaign, "can_211_400").items()}
     assert bright[2.0] - bright[1.0] == pytest.approx(3, abs=2)

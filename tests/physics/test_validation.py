@@ -1,10 +1,11 @@
-"""The cases of the validation card as tests: a short choice of each in seconds, all sizes, seeds, angles and densities as long tests.
+"""The cases of the validation card: a quick choice of each, and all sizes, seeds, angles and densities as slow tests.
 
-A missed limit is an expected failure that must fail, with the measured figure: whoever mends it takes it off the list.
+A known miss is an expected failure with its measured error. If the case passes, the test fails until the case is removed from the list.
 """
 
 import numpy as np
 import pytest
+from physics_helpers import WAVELENGTH
 
 from experiments.validation import validation
 from experiments.validation.oracles.case import Case, Finding, Untestable
@@ -13,7 +14,6 @@ from experiments.validation.oracles.cylinder import conductor_width, layered_wid
 from experiments.validation.oracles.nearfield import chain_quadrature, panel_quadrature
 from radartwin.runs.experiment import check_rows
 
-WAVELENGTH = 299_792_458.0 / 77e9
 QUICK_MISSES = {
     "mie-table": "0.63 dB at 5 mm radius, 4 rays",
     "near-dihedral": "0.25 dB at 0.5 m",
@@ -54,22 +54,22 @@ def check(case: Case, full: bool) -> None:
 
 
 @pytest.mark.parametrize("case", cases(full=False))
-def test_card(case: Case) -> None:
+def test_quick_case_is_within_its_limit(case: Case) -> None:
     check(case, full=False)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", cases(full=True))
-def test_card_at_all_sizes_seeds_and_densities(case: Case) -> None:
+def test_full_case_is_within_its_limit(case: Case) -> None:
     check(case, full=True)
 
 
-def test_misses_name_cases() -> None:
+def test_known_misses_name_existing_cases() -> None:
     assert {*QUICK_MISSES, *FULL_MISSES} <= {case.name for case in CASES}
     assert len({case.name for case in CASES}) == len(CASES)
 
 
-def test_quadrature_is_the_midpoint_sum_of_exact_distances() -> None:
+def test_quadrature_matches_a_midpoint_sum() -> None:
     """A plate on its axis, summed point by point."""
     side, distance, points = 0.1, 0.7, 1500
     x = ((np.arange(points) + 0.5) / points - 0.5) * side
@@ -89,7 +89,7 @@ def test_quadrature_of_a_concave_polygon_is_the_sum_of_its_parts() -> None:
 
 
 def test_large_panels_return_their_images() -> None:
-    """One panel: -lambda/(8 pi d); two at a right angle: each order half of the double image, which mirrors twice."""
+    """One panel: -lambda/(8 pi d). Two at a right angle: each order is half of the double image."""
     big = np.array([[0, -20, -20], [0, 20, -20], [0, 20, 20], [0, -20, 20]]) / 40
     image = -WAVELENGTH / (8 * np.pi * 0.25) * np.exp(4j * np.pi / WAVELENGTH * 0.25)
     assert abs(panel_quadrature(big, [0.25, 0.05, 0.1], WAVELENGTH) / image - 1) < 0.08  # the edges' waves
@@ -102,8 +102,8 @@ def test_large_panels_return_their_images() -> None:
     assert abs(double / image - 1) < 0.08
 
 
-def test_cylinder_series_has_its_limits() -> None:
-    """Geometric optics for a large conductor; nothing from air; a metal core behind an empty layer."""
+def test_cylinder_series_has_the_right_limits() -> None:
+    """Geometric optics for a large conductor; zero for air; a metal core behind an empty layer."""
     assert conductor_width(0.5, WAVELENGTH) == pytest.approx(np.pi * 0.5, rel=2e-3)
     assert layered_width([0.033, 0.03], [1.0, 1.0], WAVELENGTH) < 1e-12
     assert layered_width([0.04, 0.033], [1.0], WAVELENGTH) == pytest.approx(conductor_width(0.033, WAVELENGTH), rel=1e-6)

@@ -1,4 +1,4 @@
-"""Panels of a geometry: convex, flat, tiling what they stand for, and solids told from shells."""
+"""Panels of a geometry: convex, flat, covering their faces, and solids distinguished from shells."""
 
 import numpy as np
 import pytest
@@ -97,7 +97,7 @@ def polygon_area(outline):
 
 
 @pytest.mark.parametrize(("detail", "number", "curved_m2"), [("shell", 13, 0.0), ("furnished", 127, 0.0), ("cluttered", 169, 0.6)])
-def test_lab_becomes_panels_of_the_same_area(detail, number, curved_m2):
+def test_panels_of_the_lab_have_its_area(detail, number, curved_m2):
     built, of = found(*[s.mesh for s in rooms.lab(detail=detail)])
     assert len(of) == number
     assert_sound(built, of)
@@ -127,7 +127,7 @@ def test_wall_with_openings_tiles_around_them(turn):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_random_boxes_turned_anyhow(seed):
+def test_random_boxes_have_six_panels_at_any_attitude(seed):
     rng = np.random.default_rng(seed)
     meshes = []
     for _ in range(8):
@@ -154,7 +154,7 @@ def test_subdivided_wall_is_one_panel():
 
 
 def test_t_junctions_leave_panels_side_by_side():
-    """One long edge against two short ones: nothing is lost and nothing overlaps."""
+    """One long edge against two short edges: no area is lost and no panels overlap."""
     vertices = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 1, 0), (1, 2, 0), (0, 2, 0), (2, 2, 0)]
     faces = [(0, 1, 2), (0, 2, 3), (3, 4, 5), (3, 5, 6), (4, 2, 7), (4, 7, 5)]
     built, of = found(trimesh.Trimesh(np.array(vertices, float), faces, process=False))
@@ -178,7 +178,7 @@ def test_doubled_and_empty_faces_add_nothing():
     assert len(of) == 1
 
 
-def test_slivers_are_left_out_and_do_not_hurt_their_neighbours():
+def test_slivers_are_dropped_without_effect_on_neighbours():
     vertices = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (0, 1.002, 0.2), (2, 1.002, 0.2)], float)
     strip = np.array([(0, 0, 2), (2, 0, 2), (2, 0.004, 2), (0, 0.004, 2)], float)
     mesh = trimesh.Trimesh(vertices, [(0, 1, 2), (0, 2, 3), (3, 2, 5), (3, 5, 4)], process=False)
@@ -190,7 +190,7 @@ def test_slivers_are_left_out_and_do_not_hurt_their_neighbours():
 
 
 @pytest.mark.parametrize("lift", [1e-5, 1e-3, 0.05])
-def test_quads_that_are_not_flat_are_never_one_wrong_plane(lift):
+def test_bent_quads_are_not_one_plane(lift):
     vertices = np.array([(0, 0, 0), (2, 0, 0), (2, 2, lift), (0, 2, 0)], float)
     _, of = found(trimesh.Trimesh(vertices, [(0, 1, 2), (0, 2, 3)], process=False))
     for i in range(len(of)):
@@ -212,7 +212,7 @@ def test_only_closed_convex_outward_parts_are_bodies():
         assert (of.body[np.isin(of.surface, [1, 3])] >= 0).all()
 
 
-def test_parts_of_one_surface_are_bodies_of_their_own():
+def test_parts_of_a_surface_are_separate_bodies():
     legs = objects.joined([objects.box([x, y, 0], [x + 0.04, y + 0.04, 0.7]) for x in (0, 1) for y in (0, 0.6)])
     _, of = found(legs)
     assert len(of) == 24
@@ -220,7 +220,7 @@ def test_parts_of_one_surface_are_bodies_of_their_own():
 
 
 def test_step_block_is_no_body():
-    """An L-shaped solid is closed but not convex: its faces are met from the front alone by geometry, not by decree."""
+    """An L-shaped solid is closed but not convex."""
     profile = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
     bottom = np.array([(*p, 0.0) for p in profile])
     top = bottom + np.array([0, 0, 1.0])
@@ -238,14 +238,14 @@ def test_step_block_is_no_body():
     assert areas(of).sum() == pytest.approx(mesh.area, abs=1e-5)
 
 
-def test_curved_things_are_left_to_the_tubes():
+def test_curved_surfaces_have_no_panels():
     built, of = found(objects.sphere(0.3), objects.cylinder(0.2, 1.0))
     sides = np.abs(built.normals[:, 0, 2]) < 0.5
     assert (of.of_face[(built.surface == 1) & sides] == -1).all()
     assert (of.of_face[built.surface == 0] == -1).all()
 
 
-def test_nothing_to_find():
+def test_empty_geometry_has_no_panels():
     of = panels.find(geometry.build([objects.sphere(0.1)]))
     assert len(of) == 0
     assert of.corners.shape == (0, panels.MAX_SIDES, 3)

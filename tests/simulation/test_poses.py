@@ -1,4 +1,4 @@
-"""Rigid poses: inverses, and the velocity of a sensor as things that turn and slide see it."""
+"""Rigid poses: inverses, and the velocity of a sensor relative to turning and sliding objects."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def placed(rotation: Rotation, position_m: np.ndarray) -> np.ndarray:
     return out
 
 
-def test_a_pose_and_its_inverse_are_no_motion() -> None:
+def test_pose_times_inverse_is_the_identity() -> None:
     rng = np.random.default_rng(0)
     some = placed(Rotation.random(8, rng), rng.normal(size=(8, 3)))
     assert poses.inverse(some) @ some == pytest.approx(np.tile(np.eye(4), (8, 1, 1)), abs=1e-12)
 
 
-def test_a_sensor_at_rest_circles_what_turns() -> None:
-    """In the frame of a thing that turns at w about z the sensor is at Rz(-w t) p and moves at -w z x that."""
+def test_resting_sensor_circles_a_turning_object() -> None:
+    """In the frame of an object that turns at w about z, the sensor is at Rz(-w t) p with velocity -w z x that."""
     speed, place, frames = 0.7, np.array([2.0, 0.5, 0.3]), 6
     angle = speed * np.arange(frames) / RATE_HZ
     turning = placed(Rotation.from_euler("z", angle[:, None]), np.zeros((frames, 3)))
@@ -36,7 +36,7 @@ def test_a_sensor_at_rest_circles_what_turns() -> None:
     assert velocity == pytest.approx(np.cross([0, 0, -speed], expected), abs=1e-5)
 
 
-def test_a_sensor_that_slides_past_what_is_turned_keeps_its_speed() -> None:
+def test_sliding_sensor_keeps_its_speed_relative_to_a_turned_object() -> None:
     frames, way = 5, np.array([0.3, -0.2, 0.1])
     sensor = placed(Rotation.identity(frames), np.arange(frames)[:, None] / RATE_HZ * way)
     turned = Rotation.from_euler("z", 30, degrees=True)
