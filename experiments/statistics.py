@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radartwin.errors import InputError
+from radartwin.recognize import score
 
 LEVEL = 0.95
 Alternative = Literal["greater", "less", "two-sided"]
@@ -137,12 +138,10 @@ def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
     >>> round(share(9, 9).p, 6)
     0.001953
     """
-    from radartwin.recognize import score
-
     if not 0 <= successes <= trials or trials < 1:
         raise InputError(f"a share needs one trial or more: {successes} of {trials}")
-    found = score.share(np.arange(trials) < successes, chance)
-    return Estimate(found.value, found.low, found.high, trials, found.p)
+    low, value, high = score.exact_interval(successes / trials, trials)
+    return Estimate(value, low, high, trials, score.binomial_p(successes, trials, chance))
 
 
 def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:

@@ -1,1 +1,1 @@
-"""The gaps between testbed and twin: each alone, and their shares."""
+"""The gaps between testbed and twin: the effect of each gap alone, and its share of the total."""

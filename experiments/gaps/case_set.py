@@ -1,12 +1,11 @@
-"""The recordings that single gaps are studied on, and what is read off them: a few cases, one gap at a time.
+"""The recordings on which single gaps are studied, and the features that are read from them.
 
-Base: every gap off, the twin told the true materials and the exact room. `alone` switches one gap on. Readings are of the features that
-the study rests on (target gate +-3 bins, 0.3 to 5.5 m) and of the complex signal, so that a change of phase is seen too.
+Base: every gap off; the twin has the true materials and the exact room. `alone` switches one gap on. Readings hold the features of the
+study (target gate +-3 bins, 0.3 to 5.5 m) and the complex signal, so that a change of phase is visible too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -26,7 +25,7 @@ from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
 GAPS = tuple(f.name for f in fields(GapConfig))
-ZERO_M = 0.2  # as far as antennas that couple reach into a range profile
+ZERO_M = 0.2  # range up to which antenna coupling reaches
 METAL = (Case("corner_reflector", "lab", "turntable", 1.0), Case("drink_can_355", "lab", "turntable", 1.0))
 FILLED = (Case("mustard", "lab", "turntable", 1.0),)
 DRIVE = (Case("corner_reflector", "squash_court", "depth", 1.0),)
@@ -34,21 +33,21 @@ GROUPS: dict[str, tuple[Case, ...]] = {
     "turntable": (*METAL, *FILLED), "turntable, metal": METAL, "turntable, filled bottle": FILLED, "drive": DRIVE,
 }  # fmt: skip
 CASES = (*METAL, *FILLED, *DRIVE)
-ROOM_BINS = 12  # either side of the target, 0.5 m: beyond them the Hann window has its echo 70 dB down
-FRAMES, EVERY = 24, 5  # of a turn; of a drive's frames: few, in any profile
-DARKEST_DB = 200.0  # below which a level is none
+ROOM_BINS = 12  # on each side of the target, 0.5 m: beyond them the Hann window suppresses the target's echo by 70 dB
+FRAMES, EVERY = 24, 5  # frames of a revolution; every fifth frame of a drive; in all profiles
+LOWEST_DB = -200.0  # level of no power
 
 
 def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1) -> Config:
-    """The configuration with this gap at this strength and all others off, or with all off.
+    """The configuration with one gap at a strength and all others off, or with all gaps off.
 
     Args:
-        turns: of a measured turntable. More frames than aspects are interpolated (experiments/campaigns).
+        turns: revolutions of a measured turntable. More frames than traced aspects are interpolated (experiments/campaign/truth.py).
     Raises:
-        ConfigError: a gap that there is not.
+        ConfigError: an unknown gap.
     """
     if gap is not None and gap not in GAPS:
-        raise ConfigError(f"measured.gap.{gap}: there is no such gap; choose {', '.join(GAPS)}")
+        raise ConfigError(f"measured.gap.{gap}: unknown gap; choose {', '.join(GAPS)}")
     frames = {"frames_per_turn": FRAMES, "rover_every": EVERY, "turns": turns}
     strengths = GapConfig(**{name: strength if name == gap else 0.0 for name in GAPS})
     return replace(
@@ -58,27 +57,30 @@ def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: 
 
 
 def check_untouched(config: Config) -> None:
-    """That nobody has set what a study of gaps sets by itself.
+    """Refuse settings that a study of gaps sets itself.
 
     Raises:
-        ConfigError: recordings, or gaps of a strength of their own.
+        ConfigError: measured recordings, or configured strengths of gaps.
     """
     if config.measured.provider != "testbed":
-        raise ConfigError("gaps are the testbed's: measured=recordings has none that could be switched; leave it out")
+        raise ConfigError("measured=recordings has no gaps that could be switched; use measured=testbed")
     if config.measured.gap != GapConfig():
-        raise ConfigError(f"experiment={config.experiment.name} switches every measured.gap by itself; leave measured.gap out")
+        raise ConfigError(f"experiment={config.experiment.name} switches every measured.gap itself; leave measured.gap out")
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One recording.
+    """Features of one recording. All but zero_db are taken between NEAR_M and FAR_M.
 
     Attributes:
-        key: of what it was read from. range_m: (B,), between NEAR_M and FAR_M as everything below, except zero_db.
-        channels: (F, A, B) complex range profiles. target, room: (F, B) masks of the target gate, and of what is ROOM_BINS from it.
-        profile: (B,) mean power. brightness_db: energy in the gate without the range law; room_db: in the room.
-        multipath: share. harmonic_ratio: of a turn, else NaN. track_m: (F,) range of the target's peak; energy: (F,) in the gate.
-        noise_db: median noise of a range bin; zero_db: mean power of the bins within ZERO_M.
+        key: of the product that was read. range_m: (B,).
+        channels: (F, A, B) complex range profiles.
+        target, room: (F, B) masks of the target gate, and of the bins more than ROOM_BINS from the target.
+        profile: (B,) mean power.
+        brightness_db: energy in the gate without the range law. room_db: energy in the room.
+        multipath: multipath share. harmonic_ratio: of a revolution; NaN for a drive.
+        track_m: (F,) range of the target's peak. energy: (F,) in the gate.
+        noise_db: median noise of a range bin. zero_db: mean power of the bins within ZERO_M.
     """
 
     key: str
@@ -98,10 +100,10 @@ class Reading:
 
 
 def recorded(config: Config, store: Store, progress: Progress, domain: str, case: Case, frames: int | None = None) -> Reading:
-    """A case under this configuration, made now unless it is in the store. The twin is read without noise.
+    """The reading of a case, simulated if it is not in the store. The twin is read without noise.
 
     Args:
-        frames: the first so many alone.
+        frames: number of frames to read; None reads all.
     """
     campaign = Campaign(config, store, progress)
     log = campaign.log(case, domain)
@@ -114,15 +116,15 @@ def recorded(config: Config, store: Store, progress: Progress, domain: str, case
 
 
 def read(key: str, processed: Processed, log: Log) -> Reading:
-    """What is read off a recording; of a log longer than it the first frames count."""
+    """The reading of a recording; a longer log is cut to its frames."""
     count = processed.num_frames
     nominal = distances(log, len(log.distance_m))[:count]
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     energy = envelope.target_energy(processed, nominal)
     in_gate, _ = gate.gate_energies(processed.power, processed.range_m, nominal)
     centre = np.abs(processed.range_m - nominal[:, None]).argmin(axis=1)
-    apart = np.abs(np.arange(len(processed.range_m)) - centre[:, None])[:, inside]
-    room = apart > ROOM_BINS
+    bins_away = np.abs(np.arange(len(processed.range_m)) - centre[:, None])[:, inside]
+    room = bins_away > ROOM_BINS
     ratio = float("nan")
     if log.angle_rad is not None:
         ratio = envelope.harmonic_ratio(envelope.revolution(energy, log.angle_rad[:count]))
@@ -130,7 +132,7 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
         key=key,
         range_m=processed.range_m[inside],
         channels=processed.channels[..., inside],
-        target=apart <= gate.GATE_BINS,
+        target=bins_away <= gate.GATE_BINS,
         room=room,
         profile=processed.power[:, inside].mean(axis=0, dtype=np.float64),
         brightness_db=brightness.brightness_db(energy, nominal),
@@ -145,9 +147,9 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
 
 
 def moved(one: Reading, base: Reading) -> dict[str, float]:
-    """How far each feature is from the base's.
+    """Change of each feature from the base.
 
-    The track's is weighted by the base's energy: where the target is hardly seen its peak jumps. Signal changes are |one - base| / |base|.
+    The track is weighted by the base's energy, because the peak of a weak target jumps. Signal changes are |one - base| / |base|.
     """
     return {
         "target brightness (dB)": one.brightness_db - base.brightness_db,
@@ -162,21 +164,18 @@ def moved(one: Reading, base: Reading) -> dict[str, float]:
 
 
 def change_db(one: Reading, base: Reading, chosen: NDArray[np.bool_]) -> float:
-    """Difference of two complex recordings over the base in these cells (F, B), in decibels."""
+    """|one - base| / |base| of the complex signals in the cells of a mask (F, B), in decibels."""
     where = chosen[:, None]
     difference = np.sum(np.abs(one.channels - base.channels) ** 2, where=where, dtype=np.float64)
     return decibels(float(difference / np.sum(np.abs(base.channels) ** 2, where=where, dtype=np.float64)))
 
 
 def profile_difference_db(one: Reading, base: Reading, span_db: float = 60.0) -> float:
-    """Root mean square difference of the mean range profiles in decibels, over the bins within `span_db` of the strongest."""
-    heard = base.profile >= base.profile.max() * 10 ** (-span_db / 10)
-    return float(np.sqrt(np.mean((10 * np.log10(one.profile[heard] / base.profile[heard])) ** 2)))
+    """Root mean square difference in decibels of the mean range profiles, over the bins within `span_db` of the base's strongest bin."""
+    strong = base.profile >= base.profile.max() * 10 ** (-span_db / 10)
+    return float(np.sqrt(np.mean((10 * np.log10(one.profile[strong] / base.profile[strong])) ** 2)))
 
 
 def decibels(power: float) -> float:
-    return 10 * float(np.log10(max(power, 10 ** (-DARKEST_DB / 10))))
-
-
-def keys(readings: Sequence[Reading]) -> list[str]:
-    return [reading.key for reading in readings]
+    """Power in decibels, at least LOWEST_DB."""
+    return 10 * float(np.log10(max(power, 10 ** (LOWEST_DB / 10))))

@@ -1,14 +1,13 @@
-"""Which part of the distance between twin and testbed comes from which gap, for fidelity and for recognition.
+"""Gap attribution: which part of the distance between twin and testbed comes from which gap, for fidelity and for recognition?
 
-Three losses (experiments/gaps/coalitions.py) are taken with any set of gaps on. Alone: what a gap costs where all others are off. Left out:
-what is regained where all others stay on. Share: Shapley's, exact over groups of gaps, which sums to what all of them cost
-(experiments/gaps/shapley.py). Where gaps do not act on one another the three are equal; a gap that costs much alone and nothing when
-left out is hidden by others. Losses are per recording, intervals bootstraps over recordings, the draw of each gap is one (seed).
+Three losses (experiments/gaps/coalitions.py) are computed with any set of gaps on. Alone: the loss that a gap causes with all others off.
+Left out: the loss that disappears if the gap goes off with all others on. Share: the gap's Shapley value, exact over groups of gaps; the
+shares sum to the total loss (experiments/gaps/shapley.py). The three are equal for gaps that do not interact; a gap with a large loss
+alone and none when left out is hidden by others. Losses are per recording; intervals are bootstraps over recordings. Each gap is one draw
+of the seed. Claims were written before the first run: walls and their materials decide the room's profile; lines and filter take 8 dB of
+the target's brightness; ranks do not depend on levels; a liquid affects its bottle only.
 
-Claims were written before the first run, from what acts on what: walls and their materials are the room's profile; lines and filter take 8
-dB of the target's brightness; ranks do not know a level; a liquid is in its bottle.
-
-Cost in the quick profile: 86 core seconds on a busy machine, of which 28 set up the scanned laboratory (four objects, no clutter, no finer
+Cost of the quick profile: 86 core seconds on a busy machine, of which 28 set up the scanned laboratory (four objects, no clutter, no finer
 solver, true labels). The paper profile has every gap.
 """
 
@@ -22,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import statistics
-from experiments.claims import NONE, Claim, row
+from experiments.claims import NONE, Claim, RowList
+from experiments.drawing import error_bars, legend_above
 from experiments.gaps import case_set, shapley
 from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses
 from experiments.gaps.shapley import Coalition
@@ -56,7 +56,7 @@ ROOM = "geometry and materials"
 
 @dataclass(frozen=True)
 class Plan:
-    """Which gaps are switched, grouped for the shares, and on which objects; gaps in no group stay off.
+    """Groups of gaps and the recorded objects. Gaps in no group stay off.
 
     Attributes:
         singly: whether each gap of a group is also switched by itself.
@@ -71,23 +71,23 @@ class Plan:
         return frozenset(gap for gaps in self.groups.values() for gap in gaps)
 
     def on(self, players: Coalition) -> Coalition:
-        """Gaps of a coalition of groups."""
+        """The gaps of a coalition of groups."""
         return frozenset(gap for player in players for gap in self.groups[player])
 
     def switched(self) -> dict[str, Coalition]:
-        """What is switched alone and left out alone: each group, and where told each gap of a group of several."""
+        """The sets that are switched alone and left out, by name: each group, and with `singly` each gap of a larger group."""
         single = {gap: frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
         return {name: frozenset(gaps) for name, gaps in self.groups.items()} | {f"{gap} only": one for gap, one in single.items()}
 
     def needed(self) -> list[Coalition]:
-        """Every set of gaps that has to be scored."""
+        """Every set of gaps that must be scored."""
         sets = [self.on(some) for some in shapley.coalitions(tuple(self.groups))]
         sets += [part for one in self.switched().values() for part in (one, self.everything - one)]
         return list(dict.fromkeys(sets))
 
 
 PLANS = {
-    # what is set up anew for clutter or a finer solver costs more than all of these
+    # the set-up of clutter or of a finer solver would cost more than all of these gaps
     "quick": Plan(
         {
             "geometry": ("geometry",), "materials": ("materials", "roughness"), "contents": ("contents",), "hardware": ("hardware",),
@@ -118,7 +118,7 @@ CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # by score, gap, objects, me
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Rows of every gap or group, score by score."""
+    """The table of the configured testbed and twin. Raises ConfigError for settings that the table sets itself."""
     check(config)
     plan = PLANS["quick" if config.profile.name == "quick" else "paper"]
     sides = Sides(config, store, progress, cases(plan.objects))
@@ -131,76 +131,76 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def check(config: Config) -> None:
-    """Refuse what would be overridden without a word.
+    """Refuse settings that the table would override.
 
     Raises:
-        ConfigError: recordings, gaps or materials that the table sets by itself.
+        ConfigError: measured recordings, gaps or materials that the table sets itself.
     """
     case_set.check_untouched(config)
     if config.materials.source in ("true", "void"):
         raise ConfigError(
-            f"experiment=gap_attribution switches from true materials to labelled ones; leave materials={config.materials.source} out"
+            f"experiment=gap_attribution switches between true and labelled materials itself; leave materials={config.materials.source} out"
         )
 
 
-def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> list[dict[str, Any]]:
-    """Of each score: the loss with none and all of the gaps, then each gap alone, left out and its share; of bottles apart, where several.
+def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> RowList:
+    """Rows per score: the loss without and with all gaps, then each gap alone, left out, and its share; also over filled bottles.
 
     Args:
-        filled: (recordings,) which are of filled bottles.
+        filled: (recordings,) mask of the filled bottles.
     """
-    rows = []
+    rows = RowList(config)
     for score in SCORES:
         for objects, chosen in ((ALL, np.ones_like(filled)), (FILLED, filled)):
-            if not chosen.any() or (objects == FILLED and score == RECOGNITION):
-                continue
-            value = {on: loss[chosen] for on, loss in found[score].items()}
-
-            def add(gap: str, metric: str, samples: NDArray[np.float64], score: str = score, objects: str = objects) -> None:
-                claim = CLAIMS.get((score, gap, objects, metric), NONE)
-                estimate = statistics.mean(samples, config.profile.resamples, config.seed)
-                rows.append(row(config, {"score": score, "gap": gap, "objects": objects}, metric, estimate, keys, claim))
-
-            add("none", "loss", value[frozenset()])
-            add("all", "loss", value[plan.everything])
-            for gap, one in plan.switched().items():
-                add(gap, ALONE, shapley.alone(value, one))
-                add(gap, LEFT_OUT, shapley.left_out(value, one, plan.everything))
-            groups = tuple(plan.groups)
-            shared = shapley.shares(groups, {some: value[plan.on(some)] for some in shapley.coalitions(groups)})
-            for gap, samples in shared.items():
-                add(gap, SHARE, samples)
-            if objects == ALL:
-                rows.append(_part(config, score, shared, keys))
+            if chosen.any() and not (objects == FILLED and score == RECOGNITION):
+                value = {on: loss[chosen] for on, loss in found[score].items()}
+                _add_rows(rows, plan, score, objects, value, keys)
     return rows
 
 
-def _part(config: Config, score: str, shared: Mapping[str, NDArray[np.float64]], keys: Sequence[str]) -> dict[str, Any]:
-    """What geometry and materials have of the total, recordings drawn anew; none where all gaps together cost nothing."""
+def _add_rows(
+    rows: RowList, plan: Plan, score: str, objects: str, value: Mapping[Coalition, NDArray[np.float64]], keys: Sequence[str]
+) -> None:
+    """Rows of one score; `value` holds its losses (recordings,) by set of gaps."""
+
+    def add(gap: str, metric: str, samples: NDArray[np.float64]) -> None:
+        case = {"score": score, "gap": gap, "objects": objects}
+        rows.add_mean(case, metric, samples, keys, CLAIMS.get((score, gap, objects, metric), NONE))
+
+    add("none", "loss", value[frozenset()])
+    add("all", "loss", value[plan.everything])
+    for gap, one in plan.switched().items():
+        add(gap, ALONE, shapley.alone(value, one))
+        add(gap, LEFT_OUT, shapley.left_out(value, one, plan.everything))
+    groups = tuple(plan.groups)
+    shared = shapley.shares(groups, {some: value[plan.on(some)] for some in shapley.coalitions(groups)})
+    for gap, samples in shared.items():
+        add(gap, SHARE, samples)
+    if objects == ALL:
+        case = {"score": score, "gap": ROOM, "objects": ALL}
+        estimate = _part(rows.config, shared)
+        rows.add(case, "part of the total", estimate, keys, CLAIMS.get((score, ROOM, ALL, "part of the total"), NONE))
+
+
+def _part(config: Config, shared: Mapping[str, NDArray[np.float64]]) -> statistics.Estimate:
+    """Part of geometry and materials in the total loss, with a bootstrap over recordings; NaN if all gaps together cause no loss."""
     room, total = shared["geometry"] + shared["materials"], np.sum(list(shared.values()), axis=0)
     drawn = np.random.default_rng(config.seed).integers(len(total), size=(config.profile.resamples, len(total)))
     sums = total[drawn].mean(axis=1)
     if total.mean() <= 0 or (sums <= 0).any():
-        estimate = statistics.Estimate(float("nan"), float("nan"), float("nan"), len(total))
-    else:
-        value, parts = float(room.mean() / total.mean()), room[drawn].mean(axis=1) / sums
-        low, high = np.quantile(parts, [0.025, 0.975])
-        estimate = statistics.Estimate(value, min(float(low), value), max(float(high), value), len(total))
-    claim = CLAIMS.get((score, ROOM, ALL, "part of the total"), NONE)
-    return row(config, {"score": score, "gap": ROOM, "objects": ALL}, "part of the total", estimate, keys, claim)
+        return statistics.exact(float("nan"), len(total))
+    return statistics.resampled(float(room.mean() / total.mean()), room[drawn].mean(axis=1) / sums, len(total))
 
 
 def chart(rows: Sequence[Mapping[str, Any]], groups: Sequence[str]) -> Figure:
-    """Alone, share and left out of each group, a panel per score, with intervals."""
+    """Bars of alone, share and left out of each group with intervals, one panel per score."""
     drawing, panels = figure(1, len(SCORES), width_in=PAGE_WIDTH_IN, height_in=3.4, sharey=True)
     place = np.arange(len(groups))[::-1]
     for panel, score in zip(panels, SCORES, strict=True):
         known = {(r["gap"], r["metric"]): r for r in rows if (r["score"], r["objects"]) == (score, ALL)}
         for shift, metric, colour in ((0.27, ALONE, PALETTE[5]), (0.0, SHARE, PALETTE[0]), (-0.27, LEFT_OUT, PALETTE[4])):
-            some = [known[gap, metric] for gap in groups]
-            value, low, high = (np.array([one[name] for one in some]) for name in ("value", "low", "high"))
-            error = np.stack([value - low, high - value])
-            panel.barh(place + shift, value, 0.25, color=colour, label=metric, xerr=error, error_kw={"lw": 0.8, "ecolor": "0.3"})
+            value, errors = error_bars(known[gap, metric] for gap in groups)
+            panel.barh(place + shift, value, 0.25, color=colour, label=metric, xerr=errors, error_kw={"lw": 0.8, "ecolor": "0.3"})
         none, everything = (known[gap, "loss"]["value"] for gap in ("none", "all"))
         panel.set_title(score)
         panel.set_xlabel(f"{none:.2f} without gaps, {everything:.2f} with all")
@@ -208,5 +208,5 @@ def chart(rows: Sequence[Mapping[str, Any]], groups: Sequence[str]) -> Figure:
         panel.grid(axis="x", color="0.9", lw=0.5)
         panel.set_axisbelow(True)
     panels[0].set_yticks(place, groups)
-    drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    legend_above(drawing, panels[0], 3)
     return drawing

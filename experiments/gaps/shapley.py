@@ -1,9 +1,9 @@
-"""What each of several things that act together brings to a total: a game over coalitions, played in full.
+"""Exact Shapley shares of players that act together.
 
-Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share: the mean, over all orders in which the players could come, of what one
-adds to those before it, phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)). Shares sum to v(N) - v({}).
-Ref: L. S. Shapley, A Value for n-Person Games, 1953. All are linear in v: values per recording give shares per recording. Nothing is
-sampled, so shares have no error of their own beside that of v.
+Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i: the mean over all orders of arrival of the value that the
+player adds, phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)). Shares sum to v(N) - v({}).
+Ref: L. S. Shapley, A Value for n-Person Games, 1953. Shares are linear in v, so values per recording give shares per recording. All
+coalitions are evaluated, so shares have no sampling error of their own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Game = Mapping[Coalition, NDArray[np.float64]]
 
 
 def coalitions(players: Sequence[str]) -> Iterator[Coalition]:
-    """All 2^n, the small ones first."""
+    """All 2^n coalitions, small ones first."""
     return (frozenset(some) for size in range(len(players) + 1) for some in combinations(players, size))
 
 
@@ -30,9 +30,9 @@ def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]
     """Shapley's share of each player.
 
     Args:
-        value: of every coalition, equal shapes (...).
+        value: of every coalition, arrays of one shape (...).
     Returns:
-        By player, (...).
+        The share of each player, (...).
     Raises:
         InputError: a coalition without a value.
 
@@ -53,16 +53,16 @@ def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]
 
 
 def alone(value: Game, player: Coalition) -> NDArray[np.float64]:
-    """What comes when these are there and nobody else."""
+    """Value of these players alone, above that of no player."""
     return _of(value, player) - _of(value, frozenset())
 
 
-def left_out(value: Game, player: Coalition, everybody: Coalition) -> NDArray[np.float64]:
-    """What goes when these alone leave all the others."""
-    return _of(value, everybody) - _of(value, everybody - player)
+def left_out(value: Game, player: Coalition, all_players: Coalition) -> NDArray[np.float64]:
+    """Value that is lost if these players leave all others."""
+    return _of(value, all_players) - _of(value, all_players - player)
 
 
 def _of(value: Game, coalition: Coalition) -> NDArray[np.float64]:
     if coalition not in value:
-        raise InputError(f"the game has no value for {', '.join(sorted(coalition)) or 'nobody'}; give one for every coalition")
+        raise InputError(f"the game has no value for {', '.join(sorted(coalition)) or 'no player'}; give one for every coalition")
     return value[coalition]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.drawing import error_bars
 from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import MEASURED, Samples
 from radartwin.recognize.score import confusion
@@ -20,7 +21,7 @@ Row = Mapping[str, Any]
 
 
 def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", grey: str = "") -> Figure:
-    """Bars of {group: {method: row}} with their intervals; the baseline is grey, and chance is a line through each group."""
+    """Bars of {group: {method: row}} with their intervals, the method `grey` in grey; a line through each group shows chance."""
     drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
     methods = list(dict.fromkeys(method for group in groups.values() for method in group))
     colours = {grey: GREY} | dict(zip((method for method in methods if method != grey), PALETTE, strict=False))
@@ -30,10 +31,10 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
             if method not in group:
                 continue
             row, x = group[method], place + (number - (len(methods) - 1) / 2) * width
-            value, low, high = row["value"], row["low"], row["high"]
-            axis.bar(x, value, 0.92 * width, color=colours[method], label=method if place == 0 else None)
-            axis.errorbar(x, value, [[value - low], [high - value]], color="black", lw=0.8, capsize=2)
-            axis.text(x, high, f" {value:.2f}", rotation=90, ha="center", va="bottom", fontsize=6)
+            value, errors = error_bars([row])
+            axis.bar(x, row["value"], 0.92 * width, color=colours[method], label=method if place == 0 else None)
+            axis.errorbar(x, value, errors, color="black", lw=0.8, capsize=2)
+            axis.text(x, row["high"], f" {row['value']:.2f}", rotation=90, ha="center", va="bottom", fontsize=6)
         chance = next(iter(group.values()))["chance"]
         axis.plot([place - 0.45, place + 0.45], [chance, chance], color="black", ls="--", lw=0.8, label="chance" if place == 0 else None)
     axis.set_xticks(range(len(groups)), list(groups))
@@ -47,11 +48,11 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
 
 
 def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[str]) -> Figure:
-    """One matrix per panel of (truth, answer): shares of the answers, columns, for each true class, rows."""
+    """One matrix per panel of (truth, prediction): shares of the predictions (columns) per true class (rows)."""
     drawing, axes = figure(1, len(panels), width_in=PAGE_WIDTH_IN, height_in=3.4, squeeze=False, sharey=True)
     names = [name.replace("_", " ") for name in classes]
-    for axis, (title, (truth, answer)) in zip(axes[0], panels.items(), strict=True):
-        shares = confusion(truth, answer, tuple(classes))
+    for axis, (title, (truth, prediction)) in zip(axes[0], panels.items(), strict=True):
+        shares = confusion(truth, prediction, tuple(classes))
         axis.imshow(shares, vmin=0, vmax=1, cmap="Blues")
         for row, column in np.argwhere(shares >= 0.005):
             dark = "white" if shares[row, column] > 0.6 else "black"
@@ -65,7 +66,7 @@ def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[
 
 
 def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -> Figure:
-    """Embeddings of both domains on their first two principal components: colour by class, filled where measured."""
+    """Embeddings of both domains on their first two principal components: coloured by class, measured ones filled."""
     from sklearn.decomposition import PCA
 
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.5, height_in=3.2)
@@ -89,7 +90,7 @@ def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -
 
 
 def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
-    """Accuracy against labelled recordings per class, {method: rows with `shots`}; a symmetric-log axis has a place for zero."""
+    """Accuracy against labelled recordings per class, {method: rows with `shots`}; the symmetric-log axis includes zero."""
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
     for number, (method, found) in enumerate(rows.items()):
         shots, value, low, high = (np.array([row[name] for row in found], float) for name in ("shots", "value", "low", "high"))

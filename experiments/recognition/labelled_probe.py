@@ -1,25 +1,37 @@
-"""Labelled probe: what a representation trained on simulation alone is worth to who has a few measured labels.
+"""Labelled probe: how much does an encoder trained on simulation alone help if a few measured labels are known?
 
-The encoder learns from noise-augmented copies of simulated revolutions and never sees a measured one; measured revolutions are embedded by
-it, frozen, and each is recognised by the nearest class centroid of all the others. The same probe on the features themselves tells what
-the training was worth; within strata of equal distance, that distance is no cue. Revolutions of one recording are nearly alike, so the
-probe is also asked without the other revolutions of the same recording, which are then of other distances. Paper: recognition with
-simulation-trained representations, 95.3 +- 1.5 % against 89.7 % raw, stratified 95.3 against 90.3 %, an adapted RF-Genesis 90.1 %. Beyond
-the paper: accuracy against the number of labels, and controls on shuffled labels and domains.
+The encoder is trained on noisy copies of simulated revolutions and never sees a measured one. It then embeds the measured revolutions, and
+each is classified by the nearest class centroid of the others. The same probe on the features themselves shows the benefit of the training.
+A probe within strata of equal distance removes distance as a cue. Revolutions of one recording are nearly alike, so another probe leaves
+out all revolutions of the same recording; the remaining ones are at other distances. Paper: recognition with simulation-trained
+representations, 95.3 +- 1.5 % against 89.7 % raw, stratified 95.3 against 90.3 %, an adapted RF-Genesis 90.1 %. Beyond the paper:
+accuracy against the number of labels, and controls with shuffled labels and domains.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.source import RecordingSource
+from experiments.claims import Claim
 from experiments.recognition.figures import bars, confusions, label_curve
-from experiments.recognition.protocol import Rows, anchors, encoders, right, seed_sd, seeds, settings
-from experiments.recognition.readings import Campaign, Readings, noise_copies, shared_cases, vectors
+from experiments.recognition.protocol import (
+    RecognitionRows,
+    anchors,
+    correct,
+    count_sources,
+    encoders,
+    seeds,
+    settings,
+    statistics_columns,
+)  # fmt: skip
+from experiments.recognition.readings import FEATURES, MOTION, noise_copies, shared_cases, vectors
 from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
@@ -32,6 +44,9 @@ from radartwin.recognize.training import fit
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 TABLE = Table(
     name="labelled_probe",
     title="What training on simulation is worth",
@@ -42,12 +57,11 @@ TABLE = Table(
     "recordings, answers counts revolutions. Intervals are bootstraps over objects and distances.",
 )
 
-MOTION, FEATURES = "turntable", "rotation"
 SHOTS = (0, 1, 2, 4, 8, 14)
 RIVAL = "RF-Genesis (corrected)"
 PRETRAINED, RAW, SCRATCH = "trained on simulation", "raw features", "trained on the labels alone"
 REVOLUTIONS, RECORDINGS, MATCHED = "other revolutions", "other recordings", "other revolutions, same distance"
-PROBES = {  # by what the centroids are of: the paper's figures by method, and its gain
+PROBES = {  # the paper's accuracy by method, and the paper's gain
     REVOLUTIONS: ({PRETRAINED: "95.3 %", RAW: "89.7 %", RIVAL: "90.1 %"}, "+5.6 points"),
     MATCHED: ({PRETRAINED: "95.3 %", RAW: "90.3 %"}, "+5.0 points"),
     RECORDINGS: ({}, ""),
@@ -57,188 +71,164 @@ CASE = {"level": "few_shot", "setting": "turntable, 12 objects"}
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Measured recordings, and simulated copies by simulator, each domain standardised by its own unlabelled rows."""
+    """Measured recordings, and simulated copies by method, each standardised by its own unlabelled rows; `keys` also by method."""
 
     measured: Samples
     copies: Mapping[str, Samples]
     keys: Mapping[str, tuple[str, ...]]
 
+    def keys_of(self, method: str) -> tuple[str, ...]:
+        """Store keys of the measured recordings and of a method's simulated recordings, if it has any."""
+        return (*self.keys["measured"], *self.keys.get(method, ()))
+
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign.campaign import Campaign as Recorded
+    """The table of the configured campaign, with a rival campaign that RF-Genesis simulates."""
+    simulator = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
+    rival = replace(config, simulator=simulator)
+    return score(config, Campaign(config, store, progress), store, progress, {RIVAL: Campaign(rival, store, progress)})
 
-    rival = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
-    naive = replace(config, simulator=rival)
-    return score(config, Recorded(config, store, progress), store, progress, {RIVAL: Recorded(naive, store, progress)})
 
-
-def score(config: Config, campaign: Campaign, store: Store, progress: Progress, rivals: Mapping[str, Campaign] | None = None) -> Result:
-    """The table from a campaign, and from rival simulators' campaigns under the same protocol."""
-    data = gather_data(config, campaign, store, progress, rivals or {})
-    table = Rows(config, [])
-    measured, keys = data.measured, (*data.keys["measured"], *data.keys[PRETRAINED])
-    chance = uniform_chance(measured.relabelled({label: label for label in measured.classes}))
-    answers: dict[tuple[str, str], list[NDArray]] = {}
-    trained: dict[str, list[Encoder]] = {}
-    for name, simulated in data.copies.items():
-        trained[name] = encoders(config, label_free(simulated, measured))
-    probes = _probes(measured, progress)
+def score(
+    config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource] | None = None
+) -> Result:
+    """Rows of every probe, of accuracy against labels, and of the controls; `rivals` are campaigns of other simulators."""
+    data = gather_data(config, source, store, progress, rivals or {})
+    measured = data.measured
+    rows = RecognitionRows(config)
+    chance = uniform_chance(measured)
+    trained = {method: encoders(config, label_free(simulated, measured)) for method, simulated in data.copies.items()}
+    embedded = {RAW: [measured]} | {method: [encoder.embedded(measured) for encoder in some] for method, some in trained.items()}
+    probes = _usable_probes(measured, progress)
+    predictions = {(method, probe): [_predict(samples, probe) for samples in some] for probe in probes for method, some in embedded.items()}
+    hits = {key: correct(found, measured.label) for key, found in predictions.items()}
+    shown = {}
     for probe in probes:
-        answers[RAW, probe] = [_probed(measured, probe)]
-        for name, found in trained.items():
-            answers[name, probe] = [_probed(encoder.embedded(measured), probe) for encoder in found]
-    scores = {case: right(found, measured.label) for case, found in answers.items()}
-
-    groups: dict[str, dict[str, Mapping[str, Any]]] = {}
-    for probe, (figures, gain) in probes.items():
-        case = CASE | {"probe": probe}
-        shown = groups.setdefault(probe.replace(", ", ",\n"), {})
-        for method in (RAW, *data.copies):
-            claim = "measured revolutions are recognised" if method == PRETRAINED else ""
-            used = data.keys["measured"] if method == RAW else (*data.keys["measured"], *data.keys[method])
-            shown[method] = table.share(
-                case | {"method": method}, scores[method, probe], measured, used, chance, paper=figures.get(method, ""), claim=claim
-            )
-        for method, paper, claim in (
-            (RAW, gain, "training on simulation beats the raw features"),
-            *(
-                (rival, "+5.2 points" if probe == REVOLUTIONS else "", "our simulation teaches more")
-                for rival in data.copies
-                if rival != PRETRAINED
-            ),
-        ):
-            table.gain(
-                case | {"method": f"{PRETRAINED} - {method}"}, scores[PRETRAINED, probe], scores[method, probe], measured,
-                sorted({*keys, *data.keys.get(method, ())}), paper=paper, claim=claim,
-            )  # fmt: skip
-    curve = label_efficiency(config, table, data, trained[PRETRAINED], chance) if RECORDINGS in probes else {}
-    controls(config, table, data, chance)
-    figures_of = {
-        "labelled_probe": lambda: bars(groups, "accuracy", grey=RAW),
-        "labelled_probe_confusion": lambda: confusions(
-            {method: (measured.label, answers[method, list(probes)[-1]][0]) for method in (RAW, PRETRAINED)}, measured.classes
-        ),
+        shown[probe.replace(", ", ",\n")] = _add_probe(rows, data, probe, {method: hits[method, probe] for method in embedded}, chance)
+    last = list(probes)[-1]
+    panels = {method: (measured.label, predictions[method, last][0]) for method in (RAW, PRETRAINED)}
+    figures: dict[str, Callable[[], Figure]] = {
+        "labelled_probe": lambda: bars(shown, "accuracy", grey=RAW),
+        "labelled_probe_confusion": lambda: confusions(panels, measured.classes),
     }
-    if curve:
-        figures_of["label_efficiency"] = lambda: label_curve(curve, chance)
+    if RECORDINGS in probes:
+        curve = label_efficiency(rows, data, trained[PRETRAINED], chance)
+        if curve:
+            figures["label_efficiency"] = lambda: label_curve(curve, chance)
+    _add_controls(rows, data, chance)
     metrics = {
-        f"accuracy_{name}_{probe.replace(', ', '_').replace(' ', '_')}": float(scores[method, probe].mean())
+        f"accuracy_{name}_{probe.replace(', ', '_').replace(' ', '_')}": float(hits[method, probe].mean())
         for name, method in (("pretrained", PRETRAINED), ("raw", RAW)) for probe in probes
     } | {"chance": chance}  # fmt: skip
-    all_keys = sorted({key for found in data.keys.values() for key in found})
-    return Result(TABLE.name, table.rows, figures_of, metrics, all_keys)
+    return Result("labelled_probe", rows, figures, metrics, sorted({key for found in data.keys.values() for key in found}))
 
 
-def _probes(measured: Samples, progress: Progress) -> Mapping[str, tuple[Mapping[str, str], str]]:
-    """Those that can be asked: with one recording of an object there is no other one to know it by, and none to spare for labels."""
-    alone = [label for label in measured.classes if len(np.unique(measured.source[measured.label == label])) < 2]
-    if not alone:
-        return PROBES
-    progress.say(f"one recording alone of {len(alone)} objects: neither told from other recordings nor by number of labels")
-    return {probe: paper for probe, paper in PROBES.items() if probe != RECORDINGS}
+def _add_probe(rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str, NDArray], chance: float) -> dict[str, Mapping[str, Any]]:
+    """Accuracy of every method, and the gains of the training on simulation; returns the rows of accuracy by method."""
+    figures, gain = PROBES[probe]
+    case, shown = CASE | {"probe": probe}, {}
+    for method, found in hits.items():
+        claim = Claim("measured revolutions are recognised" if method == PRETRAINED else "", figures.get(method, ""))
+        shown[method] = rows.share(case | {"method": method}, found, data.measured, data.keys_of(method), chance, claim)
+    claims = {RAW: Claim("training on simulation beats the raw features", gain)}
+    claims |= {
+        method: Claim("our simulation teaches more", "+5.2 points" if probe == REVOLUTIONS else "")
+        for method in data.copies if method != PRETRAINED
+    }  # fmt: skip
+    for method, claim in claims.items():
+        keys = sorted({*data.keys_of(PRETRAINED), *data.keys_of(method)})
+        rows.gain(case | {"method": f"{PRETRAINED} - {method}"}, hits[PRETRAINED], hits[method], data.measured, keys, claim)
+    return shown
 
 
-def _probed(rows: Samples, probe: str) -> NDArray[np.str_]:
-    """The leave-one-out answers of a probe."""
-    return leave_one_out_centroid(rows, rows.source if probe == RECORDINGS else None, stratified=probe == MATCHED)
+def _usable_probes(measured: Samples, progress: Progress) -> list[str]:
+    """All probes; without the one on other recordings if an object has a single recording."""
+    single = [label for label in measured.classes if len(np.unique(measured.source[measured.label == label])) < 2]
+    if not single:
+        return list(PROBES)
+    progress.say(f"{len(single)} objects have a single recording: no probe on other recordings and no accuracy by number of labels")
+    return [probe for probe in PROBES if probe != RECORDINGS]
 
 
-def gather_data(config: Config, campaign: Campaign, store: Store, progress: Progress, rivals: Mapping[str, Campaign]) -> Data:
-    """Read everything; a rival replaces the twin's recordings, nothing else."""
-    cases, _ = shared_cases(campaign, MOTION)
+def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
+    """The leave-one-out predictions of a probe."""
+    return leave_one_out_centroid(samples, samples.source if probe == RECORDINGS else None, stratified=probe == MATCHED)
+
+
+def gather_data(config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource]) -> Data:
+    """The measured recordings, and the copies of the twin's and of each rival's recordings."""
+    cases, twins = shared_cases(source, MOTION)
     progress.say(f"{len(cases)} measured {MOTION} recordings")
-    measured = vectors(campaign, "measured", cases, FEATURES)
-    read: dict[str, Readings] = {}
-    for name, source in {PRETRAINED: campaign, **rivals}.items():
-        twins = shared_cases(_measured_by(campaign, source), MOTION)[1]
-        progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each: {name}")
-        read[name] = noise_copies(_measured_by(campaign, source), store, twins, cases, FEATURES, config.supervision.copies, config.seed)
-    keys = {"measured": measured.keys, **{name: readings.keys for name, readings in read.items()}}
-    return Data(standardised(measured.samples), {name: standardised(readings.samples) for name, readings in read.items()}, keys)
+    measured = vectors(source, "measured", cases, FEATURES)
+    copies = {}
+    for method, simulated in {PRETRAINED: source, **rivals}.items():
+        progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each: {method}")
+        copies[method] = noise_copies(config, store, simulated, twins, cases, measured_source=source)
+    keys = {"measured": measured.keys, **{method: readings.keys for method, readings in copies.items()}}
+    return Data(standardised(measured.samples), {method: standardised(readings.samples) for method, readings in copies.items()}, keys)
 
 
-def _measured_by(campaign: Campaign, twins: Campaign) -> Campaign:
-    """The measured recordings of one campaign with the simulated ones of another."""
-    if campaign is twins:
-        return campaign
+def label_efficiency(rows: RecognitionRows, data: Data, trained: Sequence[Encoder], chance: float) -> dict[str, list[Mapping[str, Any]]]:
+    """Accuracy with k labelled measured revolutions per class: nearest centroid of the k, or the nearest text for k = 0.
 
-    class Both:
-        def cases(self, domain: Any, **chosen: Any) -> Sequence[Any]:
-            return (campaign if domain == "measured" else twins).cases(domain, **chosen)
-
-        def prepare(self, wanted: Any, materials: Any = None) -> None:
-            wanted = list(wanted)
-            campaign.prepare([one for one in wanted if one[0] == "measured"], materials)
-            twins.prepare([one for one in wanted if one[0] != "measured"], materials)
-
-        def processed(self, domain: Any, case: Any, materials: Any = None):
-            return (campaign if domain == "measured" else twins).processed(domain, case, materials)
-
-        def log(self, case: Any, domain: str = "measured"):
-            return campaign.log(case, domain)
-
-    return Both()
-
-
-def label_efficiency(
-    config: Config, table: Rows, data: Data, trained: Sequence[Encoder], chance: float
-) -> dict[str, list[Mapping[str, Any]]]:
-    """Accuracy with k labelled measured revolutions per class: nearest centroid of the k, or the nearest text where k is 0.
-
-    Labels are drawn from one half of each object's recordings; the other half is scored.
+    Labels are drawn from one half of each object's recordings; the other half is scored. Returns the rows by method, each with `shots`.
     """
     measured = data.measured
-    texts = anchors(measured.classes)
     found: dict[str, list[Mapping[str, Any]]] = {PRETRAINED: [], RAW: [], SCRATCH: []}
     place = {name: row for row, name in enumerate(measured.recording)}
     for shots in (k for k in SHOTS if k <= most_shots(measured)):
         hits = {method: np.full((len(trained), len(measured)), np.nan) for method in found}
-        for number, (seed, encoder) in enumerate(zip(seeds(config), trained, strict=True)):
+        for number, (seed, encoder) in enumerate(zip(seeds(rows.config), trained, strict=True)):
             known, rest = draw_shots(measured, shots, seed)
-            answers = {PRETRAINED: nearest_text(encoder, rest.unlabelled(), texts, settings(config).temperature)}
-            if shots:
-                own = fit(Split("few_shot", known, rest, shots), texts, settings(config), seed).encoder
-                answers = {
-                    PRETRAINED: nearest_centroid(encoder.embedded(known), encoder.embedded(rest)),
-                    RAW: nearest_centroid(known, rest),
-                    SCRATCH: nearest_centroid(own.embedded(known), own.embedded(rest)),
-                }
-            for method, answer in answers.items():
-                hits[method][number, [place[name] for name in rest.recording]] = answer == rest.label
-        for method, scored in hits.items():
-            rows = ~np.isnan(scored).all(axis=0)
-            if rows.any():
-                keys = data.keys["measured"] if method != PRETRAINED else (*data.keys["measured"], *data.keys[PRETRAINED])
+            for method, prediction in _few_shot_predictions(rows.config, encoder, known, rest, shots, seed).items():
+                hits[method][number, [place[name] for name in rest.recording]] = prediction == rest.label
+        for method, some in hits.items():
+            scored = ~np.isnan(some).all(axis=0)
+            if scored.any():
                 case = CASE | {"probe": f"{shots} labels per class", "method": method}
-                found[method].append(table.share(case, scored[:, rows], measured.take(rows), keys, chance) | {"shots": shots})
-    return {method: rows for method, rows in found.items() if rows}
+                row = rows.share(case, some[:, scored], measured.take(scored), data.keys_of(method), chance)
+                found[method].append(row | {"shots": shots})
+    return {method: some for method, some in found.items() if some}
 
 
-def controls(config: Config, table: Rows, data: Data, chance: float) -> None:
-    """What must come out at chance: labels dealt anew, domains dealt anew; and how well the true domains are told apart."""
-    measured, simulated = data.measured, data.copies[PRETRAINED]
-    keys = (*data.keys["measured"], *data.keys[PRETRAINED])
-    answers, dealt_domains, domains = [], [], []
+def _few_shot_predictions(
+    config: Config, encoder: Encoder, known: Samples, rest: Samples, shots: int, seed: int
+) -> dict[str, NDArray[np.str_]]:
+    """Predicted labels of `rest` by method, from the labelled rows `known`."""
+    texts = anchors(rest.classes)
+    if not shots:
+        return {PRETRAINED: nearest_text(encoder, rest.unlabelled(), texts, settings(config).temperature)}
+    own = fit(Split("few_shot", known, rest, shots), texts, settings(config), seed).encoder
+    return {
+        PRETRAINED: nearest_centroid(encoder.embedded(known), encoder.embedded(rest)),
+        RAW: nearest_centroid(known, rest),
+        SCRATCH: nearest_centroid(own.embedded(known), own.embedded(rest)),
+    }
+
+
+def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
+    """Controls with shuffled labels and shuffled domains, which must be at chance, and a linear probe of the true domains."""
+    measured, simulated, keys = data.measured, data.copies[PRETRAINED], data.keys_of(PRETRAINED)
     both = as_domains(join(simulated.per_recording(), measured))
-    texts = anchors(measured.classes)
-    for seed in seeds(config):
-        dealt = fit(label_free(shuffled(simulated, seed), measured), texts, settings(config), seed).encoder
-        answers.append(nearest_text(dealt, measured.unlabelled(), texts, settings(config).temperature))
-        for samples, kept in ((shuffled(both, seed), dealt_domains), (both, domains)):
-            kept.append(_domains_told(samples, seed))
-    draws = len(np.unique(simulated.recording))
-    shares = right(answers, measured.label).mean(axis=1)
-    table.control(CASE | {"probe": "control", "method": "simulated labels shuffled, nearest text"}, shares, draws, measured, keys, chance)
+    texts, chosen = anchors(measured.classes), settings(rows.config)
+    predictions, shuffled_domains, domains = [], [], []
+    for seed in seeds(rows.config):
+        encoder = fit(label_free(shuffled(simulated, seed), measured), texts, chosen, seed).encoder
+        predictions.append(nearest_text(encoder, measured.unlabelled(), texts, chosen.temperature))
+        shuffled_domains.append(_domain_accuracy(shuffled(both, seed), seed))
+        domains.append(_domain_accuracy(both, seed))
+    shares = correct(predictions, measured.label).mean(axis=1)
+    case = CASE | {"probe": "control", "method": "simulated labels shuffled, nearest text"}
+    rows.control(case, shares, len(np.unique(simulated.recording)), measured, keys, chance)
+    sources = count_sources(both)
     case = CASE | {"probe": "control", "method": "domains shuffled, linear probe"}
-    table.control(case, np.array(dealt_domains), len(np.unique(both.source)) // 2, both, keys, 0.5, metric="balanced accuracy")
-    told = {"answers": len(both), "chance": 0.5, "p": None, "seed_sd": seed_sd(np.array(domains))}
-    sources = len(np.unique(both.source))
-    case = CASE | {"probe": "linear probe", "method": "simulated or measured", **told}
-    table.add(case, "balanced accuracy", exact_interval(float(np.mean(domains)), sources // 2), sources, keys)
+    rows.control(case, np.array(shuffled_domains), sources // 2, both, keys, 0.5, metric="balanced accuracy")
+    case = CASE | {"probe": "linear probe", "method": "simulated or measured"} | statistics_columns(len(both), 0.5, None, np.array(domains))
+    rows.add(case, "balanced accuracy", exact_interval(float(np.mean(domains)), sources // 2), sources, keys)
 
 
-def _domains_told(samples: Samples, seed: int) -> float:
-    """Balanced accuracy of a linear domain classifier on the half of the stored recordings that it was not trained on."""
+def _domain_accuracy(samples: Samples, seed: int) -> float:
+    """Balanced accuracy of a linear domain classifier that is trained on half of the stored recordings and scored on the other half."""
     from sklearn.linear_model import LogisticRegression
 
     order = np.random.default_rng([seed, 0xD0]).permutation(np.unique(samples.source))

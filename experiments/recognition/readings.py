@@ -1,138 +1,108 @@
-"""What recognition reads off a campaign: feature rows per recording, frame or noise-augmented copy, with the keys of the recordings."""
+"""Feature rows of a campaign's recordings: per recording or revolution, per frame, per range-time signature, or per noisy copy."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from experiments.campaign.cases import Case
+from experiments.campaign.source import RecordingSource
+from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features import envelope, sets, track
 from radartwin.features.log import Log, Nominal, distances
 from radartwin.features.processed import Processed
+from radartwin.io.progress import Progress
 from radartwin.recognize.augment import added_noise, copies
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather
 from radartwin.store.products import Store, save_arrays
 
 ROOTS = ["radartwin.features.sets", "radartwin.recognize.augment"]
-_TURNTABLE = "turntable"
-
-
-class Case(Protocol):
-    """One recording of the study, in either domain."""
-
-    @property
-    def object(self) -> str: ...
-    @property
-    def room(self) -> str: ...
-    @property
-    def motion(self) -> str: ...
-    @property
-    def distance_m(self) -> float: ...
-    @property
-    def repetition(self) -> int: ...
-
-
-class Campaign(Protocol):
-    """Where recordings come from: experiments.campaign, or a test's own."""
-
-    def cases(self, domain: Any, **chosen: Any) -> Sequence[Any]: ...
-    def prepare(self, wanted: Any, materials: Any = None) -> None: ...
-    def processed(self, domain: Any, case: Any, materials: Any = None) -> tuple[str, Processed]: ...
-    def log(self, case: Any, domain: str = "measured") -> Log: ...
+MOTION, FEATURES = "turntable", "rotation"  # of the turntable tables
+Reader = Callable[[Processed, Log], tuple[list[str], np.ndarray]]  # to feature names and values
 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Feature rows and the keys of the recordings they were read from."""
+    """Feature rows and the store keys of the recordings they were read from."""
 
     samples: Samples
     keys: tuple[str, ...]
 
 
 def recording_name(domain: str, case: Case) -> str:
-    """Sorts by object, room, motion, distance and repetition, and names its domain."""
+    """A name that contains the domain and sorts by object, room, motion, distance and repetition."""
     return f"{case.object} {case.room} {case.motion} {case.distance_m:g} m #{case.repetition} {domain}"
 
 
 def stratum(case: Case) -> str:
-    """What recordings are matched by: equal distance at the start."""
+    """The stratum of a case: its distance at the start."""
     return f"{case.distance_m:g} m"
 
 
-def shared_cases(campaign: Campaign, motion: str, room: str | None = None, domain: str = "twin") -> tuple[list[Any], list[Any]]:
-    """(measured, simulated) cases of the objects and distances that both have, at distances that tell two objects or more apart; of the
-    measured ones equally many of each object.
+def shared_cases(source: RecordingSource, motion: str, room: str | None = None, domain: str = "twin") -> tuple[list[Case], list[Case]]:
+    """(measured, simulated) cases of the objects, rooms and distances that both domains have.
+
+    Distances with fewer than two objects are left out. All objects at a place have the same number of measured cases.
 
     Raises:
-        InputError: there are none.
+        InputError: no case is left.
     """
     chosen = {"motion": motion} | ({"room": room} if room else {})
-    cases = [campaign.cases(side, **chosen) for side in ("measured", domain)]
+    cases = [source.cases(side, **chosen) for side in ("measured", domain)]
     places = set.intersection(*({(case.object, case.room, case.distance_m) for case in side} for side in cases))
     objects = {(where, distance): {o for o, w, d in places if (w, d) == (where, distance)} for _, where, distance in places}
-    kept = {(o, where, distance) for o, where, distance in places if len(objects[where, distance]) > 1}
-    if not kept:
+    shared = {(o, where, distance) for o, where, distance in places if len(objects[where, distance]) > 1}
+    if not shared:
         place = f" in {room}" if room else ""
         raise InputError(f"the campaign has no {motion} recordings{place} of two objects at one distance, both measured and simulated")
-    measured, simulated = ([case for case in side if (case.object, case.room, case.distance_m) in kept] for side in cases)
+    measured, simulated = ([case for case in side if (case.object, case.room, case.distance_m) in shared] for side in cases)
     return balanced(measured), simulated
 
 
-def balanced(cases: Sequence[Any]) -> list[Any]:
-    """As many recordings of every object at a place as of the one with the fewest there, the first repetitions."""
-    found: dict[tuple[str, float], dict[str, list[Any]]] = {}
+def balanced(cases: Sequence[Case]) -> list[Case]:
+    """The first repetitions of every object at a place, as many as the object with the fewest recordings has there."""
+    found: dict[tuple[str, float], dict[str, list[Case]]] = {}
     for case in sorted(cases, key=lambda case: case.repetition):
         found.setdefault((case.room, case.distance_m), {}).setdefault(case.object, []).append(case)
-    kept = {id(case) for of in found.values() for some in of.values() for case in some[: min(map(len, of.values()))]}
-    return [case for case in cases if id(case) in kept]
+    chosen = {case for by_object in found.values() for some in by_object.values() for case in some[: min(map(len, by_object.values()))]}
+    return [case for case in cases if case in chosen]
 
 
-def vectors(
-    campaign: Campaign, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = (), materials: Any = None
-) -> Readings:
-    """One row per recording, of a turntable one row per revolution."""
-    return _read(campaign, domain, cases, materials, lambda processed, log: sets.vector(processed, log, features, without), revolutions)
+def vectors(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = ()) -> Readings:
+    """One row per recording; of a turntable one row per revolution."""
+    return _read(source, domain, cases, lambda processed, log: sets.vector(processed, log, features, without), by_revolution=True)
 
 
-def frames(
-    campaign: Campaign, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = (), materials: Any = None
-) -> Readings:
+def frames(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, materials: Any = None) -> Readings:
     """One row per frame."""
-    return _read(campaign, domain, cases, materials, lambda processed, log: sets.frames(processed, log, features, without))
+    return _read(source, domain, cases, lambda processed, log: sets.frames(processed, log, features), materials)
 
 
-def signatures(campaign: Campaign, domain: str, cases: Sequence[Case], materials: Any = None, rows: int = 50) -> Readings:
-    """The whole range-time signature of each recording as one row: decibels of 0.3 to 5.5 m, its frames interpolated to `rows`."""
+def signatures(source: RecordingSource, domain: str, cases: Sequence[Case], rows: int = 50) -> Readings:
+    """The range-time signature of each recording as one row: decibels from 0.3 to 5.5 m, interpolated in time to `rows` profiles."""
 
-    def picture_of(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
+    def signature(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
         names, level = sets.frames(processed, log, "raw")
-        wanted = np.linspace(0, len(level) - 1, rows)
-        before = np.minimum(wanted.astype(int), len(level) - 1)
-        after, share = np.minimum(before + 1, len(level) - 1), (wanted - before)[:, None]
+        times = np.linspace(0, len(level) - 1, rows)
+        before = np.minimum(times.astype(int), len(level) - 1)
+        after, share = np.minimum(before + 1, len(level) - 1), (times - before)[:, None]
         picture = (1 - share) * level[before] + share * level[after]
         return [f"{row} {name}" for row in range(rows) for name in names], picture.ravel()
 
-    return _read(campaign, domain, cases, materials, picture_of)
+    return _read(source, domain, cases, signature)
 
 
-Pieces = list[tuple[str, Processed, Log]]
-
-
-def whole(processed: Processed, log: Log) -> Pieces:
-    """A recording in one piece."""
-    return [("", processed, log)]
-
-
-def revolutions(processed: Processed, log: Log) -> Pieces:
-    """A turntable recording revolution by revolution, what is left of the last one dropped; any other in one piece."""
+def revolutions(processed: Processed, log: Log) -> list[tuple[str, Processed, Log]]:
+    """(name suffix, recording, log) of each whole revolution; of a recording without turntable, the recording itself."""
     if log.angle_rad is None:
-        return whole(processed, log)
+        return [("", processed, log)]
     period = envelope.frames_per_revolution(log.angle_rad)
-    pieces: Pieces = []
+    pieces: list[tuple[str, Processed, Log]] = []
     for number in range(processed.num_frames // period):
         at = slice(number * period, (number + 1) * period)
         pieces.append((f" turn {number:02d}", processed.frames(at), Nominal(log.frame_rate_hz, log.distance_m[at], log.angle_rad[at])))
@@ -140,62 +110,83 @@ def revolutions(processed: Processed, log: Log) -> Pieces:
 
 
 def _read(
-    campaign: Campaign, domain: str, cases: Sequence[Case], materials: Any,
-    reader: Callable[[Processed, Log], tuple[list[str], np.ndarray]], cut: Callable[[Processed, Log], Pieces] = whole,
-) -> Readings:  # fmt: skip
+    source: RecordingSource, domain: str, cases: Sequence[Case], reader: Reader, materials: Any = None, by_revolution: bool = False
+) -> Readings:
+    source.prepare([(domain, case) for case in cases], materials)
+    recordings = ((case, *source.processed(domain, case, materials), source.log(case, domain)) for case in cases)
+    return read_rows(domain, recordings, reader, by_revolution)
+
+
+def read_rows(domain: str, recordings: Iterable[tuple[Case, str, Processed, Log]], reader: Reader, by_revolution: bool = False) -> Readings:
+    """The rows that a reader returns for each (case, store key, processed recording, log)."""
     parts, keys, names = [], [], []
-    campaign.prepare([(domain, case) for case in cases], materials)
-    for case in cases:
-        key, processed = campaign.processed(domain, case, materials)
-        for piece, part, log in cut(processed, campaign.log(case, domain)):
-            names, values = reader(part, log)
-            parts.append(_part(domain, case, values, piece))
+    for case, key, processed, log in recordings:
+        for suffix, piece, piece_log in revolutions(processed, log) if by_revolution else [("", processed, log)]:
+            names, values = reader(piece, piece_log)
+            parts.append(_part(domain, case, values, suffix))
         keys.append(key)
     return Readings(gather(names, parts), tuple(sorted(keys)))
 
 
-def _part(domain: str, case: Case, values: np.ndarray, piece: str = "") -> Part:
-    side, name = MEASURED if domain == "measured" else SIMULATED, recording_name(domain, case)
-    return Part(name + piece, case.object, side, values, stratum(case), name)
+def _part(domain: str, case: Case, values: np.ndarray, suffix: str = "") -> Part:
+    name = recording_name(domain, case)
+    return Part(name + suffix, case.object, MEASURED if domain == "measured" else SIMULATED, values, stratum(case), name)
+
+
+def measured_and_copies(
+    config: Config, source: RecordingSource, store: Store, progress: Progress, without: Sequence[str] = ()
+) -> tuple[Readings, Readings]:
+    """(measured revolutions, noisy copies of simulated revolutions) of the turntable, as rotation features."""
+    cases, twins = shared_cases(source, MOTION)
+    progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each; {len(cases)} measured recordings")
+    copied = noise_copies(config, store, source, twins, cases, without)
+    return vectors(source, "measured", cases, FEATURES, without), copied
 
 
 def noise_copies(
-    campaign: Campaign, store: Store, simulated: Sequence[Case], measured: Sequence[Case], features: str, count: int, seed: int,
-    without: Sequence[str] = (), materials: Any = None,
+    config: Config, store: Store, source: RecordingSource, simulated: Sequence[Case], measured: Sequence[Case],
+    without: Sequence[str] = (), measured_source: RecordingSource | None = None,
 ) -> Readings:  # fmt: skip
-    """`count` rows per simulated recording, each of a copy with the noise of the measured recordings at its distance.
+    """Rotation features of `supervision.copies` copies per simulated recording, with the noise of measured recordings at its distance.
 
-    The rows are kept in the store. The measured side gives target energies and noise floors, whatever the objects are.
+    The rows are kept in the store. Measured recordings contribute target energies and noise floors, but no labels.
+
+    Args:
+        measured_source: of the measured cases; None: `source`.
     """
-    noise = {}
+    measured_source = measured_source or source
+    source.prepare([("twin", case) for case in simulated])
+    measured_source.prepare([("measured", case) for case in measured])
+    count, seed, noise = config.supervision.copies, config.seed, {}
     for name in sorted({stratum(case) for case in simulated}):
-        ours = np.array([_energy(campaign, "twin", case, materials) for case in simulated if stratum(case) == name])
-        theirs = np.array([_energy(campaign, "measured", case, None) for case in measured if stratum(case) == name])
+        ours = np.array([_energy(source, "twin", case) for case in simulated if stratum(case) == name])
+        theirs = np.array([_energy(measured_source, "measured", case) for case in measured if stratum(case) == name])
         noise[name] = added_noise(ours[:, 0], theirs[:, 0], float(np.median(theirs[:, 1]))) if len(theirs) else 0.0
     parts, keys, names = [], [], []
     for number, case in enumerate(sorted(simulated, key=lambda case: recording_name("twin", case))):
-        key, processed = campaign.processed("twin", case, materials)
-        log = campaign.log(case, "twin")
+        key, processed = source.processed("twin", case)
+        log, level = source.log(case, "twin"), noise[stratum(case)]
 
-        def build(folder: Path, processed: Processed = processed, log: Log = log, case: Case = case, number: int = number) -> None:
-            made = [sets.vector(one, log, features, without) for one in copies(processed, noise[stratum(case)], count, [seed, number])]
-            save_arrays(folder, {"names": np.array(made[0][0]), "values": np.stack([values for _, values in made])})
+        def build(folder: Path, processed: Processed = processed, log: Log = log, level: float = level, number: int = number) -> None:
+            read = [sets.vector(copy, log, FEATURES, without) for copy in copies(processed, level, count, [seed, number])]
+            save_arrays(folder, {"names": np.array(read[0][0]), "values": np.stack([values for _, values in read])})
 
         spec = {
-            "recording": key, "features": features, "without": list(without), "noise": noise[stratum(case)], "count": count, "seed": seed,
+            "recording": key, "features": FEATURES, "without": list(without), "noise": level, "count": count, "seed": seed,
             "number": number, "distance_m": log.distance_m, "angle_rad": log.angle_rad,
         }  # fmt: skip
-        kept = store.fetch("noise_copies", spec, ROOTS, build).arrays()
-        names = [str(name) for name in kept["names"]]
-        parts.append(_part("twin", case, kept["values"]))
+        stored = store.fetch("noise_copies", spec, ROOTS, build).arrays()
+        names = [str(name) for name in stored["names"]]
+        parts.append(_part("twin", case, stored["values"]))
         keys.append(key)
     return Readings(gather(names, parts), tuple(sorted(keys)))
 
 
-def _energy(campaign: Campaign, domain: str, case: Case, materials: Any) -> tuple[float, float]:
-    """(mean energy in the target gate, noise per range bin) of a recording."""
-    _, processed = campaign.processed(domain, case, materials)
-    log = campaign.log(case, domain)
-    nominal = distances(log, processed.num_frames)
-    where = nominal if case.motion == _TURNTABLE else track.around(processed, nominal, log.frame_rate_hz)
-    return float(envelope.target_energy(processed, where).mean()), float(processed.noise_floor.mean())
+def _energy(source: RecordingSource, domain: str, case: Case) -> tuple[float, float]:
+    """(mean energy in the target gate, noise power per range bin) of a recording."""
+    _, processed = source.processed(domain, case)
+    log = source.log(case, domain)
+    range_m = distances(log, processed.num_frames)
+    if case.motion != MOTION:
+        range_m = track.around(processed, range_m, log.frame_rate_hz)
+    return float(envelope.target_energy(processed, range_m).mean()), float(processed.noise_floor.mean())

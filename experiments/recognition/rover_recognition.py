@@ -1,28 +1,31 @@
 """Recognition from a moving radar at three levels of supervision, in both rooms (the paper's Table 3 and its bar figure).
 
-`supervision` says how much is known at most: label_free gives the rows of level (i), calibrated adds level (ii), few_shot level (iii).
-Baselines are counted, not quoted: chance is one over the classes, or the share of the majority where the paper takes that. Material classes
-are of very different size, so the claim about them is judged by balanced accuracy. Control: a forest on shuffled simulated labels.
+`supervision` sets the highest level: label_free gives the rows of level (i), calibrated adds level (ii), few_shot adds level (iii).
+Baselines are computed: chance is one over the number of classes, or the share of the majority where the paper uses it. Material classes
+differ much in size, so the claim about them is judged by balanced accuracy. Control: a forest trained on shuffled simulated labels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import REFLECTOR
+from experiments.campaign.source import RecordingSource
+from experiments.claims import Claim
 from experiments.recognition import labelled_probe, transfer
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import MATERIAL, SHAPE, Rows, encoders, right
-from experiments.recognition.readings import Campaign
+from experiments.recognition.protocol import MATERIAL, SHAPE, RecognitionRows, correct, encoders
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.io.progress import Progress
 from radartwin.recognize.probes import leave_one_out_centroid
-from radartwin.recognize.samples import Samples, join
+from radartwin.recognize.samples import join
 from radartwin.recognize.score import majority_share, uniform_chance
 from radartwin.recognize.split import Split, draw_shots, label_free, most_shots, shuffled
 from radartwin.runs.experiment import Result, Table
@@ -40,7 +43,7 @@ TABLE = Table(
 ROOMS, MOTIONS = ("squash_court", "atrium"), ("lateral", "depth")
 PAPER_ROOM = "squash_court"
 TRAINED, RAW = "trained on simulation", "raw signatures"
-# Of the paper's Table 3, all in the squash court: (motion, classes) -> (trained, raw).
+# The paper's Table 3 for the squash court: (motion, classes) -> (trained, raw).
 PAPER = {
     ("lateral", "object"): ("0.23 +- 0.02", "0.09"),
     ("depth", "object"): ("0.13 +- 0.02", "0.04"),
@@ -48,161 +51,172 @@ PAPER = {
     ("depth", "material"): ("0.51", "0.35"),
     ("lateral", "material"): ("0.48", "0.30"),
 }
-Shown = dict[str, dict[str, Mapping[str, Any]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """Drives of one room and motion: frames of both domains, and the objects predicted from raw signatures (recordings,)."""
+
+    room: str
+    motion: str
+    frames: transfer.Frames
+    raw: NDArray
+
+    @property
+    def in_paper(self) -> bool:
+        return self.room == PAPER_ROOM
+
+    def case(self, level: str, classes: str, method: str) -> dict[str, Any]:
+        return {"level": level, "room": self.room, "motion": self.motion, "classes": classes, "method": method}
+
+
+@dataclass
+class Shown:
+    """Content of the figures: bars by group and method, and (truth, prediction) of the confusion matrices by panel."""
+
+    bars: dict[str, dict[str, Mapping[str, Any]]] = field(default_factory=dict)
+    panels: dict[str, tuple[NDArray, NDArray]] = field(default_factory=dict)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign.campaign import Campaign as Recorded
+    """The table of the configured campaign."""
+    return score(config, Campaign(config, store, progress), store, progress)
 
-    return score(config, Recorded(config, store, progress), store, progress)
 
-
-def score(config: Config, campaign: Campaign, store: Store, progress: Progress) -> Result:
-    table, shown, used = Rows(config, []), {}, set()
-    panels: dict[str, tuple[NDArray, NDArray]] = {}
-    recorded = {case.room for case in campaign.cases("measured") if case.motion in MOTIONS}
+def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
+    """Rows of the configured levels. Raises InputError for a campaign without measured drives."""
+    rows, shown, used = RecognitionRows(config), Shown(), set()
+    mode = config.supervision.mode
+    recorded = {case.room for case in source.cases("measured") if case.motion in MOTIONS}
     if not recorded:
-        raise InputError("the campaign has no measured drives; nothing can be recognised")
+        raise InputError("the campaign has no measured drives; add objects to profile.campaign.rover_objects or record drives")
     for room in (room for room in ROOMS if room in recorded):
         for motion in MOTIONS:
-            progress.say(f"{motion} sweeps in {room}")
-            frames = transfer.read(campaign, room, motion)
+            progress.say(f"{motion} drives in {room}")
+            frames = transfer.read(source, room, motion)
             used |= set(frames.keys)
-            raw, _ = transfer.raw_answers(campaign, room, motion)
-            label_free_rows(config, table, shown, frames, raw, room, motion, panels)
-            if config.supervision.mode != "label_free":
-                material_rows(config, table, shown, campaign, frames, raw, room, motion)
-            if config.supervision.mode == "few_shot" and motion == "lateral":
-                few_shot_row(config, table, frames, room)
-    if config.supervision.mode == "few_shot":
-        used |= set(turntable_rows(config, table, shown, campaign, store, progress))
-    classes = sorted({label for truth, _ in panels.values() for label in truth})
+            drives = Drives(room, motion, frames, transfer.predict_from_signatures(source, room, motion))
+            _add_label_free(rows, shown, drives)
+            if mode != "label_free":
+                _add_materials(rows, shown, drives, source)
+            if mode == "few_shot" and motion == "lateral":
+                _add_few_shot(rows, drives)
+    if mode == "few_shot":
+        used |= set(_add_turntable(rows, shown, source, store, progress))
+    classes = sorted({label for truth, _ in shown.panels.values() for label in truth})
     figures = {
-        "rover_recognition": lambda: bars(shown, "accuracy", "squash court; turntable in the lab", grey=RAW),
-        "rover_confusion": lambda: confusions(panels, classes),
+        "rover_recognition": lambda: bars(shown.bars, "accuracy", "squash court; turntable in the lab", grey=RAW),
+        "rover_confusion": lambda: confusions(shown.panels, classes),
     }
-    metrics = {f"{room}_{motion}_object": found["value"] for (room, motion), found in _headline(table).items()}
-    return Result(TABLE.name, table.rows, figures, metrics, sorted(used))
-
-
-def _headline(table: Rows) -> dict[tuple[str, str], dict[str, Any]]:
-    return {
-        (r["room"], r["motion"]): r
-        for r in table.rows
+    metrics = {
+        f"{r['room']}_{r['motion']}_object": r["value"]
+        for r in rows
         if r["method"] == TRAINED and r["classes"] == "object" and r["level"] == "label_free"
     }
+    return Result("rover_recognition", rows, figures, metrics, sorted(used))
 
 
-def _case(level: str, room: str, motion: str, classes: str, method: str) -> dict[str, Any]:
-    return {"level": level, "room": room, "motion": motion, "classes": classes, "method": method}
-
-
-def label_free_rows(
-    config: Config, table: Rows, shown: Shown, frames: transfer.Frames, raw: NDArray, room: str, motion: str, panels: dict
-) -> None:
-    """Level (i): objects, their shape, and the control."""
-    in_paper = room == PAPER_ROOM
+def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None:
+    """Level (i): objects, shape of the objects in lateral drives, and the control."""
+    frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
     recordings = frames.measured.per_recording()
-    for classes, names in (("object", None), ("shape", SHAPE)):
-        if classes == "shape" and motion != "lateral":
-            continue
+    for classes, names in (("object", None), ("shape", SHAPE)) if motion == "lateral" else (("object", None),):
         split = transfer.ranked_split(frames, names)
         truth = recordings if names is None else recordings.relabelled(names)
-        told = raw if names is None else np.array([names[label] for label in raw])
+        raw = drives.raw if names is None else np.array([names[label] for label in drives.raw])
         chance = uniform_chance(truth) if names is None else majority_share(truth)
-        found = transfer.answers(config, split)
-        hits, raw_hits = right(found, truth.label), right([told], truth.label)
+        predictions = transfer.predict(rows.config, split)
+        hits, raw_hits = correct(predictions, truth.label), correct([raw], truth.label)
         ours, theirs = PAPER.get((motion, classes), ("", "")) if in_paper else ("", "")
-        claim = ""
+        text = ""
         if motion == "lateral" and (in_paper or names is None):
-            claim = "label-free transfer is above chance" if in_paper else "label-free transfer stays at chance"
-        row = table.share(_case("label_free", room, motion, classes, TRAINED), hits, truth, frames.keys, chance, paper=ours, claim=claim)
-        if claim and not in_paper:  # the paper's other room: the claim is that nothing transfers
+            text = "label-free transfer is above chance" if in_paper else "label-free transfer stays at chance"
+        row = rows.share(drives.case("label_free", classes, TRAINED), hits, truth, frames.keys, chance, Claim(text, ours))
+        if text and not in_paper:  # the paper claims that nothing transfers in its other room
             row["verdict"] = "holds" if row["low"] <= chance <= row["high"] else "fails"
-        claim = "matching raw signatures fails" if in_paper and names is None else ""
-        other = table.share(
-            _case("label_free", room, motion, classes, RAW), raw_hits, truth, frames.keys, chance, paper=theirs, claim=claim
-        )
-        if claim:
+        text = "matching raw signatures fails" if in_paper and names is None else ""
+        other = rows.share(drives.case("label_free", classes, RAW), raw_hits, truth, frames.keys, chance, Claim(text, theirs))
+        if text:
             other["verdict"] = "holds" if other["low"] <= chance else "fails"
-        table.gain(
-            _case("label_free", room, motion, classes, f"{TRAINED} - {RAW}"), hits, raw_hits, truth, frames.keys,
-            claim="training on the twin beats matching its raw signatures",
-        )  # fmt: skip
+        claim = Claim("training on the twin beats matching its raw signatures")
+        rows.gain(drives.case("label_free", classes, f"{TRAINED} - {RAW}"), hits, raw_hits, truth, frames.keys, claim)
         if in_paper:
-            shown[f"{motion}\n{classes}"] = {RAW: other, TRAINED: row}
+            shown.bars[f"{motion}\n{classes}"] = {RAW: other, TRAINED: row}
         if names is None:
             if in_paper:
-                panels[f"{motion} sweep"] = (truth.label, found[0])
-            control(config, table, split, truth, frames, room, motion, chance)
+                shown.panels[f"{motion} drive"] = (truth.label, predictions[0])
+            _add_control(rows, drives, split, chance)
 
 
-def control(
-    config: Config, table: Rows, split: Split, truth: Samples, frames: transfer.Frames, room: str, motion: str, chance: float
-) -> None:
-    """The same forests on labels dealt anew over the simulated recordings."""
-    found = transfer.answers(config, split, lambda one, seed: label_free(shuffled(one.train, seed), one.test))
-    shares = right(found, truth.label).mean(axis=1)
+def _add_control(rows: RecognitionRows, drives: Drives, split: Split, chance: float) -> None:
+    """The same forests, trained on permuted labels of the simulated recordings."""
+    truth = drives.frames.measured.per_recording()
+    predictions = transfer.predict(rows.config, split, lambda one, seed: label_free(shuffled(one.train, seed), one.test))
+    shares = correct(predictions, truth.label).mean(axis=1)
     draws = np.unique(split.train.recording).size
-    table.control(_case("label_free", room, motion, "object", "simulated labels shuffled"), shares, draws, truth, frames.keys, chance)
+    rows.control(drives.case("label_free", "object", "simulated labels shuffled"), shares, draws, truth, drives.frames.keys, chance)
 
 
-def material_rows(
-    config: Config, table: Rows, shown: Shown, campaign: Campaign, frames: transfer.Frames, raw: NDArray, room: str, motion: str
-) -> None:
-    """Level (ii): material classes after one recording of the reflector, which is not scored; and without it."""
-    in_paper = room == PAPER_ROOM
+def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: RecordingSource) -> None:
+    """Level (ii): material classes with and without calibration by one recording of the reflector, which is not scored."""
+    frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
     ours, theirs = PAPER[motion, "material"] if in_paper else ("", "")
     recordings = frames.measured.per_recording()
-    scored = recordings.label != transfer.CALIBRATION_OBJECT
+    scored = recordings.label != REFLECTOR
     truth = recordings.take(scored).relabelled(MATERIAL)
-    chance = 1 / len(truth.classes)
+
+    def predict(mapped: bool) -> list[NDArray]:
+        split = transfer.calibrated_split(source, frames, drives.room, motion, MATERIAL, mapped)
+        return transfer.predict(rows.config, split)
+
     methods = {
-        RAW: [np.array([MATERIAL[label] for label in raw[scored]])],
-        "without calibration": transfer.answers(config, transfer.calibrated_split(campaign, frames, room, motion, MATERIAL, mapped=False)),
-        TRAINED: transfer.answers(config, transfer.calibrated_split(campaign, frames, room, motion, MATERIAL)),
+        RAW: ([np.array([MATERIAL[label] for label in drives.raw[scored]])], theirs),
+        "without calibration": (predict(mapped=False), ""),
+        TRAINED: (predict(mapped=True), ours),
     }
-    for method, found in methods.items():
-        hits = right(found, truth.label)
-        case = _case("calibrated", room, motion, "material", method)
-        paper = {TRAINED: ours, RAW: theirs}.get(method, "")
-        plain = table.share(case, hits, truth, frames.keys, majority_share(truth), paper=paper)
-        claim = "one reflector recording lifts material above chance" if method == TRAINED else ""
-        table.share(case, hits, truth, frames.keys, chance, claim=claim, balanced=True)
+    for method, (predictions, paper) in methods.items():
+        hits = correct(predictions, truth.label)
+        case = drives.case("calibrated", "material", method)
+        plain = rows.share(case, hits, truth, frames.keys, majority_share(truth), Claim(paper=paper))
+        claim = Claim("one reflector recording lifts material above chance") if method == TRAINED else Claim()
+        rows.share(case, hits, truth, frames.keys, 1 / len(truth.classes), claim, balanced=True)
         if in_paper and method != "without calibration":
-            shown.setdefault(f"{motion}\nmaterial", {})[method] = plain
+            shown.bars.setdefault(f"{motion}\nmaterial", {})[method] = plain
 
 
-def few_shot_row(config: Config, table: Rows, frames: transfer.Frames, room: str) -> None:
-    """Level (iii) on the rover: the twin's frames and those of a few labelled recordings; left out where there are too few."""
+def _add_few_shot(rows: RecognitionRows, drives: Drives) -> None:
+    """Level (iii) on the rover: trained on the twin's frames and a few labelled recordings; left out if there are too few recordings."""
+    supervision, frames = rows.config.supervision, drives.frames
     simulated, measured = transfer.ranked(frames.simulated), transfer.ranked(frames.measured)
     recordings = frames.measured.per_recording()
-    shots = config.supervision.shots
+    shots = supervision.shots
     if most_shots(recordings) < shots:
         return
-    hits = np.full((config.supervision.seeds, len(recordings)), np.nan)
-    for number in range(config.supervision.seeds):
-        known, rest = draw_shots(measured, shots, config.seed + number)
-        found = transfer.forest(Split("few_shot", join(simulated, known), rest, shots), config.seed + number, config.supervision.trees)
+    hits = np.full((supervision.seeds, len(recordings)), np.nan)
+    for number in range(supervision.seeds):
+        known, rest = draw_shots(measured, shots, rows.config.seed + number)
+        split = Split("few_shot", join(simulated, known), rest, shots)
+        predictions = transfer.forest(split, rows.config.seed + number, supervision.trees)
         truth = rest.per_recording()
-        hits[number, np.isin(recordings.recording, truth.recording)] = found == truth.label
+        hits[number, np.isin(recordings.recording, truth.recording)] = predictions == truth.label
     scored = ~np.isnan(hits).all(axis=0)
-    case = _case("few_shot", room, "lateral", "object", f"trained on simulation and {shots} recordings per class")
-    table.share(case, hits[:, scored], recordings.take(scored), frames.keys, uniform_chance(recordings))
+    case = drives.case("few_shot", "object", f"trained on simulation and {shots} recordings per class")
+    rows.share(case, hits[:, scored], recordings.take(scored), frames.keys, uniform_chance(recordings))
 
 
-def turntable_rows(config: Config, table: Rows, shown: Shown, campaign: Campaign, store: Store, progress: Progress) -> tuple[str, ...]:
-    """Level (iii) of the paper: the labelled probe on the turntable."""
-    free = replace(config, supervision=replace(config.supervision, mode="label_free", shots=0))
-    data = labelled_probe.gather_data(free, campaign, store, progress, {})
+def _add_turntable(rows: RecognitionRows, shown: Shown, source: RecordingSource, store: Store, progress: Progress) -> tuple[str, ...]:
+    """Level (iii) of the paper: the labelled probe on the turntable. Returns the store keys of its recordings."""
+    config = replace(rows.config, supervision=replace(rows.config.supervision, mode="label_free", shots=0))
+    data = labelled_probe.gather_data(config, source, store, progress, {})
     keys = tuple(sorted({key for found in data.keys.values() for key in found}))
     measured = data.measured
     chance = uniform_chance(measured)
-    trained = encoders(free, label_free(data.copies[labelled_probe.PRETRAINED], measured))
-    hits = right([leave_one_out_centroid(encoder.embedded(measured)) for encoder in trained], measured.label)
-    raw = right([leave_one_out_centroid(measured)], measured.label)
-    case = _case("few_shot", "lab", "turntable", "object", TRAINED)
-    row = table.share(case, hits, measured, keys, chance, paper="0.95 +- 0.02", claim="the labelled probe is above chance")
-    other = table.share(case | {"method": labelled_probe.RAW}, raw, measured, keys, chance, paper="0.90")
-    shown["turntable\nobject"] = {RAW: other, TRAINED: row}
+    trained = encoders(config, label_free(data.copies[labelled_probe.PRETRAINED], measured))
+    hits = correct([leave_one_out_centroid(encoder.embedded(measured)) for encoder in trained], measured.label)
+    raw = correct([leave_one_out_centroid(measured)], measured.label)
+    case = {"level": "few_shot", "room": "lab", "motion": "turntable", "classes": "object", "method": TRAINED}
+    claim = Claim("the labelled probe is above chance", "0.95 +- 0.02")
+    row = rows.share(case, hits, measured, keys, chance, claim)
+    other = rows.share(case | {"method": labelled_probe.RAW}, raw, measured, keys, chance, Claim(paper="0.90"))
+    shown.bars["turntable\nobject"] = {RAW: other, TRAINED: row}
     return keys

@@ -1,16 +1,19 @@
-"""Turntable without labels: which attributes of an object, and whether the object itself, are told from simulation alone.
+"""Turntable without labels: which attributes of an object, and which object itself, does training on simulation alone recognise?
 
-Both domains' rotation vectors are rank-normalised apart, within each distance; the encoder learns noise copies of the simulated ones, and
-a linear probe on their embeddings tells geometry and material of the measured ones. Identity is the nearest description. Paper:
-recognition, (ii) label-free: geometry 0.72 against a majority of 0.58, material 0.72 against 0.67, identity does not transfer.
+Rotation features of both domains are rank-normalised separately within each distance. The encoder is trained on noisy copies of the
+simulated features. A linear probe on its embeddings predicts geometry and material of the measured recordings; identity is the nearest
+description. Paper: recognition, (ii) label-free: geometry 0.72 against a majority of 0.58, material 0.72 against 0.67, identity does
+not transfer.
 """
 
 from __future__ import annotations
 
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.source import RecordingSource
+from experiments.claims import Claim
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.labelled_probe import FEATURES, MOTION
-from experiments.recognition.protocol import GEOMETRY, MATERIAL, Rows, anchors, encoders, right, settings
-from experiments.recognition.readings import Campaign, noise_copies, shared_cases, vectors
+from experiments.recognition.protocol import GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, settings
+from experiments.recognition.readings import measured_and_copies
 from experiments.recognition.transfer import ranked
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -34,41 +37,33 @@ PAPER = {"geometry": "0.72", "material": "0.72"}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    from experiments.campaign.campaign import Campaign as Recorded
+    """The table of the configured campaign."""
+    return score(config, Campaign(config, store, progress), store, progress)
 
-    return score(config, Recorded(config, store, progress), store, progress)
 
-
-def score(config: Config, campaign: Campaign, store: Store, progress: Progress) -> Result:
-    cases, twins = shared_cases(campaign, MOTION)
-    progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each; {len(cases)} measured")
-    read = vectors(campaign, "measured", cases, FEATURES)
-    made = noise_copies(campaign, store, twins, cases, FEATURES, config.supervision.copies, config.seed)
-    keys = tuple(sorted((*read.keys, *made.keys)))
-    split = label_free(ranked(made.samples), ranked(read.samples))
+def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
+    """Rows per attribute and method, and of identity."""
+    measured, copies = measured_and_copies(config, source, store, progress)
+    keys = tuple(sorted((*measured.keys, *copies.keys)))
+    split = label_free(ranked(copies.samples), ranked(measured.samples))
     trained = encoders(config, split)
-    table = Rows(config, [])
+    rows = RecognitionRows(config)
     shown: dict[str, dict[str, dict]] = {}
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
-        truth = split.test.relabelled(classes)
-        majority = majority_share(truth)
-        found = []
-        for encoder in trained:
-            simulated, measured = (encoder.embedded(rows.relabelled(classes)) for rows in (split.train, split.test))
-            found.append(transferred_probe(label_free(simulated, measured)))
-        plain = [transferred_probe(label_free(split.train.relabelled(classes), truth))]
-        shown[attribute] = {}
-        for method, answers in ((RANKS, plain), (ENCODER, found)):
-            claim, paper = (f"{attribute} transfers: above the majority", PAPER[attribute]) if method == ENCODER else ("", "")
+        embedded = [[encoder.embedded(one.relabelled(classes)) for one in (split.train, split.test)] for encoder in trained]
+        plain = label_free(split.train.relabelled(classes), split.test.relabelled(classes))
+        truth = plain.test
+        claim = Claim(f"{attribute} transfers: above the majority", PAPER[attribute])
+        for method, splits, claimed in ((RANKS, [plain], Claim()), (ENCODER, [label_free(*pair) for pair in embedded], claim)):
+            hits = correct([transferred_probe(one) for one in splits], truth.label)
             case = {"level": "label_free", "attribute": attribute, "method": method}
-            shown[attribute][method] = table.share(case, right(answers, truth.label), truth, keys, majority, paper=paper, claim=claim)
+            shown.setdefault(attribute, {})[method] = rows.share(case, hits, truth, keys, majority_share(truth), claimed)
     texts, temperature = anchors(split.test.classes), settings(config).temperature
     names = [nearest_text(encoder, split.unlabelled, texts, temperature) for encoder in trained]
     chance = uniform_chance(split.test)
     case = {"level": "label_free", "attribute": "identity", "method": ENCODER}
-    row = table.share(
-        case, right(names, split.test.label), split.test, keys, chance, paper="does not transfer", claim="identity stays at chance"
-    )
+    claim = Claim("identity stays at chance", "does not transfer")
+    row = rows.share(case, correct(names, split.test.label), split.test, keys, chance, claim)
     row["verdict"] = "holds" if row["low"] <= chance else "fails"
     shown["identity"] = {ENCODER: row}
     figures = {
@@ -76,4 +71,4 @@ def score(config: Config, campaign: Campaign, store: Store, progress: Progress) 
         "turntable_label_free_confusion": lambda: confusions({"nearest description": (split.test.label, names[0])}, split.test.classes),
     }
     metrics = {f"accuracy_{name}": group[ENCODER]["value"] for name, group in shown.items()}
-    return Result(TABLE.name, table.rows, figures, metrics, sorted(keys))
+    return Result("turntable_label_free", rows, figures, metrics, sorted(keys))

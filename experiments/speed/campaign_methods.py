@@ -23,8 +23,8 @@ from experiments.campaign import tally
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import BENCH_ROOM
 from experiments.recognition import readings
-from experiments.recognition.labelled_probe import FEATURES, MOTION
 from experiments.recognition.protocol import GEOMETRY
+from experiments.recognition.readings import FEATURES, MOTION
 from experiments.recognition.transfer import ranked
 from experiments.scans import virtual_scan
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS

@@ -1,1 +1,1 @@
-"""Recognition: text anchors, the contrastive encoder, probes and forest, the guards of the protocol, and models that leave the study."""
+"""Recognition: text anchors, contrastive encoder, probes and forest, checks of what training may see, and exported models."""

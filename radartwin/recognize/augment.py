@@ -1,9 +1,9 @@
-"""Noise-augmented copies of simulated recordings, at the signal-to-noise ratio of the measured ones.
+"""Noisy copies of simulated recordings, at the signal-to-noise ratio of the measured recordings.
 
 Paper, recognition with simulation-trained representations: 30 noise-augmented copies per object, matched to measured SNR. Receiver noise is
-white over the samples of a chirp, so it is drawn there and transformed like a signal: neighbouring range bins are correlated as the window
-makes them. What is matched is the level of the noise beside the target energy of a whole stratum, so that dim objects stay noisier than
-bright ones; the measured side gives energies and noise floors, and no label.
+white over the samples of a chirp, so it is drawn there and transformed like a signal; the window then correlates neighbouring range bins.
+The noise level is matched to the median target energy of a whole stratum, so that dim objects stay noisier than bright objects. The
+measured recordings contribute energies and noise floors, but no labels.
 """
 
 from __future__ import annotations
@@ -19,45 +19,45 @@ from radartwin.radar.processing import range_fft
 
 
 def added_noise(simulated: NDArray, measured: NDArray, measured_noise: float) -> float:
-    """Noise power per range bin that puts simulated recordings where the measured ones are.
+    """Noise power per range bin that gives simulated recordings the signal-to-noise ratio of the measured ones.
 
     Args:
         simulated, measured: target energies of the recordings of a stratum, (n,) and (m,).
-        measured_noise: noise power per range bin of the measured ones.
+        measured_noise: noise power per range bin of the measured recordings.
     Returns:
         median(simulated) / median(measured) * measured_noise.
     Raises:
-        InputError: energies that are not above zero.
+        InputError: a median energy is not above zero.
     """
     ours, theirs = float(np.median(simulated)), float(np.median(measured))
     if not (ours > 0 and theirs > 0 and measured_noise >= 0):
-        raise InputError("noise copies: the targets have no energy above the noise; are they in their gates?")
+        raise InputError("noise copies: the targets have no energy above the noise; check that the logged distances match the recordings")
     return ours / theirs * measured_noise
 
 
 def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) -> Processed:
-    """One copy whose noise is at least `noise_power` per range bin; its Doppler cube is left out.
+    """A copy without Doppler whose noise power per range bin is `noise_power`.
 
-    A recording that has some noise of its own gets the difference.
+    A recording with noise of its own gets only the difference, or nothing if its noise is stronger.
     """
     own = float(processed.noise_floor.mean())
-    wanted = max(0.0, noise_power - own)
+    added = max(0.0, noise_power - own)
     frames, channels, _ = processed.channels.shape
     samples = processed.radar.num_samples
     white = rng.standard_normal((frames, channels, 2 * samples), dtype=np.float32).view(np.complex64)
     profile, axis = range_fft(white, processed.radar)
     unit = float(np.sqrt(np.mean(np.abs(profile) ** 2)))
-    noise = profile[..., : len(processed.range_m)] * np.float32(np.sqrt(wanted) / unit)
+    noise = profile[..., : len(processed.range_m)] * np.float32(np.sqrt(added) / unit)
     assert np.allclose(axis[: len(processed.range_m)], processed.range_m)
     changed = (processed.channels + noise).astype(np.complex64)
-    # Exact where the azimuth row holds every channel; else the other channels' noise is taken to be like the row's.
+    # Exact if the azimuth row holds every channel; other channels are assumed to get the same noise as the row.
     gain = np.mean(np.abs(changed) ** 2 - np.abs(processed.channels) ** 2, axis=1)
     power = np.maximum(processed.power + gain, 0).astype(np.float32)
-    floor = (processed.noise_floor + wanted).astype(np.float32)
+    floor = (processed.noise_floor + added).astype(np.float32)
     return Processed(processed.radar, processed.range_m, power, changed, None, processed.velocity_mps, floor)
 
 
 def copies(processed: Processed, noise_power: float, count: int, seed: int | list[int]) -> Iterator[Processed]:
-    """`count` copies with independent noise."""
+    """Yield `count` copies with independent noise."""
     for number in range(count):
         yield noisy(processed, noise_power, np.random.default_rng([*np.atleast_1d(seed).tolist(), number]))

@@ -1,8 +1,8 @@
-"""What a recording shows, by a model: recording -> features of the model's set -> probabilities of its classes.
+"""Classification of a recording by an exported model: recording -> features of the model's set -> probabilities of its classes.
 
-A recording from outside has no log of a campaign, so its nominal motion is what the user says of it, or what it shows: a turntable's target
-is where the echo changes most over the frames, and a moving radar's is the strongest continuous path. How a stranger's I and Q are ordered,
-and what its radar is, `radartwin.radar.captures` finds out.
+A recording from outside the study has no log. Its nominal motion is given by the user or estimated: on a turntable the target is at the
+range where the echo changes most over the frames; for a moving radar the target is the strongest continuous path in range.
+`radartwin.radar.captures` finds the order of I and Q and the radar of a capture.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _TURNS = "rotation"
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Classes with their probabilities, likeliest first, and the distance at which the target was taken to be at the start."""
+    """Classes with their probabilities, most likely first, and the given or estimated distance of the target at the start."""
 
     classes: tuple[str, ...]
     probabilities: NDArray[np.float64]
@@ -46,13 +46,13 @@ def classify(
     """Classify a recording of this package, a mmWave Studio capture or a .npy cube.
 
     Args:
-        model: a recogniser, or the folder of one.
+        model: a recogniser, or the folder of a saved one.
         radar, iq_swapped: as `load_capture`.
-        distance_m: from the radar to the target at the start; None finds it.
-        period_s: of one revolution, for a model of turntable recordings; None takes the model's.
+        distance_m: from the radar to the target at the start; None estimates it.
+        period_s: of one revolution, for a model of turntable recordings; None takes the model's period.
     Raises:
-        UserError: as `load_capture` and `Recogniser.load`; a model whose features this version does not know; a recording that is too
-            short, or shows no target.
+        UserError: as `load_capture` and `Recogniser.load`; the model's features are unknown to this version; the recording is too short or
+            shows no target.
     """
     recogniser = model if isinstance(model, Recogniser) else Recogniser.load(model)
     processed = process(load_capture(recording, radar, iq_swapped=iq_swapped), doppler=False)
@@ -63,43 +63,43 @@ def classify(
     except InputError as error:
         raise InputError(f"{recording}: {error}") from error
     if tuple(names) != recogniser.names:
-        raise InputError(f"the model's features {', '.join(recogniser.names[:3])} ... are not those of this version; export it again")
+        raise InputError(f"the model's features {', '.join(recogniser.names[:3])} ... are not in this version; export the model again")
     probabilities = recogniser.probabilities(values[None])[0]
     order = np.argsort(-probabilities, kind="stable")
     return Answer(tuple(recogniser.classes[i] for i in order), probabilities[order], float(log.distance_m[0]))
 
 
 def nominal(processed: Processed, recogniser: Recogniser, distance_m: float | None, period_s: float | None) -> Nominal:
-    """The motion of a recording that nobody logged."""
+    """The nominal motion of a recording without a log. Raises InputError for a distance or period that does not fit the recording."""
     rate, frames = processed.radar.frame_rate_hz, processed.num_frames
     if distance_m is not None and not NEAR_M <= distance_m <= FAR_M:
-        raise InputError(f"a target at {distance_m:g} m is not between {NEAR_M} and {FAR_M} m; give its distance in metres")
+        raise InputError(f"the target distance {distance_m:g} m is not between {NEAR_M} and {FAR_M} m; give it in metres")
     if recogniser.features.get("set") != _TURNS:
         if period_s is not None:
-            raise InputError("a period was given, but the model is not of turntable recordings; leave it out")
+            raise InputError("a period is given, but the model is not for turntable recordings; leave the period out")
         low, high = (NEAR_M, FAR_M) if distance_m is None else (distance_m - track.SEARCH_M, distance_m + track.SEARCH_M)
         return Nominal(rate, np.clip(track.track(processed, low, high, rate), NEAR_M, FAR_M).astype(np.float64), None)
     period = float(recogniser.features.get("period_s", 25.0)) if period_s is None else period_s
     if not 0 < period < np.inf:
-        raise InputError(f"a revolution of {period:g} s is not a time; give seconds")
+        raise InputError(f"the period {period:g} s is not a finite time above zero; give the seconds of one revolution")
     if frames < period * rate - 0.5:
         raise InputError(
-            f"{frames} frames at {rate:g} per second are {frames / rate:.1f} s, and a revolution takes {period:g} s; record a whole one, "
-            "or give the period of yours"
+            f"{frames} frames at {rate:g} per second last {frames / rate:.1f} s, but a revolution takes {period:g} s; record a whole "
+            "revolution or give the period of your turntable"
         )
     where = changing_range(processed) if distance_m is None else distance_m
     return Nominal(rate, np.full(frames, where, dtype=np.float64), 2 * np.pi * np.arange(frames, dtype=np.float64) / (period * rate))
 
 
 def changing_range(processed: Processed) -> float:
-    """Range (m) of the echo that changes most over the frames: what turns, not the walls.
+    """Range in metres of the echo that changes most over the frames: the turning target, not the walls.
 
     Raises:
-        InputError: nothing changes.
+        InputError: no echo changes.
     """
     moving = np.mean(np.abs(processed.channels - processed.channels.mean(axis=0)) ** 2, axis=(0, 1))
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     moving = np.where(inside, moving, 0.0)
     if not moving.max() > 0:
-        raise InputError("nothing in the recording changes, so the turning target is not found; give its distance")
+        raise InputError("no echo of the recording changes, so the turning target is not found; give its distance")
     return float(processed.range_m[int(moving.argmax())])

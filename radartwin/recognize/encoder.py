@@ -1,11 +1,11 @@
-"""The contrastive encoder: features to the place of their object's description among all descriptions.
+"""The contrastive encoder: it maps radar features into the space of the text embeddings of object descriptions.
 
 Ref: paper, contrastive sim-real alignment; A. van den Oord et al., arXiv:1807.03748 (InfoNCE); A. Radford et al., CLIP, ICML 2021.
 Symbols: x -> features (D,), z = f(x) / |f(x)| with f(x) = W2 relu(W1 x + b1) + b2, t_k -> unit text vector of object k, tau -> temperature.
-Loss of a row of object k: -log( exp(z.t_k / tau) / sum_j exp(z.t_j / tau) ). Symmetric adds the same from text to radar over the rows of
-a batch; the paired term, where labelled measured recordings exist, is InfoNCE between simulated and measured rows of the same case.
+Loss of a row of object k: -log( exp(z.t_k / tau) / sum_j exp(z.t_j / tau) ). The symmetric loss adds the same from text to radar over the
+rows of a batch. The paired term is InfoNCE between simulated and measured rows of the same case; it needs labelled measured recordings.
 
-Training (training.py) needs torch; what it leaves is a few arrays, and embedding is NumPy.
+Training (training.py) needs torch; a trained encoder is a few arrays, and embedding needs NumPy only.
 """
 
 from __future__ import annotations
@@ -24,16 +24,15 @@ WEIGHTS = ("hidden_weight", "hidden_bias", "output_weight", "output_bias")
 
 @dataclass(frozen=True)
 class Settings:
-    """How the encoder is trained. The temperature is CLIP's; batch, step and epochs were chosen on made-up clusters, for time
-    (experiments/recognition/recognition_choices.json); none was tried on measured recordings.
+    """Training settings. No setting was chosen on measured recordings: experiments/recognition/recognition_choices.json has the reasons.
 
     Attributes:
         hidden: width of the hidden layer.
         temperature: tau.
-        epochs: at most; without simulated rows to stop by, exactly.
-        patience: epochs without a better loss on simulated rows held out, after which training stops.
+        epochs: maximum; the exact number if no simulated rows are held out.
+        patience: training stops after this many epochs without a lower loss on the held-out simulated rows.
         batch: rows per step. learning_rate, weight_decay: of AdamW.
-        symmetric: InfoNCE from text to radar too.
+        symmetric: adds InfoNCE from text to radar.
         paired: weight of the paired term; 0 leaves it out.
     """
 
@@ -61,37 +60,37 @@ class Encoder:
         shapes = {name: self.weights[name].shape for name in WEIGHTS if name in self.weights}
         hidden, text = (shapes.get(name, (0,))[0] for name in ("hidden_bias", "output_bias"))
         if len(shapes) != len(WEIGHTS) or shapes["hidden_weight"] != (hidden, self.size) or shapes["output_weight"] != (text, hidden):
-            raise InputError(f"encoder: weights of shapes {shapes} are not those of two layers; train or export it again")
+            raise InputError(f"encoder: weights of shapes {shapes} are not those of two layers; export the model again")
 
     @property
     def size(self) -> int:
-        """D, the number of features it takes."""
+        """Number of input features, D."""
         return self.weights["hidden_weight"].shape[-1]
 
     def embed(self, values: NDArray) -> NDArray[np.float32]:
         """Unit vectors (N, T) of features (N, D)."""
         if values.ndim != 2 or values.shape[1] != self.size:
-            raise InputError(f"encoder: it takes (N, {self.size}) features, not {values.shape}")
+            raise InputError(f"encoder: needs features of shape (N, {self.size}), not {values.shape}")
         w = self.weights
         hidden = np.maximum(values.astype(np.float32) @ w["hidden_weight"].T + w["hidden_bias"], 0)
         out = hidden @ w["output_weight"].T + w["output_bias"]
         return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), np.finfo(np.float32).tiny)
 
     def embedded(self, samples: Samples) -> Samples:
-        """The same rows with their embedding as features."""
+        """The same rows with their embeddings as features."""
         vectors = self.embed(samples.values)
         return samples.with_values(vectors, [f"embedding {number}" for number in range(vectors.shape[1])])
 
 
 def text_scores(vectors: NDArray, anchors: NDArray, temperature: float) -> NDArray[np.float64]:
-    """Softmax over classes of each embedding's similarity to each anchor: (N, T) and (K, T) to (N, K), rows of unit sum."""
+    """(N, K) softmax over classes of the similarity of embeddings (N, T) to anchors (K, T)."""
     from scipy.special import softmax
 
     return softmax(vectors.astype(np.float64) @ anchors.astype(np.float64).T / temperature, axis=1)
 
 
 def nearest_text(encoder: Encoder, rows: Unlabelled, anchors: Mapping[str, NDArray], temperature: float) -> NDArray[np.str_]:
-    """The object whose description each recording of the rows is nearest to, by majority of its rows; (recordings,)."""
+    """(recordings,): the object with the nearest description, by majority of the rows of each recording."""
     from radartwin.recognize.probes import vote
 
     classes = sorted(anchors)

@@ -1,9 +1,9 @@
-"""A recogniser that leaves the study: encoder, classes, how features are scaled, which features they are, and where it all comes from.
+"""An exported recogniser: encoder, class prototypes, feature names and scaling, and provenance.
 
     FOLDER/model.safetensors    encoder weights, prototypes (K, T), centre and spread of the features (D,)
     FOLDER/model.json           classes, features, temperature, provenance, digest of the other file
 
-Neither holds code: a model from somebody else is data. Prototypes are text anchors, or centroids of labelled recordings at few_shot.
+Neither file holds code, so a model from elsewhere is safe to read. Prototypes are text anchors, or centroids of labelled recordings.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ FORMAT = "radartwin recogniser 1"
 
 @dataclass(frozen=True, eq=False)
 class Recogniser:
-    """Features of recordings to probabilities of classes.
+    """Maps features of recordings to class probabilities.
 
     Attributes:
         encoder: of D features.
         classes: K labels.
-        prototypes: (K, T) unit vectors an embedding is compared with.
+        prototypes: (K, T) unit vectors that embeddings are compared with.
         temperature: of the softmax over classes.
-        names: of the D features. features: the configuration they are computed by.
-        centre, spread: (D,) of each feature where it was trained; a spread of 0 leaves the feature out.
-        provenance: what it was trained on, plain JSON values.
+        names: of the D features. features: the configuration that computes them.
+        centre, spread: (D,) mean and standard deviation of each feature in training; a spread of 0 leaves the feature out.
+        provenance: training data and settings, plain JSON values.
     """
 
     encoder: Encoder
@@ -54,19 +54,19 @@ class Recogniser:
         text = self.encoder.weights["output_bias"].shape[0]
         fits = len(self.names) == self.encoder.size == len(self.centre) == len(self.spread)
         if not fits or self.prototypes.shape != (len(self.classes), text) or not self.classes:
-            raise InputError("recogniser: classes, features and encoder do not fit one another; export it again")
+            raise InputError("recogniser: classes, features and encoder have different sizes; export the model again")
         if not (np.isfinite(self.centre).all() and np.isfinite(self.spread).all() and (self.spread >= 0).all()):
-            raise InputError("recogniser: centre and spread of the features must be finite; export it again")
+            raise InputError("recogniser: centre and spread of the features must be finite; export the model again")
 
     def probabilities(self, values: NDArray) -> NDArray[np.float64]:
         """(N, K) of feature rows (N, D)."""
         if values.ndim != 2 or values.shape[1] != len(self.names) or not np.isfinite(values).all():
-            raise InputError(f"recogniser: give finite rows of its {len(self.names)} features, not {values.shape}")
+            raise InputError(f"recogniser: needs finite rows of its {len(self.names)} features, not {values.shape}")
         scaled = (values - self.centre) / np.where(self.spread > 0, self.spread, np.inf)
         return text_scores(self.encoder.embed(scaled), self.prototypes, self.temperature)
 
     def save(self, folder: str | Path) -> Path:
-        """Write both files, each whole or not at all, the description last."""
+        """Write both files atomically, the description last."""
         from safetensors.numpy import save
 
         folder = Path(folder)
@@ -78,17 +78,17 @@ class Recogniser:
             "temperature": self.temperature, "provenance": dict(self.provenance), "sha256": hashlib.sha256(content).hexdigest(),
         }  # fmt: skip
         text = json.dumps(described, indent=1, allow_nan=False) + "\n"
-        (folder / DESCRIPTION).unlink(missing_ok=True)  # an older description must never sit beside newer arrays
+        (folder / DESCRIPTION).unlink(missing_ok=True)  # an old description must never stand beside new arrays
         files.write_atomically(folder / ARRAYS, content)
         files.write_atomically(folder / DESCRIPTION, text)
         return folder
 
     @classmethod
     def load(cls, folder: str | Path) -> Recogniser:
-        """What `save` wrote.
+        """Read a model that `save` wrote.
 
         Raises:
-            MissingError: either file is missing. InputError: a file that is damaged, foreign, or not of the other.
+            MissingError: a file is missing. InputError: a file is damaged, has another format or belongs to another model.
         """
         from safetensors import SafetensorError
         from safetensors.numpy import load
@@ -100,10 +100,10 @@ class Recogniser:
         try:
             described = untrusted_json.read(folder / DESCRIPTION)
             if not isinstance(described, dict) or described.get("format") != FORMAT:
-                raise InputError(f"it is not of the format '{FORMAT}'")
+                raise InputError(f"its format is not '{FORMAT}'")
             content = (folder / ARRAYS).read_bytes()
             if hashlib.sha256(content).hexdigest() != described["sha256"]:
-                raise InputError(f"{ARRAYS} is damaged, or of another model")
+                raise InputError(f"{ARRAYS} is damaged or belongs to another model")
             arrays = load(content)
             return cls(
                 Encoder({name: arrays[name] for name in WEIGHTS}), tuple(map(str, described["classes"])), arrays["prototypes"],
@@ -111,4 +111,4 @@ class Recogniser:
                 arrays["centre"], arrays["spread"], dict(described["provenance"]),
             )  # fmt: skip
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError, SafetensorError) as error:
-            raise InputError(f"{folder}: not a model that can be used ({str(error).splitlines()[0]}); export it again") from error
+            raise InputError(f"{folder}: not a usable model ({str(error).splitlines()[0]}); export it again") from error

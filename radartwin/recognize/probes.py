@@ -1,8 +1,8 @@
-"""Recognisers without training of their own features: centroids, linear probes, forest with a vote, whole signatures.
+"""Classifiers on given features: nearest centroids, linear probes, random forest with a vote, matching of whole signatures.
 
 Paper, recognition with simulation-trained representations (leave-one-out nearest-centroid probe, also within strata of equal distance),
 contrastive alignment (linear probes) and scene-level recognition (random forest on frames, majority vote per recording; matching of raw
-signatures). All take what scikit-learn has. Answers are per recording, (n,), in the order of `Samples.per_recording`.
+signatures). Predictions are per recording, (n,), in the order of `Samples.per_recording`.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.split import Split
 
 TREES = 100
-FOLDS = 12  # as many as objects, so that each of them is left out alone
+FOLDS = 12  # the number of objects, so that each object is left out alone
 
 
 def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratified: bool = False) -> NDArray[np.str_]:
-    """The nearest class centroid (Euclidean) for each row, from all rows of other groups; of equally near ones the first by name.
+    """(N,): class of the nearest centroid (Euclidean) of all rows of other groups; ties go to the first class by name.
 
     Args:
-        rows: on comparable scales.
-        groups: (N,) what is left out together; None leaves out a recording.
-        stratified: centroids are of the row's own stratum.
+        rows: features on comparable scales.
+        groups: (N,) rows with equal entries are left out together; None: the rows of a recording.
+        stratified: take centroids of the row's own stratum only.
     Raises:
-        InputError: a group without which fewer than two classes are left.
+        InputError: fewer than two classes remain without a group.
     """
     groups = rows.recording if groups is None else groups
     classes, kind = np.unique(rows.label, return_inverse=True)
@@ -39,7 +39,7 @@ def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratif
             own, own_counts = _sums(rows.values[out], kind[out], len(classes))
             left = counts - own_counts
             if (left > 0).sum() < 2:
-                raise InputError(f"leave-one-out: without {group} fewer than two classes are left; record more")
+                raise InputError(f"leave-one-out: without {group} fewer than two classes remain; record more objects")
             centroids = (sums - own) / np.maximum(left, 1)[:, None]
             away = ((rows.values[out][:, None] - centroids) ** 2).sum(axis=2)
             answer[out] = classes[np.where(left > 0, away, np.inf).argmin(axis=1)]
@@ -47,9 +47,9 @@ def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratif
 
 
 def nearest_centroid(train: Samples, test: Unlabelled) -> NDArray[np.str_]:
-    """The nearest class centroid of the training rows, for each row; ties as above.
+    """(N,): class of the nearest centroid of the training rows; ties go to the first class by name.
 
-    Not scikit-learn's NearestCentroid, which divides by zero where every class has one row.
+    scikit-learn's NearestCentroid divides by zero if every class has one row.
     """
     classes, kind = np.unique(train.label, return_inverse=True)
     sums, counts = _sums(train.values, kind, len(classes))
@@ -64,11 +64,11 @@ def _sums(values: NDArray, kind: NDArray, classes: int) -> tuple[NDArray[np.floa
 
 
 def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:
-    """Logistic regression on each row from those of other groups, classes weighted alike, in FOLDS folds of whole groups.
+    """(N,): logistic regression trained on other groups, with equal class weights, in FOLDS folds of whole groups.
 
     Args:
         recordings: features on comparable scales.
-        groups: (N,) what is left out together: recordings, or objects, so that an object's class is told by other objects alone.
+        groups: (N,) rows with equal entries are left out together: recordings, or objects.
     """
     from sklearn.linear_model import LogisticRegression
     from sklearn.model_selection import GroupKFold, cross_val_predict
@@ -79,7 +79,7 @@ def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:
 
 
 def transferred_probe(split: Split) -> NDArray[np.str_]:
-    """Logistic regression learned from the split's training rows, for each row to score."""
+    """(N,): logistic regression trained on the training rows, for each row to score."""
     from sklearn.linear_model import LogisticRegression
 
     probe = LogisticRegression(max_iter=5000, class_weight="balanced").fit(split.train.values, split.train.label)
@@ -87,7 +87,7 @@ def transferred_probe(split: Split) -> NDArray[np.str_]:
 
 
 def forest(split: Split, seed: int, trees: int = TREES) -> NDArray[np.str_]:
-    """Random forest on the frames to learn from, then the majority of a recording's frames, (recordings,)."""
+    """(recordings,): random forest trained on frames, then the majority vote of the frames of each recording."""
     from sklearn.ensemble import RandomForestClassifier
 
     trained = RandomForestClassifier(trees, class_weight="balanced", random_state=seed, n_jobs=1).fit(split.train.values, split.train.label)
@@ -95,7 +95,7 @@ def forest(split: Split, seed: int, trees: int = TREES) -> NDArray[np.str_]:
 
 
 def vote(recording: NDArray[np.str_], scores: NDArray[np.float64], classes: NDArray[np.str_]) -> NDArray[np.str_]:
-    """The class most frames of a recording take, recordings in the order of their names; a tie goes to the larger mean score.
+    """(recordings,): the most frequent class of each recording's frames, in the order of names; ties go to the larger mean score.
 
     Args:
         recording: (N,) of each frame. scores: (N, K) of each frame and class.
@@ -111,12 +111,12 @@ def vote(recording: NDArray[np.str_], scores: NDArray[np.float64], classes: NDAr
 
 
 def match_signatures(split: Split) -> NDArray[np.str_]:
-    """The label of the training signature that correlates best with each recording's, within its stratum where training has it.
+    """(recordings,): label of the training signature with the highest Pearson correlation, within the recording's stratum if possible.
 
-    A signature is one row, such as a flattened range-time map in decibels; Pearson's correlation over all of it.
+    A signature is one row, such as a flattened range-time map in decibels.
 
     Raises:
-        InputError: a signature that does not vary.
+        InputError: a signature is constant.
     """
     train, test = split.train, split.unlabelled
     scores = _unit(train.values, train.recording) @ _unit(test.values, test.recording).T
@@ -129,14 +129,14 @@ def _unit(rows: NDArray, recording: NDArray) -> NDArray:
     centred = rows - rows.mean(axis=1, keepdims=True)
     norm = np.linalg.norm(centred, axis=1, keepdims=True)
     if not (norm > 0).all():
-        raise InputError(f"the signature of recording {recording[int(norm.argmin())]} does not vary, so nothing correlates with it")
+        raise InputError(f"the signature of recording {recording[int(norm.argmin())]} is constant; check the recording")
     return centred / norm
 
 
 def standardised(samples: Samples, reference: Unlabelled | None = None) -> Samples:
-    """Features less their mean over standard deviation, of the reference rows (default: the samples' own), labels unseen.
+    """Features with the mean and standard deviation of the reference rows (default: the samples' own) removed.
 
-    A feature that does not vary becomes zero.
+    A constant feature becomes zero.
     """
     rows = (samples if reference is None else reference).values
     spread = rows.std(axis=0)

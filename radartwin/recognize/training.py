@@ -1,7 +1,7 @@
-"""Training of the contrastive encoder on a split: AdamW on InfoNCE, stopped by simulated recordings held out of it.
+"""Training of the contrastive encoder on a split: AdamW on InfoNCE, with early stopping on held-out simulated recordings.
 
-One root seed draws the initial weights, the recordings held out and the order of the rows, from NumPy; torch computes on one thread, so
-the same seed gives the same bytes whatever else runs.
+NumPy draws the initial weights, the held-out recordings and the order of the rows from one root seed. torch computes on one thread, so
+the same seed gives the same bytes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from radartwin.recognize.split import Split
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """An encoder, the epochs it took, and the loss on the rows held out after each (empty where none were)."""
+    """An encoder, its number of epochs, and the loss on the held-out rows after each epoch (empty without held-out rows)."""
 
     encoder: Encoder
     epochs: int
@@ -29,19 +29,19 @@ class Trained:
 
 
 def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAULTS, seed: int = 0) -> Trained:
-    """Train on the split's rows, whose features are on comparable scales.
+    """Train on the split's training rows, whose features must be on comparable scales.
 
-    With simulated rows in training, one simulated recording per class is held out first, and training stops where its loss is least; it is
-    then trained anew on everything for as many epochs. Without them it takes `settings.epochs`.
+    If training has simulated rows, a first training holds out one simulated recording per class and finds the epoch of the lowest held-out
+    loss. A second training then uses all rows for that many epochs. Without simulated rows it takes `settings.epochs`.
 
     Args:
         anchors: unit text vector (T,) of every class in training.
     Raises:
         InputError: a class without an anchor, or a paired term without labelled measured recordings.
     """
-    train = split.train
-    if missing := [label for label in train.classes if label not in anchors]:
-        raise InputError(f"encoder: {missing[0]} has no text anchor; describe it")
+    rows = split.train
+    if missing := [label for label in rows.classes if label not in anchors]:
+        raise InputError(f"encoder: {missing[0]} has no text anchor; give a description of it")
     labelled = split.labelled
     if settings.paired and not len(labelled):
         raise InputError("encoder.paired needs labelled measured recordings; use supervision=few_shot, or encoder.paired=0")
@@ -49,10 +49,10 @@ def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAU
     losses: tuple[float, ...] = ()
     epochs = settings.epochs
     if held:
-        mask = np.isin(train.recording, list(held))
-        losses = _train(train.take(~mask), train.take(mask), anchors, settings, seed, settings.epochs)[1]
+        mask = np.isin(rows.recording, list(held))
+        losses = train(rows.take(~mask), rows.take(mask), anchors, settings, seed, settings.epochs)[1]
         epochs = int(np.argmin(losses)) + 1
-    encoder, _ = _train(train, None, anchors, settings, seed, epochs)
+    encoder, _ = train(rows, None, anchors, settings, seed, epochs)
     return Trained(encoder, epochs, losses)
 
 
@@ -67,10 +67,10 @@ def held_out(simulated: Samples, seed: int) -> frozenset[str]:
     return frozenset(drawn)
 
 
-def _train(
+def train(
     rows: Samples, held: Samples | None, anchors: Mapping[str, NDArray], settings: Settings, seed: int, epochs: int
 ) -> tuple[Encoder, tuple[float, ...]]:
-    """(encoder after the last epoch, loss on the held-out rows after each epoch)."""
+    """(encoder after the last epoch, loss on the held-out rows after each epoch); stops early by `settings.patience`."""
     import torch
 
     rng = np.random.default_rng([seed, 0xEC])
@@ -79,7 +79,7 @@ def _train(
     index = {label: number for number, label in enumerate(classes)}
     x, y = _tensors(rows, index)
     weight = torch.bincount(y, minlength=len(classes)).float().reciprocal()
-    weight = torch.where(torch.isfinite(weight), weight, 0.0)  # a frequent class counts no more than a rare one
+    weight = torch.where(torch.isfinite(weight), weight, 0.0)  # every class has the same total weight
     cases = _cases(rows) if settings.paired else []
     losses: list[float] = []
     with _one_thread():
@@ -89,17 +89,17 @@ def _train(
             order = torch.from_numpy(rng.permutation(len(x)))
             for batch in order.split(settings.batch):
                 z = _forward(layers, x[batch])
-                loss = _to_text(z, y[batch], texts, weight, settings)
+                loss = text_loss(z, y[batch], texts, weight, settings)
                 if cases:
                     pairs = np.array([[rng.choice(ours), rng.choice(theirs)] for ours, theirs in cases])
-                    loss = loss + settings.paired * _to_pairs(*(_forward(layers, x[column]) for column in pairs.T), settings.temperature)
+                    loss = loss + settings.paired * _pair_loss(*(_forward(layers, x[column]) for column in pairs.T), settings.temperature)
                 optimiser.zero_grad()
                 loss.backward()
                 optimiser.step()
             if held is not None:
                 with torch.no_grad():
                     hx, hy = _tensors(held, index)
-                    losses.append(float(_to_text(_forward(layers, hx), hy, texts, torch.ones_like(weight), settings)))
+                    losses.append(float(text_loss(_forward(layers, hx), hy, texts, torch.ones_like(weight), settings)))
                 if len(losses) - 1 - int(np.argmin(losses)) >= settings.patience:
                     break
         arrays = [layer.detach().numpy().copy() for layer in layers]
@@ -131,8 +131,8 @@ def _forward(layers, x):
     return normalize(linear(torch.relu(linear(x, layers[0], layers[1])), layers[2], layers[3]), dim=1)
 
 
-def _to_text(z, y, texts, weight, settings: Settings):
-    """InfoNCE of rows against the texts of all classes; symmetric: and of each text against the rows of the batch."""
+def text_loss(z, y, texts, weight, settings: Settings):
+    """InfoNCE of rows (N, T) against the texts (K, T) of all classes; if symmetric, the mean with that of each text against the rows."""
     import torch
     from torch.nn.functional import cross_entropy
 
@@ -146,8 +146,8 @@ def _to_text(z, y, texts, weight, settings: Settings):
     return (loss + to_rows.mean()) / 2
 
 
-def _to_pairs(simulated, measured, temperature: float):
-    """InfoNCE both ways between the two rows of each pair."""
+def _pair_loss(simulated, measured, temperature: float):
+    """InfoNCE in both directions between the two rows of each pair."""
     import torch
     from torch.nn.functional import cross_entropy
 
@@ -157,7 +157,7 @@ def _to_pairs(simulated, measured, temperature: float):
 
 
 def _cases(rows: Samples) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Indices of the simulated and the measured rows of each object and stratum that has both."""
+    """(simulated, measured) row indices of each object and stratum that has both."""
     found = []
     for label, stratum in sorted(set(zip(rows.label, rows.stratum, strict=True))):
         here = (rows.label == label) & (rows.stratum == stratum)

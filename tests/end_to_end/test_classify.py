@@ -1,4 +1,4 @@
-"""From a trained model to a label: `radartwin classify`, and the same model through MLflow, on recordings made outside the study."""
+"""Classification of recordings from outside the study: library, command line, and the same model through MLflow."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def radar() -> Radar:
 
 
 def turning(kind: str, seed: int, distance_m: float = 1.0, gain: float = 1.0) -> Recording:
-    """A point echo whose amplitude goes up and down `TURNS` times a revolution, before a wall that stands still."""
+    """A point echo in front of a fixed wall; its amplitude oscillates `TURNS` times per revolution."""
     rng, one = np.random.default_rng(seed), radar()
     phase = 2 * np.pi * np.arange(FRAMES) / FRAMES + rng.uniform(0, 2 * np.pi)
     amplitude = 1 + 0.6 * (TURNS[kind] > 0) * np.cos(TURNS[kind] * phase)
@@ -42,7 +42,7 @@ def turning(kind: str, seed: int, distance_m: float = 1.0, gain: float = 1.0) ->
         return np.exp(2j * np.pi * samples * range_m / one.range_resolution_m / one.num_samples)
 
     shape = (FRAMES, one.num_chirps, one.num_tx, one.num_rx, one.num_samples)
-    wobble = np.exp(0.3j * np.sin(phase))[:, None]  # the axis is not quite on the turntable's
+    wobble = np.exp(0.3j * np.sin(phase))[:, None]  # the echo is slightly off the turntable's axis
     frames = amplitude[:, None] * wobble * echo(distance_m) + 3 * echo(3.0)
     noise = 0.05 * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
     return Recording((gain * 1e-4 * (frames[:, None, None, None] + noise)).astype(np.complex64), one)
@@ -83,7 +83,7 @@ def test_a_recording_at_another_distance_and_gain_is_recognised(model: Path, tmp
     assert answer.probabilities.sum() == pytest.approx(1.0)
 
 
-def test_the_command_line_says_what_the_library_does(model: Path, tmp_path: Path, radartwin):
+def test_the_command_line_prints_the_librarys_probabilities(model: Path, tmp_path: Path, radartwin):
     turning("thrice", 5).save(tmp_path / "seen")
     done = radartwin("classify", tmp_path / "seen", "--model", model)
     assert done.returncode == 0, done.stderr
@@ -92,43 +92,43 @@ def test_the_command_line_says_what_the_library_does(model: Path, tmp_path: Path
     assert done.stdout.splitlines() == ["label probability", *expected]
 
 
-def test_a_capture_of_a_stranger_is_classified(model: Path, tmp_path: Path):
-    """Counts of a mmWave Studio dump, without amplitudes or poses: a .npy cube and the radar's description."""
+def test_a_raw_cube_with_a_radar_description_is_classified(model: Path, tmp_path: Path):
+    """A .npy cube of ADC counts without amplitudes or poses."""
     seen = turning("once", 6)
     cube = np.round(seen.iq / np.abs(seen.iq).max() * 8000)
     np.save(tmp_path / "seen.npy", cube.astype(np.complex64))
     assert classify(tmp_path / "seen.npy", model, radar(), iq_swapped=False).classes[0] == "once"
 
 
-def test_a_real_capture_of_a_single_frame_is_too_short(model: Path, radartwin, shared_data: Path):
-    """Another radar, another order of I and Q: it is read, and what is missing is said."""
+def test_a_capture_of_one_frame_is_refused(model: Path, radartwin, shared_data: Path):
+    """The capture has another radar and another order of I and Q; it is read, but one frame is no revolution."""
     capture = shared_data / "radar" / "iwr6843_static_room" / "iwr6843_frame_adc_data.bin"
     done = radartwin("classify", capture, "--model", model)
     assert done.returncode == 2
     assert "1 frames" in done.stderr.splitlines()[-1]
-    assert "record a whole one" in done.stderr.splitlines()[-1]
+    assert "record a whole revolution" in done.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["seen", "--model", "nowhere"], "no such file"),
         (["nothing", "--model", "MODEL"], "nothing"),
-        (["seen", "--model", "MODEL", "--period", "25"], "record a whole one"),
+        (["seen", "--model", "MODEL", "--period", "25"], "record a whole revolution"),
         (["seen", "--model", "MODEL", "--distance", "40"], "is not between"),
     ],
 )
-def test_mistakes_are_one_line(model: Path, tmp_path: Path, radartwin, arguments: list[str], told: str):
+def test_mistakes_give_a_one_line_message(model: Path, tmp_path: Path, radartwin, arguments: list[str], message: str):
     turning("once", 5).save(tmp_path / "seen")
     done = radartwin("classify", *(str(model) if word == "MODEL" else word for word in arguments))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert told in done.stderr
+    assert message in done.stderr
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
-def test_a_tracked_model_is_loaded_and_asked_through_mlflow(model: Path, tmp_path: Path):
-    """In the store as a run leaves it, loaded by MLflow alone, without a pickle among its files."""
+def test_mlflow_loads_a_tracked_model_and_predicts(model: Path, tmp_path: Path):
+    """MLflow loads the model from a tracked run; none of its files is a pickle."""
     import mlflow
     import pandas as pd
 

@@ -1,4 +1,4 @@
-"""Shares of a total: closed-form games, all orders counted one by one, and that nothing is lost or made."""
+"""Shapley shares against closed-form games and against the mean over all orders."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def game(value: Callable[[Coalition], float], players: tuple[str, ...] = PLAYERS
     return {some: np.array(value(some)) for some in coalitions(players)}
 
 
-def test_there_are_two_to_the_n_coalitions_each_once() -> None:
+def test_every_coalition_is_listed_once() -> None:
     assert len(set(coalitions(PLAYERS))) == len(list(coalitions(PLAYERS))) == 2 ** len(PLAYERS)
 
 
-def test_in_an_additive_game_everybody_has_its_own_whatever_the_measure() -> None:
+def test_in_an_additive_game_all_measures_equal_the_own_value() -> None:
     own: dict[str, float] = {"a": 3.0, "b": -1.0, "c": 0.0, "d": 0.25}
     played = game(lambda some: 7.0 + sum(own[one] for one in some))
     for player, share in shares(PLAYERS, played).items():
@@ -33,8 +33,8 @@ def test_in_an_additive_game_everybody_has_its_own_whatever_the_measure() -> Non
 
 
 @pytest.mark.parametrize(("left", "right"), [(1, 2), (1, 3), (2, 2)])
-def test_gloves_are_worth_what_the_closed_form_says(left: int, right: int) -> None:
-    """Pairs of gloves: one left against m right ones has m / (m + 1), two against two half a pair each."""
+def test_glove_game_matches_closed_form(left: int, right: int) -> None:
+    """Value of pairs of gloves: one left glove against m right gloves has the share m / (m + 1); two against two have 1/2 each."""
     lefts, rights = [f"l{n}" for n in range(left)], [f"r{n}" for n in range(right)]
     players = (*lefts, *rights)
     played = game(lambda some: float(min(len(some & set(lefts)), len(some & set(rights)))), players)
@@ -44,17 +44,17 @@ def test_gloves_are_worth_what_the_closed_form_says(left: int, right: int) -> No
     assert found["r0"] == pytest.approx((min(left, right) - left * expected) / right)
 
 
-def test_who_is_needed_by_all_shares_alike_is_nothing_alone_and_all_when_left_out() -> None:
-    everybody = frozenset(PLAYERS)
-    played = game(lambda some: float(some == everybody))
+def test_in_a_game_that_needs_all_players_shares_are_equal() -> None:
+    all_players = frozenset(PLAYERS)
+    played = game(lambda some: float(some == all_players))
     for player, share in shares(PLAYERS, played).items():
         assert share == pytest.approx(1 / len(PLAYERS))
         assert alone(played, frozenset((player,))) == 0
-        assert left_out(played, frozenset((player,)), everybody) == 1
+        assert left_out(played, frozenset((player,)), all_players) == 1
 
 
-def test_shares_are_the_mean_over_all_orders_sum_to_the_total_and_leave_bystanders_nothing() -> None:
-    """A game of three random players and a bystander, values per recording."""
+def test_shares_are_the_mean_over_all_orders_and_sum_to_the_total() -> None:
+    """Three players with random values per recording, and a player without influence, whose share is zero."""
     rng = np.random.default_rng(0)
     drawn = {some: rng.standard_normal(5) for some in coalitions(PLAYERS[:3])}
     played = {some: drawn[some - {"d"}] for some in coalitions(PLAYERS)}
@@ -68,7 +68,7 @@ def test_shares_are_the_mean_over_all_orders_sum_to_the_total_and_leave_bystande
     np.testing.assert_allclose(found["d"], 0, atol=1e-12)
 
 
-def test_a_coalition_without_a_value_is_named() -> None:
+def test_a_missing_value_is_named() -> None:
     played = dict(game(len))
     del played[frozenset("ab")]
     with pytest.raises(InputError, match="no value for a, b"):

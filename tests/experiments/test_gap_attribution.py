@@ -1,4 +1,4 @@
-"""What each gap costs: from made-up recordings whose gaps are known, and once from real ones."""
+"""The loss that each gap causes: on synthetic recordings with known gaps, and on simulated recordings."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from fake_campaign import FakeCampaign
 
 from experiments.campaign.cases import Case
 from experiments.gaps import coalitions, gap_attribution
-from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Sides, configured, losses, side, told
+from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Sides, configured, losses, recognised_shares, side
 from experiments.gaps.gap_attribution import ALL, ALONE, CLAIMS, FILLED, LEFT_OUT, PLANS, SHARE, Plan, chart, table
 from experiments.gaps.shapley import Coalition
 from experiments.recognition import transfer
-from experiments.recognition.protocol import right
+from experiments.recognition.protocol import correct
 from radartwin.config.compose import compose
 from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
@@ -33,8 +33,8 @@ QUIET = Progress(quiet=True)
 
 
 class FakeSides(Sides):
-    """Echoes without a simulator: `hardware` takes 6 dB of everything measured, `contents` puts two lobes on a measured bottle's turn,
-    `geometry` turns the twin's room about, `materials` and `labels` make their side 20 % louder."""
+    """Echoes without a simulator: `hardware` attenuates the measured side by 6 dB, `contents` modulates a measured bottle twice per
+    revolution, `geometry` mirrors the twin's room, `materials` and `labels` raise the amplitude of their side by 20 %."""
 
     def processed(self, domain: str, on: frozenset[str], case: Case) -> tuple[str, Processed]:
         key, made = FakeCampaign(distances=(1.0,), frames=16).processed("twin", case, "uniform" if "geometry" in on else "true")
@@ -65,7 +65,7 @@ def cell(rows: list[dict], score: str, gap: str, metric: str, objects: str = ALL
     return found
 
 
-def test_every_gap_is_alone_and_left_out_in_the_paper_profile_and_in_one_group() -> None:
+def test_the_paper_profile_switches_every_gap_alone_and_in_one_group() -> None:
     plan = PLANS["paper"]
     assert sorted(gap for gaps in plan.groups.values() for gap in gaps) == sorted((LABELS, *(f.name for f in fields(GapConfig))))
     assert {frozenset((gap,)) for gap in plan.everything} <= set(plan.switched().values())
@@ -77,7 +77,7 @@ def test_every_gap_is_alone_and_left_out_in_the_paper_profile_and_in_one_group()
     assert PLANS["quick"].everything < plan.everything
 
 
-def test_a_set_of_gaps_is_on_and_all_others_are_off() -> None:
+def test_a_set_of_gaps_is_on_and_all_others_off() -> None:
     made = configured(CONFIG, {"geometry", "clutter", LABELS})
     assert {name for name, strength in asdict(made.measured.gap).items() if strength} == {"geometry", "clutter"}
     assert made.materials == CONFIG.materials
@@ -87,7 +87,7 @@ def test_a_set_of_gaps_is_on_and_all_others_are_off() -> None:
     assert side("measured", on) == {"clutter", "hardware"}
 
 
-def test_without_gaps_nothing_is_lost_and_shares_sum_to_what_all_cost(scored) -> None:
+def test_no_gaps_cause_no_loss_and_shares_sum_to_the_total(scored) -> None:
     *_, rows = scored
     check_rows("gap_attribution", rows)
     for score in SCORES:
@@ -96,49 +96,49 @@ def test_without_gaps_nothing_is_lost_and_shares_sum_to_what_all_cost(scored) ->
         assert sum(cell(rows, score, gap, SHARE)["value"] for gap in PLAN.groups) == pytest.approx(total, abs=1e-9)
 
 
-def test_each_gap_costs_what_it_touches(scored) -> None:
+def test_each_gap_causes_loss_only_in_the_scores_it_affects(scored) -> None:
     *_, rows = scored
     assert cell(rows, PROFILE, "geometry", ALONE)["value"] > 0.01
     assert cell(rows, PROFILE, "geometry", LEFT_OUT)["value"] > 0.01
-    assert cell(rows, PROFILE, "hardware", SHARE)["value"] == pytest.approx(0.0, abs=1e-5)  # a level is no shape
-    assert cell(rows, RECOGNITION, "hardware", SHARE)["value"] == 0.0  # nor a rank
+    assert cell(rows, PROFILE, "hardware", SHARE)["value"] == pytest.approx(0.0, abs=1e-5)  # a level does not change the shape
+    assert cell(rows, RECOGNITION, "hardware", SHARE)["value"] == 0.0  # nor the ranks
     assert cell(rows, ERROR, "hardware", ALONE)["low"] > 0.0
     assert cell(rows, ERROR, "contents", ALONE, FILLED)["low"] > 0.0
     assert cell(rows, ERROR, "labels only", ALONE)["low"] > 0.0
-    assert cell(rows, ERROR, "materials", ALONE)["value"] == pytest.approx(0.0, abs=1e-6)  # both sides louder: the group hides it
+    assert cell(rows, ERROR, "materials", ALONE)["value"] == pytest.approx(0.0, abs=1e-6)  # both sides change alike, so the group hides it
 
 
-def test_only_bottles_know_of_contents(scored) -> None:
+def test_contents_affect_filled_bottles_only(scored) -> None:
     _, found, filled, _ = scored
     change = found[ERROR][frozenset(("contents",))] - found[ERROR][frozenset()]
     assert (change[filled] > 0.1).all()
     np.testing.assert_array_equal(change[~filled], 0.0)
 
 
-def test_answers_together_are_the_answers_apart(scored) -> None:
+def test_sets_are_classified_together_as_separately(scored) -> None:
     sides, _, _, _ = scored
     twin = sides.read("twin", frozenset()).frames
     some: list[Coalition] = [frozenset(), frozenset(("contents",)), frozenset(("hardware", "contents"))]
     measured = {on: sides.read("measured", on).frames for on in some}
-    together = told(CONFIG, twin, measured)
+    together = recognised_shares(CONFIG, twin, measured)
     for on, samples in measured.items():
-        answers = transfer.answers(CONFIG, transfer.ranked_split(transfer.Frames(twin, samples, ())))
-        np.testing.assert_array_equal(together[on], right(answers, samples.per_recording().label).mean(axis=0))
+        predictions = transfer.predict(CONFIG, transfer.ranked_split(transfer.Frames(twin, samples, ())))
+        np.testing.assert_array_equal(together[on], correct(predictions, samples.per_recording().label).mean(axis=0))
 
 
-def test_every_claim_has_its_row_in_the_paper_profile() -> None:
+def test_every_claim_has_a_row_in_the_paper_profile() -> None:
     plan = PLANS["paper"]
     count = len(plan.objects)
     rng = np.random.default_rng(0)
     drawn = {score: {on: rng.uniform(1, 2, count) + len(on) for on in plan.needed()} for score in SCORES}
     rows = table(CONFIG, plan, drawn, np.arange(count) > 2, ["key"])
     check_rows("gap_attribution", rows)
-    told_of = {(r["score"], r["gap"], r["objects"], r["metric"]) for r in rows if r["claim"]}
-    assert told_of == set(CLAIMS)
+    claimed = {(r["score"], r["gap"], r["objects"], r["metric"]) for r in rows if r["claim"]}
+    assert claimed == set(CLAIMS)
     assert chart(rows, tuple(plan.groups)).axes
 
 
-def test_what_the_table_sets_by_itself_is_refused() -> None:
+def test_settings_that_the_table_sets_itself_are_refused() -> None:
     for override, why in (("measured.gap.clutter=0", "leave measured.gap out"), ("materials=void", "leave materials=void out")):
         with pytest.raises(ConfigError, match=why):
             gap_attribution.check(compose(["experiment=gap_attribution", override]))
@@ -146,8 +146,8 @@ def test_what_the_table_sets_by_itself_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_real_recordings_of_a_can_and_a_bottle_lose_to_contents_and_hand_what_they_must(tmp_path: Path) -> None:
-    """Exact room, true labels: without gaps both domains are one; a can knows of no liquid, a bottle does, the hand's placement both."""
+def test_simulated_recordings_of_a_can_and_a_bottle_lose_to_contents_and_placement(tmp_path: Path) -> None:
+    """Exact room, true labels: without gaps both domains agree; contents affect the bottle, placement affects both objects."""
     plan = Plan({"contents": ("contents",), "placement": ("placement",)}, ("drink_can_355", "mustard"))
     config = replace(CONFIG, output=str(tmp_path))
     sides = Sides(config, Store(tmp_path / "cache"), QUIET, coalitions.cases(plan.objects))

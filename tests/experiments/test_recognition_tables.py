@@ -1,4 +1,4 @@
-"""The recognition tables on a made-up campaign whose answers are known beforehand: what transfers and what stays at chance."""
+"""The recognition tables on a synthetic campaign: known properties transfer, and others stay at chance."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fake_campaign import FakeCampaign
 
+from experiments.claims import Claim
 from experiments.recognition import (
     contrastive,
     corner_reflector_calibration,
@@ -20,7 +21,7 @@ from experiments.recognition import (
     rover_recognition,
     turntable_label_free,
 )
-from experiments.recognition.protocol import Rows
+from experiments.recognition.protocol import RecognitionRows
 from experiments.recognition.readings import shared_cases
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -48,7 +49,7 @@ def drives(**changed) -> FakeCampaign:
 
 
 class Study:
-    """Drives and turntable of one campaign."""
+    """A source with the drives and the turntable of two sources."""
 
     def __init__(self, *parts: FakeCampaign) -> None:
         self.parts = parts
@@ -75,15 +76,13 @@ def row(result: Result, **wanted) -> dict:
 
 
 def checked(result: Result, folder: Path | None = None) -> Result:
-    """Rows of the agreed form; with a folder, everything kept in it and its figures drawn."""
+    """Check the rows; with a folder, also save the result and check its figures."""
     check_rows(result.table, result.rows)
-    if folder is None:
-        assert all(one["run_keys"] for one in result.rows)
-        return result
-    folder.mkdir()
-    save(result, folder)
-    assert {path.stem for path in (folder / "figures").glob("*.png")} == set(result.figures)
     assert all(one["run_keys"] for one in result.rows)
+    if folder is not None:
+        folder.mkdir()
+        save(result, folder)
+        assert {path.stem for path in (folder / "figures").glob("*.png")} == set(result.figures)
     return result
 
 
@@ -92,7 +91,7 @@ def probe(tmp_path: Path, campaign: FakeCampaign, name: str = "one") -> Result:
     return labelled_probe.score(chosen, campaign, Store(tmp_path / name / "cache"), Progress(), {labelled_probe.RIVAL: turntable(gap=0.5)})
 
 
-def test_labelled_probe_recognises_what_differs(tmp_path: Path):
+def test_labelled_probe_recognises_different_objects(tmp_path: Path):
     result = checked(probe(tmp_path, turntable()))
     for kind in labelled_probe.PROBES:
         found = row(result, probe=kind, method=labelled_probe.PRETRAINED)
@@ -103,8 +102,8 @@ def test_labelled_probe_recognises_what_differs(tmp_path: Path):
     assert not [one for one in result.rows if one["probe"] == "8 labels per class"]
 
 
-def test_labelled_probe_of_one_recording_each_asks_no_others(tmp_path: Path):
-    """One distance, one recording: revolutions know each other, and neither labels nor another recording are there."""
+def test_labelled_probe_of_single_recordings_has_no_probe_on_others(tmp_path: Path):
+    """One recording per object has several revolutions, but no other recordings and none for labels."""
 
     class Once(FakeCampaign):
         def cases(self, domain, **chosen):
@@ -113,15 +112,14 @@ def test_labelled_probe_of_one_recording_each_asks_no_others(tmp_path: Path):
     result = checked(probe(tmp_path, Once(objects=OBJECTS, frames=24, repetitions=1, turns=2)))
     found = row(result, probe=labelled_probe.REVOLUTIONS, method=labelled_probe.PRETRAINED)
     assert (found["n"], found["answers"]) == (6, 12)
-    asked = {one["probe"] for one in result.rows}
-    assert labelled_probe.RECORDINGS not in asked
-    assert not any("labels per class" in one for one in asked)
+    probes = {one["probe"] for one in result.rows}
+    assert labelled_probe.RECORDINGS not in probes
+    assert not any("labels per class" in one for one in probes)
     assert "label_efficiency" not in result.figures
 
 
 @pytest.mark.slow
-def test_labelled_probe_finds_nothing_where_nothing_differs(tmp_path: Path):
-    """Objects that are all alike, asked without their own recording: at chance, and no claim of recognition holds."""
+def test_labelled_probe_of_equal_objects_is_at_chance(tmp_path: Path):
     result = probe(tmp_path, turntable(signature=0.0))
     found = row(result, probe=labelled_probe.RECORDINGS, method=labelled_probe.PRETRAINED)
     assert found["verdict"] == "fails"
@@ -129,7 +127,7 @@ def test_labelled_probe_finds_nothing_where_nothing_differs(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_the_same_table_whatever_the_order_of_the_files(tmp_path: Path):
+def test_rows_do_not_depend_on_the_order_of_cases(tmp_path: Path):
     class Reversed(FakeCampaign):
         def cases(self, domain, **chosen):
             return super().cases(domain, **chosen)[::-1]
@@ -139,8 +137,7 @@ def test_the_same_table_whatever_the_order_of_the_files(tmp_path: Path):
     assert first.rows == second.rows
 
 
-def test_an_object_recorded_more_often_counts_no_more():
-    """As the reflector, which stands on the turntable three times at each distance."""
+def test_every_object_has_the_same_number_of_measured_cases():
 
     class Often(FakeCampaign):
         def cases(self, domain, **chosen):
@@ -154,8 +151,7 @@ def test_an_object_recorded_more_often_counts_no_more():
     assert len(number) == 2 * len(OBJECTS)
 
 
-def test_distances_of_one_object_alone_compare_nothing():
-    """A reflector that stands at more distances than the others, and a measured object without its twin, are left out."""
+def test_distances_with_one_object_and_objects_without_twin_are_left_out():
 
     class Uneven(FakeCampaign):
         def cases(self, domain, **chosen):
@@ -170,7 +166,7 @@ def test_distances_of_one_object_alone_compare_nothing():
         shared_cases(Uneven(objects=OBJECTS), "lateral", "atrium")
 
 
-def test_label_free_attributes_and_identity(tmp_path: Path):
+def test_geometry_transfers_without_labels(tmp_path: Path):
     chosen = config("turntable_label_free")
     result = checked(turntable_label_free.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()))
     geometry = row(result, attribute="geometry", method=turntable_label_free.ENCODER)
@@ -183,7 +179,7 @@ def test_label_free_attributes_and_identity(tmp_path: Path):
 @pytest.mark.parametrize(
     "overrides", [(), ("supervision=few_shot", "supervision.encoder.paired=0.5", "supervision.encoder.symmetric=true")]
 )
-def test_contrastive_leaves_a_model(tmp_path: Path, overrides: tuple[str, ...]):
+def test_contrastive_exports_a_model(tmp_path: Path, overrides: tuple[str, ...]):
     chosen = config("contrastive", *overrides)
     result = checked(contrastive.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()), tmp_path / "result")
     assert row(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "recording"})["value"] > 0.8
@@ -193,7 +189,7 @@ def test_contrastive_leaves_a_model(tmp_path: Path, overrides: tuple[str, ...]):
     assert not [name for name in described["names"] if "brightness" in name]
 
 
-def test_rover_rows_by_level_of_supervision(tmp_path: Path):
+def test_rover_rows_follow_the_level_of_supervision(tmp_path: Path):
     study = Study(drives(), turntable())
     store = Store(tmp_path / "cache")
     chosen = config("rover_recognition", "supervision=label_free", "supervision.seeds=1", "supervision.trees=2")
@@ -209,26 +205,21 @@ def test_rover_rows_by_level_of_supervision(tmp_path: Path):
         assert row(result, motion=motion, method="simulated labels shuffled")["verdict"] == "holds"
 
 
-def test_the_ablation_sees_what_the_room_is_worth(tmp_path: Path):
-    """In the made-up rooms a wrong material mirrors the room's echoes, so the labelled twin must win."""
-    result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), drives(), Store(tmp_path / "cache"), Progress()))
-    better = row(
-        result,
-        classes="object",
-        method=f"{reconstruction_ablation.LABELLED} - {reconstruction_ablation.UNIFORM}",
-        metric="gain in accuracy",
-    )
-    assert better["value"] > 0
+def test_the_ablation_detects_the_benefit_of_the_room(tmp_path: Path):
+    """In the synthetic rooms a wrong material mirrors the room's echoes, so the labelled twin must win."""
+    result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), drives(), Progress()))
+    method = f"{reconstruction_ablation.LABELLED} - {reconstruction_ablation.UNIFORM}"
+    assert row(result, classes="object", method=method, metric="gain in accuracy")["value"] > 0
     uneven = [one for one in result.rows if one["metric"] == "share of the unequal answers"]
     assert len(uneven) == 2
     assert all(0 <= one["p"] <= 1 for one in uneven)
     with pytest.raises(ValueError, match="choose another source than uniform"):
-        reconstruction_ablation.score(config("reconstruction_ablation", "materials=uniform"), drives(), Store(tmp_path / "c"), Progress())
+        reconstruction_ablation.score(config("reconstruction_ablation", "materials=uniform"), drives(), Progress())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("profile", "shares"), [("quick", 1), ("paper", 3)])
-def test_material_errors_start_at_the_truth(tmp_path: Path, profile: str, shares: int):
+def test_material_errors_are_zero_with_true_materials(tmp_path: Path, profile: str, shares: int):
     class Labelled(FakeCampaign):
         source = ""
 
@@ -249,13 +240,13 @@ def test_material_errors_start_at_the_truth(tmp_path: Path, profile: str, shares
     assert min(errors[1 : shares + 1]) > 0.1
 
 
-def test_calibration_takes_out_a_gain_and_does_not_score_the_reflector(tmp_path: Path):
+def test_calibration_removes_a_gain_and_does_not_score_the_reflector(tmp_path: Path):
     chosen = config("corner_reflector_calibration")
     result = checked(corner_reflector_calibration.score(chosen, turntable(repetitions=3), Progress()))
     before, after = (
         row(result, materials="metal", method=when) for when in (corner_reflector_calibration.BEFORE, corner_reflector_calibration.AFTER)
     )
-    assert before["value"] == pytest.approx(3.0, abs=0.5)  # the made-up radar is twice as sensitive
+    assert before["value"] == pytest.approx(3.0, abs=0.5)  # the measured radar has twice the gain
     assert abs(after["value"]) < 0.7
     assert after["n"] == 12  # two cans, two distances, three recordings
 
@@ -267,25 +258,25 @@ def test_every_figure_is_drawn(tmp_path: Path):
         probe(tmp_path, turntable()),
         turntable_label_free.score(config("turntable_label_free"), turntable(), store, Progress()),
         rover_recognition.score(config("rover_recognition"), study, store, Progress()),
-        reconstruction_ablation.score(config("reconstruction_ablation"), drives(), store, Progress()),
+        reconstruction_ablation.score(config("reconstruction_ablation"), drives(), Progress()),
         corner_reflector_calibration.score(config("corner_reflector_calibration"), turntable(), Progress()),
     ]
     assert [len(checked(result, tmp_path / result.table).figures) for result in made] == [3, 2, 2, 2, 1]
 
 
-def test_all_right_is_no_certainty_and_one_place_no_interval(tmp_path: Path):
-    """Four cells that are all right: the exact interval of four, 0.40 to 1; and a single place judges nothing."""
+def test_all_correct_has_the_exact_interval_and_one_cell_has_none():
+    """The exact interval of four correct cells is 0.40 to 1. A single cell judges no claim."""
     rng = np.random.default_rng(0)
     recordings = gather(("a",), [Part(f"r{n}", f"k{n % 2}", MEASURED, rng.normal(size=1), f"{n // 2} m") for n in range(4)])
-    given = Rows(config("contrastive"), []).share({}, np.ones((2, 4), bool), recordings, ["0" * 32], 0.5, claim="above chance")
+    given = RecognitionRows(config("contrastive")).share({}, np.ones((2, 4), bool), recordings, ["0" * 32], 0.5, Claim("above chance"))
     assert (given["low"], given["high"], given["verdict"]) == (pytest.approx(0.3976, abs=1e-4), 1.0, "fails")
     one_place = turntable(distances=(1.0,), repetitions=1, objects=("can_211_300", "corner_reflector", "mug"))
     rows = corner_reflector_calibration.score(config("corner_reflector_calibration"), one_place, Progress()).rows
     assert {row["verdict"] for row in rows} == {"untestable"}
 
 
-def test_nothing_was_chosen_on_what_is_scored():
-    """The record of choices names what each was made on; measured recordings are not among it, and every setting is in it as it is."""
+def test_no_setting_was_chosen_on_measured_recordings():
+    """The record of choices names the data of each choice and holds every numeric setting with its current value."""
     content = json.loads((Path(labelled_probe.__file__).parent / "recognition_choices.json").read_text())
     given = compose(["experiment=labelled_probe"])
     for choice in content["choices"]:

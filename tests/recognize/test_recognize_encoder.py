@@ -1,4 +1,4 @@
-"""The contrastive encoder: its loss by hand, its determinism, what stops it, and what its options do."""
+"""The contrastive encoder: losses against NumPy, determinism, early stopping, options."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text, text_scores
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather, join
 from radartwin.recognize.split import Split, draw_shots, label_free
-from radartwin.recognize.training import fit, held_out
+from radartwin.recognize.training import fit, held_out, text_loss, train
 
 OBJECTS = ("can", "mug", "bottle")
 SETTINGS = Settings(hidden=16, epochs=30, batch=64)
@@ -33,29 +33,29 @@ def split() -> Split:
     return label_free(rows(SIMULATED, 1), rows(MEASURED, 2, copies=1))
 
 
-def test_it_learns_the_descriptions_of_what_it_is_shown():
+@pytest.mark.parametrize("symmetric", [False, True])
+def test_a_trained_encoder_recognises_objects_by_their_description(symmetric: bool):
     one = split()
-    trained = fit(one, ANCHORS, SETTINGS)
+    trained = fit(one, ANCHORS, replace(SETTINGS, symmetric=symmetric))
     answers = nearest_text(trained.encoder, one.unlabelled, ANCHORS, SETTINGS.temperature)
     assert (answers == one.test.per_recording().label).mean() > 0.85
     assert np.linalg.norm(trained.encoder.embed(one.test.values), axis=1) == pytest.approx(np.ones(9), abs=1e-5)
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not():
+def test_weights_depend_on_the_seed_alone():
     first, again, other = (fit(split(), ANCHORS, SETTINGS, seed).encoder.weights for seed in (4, 4, 5))
     assert all(np.array_equal(first[name], again[name]) for name in first)
     assert not np.array_equal(first["hidden_weight"], other["hidden_weight"])
 
 
-def test_measured_labels_change_nothing_without_labels():
-    """The same bytes whatever the recordings to score are said to show, and whatever their values."""
+def test_test_labels_and_values_do_not_influence_training():
     one = split()
     swapped = replace(one.test, label=np.roll(one.test.label, 3), values=one.test.values + 1)
     first, second = (fit(label_free(one.train, test), ANCHORS, SETTINGS).encoder.weights for test in (one.test, swapped))
     assert all(np.array_equal(first[name], second[name]) for name in first)
 
 
-def test_what_stops_it_is_simulated():
+def test_early_stopping_uses_simulated_recordings():
     one = split()
     held = held_out(one.simulated, seed=0)
     assert held <= set(one.simulated.recording)
@@ -65,21 +65,19 @@ def test_what_stops_it_is_simulated():
     assert len(trained.held_out_loss) <= min(SETTINGS.epochs, trained.epochs + 3)
 
 
-def test_without_simulated_rows_it_takes_its_epochs():
+def test_training_without_simulated_rows_takes_all_epochs():
     known, rest = draw_shots(rows(MEASURED, 2, each=4, copies=1), 2, seed=0)
     trained = fit(Split("few_shot", known, rest, 2), ANCHORS, SETTINGS)
     assert (trained.epochs, trained.held_out_loss) == (SETTINGS.epochs, ())
 
 
 def test_the_held_out_loss_is_info_nce():
-    """After a training of one epoch on the rest, by NumPy: -log softmax of cosines over the temperature, at the row's own text."""
+    """NumPy oracle: -log softmax of cosines over the temperature at the row's own text, after one epoch on the other rows."""
     from scipy.special import log_softmax
-
-    from radartwin.recognize.training import _train
 
     one = split()
     mask = np.isin(one.train.recording, list(held_out(one.simulated, 0)))
-    encoder, losses = _train(one.train.take(~mask), one.train.take(mask), ANCHORS, SETTINGS, 0, 1)
+    encoder, losses = train(one.train.take(~mask), one.train.take(mask), ANCHORS, SETTINGS, 0, 1)
     held = one.train.take(mask)
     classes = sorted(OBJECTS)
     texts = np.stack([ANCHORS[label] for label in classes])
@@ -87,25 +85,23 @@ def test_the_held_out_loss_is_info_nce():
     assert losses[0] == pytest.approx(-np.mean([logs[row, classes.index(label)] for row, label in enumerate(held.label)]), rel=1e-4)
 
 
-def test_the_symmetric_loss_is_the_mean_of_both_ways():
+def test_the_symmetric_loss_is_the_mean_of_both_directions():
     import torch
     from scipy.special import log_softmax
-
-    from radartwin.recognize.training import _to_text
 
     rng = np.random.default_rng(0)
     z = rng.normal(size=(6, 8))
     z /= np.linalg.norm(z, axis=1, keepdims=True)
     y, texts = np.array([0, 0, 1, 1, 1, 0]), np.stack([ANCHORS[label] for label in OBJECTS])  # the third text has no row
     settings = replace(SETTINGS, symmetric=True)
-    found = float(_to_text(torch.from_numpy(z), torch.from_numpy(y), torch.from_numpy(texts).double(), torch.ones(3).double(), settings))
+    found = float(text_loss(torch.from_numpy(z), torch.from_numpy(y), torch.from_numpy(texts).double(), torch.ones(3).double(), settings))
     logits = z @ texts.T / settings.temperature
     to_text = -np.mean(log_softmax(logits, axis=1)[np.arange(6), y])
     to_rows = -np.mean([log_softmax(logits.T, axis=1)[k][y == k].mean() for k in (0, 1)])
     assert found == pytest.approx((to_text + to_rows) / 2)
 
 
-def test_the_paired_term_needs_labels_and_brings_pairs_together():
+def test_the_paired_term_needs_labels_and_moves_pairs_together():
     with pytest.raises(ValueError, match="few_shot"):
         fit(split(), ANCHORS, replace(SETTINGS, paired=1.0))
     simulated, measured = rows(SIMULATED, 1), rows(MEASURED, 2, each=6, copies=1)
@@ -126,24 +122,17 @@ def test_the_paired_term_needs_labels_and_brings_pairs_together():
     assert apart(1.0) > apart(0.0)
 
 
-def test_symmetric_training_runs_and_recognises():
-    one = split()
-    encoder = fit(one, ANCHORS, replace(SETTINGS, symmetric=True)).encoder
-    answers = nearest_text(encoder, one.unlabelled, ANCHORS, SETTINGS.temperature)
-    assert (answers == one.test.per_recording().label).mean() > 0.85
-
-
-def test_scores_are_probabilities_and_colder_is_surer():
+def test_scores_are_probabilities_and_lower_temperature_sharpens_them():
     vectors = np.eye(3, 8)
     warm, cold = (text_scores(vectors, np.eye(3, 8), temperature) for temperature in (1.0, 0.1))
     assert warm.sum(axis=1) == pytest.approx(np.ones(3))
     assert (np.diag(cold) > np.diag(warm)).all()
 
 
-def test_mistakes_are_named():
+def test_messages_name_the_mistake():
     with pytest.raises(ValueError, match="mug has no text anchor"):
         fit(split(), {label: ANCHORS[label] for label in ("can", "bottle")}, SETTINGS)
-    with pytest.raises(ValueError, match=r"takes \(N, 5\) features"):
+    with pytest.raises(ValueError, match=r"features of shape \(N, 5\)"):
         fit(split(), ANCHORS, SETTINGS).encoder.embed(np.zeros((2, 4)))
     with pytest.raises(ValueError, match="not those of two layers"):
         Encoder({"hidden_weight": np.zeros((2, 2), np.float32)})

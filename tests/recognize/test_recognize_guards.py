@@ -1,4 +1,4 @@
-"""Who may be learned from: splits that refuse a measured label, a shared recording, or a scored calibration object."""
+"""Splits refuse measured labels, shared recordings and a scored calibration object."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather, join
-from radartwin.recognize.split import LeakError, Split, as_domains, draw_shots, label_free, mixed_domains, most_shots, shuffled
+from radartwin.recognize.split import LeakError, Split, as_domains, draw_shots, label_free, most_shots, shuffled
 
 OBJECTS = ("can", "mug", "reflector")
 
@@ -23,25 +23,25 @@ def recordings(domain: str, each: int = 4, frames: int = 5, seed: int = 0) -> Sa
     return gather(("a", "b"), parts)
 
 
-def test_a_measured_label_cannot_be_learned_from_without_labels():
-    """However it is smuggled in: alone, or a single recording among simulated ones, at either level without labels."""
+def test_measured_labels_cannot_reach_training_without_labels():
+    """Neither alone nor as one recording among simulated recordings, at both levels without labels."""
     simulated, measured = recordings(SIMULATED), recordings(MEASURED)
     one = measured.take(measured.recording == measured.recording[0])
     rest = measured.take(measured.recording != measured.recording[0])
     for train in (one, join(simulated, one)):
-        with pytest.raises(LeakError, match="is among those to learn from"):
+        with pytest.raises(LeakError, match="is in training"):
             Split("label_free", train, rest)
-        with pytest.raises(LeakError, match="is among those to learn from"):
+        with pytest.raises(LeakError, match="is in training"):
             Split("calibrated", train, rest.without("reflector"), calibration_object="reflector")
 
 
-def test_what_training_sees_of_the_rows_to_score_has_no_labels():
+def test_training_sees_test_rows_without_labels():
     split = label_free(recordings(SIMULATED), recordings(MEASURED))
     assert not hasattr(split.unlabelled, "label")
     assert np.array_equal(split.unlabelled.values, split.test.values)
 
 
-def test_few_shot_takes_its_number_of_recordings_and_no_more():
+def test_few_shot_trains_on_its_number_of_recordings_at_most():
     simulated, measured = recordings(SIMULATED), recordings(MEASURED)
     known, rest = draw_shots(measured, 2, seed=3)
     split = Split("few_shot", join(simulated, known), rest, shots=2)
@@ -50,7 +50,7 @@ def test_few_shot_takes_its_number_of_recordings_and_no_more():
         Split("few_shot", join(simulated, known), rest, shots=1)
 
 
-def test_frames_of_a_recording_never_part():
+def test_frames_of_a_recording_stay_together():
     measured = recordings(MEASURED)
     with pytest.raises(LeakError, match="split by recording, never by frame"):
         Split("few_shot", measured.take(np.arange(0, len(measured), 2)), measured.take(np.arange(1, len(measured), 2)), shots=9)
@@ -58,8 +58,8 @@ def test_frames_of_a_recording_never_part():
     assert not set(known.recording) & set(rest.recording)
 
 
-def test_revolutions_of_a_recording_never_part():
-    """Cut from one recording, they are nearly alike: neither a split nor a draw puts them on both sides."""
+def test_revolutions_of_a_recording_stay_together():
+    """Revolutions of one recording are nearly alike, so neither a split nor a draw puts them on both sides."""
     rng = np.random.default_rng(0)
     parts = [
         Part(f"{label} {number} turn {turn}", label, MEASURED, rng.normal(size=2), source=f"{label} {number}")
@@ -79,13 +79,13 @@ def test_revolutions_of_a_recording_never_part():
 
 def test_the_calibration_object_is_not_scored():
     simulated, measured = recordings(SIMULATED), recordings(MEASURED)
-    with pytest.raises(LeakError, match="reflector was recorded for calibration"):
+    with pytest.raises(LeakError, match="reflector is the calibration object"):
         Split("calibrated", simulated, measured, calibration_object="reflector")
     assert "reflector" not in Split("calibrated", simulated, measured.without("reflector"), calibration_object="reflector").test.classes
 
 
 def test_a_simulated_recording_is_not_scored():
-    with pytest.raises(LeakError, match="score measured recordings alone"):
+    with pytest.raises(LeakError, match="score measured recordings only"):
         Split("label_free", recordings(SIMULATED, seed=1), recordings(SIMULATED))
 
 
@@ -105,16 +105,17 @@ def test_the_order_of_files_does_not_matter():
     assert np.array_equal(one.recording, two.recording)
 
 
-def test_shuffled_labels_stay_with_their_recordings_and_keep_their_numbers():
+def test_shuffled_labels_stay_with_recordings_and_keep_class_sizes():
     samples = recordings(SIMULATED, each=6)
-    dealt = shuffled(samples, seed=1)
-    assert sorted(dealt.per_recording().label) == sorted(samples.per_recording().label)
-    assert (dealt.label != samples.label).any()
-    domains = mixed_domains(join(recordings(SIMULATED), recordings(MEASURED)), seed=1)
+    permuted = shuffled(samples, seed=1)
+    assert sorted(permuted.per_recording().label) == sorted(samples.per_recording().label)
+    assert (permuted.label != samples.label).any()
+    both = as_domains(join(recordings(SIMULATED), recordings(MEASURED)))
+    domains = shuffled(both, seed=1)
     assert set(domains.classes) == {SIMULATED, MEASURED}
-    assert (domains.label != as_domains(domains).label).any()
+    assert (domains.label != both.label).any()
 
 
-def test_a_value_that_is_not_finite_is_named():
+def test_the_message_names_a_value_that_is_not_finite():
     with pytest.raises(ValueError, match=r"b of recording r1 is not finite"):
         gather(("a", "b"), [Part("r1", "can", MEASURED, np.array([[0.0, np.nan]]))])

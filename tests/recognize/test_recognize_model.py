@@ -1,4 +1,4 @@
-"""Models that leave the study: what is saved comes back, nothing but data is read, and damage is told in one line."""
+"""Exported models: a saved model loads unchanged, only data is read, and damage gives a one-line error."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from radartwin.recognize.encoder import Encoder
 from radartwin.recognize.model import ARRAYS, DESCRIPTION, Recogniser
 
 
-def test_a_saved_model_answers_as_before(tmp_path: Path):
+def test_a_saved_model_predicts_the_same_after_loading(tmp_path: Path):
     one = recogniser()
     two = Recogniser.load(one.save(tmp_path / "model"))
     values = np.random.default_rng(1).normal(size=(7, 4))
@@ -23,15 +23,15 @@ def test_a_saved_model_answers_as_before(tmp_path: Path):
     assert two.probabilities(values).sum(axis=1) == pytest.approx(np.ones(7))
 
 
-def test_a_feature_that_never_varied_says_nothing():
+def test_a_constant_feature_does_not_influence_the_prediction():
     one, values = recogniser(), np.zeros((1, 4))
     other = values.copy()
     other[0, 2] = 1e6
     assert np.array_equal(one.probabilities(values), one.probabilities(other))
 
 
-def test_the_softmax_is_over_cosines():
-    """By hand: a unit embedding along the second prototype, temperature 1."""
+def test_probabilities_are_a_softmax_of_cosines():
+    """Closed form of a unit embedding along the second prototype at temperature 1."""
     eye = np.eye(3, dtype=np.float32)
     weights = {"hidden_weight": eye, "hidden_bias": np.zeros(3, np.float32), "output_weight": eye, "output_bias": np.zeros(3, np.float32)}
     one = Recogniser(Encoder(weights), ("x", "y", "z"), eye, 1.0, ("a", "b", "c"), {}, np.zeros(3), np.ones(3))
@@ -41,7 +41,7 @@ def test_the_softmax_is_over_cosines():
 @pytest.mark.parametrize(
     "damage", ["truncated", "other arrays", "no json", "not json", "a class too many", "pickle", "list", "no features"]
 )
-def test_a_damaged_model_is_one_line(tmp_path: Path, damage: str):
+def test_a_damaged_model_gives_a_one_line_error(tmp_path: Path, damage: str):
     folder = recogniser().save(tmp_path / "model")
     arrays, described = folder / ARRAYS, json.loads((folder / DESCRIPTION).read_text())
     if damage == "truncated":
@@ -65,7 +65,7 @@ def test_a_damaged_model_is_one_line(tmp_path: Path, damage: str):
     assert "\n" not in str(caught.value)
 
 
-def test_rows_of_other_features_are_refused():
+def test_rows_with_other_features_are_refused():
     with pytest.raises(ValueError, match="4 features"):
         recogniser().probabilities(np.zeros((1, 3)))
     with pytest.raises(ValueError, match="finite"):

@@ -1,4 +1,4 @@
-"""Noise copies: the noise that is asked for, correlated as the range window makes it, and independent from copy to copy."""
+"""Noisy copies: noise of the requested power, correlated by the range window, independent between copies."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def echo(noise: float = 0.0, frames: int = 24, amplitude: float = 0.0) -> Proces
     return process(Recording(iq + np.sqrt(noise / 2) * (rng.normal(size=shape) + 1j * rng.normal(size=shape)), RADAR), doppler=False)
 
 
-def test_noise_has_the_power_asked_for_and_what_was_there_counts():
+def test_noise_has_the_requested_power_including_the_recordings_own():
     quiet = replace(echo(), noise=None)
     for processed, own in ((quiet, 0.0), (replace(quiet, noise=np.full(len(quiet.range_m), 3e-6, np.float32)), 3e-6)):
         added = noisy(processed, 1e-5, np.random.default_rng(0))
@@ -33,8 +33,8 @@ def test_noise_has_the_power_asked_for_and_what_was_there_counts():
     assert np.array_equal(noisy(loud, 1e-5, np.random.default_rng(0)).channels, loud.channels)
 
 
-def test_noise_is_like_that_of_a_receiver():
-    """Against white noise put through the range transform by `process`: the same correlation of neighbouring bins, 2/3 for Hann."""
+def test_noise_is_correlated_like_receiver_noise():
+    """White noise transformed by `process` has the same correlation of neighbouring bins, 2/3 for a Hann window."""
     received, added = echo(noise=1e-3), noisy(replace(echo(), noise=None), 1e-5, np.random.default_rng(0))
     for one in (received, added):
         bins = one.channels.reshape(-1, one.channels.shape[-1])
@@ -47,14 +47,14 @@ def test_power_and_channels_of_a_copy_agree():
     assert copy.power == pytest.approx((np.abs(copy.channels) ** 2).mean(axis=1), rel=1e-3, abs=1e-12)
 
 
-def test_copies_differ_and_come_again():
+def test_copies_differ_and_are_reproducible():
     processed = replace(echo(frames=5), noise=None)
     one, two = copies(processed, 1e-6, 2, 7)
     assert not np.array_equal(one.channels, two.channels)
     assert np.array_equal(one.channels, next(copies(processed, 1e-6, 2, 7)).channels)
 
 
-def test_simulated_targets_come_to_stand_as_far_above_the_noise_as_measured_ones():
+def test_simulated_targets_get_the_measured_signal_to_noise_ratio():
     ours, theirs, floor = np.array([1.0, 2.0, 4.0]), np.array([10.0, 20.0, 40.0]), 0.5
     assert np.median(ours) / added_noise(ours, theirs, floor) == pytest.approx(np.median(theirs) / floor)
     with pytest.raises(ValueError, match="no energy above the noise"):

@@ -1,4 +1,4 @@
-"""Probes, votes and scores against scikit-learn, scipy and counting by hand."""
+"""Probes, votes and scores against scikit-learn, scipy and counts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def clusters(domain: str, seed: int, spread: float = 1.0, each: int = 6, strata:
     return gather(("a", "b", "c"), parts)
 
 
-def test_leave_one_out_is_scikit_learns():
+def test_leave_one_out_centroid_matches_scikit_learn():
     from sklearn.model_selection import LeaveOneOut, cross_val_predict
     from sklearn.neighbors import NearestCentroid
 
@@ -34,8 +34,8 @@ def test_leave_one_out_is_scikit_learns():
         assert np.array_equal(probes.leave_one_out_centroid(rows, stratified=True)[here], expected)
 
 
-def test_what_is_left_out_together_tells_nothing_of_itself():
-    """Twins of each row, far from their class: with them they are known, without the pair they are not."""
+def test_groups_are_left_out_together():
+    """Each row has an identical second row far from its class. The expected classes are computed without both rows."""
     rng = np.random.default_rng(0)
     parts = []
     for kind in range(3):
@@ -51,7 +51,7 @@ def test_what_is_left_out_together_tells_nothing_of_itself():
     assert probes.leave_one_out_centroid(rows, rows.source).tolist() == by_hand
 
 
-def test_nearest_centroid_is_scikit_learns_and_takes_one_row_per_class():
+def test_nearest_centroid_matches_scikit_learn_and_takes_one_row_per_class():
     from sklearn.neighbors import NearestCentroid
 
     train, test = clusters(SIMULATED, 1), clusters(MEASURED, 2)
@@ -61,20 +61,20 @@ def test_nearest_centroid_is_scikit_learns_and_takes_one_row_per_class():
     assert probes.nearest_centroid(single, single).tolist() == single.label.tolist()
 
 
-def test_the_majority_of_the_frames_is_the_answer_and_a_tie_goes_to_the_surer():
+def test_a_vote_takes_the_majority_and_ties_go_to_the_larger_mean_score():
     scores = np.array([[0.6, 0.4], [0.6, 0.4], [0.0, 1.0], [0.9, 0.1], [0.4, 0.6]])
     recording = np.array(["b", "b", "b", "a", "a"])
     assert probes.vote(recording, scores, np.array(["x", "y"])).tolist() == ["x", "x"]
     assert probes.vote(recording[3:], np.array([[0.6, 0.4], [0.1, 0.9]]), np.array(["x", "y"])).tolist() == ["y"]
 
 
-def test_a_forest_learns_the_simulation_and_answers_per_recording():
+def test_a_forest_trained_on_simulation_predicts_per_recording():
     split = label_free(clusters(SIMULATED, 1, 0.1), clusters(MEASURED, 2, 0.1))
     assert (probes.forest(split, seed=0, trees=20) == split.test.per_recording().label).mean() > 0.9
     assert np.array_equal(probes.forest(split, seed=3, trees=5), probes.forest(split, seed=3, trees=5))
 
 
-def test_signatures_match_whatever_their_level_within_their_stratum():
+def test_signatures_match_within_their_stratum_at_any_level():
     rng = np.random.default_rng(0)
     shapes = rng.normal(size=(3, 50))
     train = [
@@ -85,8 +85,8 @@ def test_signatures_match_whatever_their_level_within_their_stratum():
     assert probes.match_signatures(label_free(gather(names, train), gather(names, test))).tolist() == ["k0", "k1", "k2"]
 
 
-def test_a_probe_across_objects_cannot_use_an_objects_own_rows():
-    """Four objects per class, placed at random: from its own rows a class is read off, from the other objects' it is not."""
+def test_a_probe_across_objects_does_not_use_the_objects_own_rows():
+    """Four objects per class at random centres: an object's own rows reveal its class, the other objects' rows do not."""
     rng = np.random.default_rng(3)
     centres = 5 * rng.normal(size=(8, 10))
     parts = [Part(f"o{kind} {n}", f"o{kind}", MEASURED, centres[kind] + 0.1 * rng.normal(size=10)) for kind in range(8) for n in range(5)]
@@ -97,14 +97,14 @@ def test_a_probe_across_objects_cannot_use_an_objects_own_rows():
     assert (probes.linear_probe(truth, rows.label) == truth.label).mean() < 0.8
 
 
-def test_standardised_features_have_the_references_scale():
+def test_standardised_features_have_zero_mean_and_unit_spread():
     rows = clusters(MEASURED, 5).with_values(np.column_stack([clusters(MEASURED, 5).values[:, :2], np.ones(24)]))
     scaled = probes.standardised(rows)
     assert scaled.values.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
     assert scaled.values.std(axis=0) == pytest.approx([1, 1, 0])
 
 
-def test_baselines_are_counted():
+def test_chance_and_majority_match_counts():
     rows = clusters(MEASURED, 1)
     assert score.uniform_chance(rows) == pytest.approx(1 / 4)
     assert score.majority_share(rows.relabelled({"k0": "x", "k1": "x", "k2": "x", "k3": "y"})) == pytest.approx(3 / 4)
@@ -113,22 +113,20 @@ def test_baselines_are_counted():
     assert score.balanced_share(np.array(["a", "a", "a", "b"]), np.array(["a", "a", "b", "b"])) == pytest.approx((2 / 3 + 1) / 2)
 
 
-def test_exact_intervals_and_tests_are_scipys():
-    from scipy.stats import binomtest
+def test_exact_intervals_and_tests_match_scipy():
+    from scipy.stats import binom, binomtest
 
-    right = np.arange(66) < 15
-    found, expected = score.share(right, 1 / 11), binomtest(15, 66, 1 / 11, alternative="greater")
+    low, _, high = score.exact_interval(15 / 66, 66)
     interval = binomtest(15, 66).proportion_ci(method="exact")
-    assert (found.low, found.high) == pytest.approx((interval.low, interval.high))
-    assert found.p == pytest.approx(expected.pvalue)
-    assert found.p < 1e-3
+    assert (low, high) == pytest.approx((interval.low, interval.high))
+    assert score.binomial_p(15, 66, 1 / 11) == pytest.approx(1 - binom.cdf(14, 66, 1 / 11))
     one, two = np.arange(99) < 23, (np.arange(99) >= 23) & (np.arange(99) < 29)
     assert score.paired(one, two).p == pytest.approx(binomtest(23, 29).pvalue)
     assert score.paired(one, one).p == 1.0
 
 
-def test_recordings_that_are_right_together_widen_the_interval():
-    """Ten cells of ten: the interval of the mean is that of ten draws, about sqrt(10) wider than of a hundred."""
+def test_dependent_recordings_widen_the_interval():
+    """Ten cells of ten recordings have the interval of ten trials, about sqrt(10) wider than that of a hundred."""
     right = np.repeat(np.arange(10) < 5, 10)
     cells = np.repeat(np.arange(10), 10)
     together = score.seed_mean(right, cells, 4000, 0)
@@ -137,7 +135,7 @@ def test_recordings_that_are_right_together_widen_the_interval():
     assert (together[2] - together[0]) / (apart[2] - apart[0]) == pytest.approx(np.sqrt(10), rel=0.15)
 
 
-def test_balanced_intervals_stay_within_a_share():
+def test_balanced_intervals_stay_between_zero_and_one():
     truth = np.array(["a"] * 30 + ["b"] * 3)
     right = np.ones(33)
     assert score.seed_mean(right, np.arange(33), 500, 0, truth) == (1.0, 1.0, 1.0)

