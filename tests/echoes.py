@@ -1,4 +1,4 @@
-"""Recordings of point echoes whose ranges, levels, directions and speeds are known, for tests of what is read from them."""
+"""Recordings of point echoes with known ranges, levels, directions and speeds, for tests of features."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.study import FeaturesConfig
-from radartwin.features.names import SETS
+from radartwin.features.families import SETS
 from radartwin.label.sources import material_source, without_fragments
 from radartwin.materials import Layered
 from radartwin.radar.recording import Recording

@@ -33,7 +33,7 @@ from radartwin.build.radar import build_radar
 from radartwin.build.setup import build_setup
 from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
-from radartwin.features.names import SETS
+from radartwin.features.families import SETS
 from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress
 from radartwin.runs import workers

@@ -11,7 +11,7 @@ from radartwin.adaptive.probe import Probe
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.study import FeaturesConfig
 from radartwin.errors import ConfigError
-from radartwin.features.names import SETS
+from radartwin.features.families import SETS
 from radartwin.store.products import Store, save_json
 
 KIND = "choice"

@@ -9,7 +9,7 @@ from typing import ClassVar
 from radartwin.config.checks import check_fields, check_selector, choice, not_negative, path_name, positive, url
 from radartwin.config.scene import ROOMS
 from radartwin.errors import ConfigError
-from radartwin.features.names import families
+from radartwin.features.families import families
 
 
 @dataclass
@@ -67,7 +67,7 @@ class RecordingsConfig(MeasuredConfig):
 
 @dataclass
 class FeaturesConfig:
-    """The features of a recording: a set (radartwin/features/names.py), minus some of its families."""
+    """The features of a recording: a set (radartwin/features/families.py), minus some of its families."""
 
     name: str = "raw"  # rotation | depth | lateral | raw
     without: list[str] = field(default_factory=list)  # families to leave out, such as brightness

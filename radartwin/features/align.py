@@ -1,9 +1,9 @@
-"""Start offsets: how many frames later the same motion happens in another recording.
+"""Start offset: the number of frames by which another recording of the same motion is late.
 
-A turntable starts at an unknown angle and a rover is set off by hand, so before two recordings are compared frame by frame their
-target-gate energies E(f) are cross-correlated (paper, signal fidelity along trajectories). The correlation is Pearson's over the frames
-that overlap, on amplitudes: the root of E weighs noise alike at every level, and on passes and approaches in noise it was off less than E
-itself or its logarithm (0.2, 0.3 and 1.0 frames for a pass at 20 dB). A turntable is periodic, and there the correlation is circular.
+A turntable starts at an unknown angle and a rover is started by hand. Before a comparison frame by frame, the target-gate energies E(f) of
+two recordings are therefore cross-correlated (paper, signal fidelity along trajectories). The correlation is Pearson's over the overlapping
+frames of the amplitudes. The square root of E weights noise equally at every level: for a pass at 20 dB, the error was 0.2 frames with the
+root, 0.3 frames with E and 1.0 frame with its logarithm. A turntable is periodic, so its correlation is circular.
 """
 
 from __future__ import annotations
@@ -14,14 +14,18 @@ import numpy as np
 
 from radartwin.errors import InputError
 
-LEAST_OVERLAP = 0.5  # of the shorter recording
-_TIE = 1e-9  # in correlation
+MIN_OVERLAP = 0.5  # share of the shorter recording
+_TIE = 1e-9  # difference of two equal correlations
 
 
 @dataclass(frozen=True)
 class Offset:
-    """`frames` is the whole number of frames by which the other recording is late (negative: early), `exact` a parabola's estimate of it
-    between frames, and `correlation` what it gives, -1 to 1.
+    """Start offset of a recording.
+
+    Attributes:
+        frames: whole number of frames by which the other recording is late; negative if it is early.
+        exact: estimate between frames from a parabola.
+        correlation: correlation at `frames`, -1 to 1.
     """
 
     frames: int
@@ -30,15 +34,15 @@ class Offset:
 
 
 def start_offset(reference: np.ndarray, other: np.ndarray, max_frames: int | None = None, period: int | None = None) -> Offset:
-    """By how much `other` is late, from target-gate energies per frame.
+    """The delay of `other`, from target-gate energies per frame.
 
     Args:
-        reference, other: (F,) and (G,), linear energies above or at zero.
-        max_frames: the largest offset looked for, either way; None takes all that leave LEAST_OVERLAP of the shorter one.
-        period: frames of one revolution; the offset is then circular, within half a revolution either way, and whole revolutions
-            are averaged.
+        reference, other: (F,) and (G,), linear energies, at least zero.
+        max_frames: largest offset in either direction; None tries all that leave MIN_OVERLAP of the shorter recording.
+        period: frames of one revolution. The offset is then circular, at most half a revolution in either direction, and whole
+            revolutions are averaged.
     Raises:
-        InputError: energies that are negative, not finite, too few, or constant, so that nothing can be aligned.
+        InputError: energies are negative, not finite, too few, or constant.
 
     >>> pulse = np.exp(-((np.arange(50) - 20.0) ** 2) / 30)
     >>> start_offset(pulse, np.roll(pulse, 4)).frames
@@ -52,19 +56,19 @@ def start_offset(reference: np.ndarray, other: np.ndarray, max_frames: int | Non
         scores = np.array([_pearson(first, np.roll(second, -lag)) for lag in lags])
     else:
         shorter = min(len(first), len(second))
-        need = max(3, int(np.ceil(LEAST_OVERLAP * shorter)))
+        need = max(3, int(np.ceil(MIN_OVERLAP * shorter)))
         lags = np.arange(need - len(first), len(second) - need + 1)
         if max_frames is not None:
             lags = lags[np.abs(lags) <= max_frames]
         scores = np.array([_pearson(*overlap(first, second, int(lag))) for lag in lags])
     if not np.isfinite(scores).any():
-        raise InputError("start offset: the target's energy does not vary, so there is nothing to align")
-    best = int(min(np.flatnonzero(scores >= np.nanmax(scores) - _TIE), key=lambda i: abs(int(lags[i]))))  # of equals the smallest
+        raise InputError("start offset: the energy of the target is constant; give recordings of a motion that changes it")
+    best = int(min(np.flatnonzero(scores >= np.nanmax(scores) - _TIE), key=lambda i: abs(int(lags[i]))))  # the smallest of equal offsets
     return Offset(int(lags[best]), float(lags[best] + _vertex(scores, best, circular=period is not None)), float(scores[best]))
 
 
 def overlap(reference: np.ndarray, other: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """The frames of both in which the same happens, when `other` is late by `frames`; along the first axis.
+    """The overlapping frames of both recordings if `other` is late by `frames`; along the first axis.
 
     >>> overlap(np.arange(5), np.arange(5), 2)
     (array([0, 1, 2]), array([2, 3, 4]))
@@ -75,19 +79,19 @@ def overlap(reference: np.ndarray, other: np.ndarray, frames: int) -> tuple[np.n
 
 
 def _amplitude(energy: np.ndarray) -> np.ndarray:
-    """Root of the energy; scale does not matter for a correlation."""
+    """Square root of the energy; the scale has no effect on a correlation."""
     energy = np.asarray(energy, dtype=np.float64)
     if energy.ndim != 1 or len(energy) < 3 or not (np.isfinite(energy).all() and (energy >= 0).all()):
-        raise InputError("start offset: give the energy of three frames or more, finite and not negative")
+        raise InputError("start offset: give the energies of three frames or more, finite and not negative")
     if not energy.max() > 0:
-        raise InputError("start offset: the target has no energy in any frame")
+        raise InputError("start offset: the target has no energy in any frame; check that it is in its gate")
     return np.sqrt(energy / energy.max())
 
 
 def _revolution(amplitude: np.ndarray, period: int) -> np.ndarray:
-    """(period,): the mean over whole revolutions."""
+    """Mean over whole revolutions, (period,)."""
     if not 3 <= period <= len(amplitude):
-        raise InputError(f"start offset: a revolution of {period} frames does not fit a recording of {len(amplitude)}")
+        raise InputError(f"start offset: a revolution of {period} frames does not fit a recording of {len(amplitude)} frames")
     return amplitude[: len(amplitude) // period * period].reshape(-1, period).mean(axis=0)
 
 
@@ -98,7 +102,7 @@ def _pearson(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def _vertex(scores: np.ndarray, best: int, circular: bool) -> float:
-    """Where a parabola through the best score and its neighbours has its top, in frames from the best, -0.5 to 0.5."""
+    """Maximum of the parabola through the best score and its neighbours, in frames from the best score, -0.5 to 0.5."""
     if not circular and not 0 < best < len(scores) - 1:
         return 0.0
     left, middle, right = scores[best - 1], scores[best], scores[(best + 1) % len(scores)]

@@ -1,10 +1,10 @@
-"""Radial velocity in the target gate, and how well it agrees with the motion.
+"""Radial velocity in the target gate, and its agreement with the motion.
 
 Symbols: D(f, u, r) -> doppler, summed over the gate; velocity v(f) = v_max / pi * arg sum_u D(u) exp(j pi v_u / v_max), which is the phase
 of the lag-one autocorrelation of the chirps (pulse pair; D. S. Zrnic, Spectral moment estimates from correlated pulse pairs, IEEE Trans.
-AES 13(4), 1977): one echo is read exactly, white noise drops out, an echo at rest in the same gate draws it towards zero. Receding is
-positive. Paper, signal fidelity along trajectories: Doppler consistency, whether the chirp-to-chirp phase progression at the target bin
-reproduces the kinematics of the sweep.
+AES 13(4), 1977). The velocity of a single echo is exact, white noise cancels, and an echo at rest in the same gate shifts the velocity
+towards zero. Receding is positive. Paper, signal fidelity along trajectories: Doppler consistency, whether the chirp-to-chirp phase
+progression at the target bin reproduces the kinematics of the sweep.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from radartwin.features.gate import gate_energies
 from radartwin.features.processed import Processed
 from radartwin.features.profile import GATE_BINS
 
-SMOOTH_FRAMES = 9  # the range rate is the slope of a line through so many frames
+SMOOTH_FRAMES = 9  # frames of the line whose slope is the range rate
 
 
 @dataclass(frozen=True)
 class Consistency:
-    """Velocity against range rate: rms difference in m/s, and Pearson correlation over frames (NaN where one of them is constant)."""
+    """Velocity against range rate: rms difference in m/s, and Pearson correlation over frames (NaN if one of them is constant)."""
 
     rms_mps: float
     correlation: float
 
 
 def radial_velocity(processed: Processed, target_m: ArrayLike, bins: int = GATE_BINS) -> NDArray[np.float64]:
-    """v(f) in m/s, (F,). Raises InputError where the recording was processed without Doppler."""
+    """v(f) in m/s, (F,). Raises InputError if the recording was processed without Doppler."""
     if processed.doppler is None:
         raise InputError("radial velocity: the recording was processed without Doppler; use process(recording, doppler=True)")
     limit = processed.radar.max_velocity_mps
@@ -44,17 +44,17 @@ def radial_velocity(processed: Processed, target_m: ArrayLike, bins: int = GATE_
 
 
 def range_rate(track_m: NDArray, frame_rate_hz: float, frames: int = SMOOTH_FRAMES) -> NDArray[np.float64]:
-    """Slope of the tracked range in m/s, (F,), of a line through `frames` frames about each."""
+    """Range rate in m/s, (F,): the slope of a line through `frames` tracked ranges around each frame."""
     from scipy.signal import savgol_filter
 
     size = min(frames, len(track_m)) - (1 - min(frames, len(track_m)) % 2)
     if size < 3:
-        raise InputError(f"a range rate needs three frames or more, not {len(track_m)}")
+        raise InputError(f"a range rate needs at least three frames, not {len(track_m)}")
     return np.asarray(savgol_filter(track_m, size, polyorder=1, deriv=1, delta=1 / frame_rate_hz))
 
 
 def consistency(velocity_mps: NDArray, rate_mps: NDArray) -> Consistency:
-    """How well two velocities of the same frames agree."""
+    """Agreement of two velocities over the same frames."""
     varies = np.ptp(velocity_mps) > 0 and np.ptp(rate_mps) > 0
     correlation = float(np.corrcoef(velocity_mps, rate_mps)[0, 1]) if varies else float("nan")
     return Consistency(float(np.sqrt(np.mean((velocity_mps - rate_mps) ** 2))), correlation)

@@ -1,9 +1,9 @@
-"""Angular extent: how wide the target looks, from the Bartlett spectrum of the azimuth row.
+"""Angular extent of the target from the Bartlett spectrum of the azimuth row.
 
-S(f, phi) = sum over the target gate of |w(phi)^H A(f, r)|^2 less the noise in it, phi in -90..90 degrees; extent = sqrt(sum S (phi - m)^2 /
-sum S), m = sum S phi / sum S, in radians (paper, signal fidelity along trajectories: angular extent is among the most consistent
-families). One point gives the spread of the beam with its sidelobes, 0.25 rad for 8 elements at half a wavelength on boresight; scale and
-range drop out.
+S(f, phi) is the sum over the target gate of |w(phi)^H A(f, r)|^2 minus the noise, phi in -90..90 degrees. The extent in radians is
+sqrt(sum S (phi - m)^2 / sum S) with m = sum S phi / sum S (paper, signal fidelity along trajectories: angular extent is among the most
+consistent families). A point has the spread of the beam with its sidelobes, 0.25 rad for 8 elements at half a wavelength on boresight. The
+extent does not depend on scale and range.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _BLOCK = 256  # frames at a time
 
 
 def gate_spectrum(processed: Processed, target_m: ArrayLike, bins: int = GATE_BINS) -> NDArray[np.float64]:
-    """S(f, phi), (F, len(AZIMUTH_RAD)), never below zero."""
+    """S(f, phi), (F, len(AZIMUTH_RAD)), at least zero."""
     weights = steering(processed.radar, AZIMUTH_RAD).astype(np.complex64)
     target_m = np.broadcast_to(target_m, processed.num_frames)
     centre = np.abs(processed.range_m - target_m[:, None]).argmin(axis=1)
@@ -38,7 +38,7 @@ def angular_extent(processed: Processed, target_m: ArrayLike, bins: int = GATE_B
     """Extent per frame in radians, (F,).
 
     Args:
-        target_m: centre of the target gate, one or (F,). A gate that holds no energy above the noise reads as noise does.
+        target_m: centre of the target gate, one value or (F,). A gate without energy above the noise has the extent of noise.
     """
     spectrum = gate_spectrum(processed, target_m, bins)
     total = spectrum.sum(axis=1, keepdims=True)

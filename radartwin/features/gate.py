@@ -1,6 +1,6 @@
 """Energy in and around the target gate.
 
-Symbols: P(f, r) -> power, (F, bins) as `profile.range_time` gives it; the gate is GATE_BINS range bins to either side of the target, all
+Symbols: P(f, r) -> power, (F, bins), from `profile.range_time`. The gate is GATE_BINS range bins to either side of the target. All
 energies are between NEAR_M and FAR_M. Multipath share (paper, motion-specific features): energy outside the target gate over all energy,
 sum_{r outside gate} P / sum P, in 0.3 to 5.5 m, gate +-3 bins (0.13 m).
 """
@@ -20,11 +20,11 @@ def gate_energies(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike, b
     Args:
         power: (F, bins), or (bins,) for one profile.
         range_m: (bins,) in metres.
-        target_m: range of the target; one, or one per frame (F,) for a gate that moves with it.
+        target_m: range of the target, one value or one per frame (F,).
     Returns:
         (inside, all), each (F,), or two scalars for one profile.
     Raises:
-        InputError: shapes that do not fit, or a target outside NEAR_M to FAR_M.
+        InputError: shapes do not fit, or the target is outside NEAR_M to FAR_M.
     """
     power, target = np.asarray(power, dtype=np.float64), np.asarray(target_m, dtype=np.float64)
     if power.shape[-1:] != range_m.shape or target.shape not in ((), power.shape[:-1]):
@@ -43,7 +43,7 @@ def multipath_share(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike,
     """Energy outside the target gate over all energy of a recording, 0 to 1; arguments as `gate_energies`.
 
     Raises:
-        InputError: as `gate_energies`, or a recording without energy.
+        InputError: as `gate_energies`, or the recording has no energy.
 
     >>> axis = np.arange(100) * 0.05
     >>> echoes = np.where(np.isin(np.arange(100), (20, 60)), 1.0, 0.0)
@@ -52,5 +52,5 @@ def multipath_share(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike,
     """
     inside, total = gate_energies(power, range_m, target_m, bins)
     if not np.sum(total) > 0:
-        raise InputError(f"multipath share: there is no energy between {NEAR_M} and {FAR_M} m")
+        raise InputError(f"multipath share: there is no energy between {NEAR_M} and {FAR_M} m; check the recording")
     return float(1 - np.sum(inside) / np.sum(total))

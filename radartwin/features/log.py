@@ -1,4 +1,4 @@
-"""What experimenter and twin agree on of a recording: the nominal motion, frame by frame. Features read it, never the truth."""
+"""The log of a recording: the nominal motion per frame, which measurement and twin share. Features use it and never the true motion."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Log(Protocol):
     """Nominal motion of F frames.
 
     Attributes:
-        distance_m: (F,) from the radar to the target's axis.
-        angle_rad: (F,) of the turntable, or None where nothing turns.
+        distance_m: (F,) from the radar to the axis of the target.
+        angle_rad: (F,) of the turntable, or None without a turntable.
     """
 
     @property
@@ -29,7 +29,7 @@ class Log(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Nominal:
-    """A log as it stands: of some frames, or of a motion that nobody logged."""
+    """A log from given values."""
 
     frame_rate_hz: float
     distance_m: NDArray[np.float64]
@@ -37,20 +37,20 @@ class Nominal:
 
 
 def distances(log: Log, frames: int) -> NDArray[np.float64]:
-    """Nominal distance of each frame, (F,). Raises InputError where the log is of another length, or names no distance."""
+    """Nominal distance of each frame, (F,). Raises InputError for a log of another length or an invalid distance."""
     distance_m = np.asarray(log.distance_m, dtype=np.float64)
     if distance_m.shape != (frames,):
-        raise InputError(f"the log has distances {distance_m.shape} and the recording has {frames} frames; give one each")
+        raise InputError(f"the log has distances {distance_m.shape} and the recording has {frames} frames; give one distance per frame")
     if not (np.isfinite(distance_m) & (distance_m > 0)).all():
-        raise InputError("the log has a distance that is not above zero; give metres from the radar to the target's axis")
+        raise InputError("the log has a distance that is not above zero; give metres from the radar to the axis of the target")
     return distance_m
 
 
 def angles(log: Log, frames: int) -> NDArray[np.float64]:
-    """Nominal turntable angle of each frame, (F,). Raises InputError where the log has none, or of another length."""
+    """Nominal turntable angle of each frame, (F,). Raises InputError for a log of another length or without finite angles."""
     if log.angle_rad is None:
-        raise InputError("the log has no turntable angle; rotation features are read from turntable recordings")
+        raise InputError("the log has no turntable angle; use turntable recordings for rotation features")
     angle_rad = np.asarray(log.angle_rad, dtype=np.float64)
     if angle_rad.shape != (frames,) or not np.isfinite(angle_rad).all():
-        raise InputError(f"the log has angles {angle_rad.shape} and the recording has {frames} frames; give one finite angle each")
+        raise InputError(f"the log has angles {angle_rad.shape} and the recording has {frames} frames; give one finite angle per frame")
     return angle_rad

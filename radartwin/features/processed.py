@@ -1,12 +1,13 @@
-"""What every feature is read from: range profiles, azimuth channels and Doppler of each frame, of a recording of either domain.
+"""Processed recordings, the input of every feature: range profiles, azimuth channels and Doppler spectra of each frame.
 
-Symbols: s_fcv(r) -> range profile of frame f, chirp c and virtual channel v (Hann window over the samples). Kept of it:
-power P(f, r) = mean_v |mean_c s_fcv(r)|^2, chirps coherently and channels in power; channels A_fv(r) = mean_c s_fcv(r) of the azimuth
-row; Doppler D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2, Hann window over the chirps. An echo of amplitude a on the
-centre of its bins reads a^2 in P and D, and a in A; one that moves reads less in P and A, 0.7 dB at 0.2 m/s. Bins reach from 0 to
-MAX_RANGE_M: rooms are larger, but no feature looks farther. Noise N(r), what P reads without echoes: the mean over frames of D at the
-speed that is farthest from rest, where nothing indoors moves, brought to P's bandwidth: N = D / (C sum_c w_c^2). A slow echo leaks there
-by less than -60 dB of itself.
+Symbols: s_fcv(r) -> range profile of frame f, chirp c and virtual channel v (Hann window over the samples).
+- Power P(f, r) = mean_v |mean_c s_fcv(r)|^2 adds chirps coherently and channels in power.
+- Channels A_fv(r) = mean_c s_fcv(r) are those of the azimuth row.
+- Doppler D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2 has a Hann window w over the chirps.
+- Noise N(r) is the value of P without echoes. It is the mean over frames of D at the highest speed, where nothing indoors moves, scaled to
+  the bandwidth of P: N = D / (C sum_c w_c^2). The leakage of a slow echo to this speed is below -60 dB.
+An echo of amplitude a on the centre of its bins has the value a^2 in P and D, and a in A. An echo that moves at 0.2 m/s loses 0.7 dB in P
+and A. Range bins end at MAX_RANGE_M, because no feature uses larger ranges.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from radartwin.radar.processing import azimuth_row, doppler_fft, range_fft, velo
 from radartwin.radar.recording import Recording
 
 MAX_RANGE_M = 6.0
-LEAST_CHIRPS = 8  # with fewer, the farthest Doppler bin is too near to rest to hold noise alone
+MIN_CHIRPS = 8  # with fewer chirps, the highest Doppler bin contains echoes at rest
 _ARRAYS, _RADAR = "processed.npz", "processed.json"
 
 
@@ -40,8 +41,8 @@ class Processed:
         range_m: (B,) bin centres.
         power: (F, B) float32, in squared amplitude units.
         channels: (F, A, B) complex64, the A channels of `azimuth_row` in its order.
-        doppler: (F, C, B) float32 over `velocity_mps` (C,), ascending and receding positive; None where it was not asked for.
-        noise: (B,) float32, the noise in `power`; None where it is not known (fewer than LEAST_CHIRPS chirps), and taken as zero.
+        doppler: (F, C, B) float32 over `velocity_mps` (C,), ascending and receding positive; None if not requested.
+        noise: (B,) float32, noise in `power`; None if unknown (fewer than MIN_CHIRPS chirps), and then taken as zero.
     """
 
     radar: Radar
@@ -71,24 +72,24 @@ class Processed:
 
     @property
     def noise_floor(self) -> NDArray[np.float64]:
-        """(B,): `noise`, or zeros where it is not known."""
+        """`noise`, or zeros if it is unknown, (B,)."""
         return np.zeros(len(self.range_m)) if self.noise is None else self.noise.astype(np.float64)
 
     def frames(self, chosen: slice | NDArray) -> Processed:
-        """The chosen frames, as a view where `chosen` is a slice."""
+        """The chosen frames, as a view if `chosen` is a slice."""
         doppler = None if self.doppler is None else self.doppler[chosen]
         return Processed(self.radar, self.range_m, self.power[chosen], self.channels[chosen], doppler, self.velocity_mps, self.noise)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Processed]) -> Processed:
-        """Parts of one recording in their order. Raises InputError for none, or parts of different radars or contents."""
+        """The parts of one recording in order. Raises InputError without parts, or for parts of different radars or contents."""
         if not parts:
-            raise InputError("processed recording: there are no parts to put together")
+            raise InputError("processed recording: there are no parts to concatenate; give at least one")
         first = parts[0]
         for part in parts:
             same = part.radar == first.radar and part.range_m.shape == first.range_m.shape
             if not same or (part.doppler is None) != (first.doppler is None) or (part.noise is None) != (first.noise is None):
-                raise InputError("processed recording: the parts are of different radars, ranges or contents")
+                raise InputError("processed recording: the parts have different radars, ranges or contents; process them in the same way")
         cubes = [part.doppler for part in parts if part.doppler is not None]
         floors = [part.noise * np.float32(part.num_frames) for part in parts if part.noise is not None]
         return cls(
@@ -102,7 +103,7 @@ class Processed:
         )
 
     def save(self, folder: str | Path) -> None:
-        """Write it into the folder; the arrays come last, so a killed save leaves nothing that loads."""
+        """Write the recording into a folder, the arrays last, so that an interrupted save cannot be loaded."""
         folder = Path(folder)
         arrays = {"range_m": self.range_m, "power": self.power, "channels": self.channels, "velocity_mps": self.velocity_mps}
         arrays |= {name: value for name in ("doppler", "noise") if (value := getattr(self, name)) is not None}
@@ -113,36 +114,36 @@ class Processed:
 
     @classmethod
     def load(cls, folder: str | Path) -> Processed:
-        """What `save` wrote.
+        """Read a recording that `save` wrote.
 
         Raises:
             MissingError: either file is missing.
-            RecordingError: a file that is damaged or of another radar.
+            RecordingError: a file is damaged or belongs to another radar.
         """
         folder = Path(folder)
         for name in (_RADAR, _ARRAYS):
             if not (folder / name).is_file():
-                raise MissingError(f"{folder / name}: no such file; a processed recording is {_ARRAYS} with {_RADAR} beside it")
+                raise MissingError(f"{folder / name}: no such file; a processed recording needs {_ARRAYS} and {_RADAR}")
         try:
             radar = Radar.from_dict(read_json(folder / _RADAR)["radar"])
             data = files.read_arrays(folder / _ARRAYS)
             range_m, power, channels, velocity_mps = (data[name] for name in ("range_m", "power", "channels", "velocity_mps"))
             return cls(radar, range_m, power, channels, data.get("doppler"), velocity_mps, data.get("noise"))
         except (KeyError, ValueError, OSError) as error:
-            raise RecordingError(f"{folder}: not a processed recording ({error}); remove it and process the recording again") from error
+            raise RecordingError(f"{folder}: not a processed recording ({error}); delete it and process the recording again") from error
 
 
 def process(recording: Recording, doppler: bool = True) -> Processed:
-    """Transform a recording block by block, so that memory holds its samples and no second copy of them.
+    """Process a recording in blocks, so that memory has no second copy of its samples.
 
     Args:
-        doppler: keep the range-Doppler power too, C times the size of `power`.
+        doppler: compute the range-Doppler power too, which has C times the size of `power`.
     Raises:
-        RecordingError: samples that are NaN or infinite.
+        RecordingError: samples are NaN or infinite.
     """
     radar, row = recording.radar, azimuth_row(recording.radar)
     taps = window_weights("hann", radar.num_chirps)
-    fastest = (taps * (-1.0) ** np.arange(radar.num_chirps)).astype(np.float32)  # Doppler at the speed where it folds
+    fastest = (taps * (-1.0) ** np.arange(radar.num_chirps)).astype(np.float32)  # Doppler bin of the highest speed
     power, channels, cubes, noise = [], [], [], []
     range_m = np.zeros(0)
     for block in recording.frame_blocks():
@@ -150,7 +151,7 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
         sums, range_m = _profiles(np.stack([iq.mean(axis=1), np.tensordot(iq, fastest, (1, 0))], axis=1), radar)
         coherent = sums[:, 0].reshape(len(iq), -1, len(range_m))
         if not np.isfinite(coherent).all():
-            raise RecordingError("recording holds NaN or infinite samples; record or simulate it again")
+            raise RecordingError("the recording holds NaN or infinite samples; simulate or record it again")
         power.append((np.abs(coherent) ** 2).mean(axis=1, dtype=np.float64).astype(np.float32))
         channels.append(coherent[:, row].astype(np.complex64))
         noise.append((np.abs(sums[:, 1]) ** 2).mean(axis=(1, 2), dtype=np.float64))
@@ -165,7 +166,7 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
         np.concatenate(channels),
         np.concatenate(cubes) if doppler else None,
         velocity_axis(radar, radar.num_chirps),
-        floor.astype(np.float32) if radar.num_chirps >= LEAST_CHIRPS else None,
+        floor.astype(np.float32) if radar.num_chirps >= MIN_CHIRPS else None,
     )
 
 

@@ -1,7 +1,7 @@
-"""Range profiles of a recording and what is read off them.
+"""Range profiles of a recording, their target gate and their comparison.
 
-Symbols: P(f, r) -> range_time, power per frame and range bin, chirps added coherently and virtual channels averaged in power; P(r) ->
-mean_profile, its mean over frames. Paper: environment ablation (void against reconstructed scene) and the multipath share.
+Symbols: P(f, r) -> range_time, power per frame and range bin, chirps added coherently and virtual channels averaged in power. Paper:
+environment ablation (void against reconstructed scene) and the multipath share.
 """
 
 import numpy as np
@@ -10,8 +10,8 @@ from radartwin.errors import InputError
 from radartwin.radar.processing import range_fft
 from radartwin.radar.recording import Recording
 
-NEAR_M, FAR_M = 0.3, 5.5  # where profiles are compared: beyond the antenna coupling, short of the weakest walls
-GATE_BINS = 3  # target gate, range bins to either side
+NEAR_M, FAR_M = 0.3, 5.5  # range of all comparisons: beyond the antenna coupling, before the weakest walls
+GATE_BINS = 3  # range bins of the target gate to either side
 
 
 def range_time(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
@@ -29,7 +29,7 @@ def range_time(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gate(range_m: np.ndarray, target_m: float, bins: int = GATE_BINS) -> np.ndarray:
-    """(bins,) mask of the target gate: `bins` either side of the bin nearest to the target.
+    """Mask of the target gate, (bins,): `bins` to either side of the bin nearest to the target.
 
     >>> gate(np.arange(5.0), 2.1, 1)
     array([False,  True,  True,  True, False])
@@ -50,11 +50,11 @@ def profile_correlation(first: np.ndarray, second: np.ndarray, range_m: np.ndarr
 
     Args:
         first, second: power (bins,).
-        scale: "amplitude" correlates the square roots of the powers, which the strongest peak decides; "db" their logarithms,
-            in which every bin above the noise counts alike.
+        scale: "amplitude" correlates the square roots of the powers, where the strongest peak dominates; "db" correlates the
+            logarithms, where all bins above the noise have similar weight.
     """
     inside = (range_m >= NEAR_M) & (range_m <= FAR_M)
     if scale not in ("amplitude", "db"):
-        raise InputError(f"profile correlation on scale {scale!r}; choose amplitude or db")
-    change = np.sqrt if scale == "amplitude" else lambda power: 10 * np.log10(power)
-    return float(np.corrcoef(change(first[inside]), change(second[inside]))[0, 1])
+        raise InputError(f"profile correlation: scale {scale!r} is unknown; choose amplitude or db")
+    transform = np.sqrt if scale == "amplitude" else lambda power: 10 * np.log10(power)
+    return float(np.corrcoef(transform(first[inside]), transform(second[inside]))[0, 1])

@@ -1,7 +1,8 @@
-"""Unsupervised rank normalisation: each feature's values replaced by where they stand among the others of the same domain.
+"""Unsupervised rank normalisation: each value of a feature is replaced by its rank within its domain.
 
-u_i = (rank_i - 1/2) / n per feature, ties sharing their mean rank: any rising change of a feature, one of each domain, drops out (paper,
-scene-level recognition, label-free: per-feature rank normalisation that sees the unlabelled recordings and no label).
+u_i = (rank_i - 1/2) / n per feature; equal values have their mean rank. The result does not change under an increasing function of a
+feature, which may differ between the domains (paper, scene-level recognition, label-free: per-feature rank normalisation that sees the
+unlabelled recordings and no label).
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ def rank_normalise(matrix: NDArray, groups: NDArray | None = None) -> NDArray[np
     """Ranks of each column, above 0 and below 1.
 
     Args:
-        matrix: (n, features), the rows of one domain.
-        groups: (n,) labels, such as distances, within which rows are ranked apart; None ranks all together.
+        matrix: (n, features), rows of one domain.
+        groups: (n,) labels, such as distances; each group is ranked separately. None is one group.
     Raises:
-        InputError: values that are not finite, or groups of another length.
+        InputError: values are not finite, or groups has another length.
 
     >>> rank_normalise(np.array([[3.0], [10.0], [10.0], [1.0]]))[:, 0].tolist()
     [0.375, 0.75, 0.75, 0.125]
@@ -30,7 +31,7 @@ def rank_normalise(matrix: NDArray, groups: NDArray | None = None) -> NDArray[np
     if matrix.ndim != 2 or not np.isfinite(matrix).all():
         raise InputError(f"rank normalisation: give a matrix (rows, features) of finite values, not {matrix.shape}")
     if groups is not None and np.shape(groups) != (len(matrix),):
-        raise InputError(f"rank normalisation: {np.shape(groups)} groups for {len(matrix)} rows; give one each")
+        raise InputError(f"rank normalisation: {np.shape(groups)} groups for {len(matrix)} rows; give one group per row")
     ranked = np.empty_like(matrix)
     labels = np.zeros(len(matrix), dtype=int) if groups is None else np.unique(groups, return_inverse=True)[1]
     for label in range(labels.max() + 1 if len(labels) else 0):

@@ -1,4 +1,4 @@
-"""Every feature on recordings of point echoes for which its value is known in closed form, and what must not move it."""
+"""Every feature against its closed form on recordings of point echoes, and its invariances."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from echoes import BIN_M, RADAR, echoes
 
 from radartwin.errors import ConfigError, InputError
 from radartwin.features import brightness, doppler, envelope, extent, sets, signature, track, window
-from radartwin.features.names import SETS, families
+from radartwin.features.families import SETS, families
 from radartwin.features.processed import Processed, process
 from radartwin.radar.recording import Recording
 
@@ -30,7 +30,7 @@ class Log:
 def turning(
     amplitude: Callable[[np.ndarray], np.ndarray], turns: float = 1.0, start: float = 0.0, at_m: float = AXIS_M, **noise
 ) -> Processed:
-    """A point whose amplitude follows the turntable's angle."""
+    """A point whose amplitude depends on the angle of the turntable."""
     frames = round(turns * FRAMES)
     return process(echoes(frames, [(lambda t: amplitude(2 * np.pi * TURN_HZ * t + start), at_m)], **noise))
 
@@ -62,12 +62,12 @@ def test_harmonics_of_a_modulated_echo_are_those_of_its_power() -> None:
     assert envelope.harmonic_ratio(shown, 3, 12) == pytest.approx(0.01, abs=2e-4)
 
 
-def test_a_steady_echo_has_no_harmonics_and_a_glint_has_them_all() -> None:
+def test_constant_echo_has_no_harmonics_and_a_glint_has_all() -> None:
     assert ratio(turning(lambda theta: np.full_like(theta, 1e-3))) < 1e-9
     assert envelope.harmonic_ratio(np.eye(1, FRAMES)[0]) == pytest.approx(6.0)
 
 
-def test_the_harmonic_ratio_keeps_under_scale_start_angle_distance_and_number_of_turns() -> None:
+def test_harmonic_ratio_does_not_depend_on_scale_start_angle_distance_and_turns() -> None:
     expected = ratio(turning(lobes))
     assert ratio(turning(lambda theta: 30 * lobes(theta))) == pytest.approx(expected, rel=1e-5)
     assert ratio(turning(lobes, start=1.234)) == pytest.approx(expected, abs=1e-3)
@@ -75,13 +75,13 @@ def test_the_harmonic_ratio_keeps_under_scale_start_angle_distance_and_number_of
     assert ratio(turning(lobes, turns=2.6), 2.6) == pytest.approx(expected, rel=1e-3)
 
 
-def test_the_noise_floor_is_taken_out_of_the_harmonic_ratio() -> None:
-    """Noise of half the target's energy would lower the ratio to (2/3)^2 = 0.44 of it if it stayed in the mean."""
+def test_noise_floor_does_not_change_the_harmonic_ratio() -> None:
+    """Without the correction, noise of half the energy of the target would reduce the ratio by the factor (2/3)^2 = 0.44."""
     sigma = 1e-3 * np.sqrt(0.5 / (7 * 1.5 / RADAR.num_samples / RADAR.num_chirps) * 1.5)  # gate of 7 bins; the echo fills 1.5 of one
     assert ratio(turning(lobes, turns=3, noise=sigma), 3) == pytest.approx(0.17, rel=0.15)
 
 
-def test_frames_between_the_steps_of_a_revolution_are_interpolated() -> None:
+def test_revolution_interpolates_between_frames() -> None:
     theta = 2 * np.pi * np.arange(150) / 59.6  # a revolution of 59.6 frames, two and a half of them
     energy = 1 + 0.8 * np.cos(2 * theta + 0.3)
     shown = envelope.revolution(energy, -theta)  # turning the other way
@@ -89,7 +89,7 @@ def test_frames_between_the_steps_of_a_revolution_are_interpolated() -> None:
     assert envelope.harmonics(shown)[1] == pytest.approx(0.4, rel=0.01)
 
 
-def test_crest_factor_and_entropy_of_a_gate_that_opens_for_a_quarter() -> None:
+def test_crest_factor_and_entropy_of_a_quarter_pulse() -> None:
     quarter = np.where(np.arange(FRAMES) < FRAMES // 4, 1.0, 0.0)
     assert envelope.crest_factor(quarter) == pytest.approx(2.0)  # 1 / sqrt(1/4)
     assert envelope.entropy(quarter) == pytest.approx(np.log(FRAMES // 4) / np.log(FRAMES))
@@ -97,21 +97,21 @@ def test_crest_factor_and_entropy_of_a_gate_that_opens_for_a_quarter() -> None:
         assert feature(7 * np.roll(quarter, 9)) == pytest.approx(feature(quarter))
 
 
-def test_an_envelope_that_says_nothing_is_refused() -> None:
+def test_invalid_envelope_is_refused() -> None:
     with pytest.raises(InputError, match="above the noise"):
         envelope.harmonics(np.full(64, -1.0))
-    with pytest.raises(InputError, match="do not show 6 cycles"):
+    with pytest.raises(InputError, match="do not resolve 6 cycles"):
         envelope.harmonics(np.ones(12))
     with pytest.raises(InputError, match="not a revolution"):
         envelope.revolution(np.ones(32), angle()[:32])
-    with pytest.raises(InputError, match="go one way"):
+    with pytest.raises(InputError, match="turn in one direction"):
         envelope.revolution(np.ones(128), np.concatenate([angle(), angle()]))
 
 
 # Range
 
 
-def test_the_track_follows_an_approach_to_a_millimetre_at_any_scale() -> None:
+def test_track_of_an_approach_is_exact_to_a_millimetre_at_any_scale() -> None:
     frames = 50
     along = 1.5 - 0.2 * np.arange(frames) / RADAR.frame_rate_hz
     for scale in (1.0, 1e-4):
@@ -121,8 +121,8 @@ def test_the_track_follows_an_approach_to_a_millimetre_at_any_scale() -> None:
         assert track.excursion(found) == pytest.approx(0.98, abs=2e-3)
 
 
-def test_the_track_is_weighted_by_power_between_two_echoes_in_one_gate() -> None:
-    # Two bins apart in quadrature of time: their mean range is that of their energies, here 4 to 1.
+def test_track_is_the_power_weighted_mean_of_two_echoes_in_one_gate() -> None:
+    # The echoes are two bins apart, and their energies are 4 to 1.
     made = process(echoes(1, [(2e-3, AXIS_M), (1e-3, AXIS_M + 40 * BIN_M)]))
     near, far = made.power[0], np.roll(made.power[0], -38)
     mixed = Processed(
@@ -131,7 +131,7 @@ def test_the_track_is_weighted_by_power_between_two_echoes_in_one_gate() -> None
     assert track.track(mixed, 0.8, 1.3, RADAR.frame_rate_hz)[0] == pytest.approx(AXIS_M + 2 * BIN_M / 5, abs=1e-3)
 
 
-def test_the_track_stays_with_the_target_while_it_fades_and_leaves_a_brighter_flash_aside() -> None:
+def test_track_follows_a_fading_target_past_a_stronger_flash() -> None:
     frames = 40
 
     def fading(t: np.ndarray) -> np.ndarray:
@@ -147,13 +147,13 @@ def test_the_track_stays_with_the_target_while_it_fades_and_leaves_a_brighter_fl
     assert np.abs(track.brightest(made, 0.9, 1.9) - along).max() > 0.2  # the brightest bin of each frame jumps
 
 
-def test_a_search_where_there_are_no_bins_is_refused() -> None:
+def test_search_window_without_bins_is_refused() -> None:
     made = process(echoes(2, [(1.0, 1.0)]))
     with pytest.raises(InputError, match="frame 1 is searched"):
         track.track(made, np.array([0.5, 5.8]), np.array([1.0, 6.0]), 10.0)
 
 
-def test_the_window_holds_the_energy_of_echoes_at_their_distance_from_the_target() -> None:
+def test_window_has_the_energy_of_echoes_at_their_distance_from_the_target() -> None:
     # An echo on a bin fills 1.5 bins' worth of power; the second is 10 dB lower, half a metre behind.
     second = AXIS_M + 11 * BIN_M
     made = process(echoes(3, [(1e-3, AXIS_M), (1e-3 / np.sqrt(10), second)]))
@@ -166,7 +166,7 @@ def test_the_window_holds_the_energy_of_echoes_at_their_distance_from_the_target
     assert levels.min() == pytest.approx(10 * np.log10(1.65e-6) - window.FLOOR_DB, abs=0.1)
 
 
-def test_the_window_moves_with_the_target_and_its_levels_with_the_scale() -> None:
+def test_window_follows_the_target_and_the_scale() -> None:
     def shown(scale: float, at_m: float) -> np.ndarray:
         made = process(echoes(1, [(scale, at_m), (0.3 * scale, at_m + 8 * BIN_M)]))
         return window.window_db(made, np.array([at_m]))[0]
@@ -175,7 +175,7 @@ def test_the_window_moves_with_the_target_and_its_levels_with_the_scale() -> Non
     assert shown(1e-2, AXIS_M) == pytest.approx(shown(1e-3, AXIS_M) + 20, abs=0.01)
 
 
-def test_the_window_holds_nothing_of_the_antenna_coupling_and_no_less_than_noise() -> None:
+def test_window_excludes_antenna_coupling_and_is_limited_by_noise() -> None:
     made = process(echoes(20, [(3e-3, 0.1), (1e-3, 14 * BIN_M)], noise=1e-3))
     levels = window.window_db(made, np.full(20, 14 * BIN_M))
     before = window.CENTRES_M + 14 * BIN_M < 0.3 - 0.1
@@ -187,7 +187,7 @@ def test_the_window_holds_nothing_of_the_antenna_coupling_and_no_less_than_noise
 # Level
 
 
-def test_brightness_has_the_range_law_taken_out_and_keeps_the_scale() -> None:
+def test_brightness_does_not_depend_on_range_and_follows_the_scale() -> None:
     def read(scale: float, bins: int) -> float:
         at_m = bins * BIN_M
         made = process(echoes(4, [(scale / at_m**2, at_m)]))
@@ -198,7 +198,7 @@ def test_brightness_has_the_range_law_taken_out_and_keeps_the_scale() -> None:
     assert read(1e-2, 24) == pytest.approx(read(1e-3, 24) + 20, abs=0.01)
 
 
-def test_brightness_in_noise_is_that_without() -> None:
+def test_noise_does_not_change_the_brightness() -> None:
     clean = envelope.target_energy(process(echoes(60, [(1e-4, AXIS_M)])), AXIS_M)
     noisy = envelope.target_energy(process(echoes(60, [(1e-4, AXIS_M)], noise=2e-3)), AXIS_M)  # as much noise as target in the gate
     where = np.full(60, AXIS_M)
@@ -210,8 +210,8 @@ def test_brightness_in_noise_is_that_without() -> None:
 # Angle
 
 
-def test_the_extent_of_a_point_is_that_of_the_array_factor() -> None:
-    """Spread of |sin(4 psi) / (8 sin(psi / 2))|^2, psi = pi sin(phi) f / f0, integrated over azimuth apart from the beamformer."""
+def test_extent_of_a_point_matches_the_array_factor() -> None:
+    """Spread of |sin(4 psi) / (8 sin(psi / 2))|^2, psi = pi sin(phi) f / f0, integrated over azimuth without the beamformer."""
     phi = np.deg2rad(np.arange(-90.0, 91.0))
     spacing = np.diff(np.sort(RADAR.virtual_positions[:, 1]))[0]
     psi = 2 * np.pi * spacing * RADAR.center_frequency_hz / 299792458.0 * np.sin(phi)
@@ -223,7 +223,7 @@ def test_the_extent_of_a_point_is_that_of_the_array_factor() -> None:
     assert expected == pytest.approx(0.25, abs=0.01)
 
 
-def test_two_points_look_wider_than_one_by_their_separation() -> None:
+def test_extent_of_two_points_adds_their_separation() -> None:
     one = extent.angular_extent(process(echoes(1, [(1e-3, AXIS_M)])), AXIS_M)[0]
     # In neighbouring bins their echoes add in power, each with its own beam.
     apart = 30.0
@@ -233,7 +233,7 @@ def test_two_points_look_wider_than_one_by_their_separation() -> None:
     assert pair == pytest.approx(np.hypot(one, np.deg2rad(apart)), rel=0.1)
 
 
-def test_the_extent_keeps_under_scale_and_range_and_noise() -> None:
+def test_extent_does_not_depend_on_scale_range_and_noise() -> None:
     def read(scale: float, at_m: float, noise: float = 0.0) -> float:
         made = process(echoes(20, [(scale, at_m, 10.0), (0.7 * scale, at_m + BIN_M, -12.0)], noise=noise))
         return float(np.median(extent.angular_extent(made, at_m)))
@@ -247,7 +247,7 @@ def test_the_extent_keeps_under_scale_and_range_and_noise() -> None:
 # Doppler
 
 
-def test_radial_velocity_is_read_far_finer_than_a_doppler_bin() -> None:
+def test_radial_velocity_is_finer_than_a_doppler_bin() -> None:
     def back_and_forth(t: np.ndarray) -> np.ndarray:
         return 1.0 + 0.2 * np.where(t < 2, t, 4 - t)
 
@@ -262,13 +262,13 @@ def test_radial_velocity_is_read_far_finer_than_a_doppler_bin() -> None:
     assert agreed.rms_mps < 0.06  # the line through nine frames rounds the turn
 
 
-def test_velocity_does_not_depend_on_scale_range_or_phase() -> None:
+def test_radial_velocity_does_not_depend_on_scale_range_and_phase() -> None:
     for scale, at_m in ((1e-6, 1.0), (1e-3, 2.0), (1e-3, 2.0013)):
         made = process(echoes(2, [(scale, lambda t, at_m=at_m: at_m + 0.9 * t)]))
         assert doppler.radial_velocity(made, at_m) == pytest.approx(0.9, rel=0.01)
 
 
-def test_a_range_rate_is_the_slope_and_no_motion_has_no_correlation() -> None:
+def test_range_rate_is_the_slope_and_rest_has_no_correlation() -> None:
     assert doppler.range_rate(0.3 * np.arange(12) / 10, 10.0) == pytest.approx(0.3)
     still = doppler.consistency(np.zeros(5), np.zeros(5))
     assert still.rms_mps == 0
@@ -280,7 +280,7 @@ def test_a_range_rate_is_the_slope_and_no_motion_has_no_correlation() -> None:
 # Range-Doppler signature of a revolution
 
 
-def test_the_signature_of_an_echo_that_recedes_steadily_is_one_line() -> None:
+def test_signature_of_a_constant_speed_is_one_line() -> None:
     # 8 Doppler cells away from rest; it moves by 8 half wavelengths, 15 mm, in the revolution.
     step_m = 8 * 299792458.0 / RADAR.center_frequency_hz / 2 * TURN_HZ
     made = process(echoes(FRAMES, [(1e-3, lambda t: AXIS_M + step_m * t)]))
@@ -293,7 +293,7 @@ def test_the_signature_of_an_echo_that_recedes_steadily_is_one_line() -> None:
     assert np.abs(shown.range_m - AXIS_M).max() <= 0.5
 
 
-def test_the_signature_keeps_under_start_angle_scale_and_distance() -> None:
+def test_signature_does_not_depend_on_start_angle_scale_and_distance() -> None:
     def orbit(theta: np.ndarray) -> np.ndarray:
         return 0.004 * np.cos(theta)
 
@@ -320,7 +320,7 @@ def test_the_signature_keeps_under_start_angle_scale_and_distance() -> None:
 # Sets
 
 
-def test_a_set_is_its_families_in_order_with_names_for_all_values() -> None:
+def test_set_has_the_named_features_of_its_families_in_order() -> None:
     made, log = turning(lobes, noise=1e-4), at_rest(FRAMES, AXIS_M, 1.0)
     names, values = sets.vector(made, log, "rotation")
     assert names == [
@@ -333,7 +333,7 @@ def test_a_set_is_its_families_in_order_with_names_for_all_values() -> None:
 
 
 @pytest.mark.parametrize("name", ["rotation", "depth", "lateral", "raw"])
-def test_frames_have_the_recordings_features_row_by_row(name: str) -> None:
+def test_frame_features_have_one_row_per_frame(name: str) -> None:
     made, log = turning(lobes, noise=1e-4), at_rest(FRAMES, AXIS_M, 1.0)
     names, matrix = sets.frames(made, log, name)
     whole, values = sets.vector(made, log, name)
@@ -346,17 +346,17 @@ def test_frames_have_the_recordings_features_row_by_row(name: str) -> None:
             assert set(matrix[:, names.index(feature)]) == {values[whole.index(feature)]}
 
 
-def test_depth_features_of_an_approach_are_those_of_its_geometry() -> None:
+def test_depth_features_of_an_approach_match_its_geometry() -> None:
     frames = 40
     nominal = 1.5 - 0.2 * np.arange(frames) / RADAR.frame_rate_hz
-    front = 0.03  # the object's front is nearer than its axis
+    front = 0.03  # the front of the object is nearer than its axis
     made = process(echoes(frames, [(lambda t: 1e-3 / (1.5 - 0.2 * t - front) ** 2, lambda t: 1.5 - 0.2 * t - front), (3e-4, 4.0)]))
     names, values = sets.vector(made, Log(RADAR.frame_rate_hz, nominal), "depth")
     found = dict(zip(names, values, strict=True))
     assert found["excursion_m"] == pytest.approx(0.78, abs=2e-3)
     assert found["track_offset_m"] == pytest.approx(-front, abs=1e-3)
     assert found["track_spread_m"] < 1e-3
-    # The chirps of a frame, added coherently, turn against each other while the target moves: 0.7 dB.
+    # The motion within a frame reduces the coherent sum of its chirps by 0.7 dB.
     turn = 2 * np.pi * 0.2 / RADAR.max_velocity_mps / 2
     lost = (np.sin(RADAR.num_chirps * turn / 2) / (RADAR.num_chirps * np.sin(turn / 2))) ** 2
     target = lost * np.mean(1e-6 / (nominal - front) ** 4)
@@ -375,7 +375,7 @@ def test_shape_features_of_a_pass_do_not_depend_on_scale() -> None:
     assert passing(1e-5)[1] == pytest.approx(values, rel=1e-3)
 
 
-def test_a_target_that_drowns_in_noise_still_has_features() -> None:
+def test_target_below_the_noise_has_finite_features() -> None:
     made = process(Recording(echoes(FRAMES, [], noise=1e-3).iq, RADAR))
     quiet = Processed(
         RADAR, made.range_m, made.power, made.channels, made.doppler, made.velocity_mps, (1.5 * made.noise_floor).astype(np.float32)
@@ -385,13 +385,13 @@ def test_a_target_that_drowns_in_noise_still_has_features() -> None:
         assert np.isfinite(sets.frames(quiet, at_rest(FRAMES, AXIS_M, 1.0), name)[1]).all()
 
 
-def test_unknown_sets_and_families_and_logs_that_do_not_fit_are_named() -> None:
+def test_unknown_sets_families_and_invalid_logs_are_named() -> None:
     made = process(echoes(3, [(1.0, 1.0)]))
-    with pytest.raises(ConfigError, match=r"features\.name=spin is not known; options: rotation, depth, lateral, raw"):
+    with pytest.raises(ConfigError, match=r"features\.name=spin is unknown; options: rotation, depth, lateral, raw"):
         sets.vector(made, at_rest(3, 1.0), "spin")
     with pytest.raises(ConfigError, match="track is not in features=rotation"):
         families("rotation", ["track"])
-    with pytest.raises(ConfigError, match="leaves nothing"):
+    with pytest.raises(ConfigError, match="excludes every family"):
         families("raw", ["profile"])
     with pytest.raises(InputError, match="3 frames"):
         sets.vector(made, at_rest(4, 1.0), "depth")

@@ -1,4 +1,4 @@
-"""A processed recording against the echoes it was built from: level, range, phase across the array, speed, and what goes wrong."""
+"""Processed recordings against their echoes: level, range, phase across the array, speed; storage and errors."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from radartwin.radar.processing import azimuth_row
 from radartwin.radar.recording import Recording
 
 
-def test_an_echo_on_a_bin_reads_its_power_in_every_product():
+def test_echo_on_a_bin_has_its_power_in_every_product():
     made = process(echoes(3, [(2e-3, 30 * BIN_M)]))
     assert made.power.shape == (3, 138)
     assert made.range_m[-1] <= MAX_RANGE_M < made.range_m[-1] + BIN_M
@@ -24,7 +24,7 @@ def test_an_echo_on_a_bin_reads_its_power_in_every_product():
     assert made.velocity_mps[8] == 0
 
 
-def test_the_azimuth_row_turns_by_the_sine_of_the_direction():
+def test_phase_across_the_azimuth_row_follows_the_sine_of_the_direction():
     made = process(echoes(1, [(1.0, 20 * BIN_M, 30.0)]), doppler=False)
     y = RADAR.virtual_positions[azimuth_row(RADAR), 1]
     phase = np.unwrap(np.angle(made.channels[0, np.argsort(y), 20]))
@@ -33,7 +33,7 @@ def test_the_azimuth_row_turns_by_the_sine_of_the_direction():
     assert made.doppler is None
 
 
-def test_a_receding_echo_lies_in_its_velocity_bin():
+def test_receding_echo_is_in_its_velocity_bin():
     speed = 2 * RADAR.velocity_resolution_mps
     made = process(echoes(1, [(1.0, lambda t: 1.5 + speed * t)]))
     assert made.doppler is not None
@@ -42,19 +42,19 @@ def test_a_receding_echo_lies_in_its_velocity_bin():
 
 
 @pytest.mark.parametrize("doppler", [True, False])
-def test_noise_is_told_from_echoes_at_rest_and_slow_ones(doppler):
+def test_noise_estimate_excludes_echoes_at_rest_and_slow_echoes(doppler):
     sigma = 1e-3
-    # Hann over the samples has a mean square of 1.5 times that of no window; the chirps are averaged coherently.
+    # The noise bandwidth of the Hann window is 1.5 bins; the chirps are averaged coherently.
     expected = 1.5 * sigma**2 / RADAR.num_samples / RADAR.num_chirps
     made = process(echoes(40, [(3e-3, 1.0), (3e-3, lambda t: 2.0 - 0.2 * t)], noise=sigma), doppler)
     assert made.noise_floor.mean() == pytest.approx(expected, rel=0.03)
-    assert made.noise_floor == pytest.approx(expected, rel=0.35)  # 320 samples of an exponential in each bin: 6 sigma
+    assert made.noise_floor == pytest.approx(expected, rel=0.35)  # 320 exponential samples per bin: 6 sigma
     assert made.power[:, made.range_m > 3].mean() == pytest.approx(expected, rel=0.03)
     strong = process(echoes(3, [(1.0, 1.0), (1.0, lambda t: 2.0 - 0.2 * t)]), doppler)
     assert strong.noise_floor.max() < 1e-6 * strong.power.max()
 
 
-def test_saved_and_loaded_and_cut_in_parts_it_is_the_same(tmp_path):
+def test_save_load_and_concatenate_round_trip(tmp_path):
     recording = echoes(5, [(1e-3, lambda t: 1.0 + 0.1 * t), (1e-4, 3.0)], noise=1e-5)
     made = process(recording)
     made.save(tmp_path / "kept")
@@ -72,7 +72,7 @@ def test_saved_and_loaded_and_cut_in_parts_it_is_the_same(tmp_path):
     assert (tmp_path / "again" / "processed.npz").read_bytes() == first
 
 
-def test_damaged_or_missing_files_are_named(tmp_path):
+def test_damaged_and_missing_files_are_named(tmp_path):
     with pytest.raises(MissingError, match=r"processed\.json"):
         Processed.load(tmp_path)
     made = process(echoes(2, [(1.0, 1.0)]), doppler=False)
@@ -94,7 +94,7 @@ def test_parts_of_different_radars_or_shapes_are_refused():
         Processed(RADAR, made.range_m, made.power, made.channels[:, :4], None, made.velocity_mps)
 
 
-def test_samples_that_are_not_numbers_are_refused():
+def test_nan_samples_are_refused():
     recording = echoes(2, [(1.0, 1.0)])
     recording.iq[1, 0, 0, 0, 0] = np.nan
     with pytest.raises(RecordingError, match="NaN"):

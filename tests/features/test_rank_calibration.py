@@ -1,4 +1,4 @@
-"""Rank normalisation and the corner-reflector calibration, on values worked out by hand."""
+"""Rank normalisation and corner-reflector calibration, on values computed by hand."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from radartwin.features.calibration import fit
 from radartwin.features.rank import rank_normalise
 
 
-def test_ranks_forget_any_rising_change_of_a_feature_in_either_domain() -> None:
+def test_ranks_do_not_change_under_increasing_functions() -> None:
     values = np.random.default_rng(0).normal(size=(40, 3))
     changed = np.column_stack([np.exp(values[:, 0]), values[:, 1] ** 3 - 7, 0.01 * values[:, 2]])
     assert np.array_equal(rank_normalise(values), rank_normalise(changed))
@@ -18,7 +18,7 @@ def test_ranks_forget_any_rising_change_of_a_feature_in_either_domain() -> None:
     assert np.sort(rank_normalise(values)[:, 0]) == pytest.approx((np.arange(40) + 0.5) / 40)
 
 
-def test_ranks_within_groups_do_not_see_the_other_groups() -> None:
+def test_groups_are_ranked_separately() -> None:
     matrix = np.array([[1.0], [2.0], [100.0], [300.0], [200.0]])
     ranked = rank_normalise(matrix, np.array(["0.5 m", "0.5 m", "2 m", "2 m", "2 m"]))
     assert ranked[:, 0] == pytest.approx([1 / 4, 3 / 4, 1 / 6, 5 / 6, 1 / 2])
@@ -30,18 +30,18 @@ def test_ranks_do_not_depend_on_the_order_of_rows() -> None:
     assert np.array_equal(rank_normalise(values)[order], rank_normalise(values[order]))
 
 
-def test_the_reflector_brings_each_feature_to_the_measured_scale() -> None:
+def test_calibration_maps_each_feature_to_the_measured_scale() -> None:
     rng = np.random.default_rng(3)
     simulated = rng.normal([-40.0, 0.2], [3.0, 0.05], size=(200, 2))
     slope, offset = np.array([0.5, 2.0]), np.array([-12.0, 0.1])
-    measured = (simulated * slope + offset)[rng.permutation(200)[:150]]  # not the same frames, nor in their order
+    measured = (simulated * slope + offset)[rng.permutation(200)[:150]]  # other frames in another order
     found = fit(simulated, measured)
     assert found.slope == pytest.approx(slope, rel=0.1)
     assert found.apply(simulated).mean(axis=0) == pytest.approx(measured.mean(axis=0))
     assert found.apply(simulated).std(axis=0) == pytest.approx(measured.std(axis=0))
 
 
-def test_a_feature_that_does_not_vary_on_the_reflector_is_shifted_alone() -> None:
+def test_constant_feature_is_only_shifted() -> None:
     simulated = np.column_stack([np.full(5, 3.0), np.arange(5.0)])
     found = fit(simulated, np.column_stack([np.arange(5.0), np.full(5, 7.0)]))
     assert found.slope.tolist() == [1.0, 0.0]
@@ -49,7 +49,7 @@ def test_a_feature_that_does_not_vary_on_the_reflector_is_shifted_alone() -> Non
     assert fit(np.array([[1.0]]), np.array([[5.0]])).apply(np.array([2.0])).tolist() == [6.0]
 
 
-def test_values_that_cannot_be_ranked_or_fitted_are_refused() -> None:
+def test_invalid_values_are_refused() -> None:
     with pytest.raises(InputError, match="finite"):
         rank_normalise(np.array([[np.nan]]))
     with pytest.raises(InputError, match="2 rows"):

@@ -313,7 +313,7 @@ FEATURE_FAULTS = (
     *_in(
         "features/calibration",
         RANK,
-        ("fit", "wanted / np.where(still, 1.0, spread)", "spread / np.where(still, 1.0, wanted)", "the map is inverted"),
+        ("fit", "measured_spread / np.where(constant, 1.0, spread)", "spread / np.where(constant, 1.0, measured_spread)", "the map is inverted"),
     ),
     *_in(
         "features/rank",
