@@ -1,9 +1,9 @@
 """Surfaces of the measurement equipment, which a scan of the room does not contain.
 
 Each function returns surfaces placed relative to the sensor or the target. `provenance["fixture"]` marks them, so that the testbed's
-clutter gap can leave them out. All parts keep 1 cm from each other and from other surfaces, because faces in contact shadow each other. Sizes are
-those of ordinary parts (a photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a geared motor in a box); no drawing of such a
-rig is published.
+clutter gap can leave them out. All parts keep 1 cm from each other and from other surfaces, because faces in contact shadow each other.
+Sizes are those of ordinary parts (a photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a geared motor in a box); no drawing of
+such a rig is published.
 """
 
 from __future__ import annotations
