@@ -24,7 +24,7 @@ from radartwin.reconstruct.outlines.surfaces import flattened as flatten_planes
 from radartwin.reconstruct.outlines.visibility import Cameras
 from radartwin.reconstruct.scan_folder import save_reconstruction
 from radartwin.reconstruct.scan_size import check_size
-from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing, Segmenter
+from radartwin.reconstruct.segmentation.segment import Segmenter, segmented
 from radartwin.scene.scene import Scene
 
 
@@ -73,7 +73,7 @@ def reconstruct(
     options: ScanOptions = ScanOptions(),
     material: str | Layered = "plasterboard",
     flatten: bool = True,
-    segmenter: Segmenter | None = None,
+    segmenter: Segmenter = segmented,
     progress: Progress | None = None,
 ) -> Scene:
     """Turn a scan into a scene of named surfaces.
@@ -84,7 +84,7 @@ def reconstruct(
         options: how to read the scan.
         material: of every surface, until a material source assigns better ones.
         flatten: replace planar segments by polygons on their planes and complete their gaps; False keeps the scanned triangles.
-        segmenter: `PlanarRegionGrowing()` by default.
+        segmenter: divides the mesh into segments.
         progress: receives progress lines; silent by default.
     Returns:
         The scene. Its provenance holds the scan report and the distances by which flattening moved the scanned faces.
@@ -102,7 +102,7 @@ def reconstruct(
     for line in scan.lines:
         progress.say(line)
     with progress.task("segmenting", 1) as advance:
-        segments = list((segmenter or PlanarRegionGrowing())(scan.mesh))
+        segments = list(segmenter(scan.mesh))
         advance()
     flattened = None
     if flatten:

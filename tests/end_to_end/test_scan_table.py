@@ -15,7 +15,7 @@ from experiments.scans.true_surfaces import Truth
 from experiments.scans.virtual_scan import scanned
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.segmentation.faces import Segment
-from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing
+from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 
@@ -60,7 +60,7 @@ def test_what_the_atriums_mesh_holds_bounds_what_segmentation_can_find() -> None
     owner = truth.owners()(np.asarray(mesh.triangles_center), np.asarray(mesh.face_normals))
     ideal = [Segment(np.flatnonzero(owner == k), float(mesh.area_faces[owner == k].sum())) for k in range(len(truth.scene))]
     ceiling = score_segments(mesh, [s for s in ideal if s.faces.size], room, look)
-    found = score_segments(mesh, PlanarRegionGrowing()(mesh), room, look)
+    found = score_segments(mesh, segmented(mesh), room, look)
     lost = {s.name: round(s.recall, 2) for s in sorted(ceiling.surfaces, key=lambda s: s.recall) if s.recall < 0.8}
     print(f"recall {found.recall:.3f} of at most {ceiling.recall:.3f}; of the mesh itself {lost}")
     assert ceiling.recall > 0.87

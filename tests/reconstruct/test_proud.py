@@ -8,7 +8,7 @@ from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.segmentation.bodies import with_bodies
 from radartwin.reconstruct.segmentation.colour import face_colours
 from radartwin.reconstruct.segmentation.faces import Faces, Segment
-from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing, plane_segment
+from radartwin.reconstruct.segmentation.segment import plane_segment, segmented
 
 CELL_M = 0.03
 WALL = (210, 205, 200)
@@ -30,7 +30,7 @@ def relief(proud_m: float, noise_m: float = 0.003) -> trimesh.Trimesh:
 @pytest.mark.parametrize(("proud_m", "kept_m"), [(0.0, 0.0), (0.005, 0.0), (0.022, 0.022), (-0.02, -0.02)])
 def test_a_board_is_where_it_is_and_what_is_flush_shares_the_wall_s_plane(proud_m: float, kept_m: float) -> None:
     mesh = relief(proud_m)
-    segments = PlanarRegionGrowing()(mesh)
+    segments = segmented(mesh)
     assert len([s for s in segments if s.area_m2 > 0.3]) == 2
     wall, board = sorted((f for f in flattened(mesh, segments).flats if f.segment >= 0), key=lambda f: -f.mesh.area)[:2]
     assert np.asarray(wall.mesh.vertices)[:, 0] == pytest.approx(0.0, abs=0.002)

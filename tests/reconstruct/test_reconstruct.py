@@ -28,7 +28,7 @@ from radartwin.reconstruct.segmentation import coplanar, masks
 from radartwin.reconstruct.segmentation.colour import face_colours
 from radartwin.reconstruct.segmentation.faces import Faces, members
 from radartwin.reconstruct.segmentation.growing import grow
-from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing
+from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.rooms import rectangle
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import geometry
@@ -141,7 +141,7 @@ def test_planes_are_made_regular_only_where_the_noise_allows_it():
     mesh = scan(shell(), 0.003)
     turn = trimesh.transformations.rotation_matrix(np.radians(0.8), X)
     tilted = mesh.copy().apply_transform(turn)
-    segments = PlanarRegionGrowing()(tilted)
+    segments = segmented(tilted)
     straight, main = regular(tilted, segments)
     floor = straight[0].normal
     assert floor is not None
@@ -149,7 +149,7 @@ def test_planes_are_made_regular_only_where_the_noise_allows_it():
     # 0.8 degrees over 3 m lifts the edges by 2 cm: that is no noise, and stays.
     assert np.degrees(np.arccos(abs(floor[2]))) == pytest.approx(0.8, abs=0.1)
     slight = mesh.copy().apply_transform(trimesh.transformations.rotation_matrix(np.radians(0.1), X))
-    floor = regular(slight, PlanarRegionGrowing()(slight))[0][0].normal
+    floor = regular(slight, segmented(slight))[0][0].normal
     assert floor is not None
     assert abs(floor[2]) == 1.0
 
@@ -230,7 +230,7 @@ def test_a_window_that_runs_together_with_what_furniture_hides_is_still_a_pane()
     poses[:, :3, :3] = np.column_stack([X, -Z, Y])  # towards the wall y = 4
     poses[:, :3, 3] = [(x, 0.5, 1.4) for x in np.linspace(0.8, 4.0, 6)]
     cameras = Cameras(poses, np.array([[150.0, 0, 128], [0, 150.0, 96], [0, 0, 1]]), (256, 192))
-    panes = [f.mesh for f in flattened(mesh, PlanarRegionGrowing()(mesh), cameras).flats if f.segment < 0]
+    panes = [f.mesh for f in flattened(mesh, segmented(mesh), cameras).flats if f.segment < 0]
     assert [float(p.area) for p in panes] == [pytest.approx(1.2, rel=0.1)]
 
 
@@ -277,7 +277,7 @@ def test_a_wall_cut_in_two_is_one_surface_and_two_tables_are_not():
     strips = [sheet([0, 0, 0], X, Z, (1.2, H)), sheet([2.4, 0, 0], X, Z, (1.6, H))]  # a gap from floor to ceiling
     tables = [sheet([x, 1.0, 0.75], X, Y, (0.8, 0.6)) for x in (0.5, 2.5)]
     mesh = scan([sheet([0, 0, 0], X, Y, (L, W)), *strips, *tables], 0.003)
-    segments = PlanarRegionGrowing(bodies=False)(mesh)
+    segments = segmented(mesh, bodies=False)
     assert sorted(round(s.area_m2, 1) for s in segments if s.normal is not None) == [
         0.5,
         0.5,
@@ -290,10 +290,10 @@ def test_pieces_are_not_joined_over_what_was_seen_behind_them():
     strips = [sheet([0, 0, 0], X, Z, (1.2, H)), sheet([2.4, 0, 0], X, Z, (1.6, H))]
     alcove = sheet([1.2, 0.6, 0], X, Z, (1.2, H))  # behind: the strips look towards -y
     faces = Faces.of(scan([*strips, alcove], 0.002), 0.08)
-    label = coplanar.merge(faces, grow(faces, 25.0, 0.04, 0.06), coplanar.Tolerances())
+    label = coplanar.merge(faces, grow(faces, 25.0, 0.04, 0.06))
     assert len(members(label)) == 3
     open_gap = Faces.of(scan(strips, 0.002), 0.08)
-    assert len(members(coplanar.merge(open_gap, grow(open_gap, 25.0, 0.04, 0.06), coplanar.Tolerances()))) == 1
+    assert len(members(coplanar.merge(open_gap, grow(open_gap, 25.0, 0.04, 0.06)))) == 1
 
 
 def coloured(mesh, rule, seed=0):
@@ -313,12 +313,12 @@ def with_door(v):
 
 def test_a_door_in_the_plane_of_its_wall_is_told_by_its_colour(tmp_path):
     mesh = coloured(scan(shell(), 0.004), with_door)
-    door = [s for s in PlanarRegionGrowing()(mesh) if 1.0 < s.area_m2 < 3.0]
+    door = [s for s in segmented(mesh) if 1.0 < s.area_m2 < 3.0]
     assert len(door) == 1
     assert door[0].area_m2 == pytest.approx(1.8, rel=0.1)
     plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    assert len(PlanarRegionGrowing()(plain)) == 6
-    assert len(PlanarRegionGrowing(colour=None)(mesh)) == 6
+    assert len(segmented(plain)) == 6
+    assert len(segmented(mesh, colour=False)) == 6
     scene = reconstruct(saved(mesh, tmp_path))
     walls = [s for s in scene if s.mesh.bounds[0, 0] > L - 0.05]
     assert sum(float(s.mesh.area) for s in walls) == pytest.approx(W * H, rel=0.01)  # no gap and no overlap between them
@@ -342,7 +342,7 @@ def test_a_reflection_in_a_panel_cuts_nothing_and_a_weaker_step_on_the_wall_does
                 return (175, 175, 180) if v[2] > 1.3 else (130, 130, 135)
             return (165, 112, 72) if step_on_wall and 2.4 < u < 3.4 and 0.5 < v[2] < 1.5 else BROWN
 
-        found = PlanarRegionGrowing()(coloured(scan(shell(), 0.003), rule))
+        found = segmented(coloured(scan(shell(), 0.003), rule))
         return sorted(round(s.area_m2, 1) for s in found if s.area_m2 < 3)
 
     assert seen(False) == [pytest.approx(2.2, abs=0.15)]
@@ -355,7 +355,7 @@ def test_two_panels_whose_colour_bleeds_into_the_floors_edge_are_two():
         panel = (0.5 < u < 1.4 or 2.0 < u < 2.9) and v[2] < 2.0
         return GREY if v[0] > L - 0.05 and (panel or (0.5 < u < 2.9 and v[2] < 0.03)) else BROWN if v[0] > L - 0.05 else WHITE
 
-    found = PlanarRegionGrowing()(coloured(scan(shell(), 0.003), rule))
+    found = segmented(coloured(scan(shell(), 0.003), rule))
     assert [s.area_m2 for s in found if s.area_m2 < 3] == [pytest.approx(1.8, rel=0.1)] * 2
 
 
@@ -365,7 +365,7 @@ def test_light_and_painted_lines_cut_nothing():
         line = 80 if abs(v[2] - 1.2) < 0.03 else 0
         return np.array([150 + spot, 150 + spot - line, 150 + spot - line])
 
-    assert len(PlanarRegionGrowing()(coloured(scan(shell(), 0.003), lit))) == 6
+    assert len(segmented(coloured(scan(shell(), 0.003), lit))) == 6
 
 
 def test_things_of_two_colours_stay_two_and_of_one_colour_one():
@@ -380,7 +380,7 @@ def test_things_of_two_colours_stay_two_and_of_one_colour_one():
         return GREY if 0.58 < v[2] < 0.62 and np.abs(v[:2] - [2, 1.5]).max() < 0.28 else one(v)
 
     def seen(rule):  # not the box's underside, which touches nothing else
-        return [s for s in PlanarRegionGrowing()(coloured(mesh, rule)) if s.area_m2 < 0.6 and s.normal is not None and s.normal[2] > -0.5]
+        return [s for s in segmented(coloured(mesh, rule)) if s.area_m2 < 0.6 and s.normal is not None and s.normal[2] > -0.5]
 
     sides = seen(one)
     assert len({s.body for s in sides}) == 1

@@ -10,7 +10,7 @@ import trimesh
 from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.outlines.names import segment_names
 from radartwin.reconstruct.segmentation.faces import Segment
-from radartwin.reconstruct.segmentation.segment import PlanarRegionGrowing
+from radartwin.reconstruct.segmentation.segment import segmented
 
 EDGE_M = 0.08  # phone LiDAR meshes have edges of 5 to 10 cm
 
@@ -59,7 +59,7 @@ def scores(mesh, truth, segments, min_area_m2=0.25):
 @pytest.mark.parametrize("noise_m", [0.0, 0.005, 0.01])
 def test_surfaces_of_a_noisy_room_are_found_whole_and_pure(noise_m):
     mesh, truth = truth_room(noise_m)
-    segments = PlanarRegionGrowing()(mesh)
+    segments = segmented(mesh)
     recall, precision = scores(mesh, truth, segments).T
     assert recall.min() > 0.9
     assert precision.min() > 0.9
@@ -70,7 +70,7 @@ def test_surfaces_of_a_noisy_room_are_found_whole_and_pure(noise_m):
 
 def test_planes_of_a_noisy_room_are_good_to_two_millimetres():
     mesh, _ = truth_room(0.01)
-    planes = [s for s in PlanarRegionGrowing()(mesh) if s.area_m2 > 10]
+    planes = [s for s in segmented(mesh) if s.area_m2 > 10]
     truth = {(0, 0.0), (0, 6.0), (1, 0.0), (1, 5.0), (2, 0.0), (2, 2.8)}
     for plane in planes:
         assert plane.normal is not None
@@ -89,7 +89,7 @@ def test_planes_of_a_noisy_room_are_good_to_two_millimetres():
 @pytest.mark.parametrize("noise_m", [0.0, 0.01, 0.05])
 def test_every_face_is_in_exactly_one_segment(noise_m):
     mesh, _ = truth_room(noise_m)
-    segments = PlanarRegionGrowing()(mesh)
+    segments = segmented(mesh)
     assert np.array_equal(np.sort(np.concatenate([s.faces for s in segments])), np.arange(len(mesh.faces)))
     assert sum(s.area_m2 for s in segments) == pytest.approx(mesh.area)
     planar = [s.normal is not None for s in segments]
@@ -98,14 +98,14 @@ def test_every_face_is_in_exactly_one_segment(noise_m):
 
 def test_segmentation_is_deterministic():
     mesh, _ = truth_room(0.01)
-    first, second = (PlanarRegionGrowing()(mesh) for _ in range(2))
+    first, second = (segmented(mesh) for _ in range(2))
     assert all(np.array_equal(a.faces, b.faces) for a, b in zip(first, second, strict=True))
 
 
 def test_two_triangles_a_wall_are_enough():
     room = trimesh.creation.box((6, 5, 2.8))
     room.invert()
-    segments = PlanarRegionGrowing()(room)
+    segments = segmented(room)
     assert [len(s.faces) for s in segments] == [2] * 6
     assert [round(s.area_m2, 6) for s in segments] == [30, 30, 16.8, 16.8, 14, 14]
     assert all(s.normal is not None and np.isclose(np.abs(s.normal).max(), 1) for s in segments)
@@ -113,13 +113,13 @@ def test_two_triangles_a_wall_are_enough():
 
 def test_a_sphere_is_a_part_not_a_plane():
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.15)
-    segments = PlanarRegionGrowing()(ball)
+    segments = segmented(ball)
     assert all(s.normal is None or s.area_m2 < 0.3 * ball.area for s in segments)
 
 
 def test_rooms_surfaces_get_the_names_geometry_gives_them():
     mesh, _ = truth_room(0.005)
-    segments = PlanarRegionGrowing()(mesh)
+    segments = segmented(mesh)
     names = segment_names(mesh, segments)
     assert len(set(names)) == len(names)
     named = dict(zip(names, segments, strict=True))

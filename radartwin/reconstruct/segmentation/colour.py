@@ -7,7 +7,6 @@ lightness most.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,129 +26,122 @@ WITHIN = 0.5  # smallest step inside a piece, relative to the step around it, be
 ROUNDS = 12  # largest number of divisions per plane
 
 
-@dataclass(frozen=True)
-class ColourSplit:
-    """Limits for separating a piece of a plane.
+CELL_M = 0.02  # of the picture; about the scan's resolution
+STEP = 7.0  # smallest colour difference across the edge of a piece (weighted L*a*b*; 2 is just visible side by side)
+CONTRAST = 2.0  # smallest ratio of this difference to the colour variation outside the edge
+WIDTH_M, AREA_M2 = 0.12, 0.12  # narrower or smaller pieces (painted lines, frames) are not separated
 
-    Attributes:
-        cell_m: cell of the picture; about the scan's resolution.
-        step: smallest colour difference across the edge (weighted L*a*b*; 2 is just visible side by side).
-        contrast: smallest ratio of this difference to the colour variation outside the edge.
-        width_m: narrower pieces (painted lines, frames) are not separated.
-        area_m2: smaller pieces are not separated.
+
+def colour_pieces(centre: np.ndarray, area: np.ndarray, lab: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Piece number of each face (K,) of a plane, 0 for the main piece.
+
+    Args:
+        centre: (K, 3) of the faces; area: (K,); lab: (K, 3) from `face_colours`; normal: (3,).
     """
+    points = centre @ in_plane(normal).T
+    # A picture with cells smaller than the faces would have holes.
+    cell = max(CELL_M, 1.5 * float(np.sqrt(np.median(area))))
+    at = ((points - points.min(axis=0)) / cell).astype(int)
+    shape = tuple(at.max(axis=0) + 1)
+    index = at[:, 0] * shape[1] + at[:, 1]
+    weight = np.bincount(index, area, minlength=shape[0] * shape[1]).reshape(shape)
+    seen = weight > 0
+    picture = np.stack([np.bincount(index, area * lab[:, k], minlength=weight.size).reshape(shape) for k in range(3)], axis=-1)
+    picture /= np.maximum(weight, 1e-12)[..., None]
+    picture = picture[masks.nearest(seen)]
+    smooth = np.stack([median_filter(picture[..., k], size=5, mode="nearest") for k in range(3)], axis=-1)
+    known = masks.distance(seen) < 1.5
+    label = np.where(known, 0, -1)
+    _divide(label, smooth, cell)
+    return np.maximum(label.reshape(-1)[index], 0)
 
-    cell_m: float = 0.02
-    step: float = 7.0
-    contrast: float = 2.0
-    width_m: float = 0.12
-    area_m2: float = 0.12
 
-    def pieces(self, centre: np.ndarray, area: np.ndarray, lab: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """Piece number of each face (K,), 0 for the main one.
+def _divide(label: np.ndarray, picture: np.ndarray, cell: float) -> None:
+    """Number the pieces of a picture (W, H, 3) in place; cells with -1 are outside."""
+    count, todo = 1, [0]
+    min_step = {0: STEP}  # of each piece, for dividing it further
+    for _ in range(ROUNDS):
+        if not todo:
+            return
+        current = todo.pop()
+        region = label == current
+        # Pieces that are already separated must not affect the blurred colours at the borders of the rest.
+        inner = region & (masks.distance(~region) > 1.5)
+        found = _pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell, min_step[current])
+        for piece, step in found:
+            label[piece] = count
+            todo.append(count)
+            min_step[count] = max(STEP, WITHIN * step)
+            count += 1
+        if found:
+            todo.append(current)
 
-        Args:
-            centre: (K, 3) of the plane's faces; area: (K,); lab: (K, 3) from `face_colours`; normal: (3,).
-        """
-        points = centre @ in_plane(normal).T
-        # A picture with cells smaller than the faces would have holes.
-        cell = max(self.cell_m, 1.5 * float(np.sqrt(np.median(area))))
-        at = ((points - points.min(axis=0)) / cell).astype(int)
-        shape = tuple(at.max(axis=0) + 1)
-        index = at[:, 0] * shape[1] + at[:, 1]
-        weight = np.bincount(index, area, minlength=shape[0] * shape[1]).reshape(shape)
-        seen = weight > 0
-        picture = np.stack([np.bincount(index, area * lab[:, k], minlength=weight.size).reshape(shape) for k in range(3)], axis=-1)
-        picture /= np.maximum(weight, 1e-12)[..., None]
-        picture = picture[masks.nearest(seen)]
-        smooth = np.stack([median_filter(picture[..., k], size=5, mode="nearest") for k in range(3)], axis=-1)
-        known = masks.distance(seen) < 1.5
-        label = np.where(known, 0, -1)
-        self._divide(label, smooth, cell)
-        return np.maximum(label.reshape(-1)[index], 0)
 
-    def _divide(self, label: np.ndarray, picture: np.ndarray, cell: float) -> None:
-        """Number the pieces of a picture (W, H, 3) in place; cells with -1 are outside."""
-        count, todo = 1, [0]
-        min_step = {0: self.step}  # of each piece, for dividing it further
-        for _ in range(ROUNDS):
-            if not todo:
-                return
-            current = todo.pop()
-            region = label == current
-            # Pieces that are already separated must not affect the blurred colours at the borders of the rest.
-            inner = region & (masks.distance(~region) > 1.5)
-            found = self._pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell, min_step[current])
-            for piece, step in found:
-                label[piece] = count
-                todo.append(count)
-                min_step[count] = max(self.step, WITHIN * step)
-                count += 1
-            if found:
-                todo.append(current)
+def _pieces_of(region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> list[tuple[np.ndarray, float]]:
+    """Pieces that differ from the rest of a region by `min_step`, and their steps; the sharpest edge wins an overlap."""
+    if region.sum() * cell**2 < 2 * AREA_M2:
+        return []
+    ranked = []
+    for candidates in (_between_edges, _of_two_colours):
+        for candidate in candidates(region, picture, cell):
+            for piece in masks.pieces(_refined(candidate, region, picture, cell, min_step)):
+                steps = _steps(piece, region, picture)
+                share = float((steps > min_step).mean()) if steps.size else 0.0
+                if piece.sum() * cell**2 >= AREA_M2 and share >= MOSTLY:
+                    ranked.append((share, piece, float(np.median(steps))))
+    found: list[tuple[np.ndarray, float]] = []
+    for _, piece, step in sorted(ranked, key=lambda entry: -entry[0]):
+        if not any((piece & other).any() for other, _ in found):
+            found.append((piece, step))
+    return found
 
-    def _pieces_of(self, region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> list[tuple[np.ndarray, float]]:
-        """Pieces that differ from the rest of a region by `min_step`, and their steps; the sharpest edge wins an overlap."""
-        if region.sum() * cell**2 < 2 * self.area_m2:
-            return []
-        ranked = []
-        for candidates in (self._between_edges, self._of_two_colours):
-            for candidate in candidates(region, picture, cell):
-                for piece in masks.pieces(self._refined(candidate, region, picture, cell, min_step)):
-                    steps = _steps(piece, region, picture)
-                    share = float((steps > min_step).mean()) if steps.size else 0.0
-                    if self.area_m2 <= piece.sum() * cell**2 and share >= MOSTLY:
-                        ranked.append((share, piece, float(np.median(steps))))
-        found: list[tuple[np.ndarray, float]] = []
-        for _, piece, step in sorted(ranked, key=lambda entry: -entry[0]):
-            if not any((piece & other).any() for other, _ in found):
-                found.append((piece, step))
-        return found
 
-    def _between_edges(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-        """Candidates that colour edges separate from the largest even area."""
-        strength = np.zeros(region.shape)
-        for axis in range(2):
-            step = np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1)
-            strength = np.maximum(strength, step)
-        even = masks.pieces(masks.opened(region & (strength < EDGE * self.step), 1))
-        if not even:
-            return []
-        main = max(even, key=np.sum)
-        # An edge is blurred over two cells; the nearer one belongs to the main area.
-        others = region & ~masks.dilated(main, 2)
-        wide = masks.opened(others, np.ceil(self.width_m / 2 / cell))
-        return [masks.dilated(piece, 2, region & ~main) for piece in masks.pieces(wide)]
+def _between_edges(region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
+    """Candidates that colour edges separate from the largest even area."""
+    strength = np.zeros(region.shape)
+    for axis in range(2):
+        step = np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1)
+        strength = np.maximum(strength, step)
+    even = masks.pieces(masks.opened(region & (strength < EDGE * STEP), 1))
+    if not even:
+        return []
+    main = max(even, key=np.sum)
+    # An edge is blurred over two cells; the nearer one belongs to the main area.
+    others = region & ~masks.dilated(main, 2)
+    wide = masks.opened(others, np.ceil(WIDTH_M / 2 / cell))
+    return [masks.dilated(piece, 2, region & ~main) for piece in masks.pieces(wide)]
 
-    def _of_two_colours(self, region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-        """Candidates: connected areas of the rarer of the region's two main colours."""
-        minor = np.zeros(region.shape, dtype=bool)
-        minor[region] = _two_means(picture[region])
-        minor = masks.opened(minor, self.width_m / 2 / cell)
-        minor = masks.closed(minor, 2) & region
-        return [masks.dilated(piece, 1, minor) for piece in masks.pieces(minor)]
 
-    def _refined(self, piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> np.ndarray:
-        """The piece with its border moved to the colour edge; empty if the colours differ by less than `min_step`."""
-        none = np.zeros_like(piece)
-        rest = region & ~piece
-        if self.area_m2 > piece.sum() * cell**2 or not rest.any():
-            return none
-        to_rest, to_piece = masks.distance(rest), masks.distance(piece)
-        beside = rest & (to_piece > 2) & (to_piece * cell <= BESIDE_M)
-        inside = piece & (to_rest > 1) & (to_rest * cell <= DEEP_M)
-        if min(beside.sum(), inside.sum()) < 8:
-            return none
-        # Light varies along the edge, so each cell is compared with the nearest cell outside.
-        difference = np.linalg.norm(picture - picture[masks.nearest(beside)], axis=-1)
-        spread = float(np.median(np.linalg.norm(picture[beside] - _local_mean(picture, beside, cell)[beside], axis=-1)))
-        min_step = max(min_step, self.contrast * spread)
-        if (difference[inside] > min_step).mean() < MOSTLY:
-            return none
-        zone = masks.dilated(piece, 3, region)
-        other = zone & (difference > max(0.6 * min_step, 0.5 * float(np.median(difference[inside]))))
-        other = masks.opened(masks.closed(other, 1) & zone, self.width_m / 3 / cell)
-        return other if other.sum() > 0.3 * piece.sum() else none
+def _of_two_colours(region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
+    """Candidates: connected areas of the rarer of the region's two main colours."""
+    minor = np.zeros(region.shape, dtype=bool)
+    minor[region] = _two_means(picture[region])
+    minor = masks.opened(minor, WIDTH_M / 2 / cell)
+    minor = masks.closed(minor, 2) & region
+    return [masks.dilated(piece, 1, minor) for piece in masks.pieces(minor)]
+
+
+def _refined(piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> np.ndarray:
+    """The piece with its border moved to the colour edge; empty if the colours differ by less than `min_step`."""
+    none = np.zeros_like(piece)
+    rest = region & ~piece
+    if piece.sum() * cell**2 < AREA_M2 or not rest.any():
+        return none
+    to_rest, to_piece = masks.distance(rest), masks.distance(piece)
+    beside = rest & (to_piece > 2) & (to_piece * cell <= BESIDE_M)
+    inside = piece & (to_rest > 1) & (to_rest * cell <= DEEP_M)
+    if min(beside.sum(), inside.sum()) < 8:
+        return none
+    # Light varies along the edge, so each cell is compared with the nearest cell outside.
+    difference = np.linalg.norm(picture - picture[masks.nearest(beside)], axis=-1)
+    spread = float(np.median(np.linalg.norm(picture[beside] - _local_mean(picture, beside, cell)[beside], axis=-1)))
+    min_step = max(min_step, CONTRAST * spread)
+    if (difference[inside] > min_step).mean() < MOSTLY:
+        return none
+    zone = masks.dilated(piece, 3, region)
+    other = zone & (difference > max(0.6 * min_step, 0.5 * float(np.median(difference[inside]))))
+    other = masks.opened(masks.closed(other, 1) & zone, WIDTH_M / 3 / cell)
+    return other if other.sum() > 0.3 * piece.sum() else none
 
 
 def _steps(piece: np.ndarray, region: np.ndarray, picture: np.ndarray) -> np.ndarray:

@@ -6,8 +6,6 @@ gap between two tables, but nothing is visible through a gap in a wall.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from shapely import MultiPoint, contains_xy
 
@@ -17,27 +15,13 @@ from radartwin.reconstruct.segmentation.faces import Faces, members
 CELL_M = 0.05
 BEHIND_M = 0.06  # points behind the plane are deeper than this: more than its noise
 CONTRADICTED = 0.2  # share of the gap's cells with points behind them that keeps two pieces apart
+ANGLE_DEG = 6.0  # largest angle between the planes of two joined pieces
+OFFSET_M = 0.03  # largest distance of either piece's centre from the common plane
+GAP_M, GAP_SIZES = 3.0, 2.0  # largest gap, and in multiples of the smaller piece's side (the root of its area)
 NEAR_M = 0.15  # pieces this close are always joined
 
 
-@dataclass(frozen=True)
-class Tolerances:
-    """Limits for joining two pieces.
-
-    Attributes:
-        angle_deg: largest angle between the planes.
-        offset_m: largest distance of either piece's centre from the common plane.
-        gap_m: largest gap.
-        gap_sizes: largest gap in multiples of the smaller piece's side (the root of its area).
-    """
-
-    angle_deg: float = 6.0
-    offset_m: float = 0.03
-    gap_m: float = 3.0
-    gap_sizes: float = 2.0
-
-
-def merge(faces: Faces, label: np.ndarray, tolerances: Tolerances) -> np.ndarray:
+def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
     """Join the coplanar pieces of labels (F,), largest first; the result is numbered 0..P-1, -1 for none."""
     while True:
         groups = members(label)
@@ -45,12 +29,10 @@ def merge(faces: Faces, label: np.ndarray, tolerances: Tolerances) -> np.ndarray
         centre = np.array([np.average(faces.centre[g], axis=0, weights=faces.area[g]) for g in groups]).reshape(-1, 3)
         area = np.array([faces.area[g].sum() for g in groups])
         joined = np.arange(len(groups))
-        for i, j in _pairs(normal, offset, centre, area, tolerances):
-            if joined[i] != i or joined[j] != j or not _coplanar(faces, groups[i], groups[j], tolerances):
+        for i, j in _pairs(normal, offset, centre, area):
+            if joined[i] != i or joined[j] != j or not _coplanar(faces, groups[i], groups[j]):
                 continue
-            if _one_surface(
-                faces, groups[i], groups[j], (normal[i], offset[i]), min(tolerances.gap_m, tolerances.gap_sizes * area[j] ** 0.5)
-            ):
+            if _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), min(GAP_M, GAP_SIZES * area[j] ** 0.5)):
                 joined[j] = i
         if (joined == np.arange(len(groups))).all():
             return label
@@ -60,14 +42,14 @@ def merge(faces: Faces, label: np.ndarray, tolerances: Tolerances) -> np.ndarray
         label = np.where(label >= 0, packed[np.maximum(label, 0)], -1)
 
 
-def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray, tolerances: Tolerances) -> list[tuple[int, int]]:
+def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray) -> list[tuple[int, int]]:
     """Candidate pairs (larger, smaller), largest first: nearly parallel, with centres near each other's planes."""
     if len(normal) < 2:
         return []
     away = np.abs(centre @ normal.T - offset)  # [i, j]: centre of i from the plane of j
     # Over a distance the plane of a small piece is inaccurate, so the larger piece's plane counts.
     large = np.where(area[:, None] >= area[None], away.T, away)
-    close = (normal @ normal.T > np.cos(np.radians(tolerances.angle_deg))) & (large < 2 * tolerances.offset_m)
+    close = (normal @ normal.T > np.cos(np.radians(ANGLE_DEG))) & (large < 2 * OFFSET_M)
     i, j = np.nonzero(np.triu(close, 1))
     swap = area[i] < area[j]
     i, j = np.where(swap, j, i), np.where(swap, i, j)
@@ -75,12 +57,12 @@ def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.
     return [(int(a), int(b)) for a, b in zip(i[order], j[order], strict=True)]
 
 
-def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray, tolerances: Tolerances) -> bool:
+def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray) -> bool:
     """Whether one plane fits both pieces."""
     normal, offset = faces.plane(np.concatenate([first, second]))
     return all(
-        abs(np.average(faces.centre[g] @ normal - offset, weights=faces.area[g])) < tolerances.offset_m
-        and np.average(np.abs(faces.centre[g] @ normal - offset), weights=faces.area[g]) < tolerances.offset_m
+        abs(np.average(faces.centre[g] @ normal - offset, weights=faces.area[g])) < OFFSET_M
+        and np.average(np.abs(faces.centre[g] @ normal - offset), weights=faces.area[g]) < OFFSET_M
         for g in (first, second)
     )
 

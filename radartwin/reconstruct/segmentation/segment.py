@@ -6,8 +6,7 @@ has colour, planes are cut where their colour changes, and convex neighbours of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 import trimesh
@@ -15,85 +14,67 @@ from scipy.sparse.csgraph import connected_components
 
 from radartwin.reconstruct.segmentation import coplanar
 from radartwin.reconstruct.segmentation.bodies import with_bodies
-from radartwin.reconstruct.segmentation.colour import ColourSplit, face_colours
+from radartwin.reconstruct.segmentation.colour import AREA_M2, colour_pieces, face_colours
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, members
 from radartwin.reconstruct.segmentation.growing import absorb, grow
 
+ANGLE_DEG = 25.0  # largest angle between a face's smoothed normal and the plane's for the face to join
+DISTANCE_M = 0.04  # largest distance of its centre from the plane; about twice the depth noise (phone LiDAR: 1-2 cm)
+MIN_PLANE_M2 = 0.06  # smaller planes are dissolved
+SMOOTHING_M = 0.08  # radius for averaging normals; larger triangles keep their own normals
+LOOSE_DEG = 75.0  # largest angle for a remaining face with all corners within DISTANCE_M of a plane, because its tilt is noise
+MIN_PART_M2 = 0.01  # smaller connected parts are collected in one segment of fragments
+MIN_WIDTH_M = 0.07  # narrower planes are rounded edges, and go to their neighbours
 
-class Segmenter(Protocol):
-    """Divides the faces of a mesh into segments, planes first, largest first."""
-
-    def __call__(self, mesh: trimesh.Trimesh) -> list[Segment]: ...
+Segmenter = Callable[[trimesh.Trimesh], list[Segment]]  # each face belongs to one segment; planes first, largest first
 
 
-@dataclass(frozen=True)
-class PlanarRegionGrowing:
-    """The default segmenter.
+def segmented(mesh: trimesh.Trimesh, colour: bool = True, bodies: bool = True) -> list[Segment]:
+    """Segment a mesh (metres, z up) by growing planes: planes, then other parts, each largest first, then one segment of fragments.
 
-    Attributes:
-        angle_deg: largest angle between a face's smoothed normal and the plane's for the face to join.
-        distance_m: largest distance of its centre from the plane; about twice the depth noise (phone LiDAR: 1-2 cm).
-        min_area_m2: smaller planes are dissolved.
-        smoothing_m: radius for averaging normals; larger triangles keep their own normals.
-        loose_deg: largest angle for a remaining face that touches a plane and has all corners within distance_m, because its tilt is
-            noise.
-        merging: limits for joining pieces of one plane.
-        min_part_m2: smaller connected parts are collected in one last segment of fragments.
-        min_width_m: narrower planes are rounded edges, and go to their neighbours.
-        colour: limits for cutting planes where their colour changes; None never cuts.
+    Args:
+        colour: cut planes where their colour changes, if the mesh has colours.
         bodies: number convex neighbours of one colour as one body.
     """
+    faces = Faces.of(mesh, SMOOTHING_M)
+    label = grow(faces, ANGLE_DEG, DISTANCE_M, MIN_PLANE_M2)
+    absorb(faces, label, LOOSE_DEG, DISTANCE_M)
+    label = coplanar.merge(faces, label)
+    label = _without_narrow(faces, label)
+    absorb(faces, label, 100.0, DISTANCE_M)
+    _settle(faces, label)
+    lab = face_colours(mesh) if colour else None
+    if lab is not None:
+        label = _cut(faces, label, lab)
+    planes = [plane_segment(faces, which) for which in members(label) if which.size]
+    parts, fragments = _parts(faces, np.flatnonzero(label < 0))
+    segments = sorted(planes, key=lambda s: -s.area_m2) + parts
+    return (with_bodies(faces, segments, lab) if bodies else segments) + fragments
 
-    angle_deg: float = 25.0
-    distance_m: float = 0.04
-    min_area_m2: float = 0.06
-    smoothing_m: float = 0.08
-    loose_deg: float = 75.0
-    merging: coplanar.Tolerances = field(default_factory=coplanar.Tolerances)
-    min_part_m2: float = 0.01
-    min_width_m: float = 0.07
-    colour: ColourSplit | None = field(default_factory=ColourSplit)
-    bodies: bool = True
 
-    def __call__(self, mesh: trimesh.Trimesh) -> list[Segment]:
-        faces = Faces.of(mesh, self.smoothing_m)
-        label = grow(faces, self.angle_deg, self.distance_m, self.min_area_m2)
-        absorb(faces, label, self.loose_deg, self.distance_m)
-        label = coplanar.merge(faces, label, self.merging)
-        label = _without_narrow(faces, label, self.min_width_m)
-        absorb(faces, label, 100.0, self.distance_m)
-        _settle(faces, label)
-        lab = face_colours(mesh) if self.colour is not None else None
-        if lab is not None:
-            label = self._cut(faces, label, lab)
-        planes = [plane_segment(faces, which) for which in members(label) if which.size]
-        parts, fragments = self._parts(faces, np.flatnonzero(label < 0))
-        segments = sorted(planes, key=lambda s: -s.area_m2) + parts
-        return (with_bodies(faces, segments, lab) if self.bodies else segments) + fragments
+def _cut(faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
+    """Labels with planes cut where their colour changes."""
+    out, count = label.copy(), int(label.max(initial=-1)) + 1
+    for which in members(label):
+        if faces.area[which].sum() < 2 * AREA_M2:
+            continue
+        piece = colour_pieces(faces.centre[which], faces.area[which], lab[which], faces.plane(which)[0])
+        out[which[piece > 0]] = count + piece[piece > 0] - 1
+        count += int(piece.max())
+    return np.unique(out, return_inverse=True)[1] - int(out.min() < 0)
 
-    def _cut(self, faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
-        """Labels with planes cut where their colour changes."""
-        assert self.colour is not None
-        out, count = label.copy(), int(label.max(initial=-1)) + 1
-        for which in members(label):
-            if faces.area[which].sum() < 2 * self.colour.area_m2:
-                continue
-            piece = self.colour.pieces(faces.centre[which], faces.area[which], lab[which], faces.plane(which)[0])
-            out[which[piece > 0]] = count + piece[piece > 0] - 1
-            count += int(piece.max())
-        return np.unique(out, return_inverse=True)[1] - int(out.min() < 0)
 
-    def _parts(self, faces: Faces, remaining: np.ndarray) -> tuple[list[Segment], list[Segment]]:
-        """Connected parts of the remaining faces, largest first, and a list with one segment of all fragments, or none."""
-        if remaining.size == 0:
-            return [], []
-        count, part = connected_components(faces.adjacency[remaining][:, remaining], directed=False)
-        area = np.bincount(part, faces.area[remaining], count)
-        pieces = members(np.where(area[part] >= self.min_part_m2, part, -1))
-        parts = [Segment(remaining[which], float(faces.area[remaining[which]].sum())) for which in pieces if which.size]
-        parts.sort(key=lambda s: -s.area_m2)
-        fragments = remaining[area[part] < self.min_part_m2]
-        return parts, [Segment(fragments, float(faces.area[fragments].sum()), noise=True)] if fragments.size else []
+def _parts(faces: Faces, remaining: np.ndarray) -> tuple[list[Segment], list[Segment]]:
+    """Connected parts of the remaining faces, largest first, and a list with one segment of all fragments, or none."""
+    if remaining.size == 0:
+        return [], []
+    count, part = connected_components(faces.adjacency[remaining][:, remaining], directed=False)
+    area = np.bincount(part, faces.area[remaining], count)
+    pieces = members(np.where(area[part] >= MIN_PART_M2, part, -1))
+    parts = [Segment(remaining[which], float(faces.area[remaining[which]].sum())) for which in pieces if which.size]
+    parts.sort(key=lambda s: -s.area_m2)
+    fragments = remaining[area[part] < MIN_PART_M2]
+    return parts, [Segment(fragments, float(faces.area[fragments].sum()), noise=True)] if fragments.size else []
 
 
 def plane_segment(faces: Faces, which: np.ndarray) -> Segment:
@@ -121,14 +102,14 @@ def _settle(faces: Faces, label: np.ndarray) -> None:
         label[face[closer]] = other[closer]
 
 
-def _without_narrow(faces: Faces, label: np.ndarray, min_width_m: float) -> np.ndarray:
-    """Labels without planes whose width (area over length) is below `min_width_m`."""
+def _without_narrow(faces: Faces, label: np.ndarray) -> np.ndarray:
+    """Labels without planes narrower than MIN_WIDTH_M (area over length)."""
     out = label.copy()
     for which in members(label):
         if which.size <= 2:
             continue
         spread = faces.centre[which] - faces.centre[which].mean(axis=0)
         axis = np.linalg.eigh(spread.T @ spread)[1][:, -1]
-        if faces.area[which].sum() < min_width_m * np.ptp(spread @ axis):
+        if faces.area[which].sum() < MIN_WIDTH_M * np.ptp(spread @ axis):
             out[which] = -1
     return np.unique(out, return_inverse=True)[1] - int(out.min(initial=0) < 0)

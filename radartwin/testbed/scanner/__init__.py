@@ -1,7 +1,7 @@
-"""A virtual phone with LiDAR: scans scenes whose truth is known.
+"""A virtual phone with LiDAR, which scans scenes with a known truth.
 
-`raster` sees triangles, `look` and `light` colour them, `camera` takes one look, `sensor` errs, `walk` carries the phone, `scan` is
-the whole.
+`raster` finds visible triangles, `look` and `light` colour them, `camera` takes one view, `sensor` adds errors, `walk` moves the phone, and
+`scan` combines them.
 """
 
 from radartwin.testbed.scanner.scan import ScanTruth, scan

@@ -1,8 +1,9 @@
-"""One look of the phone at the scene: true depth, what it comes from, and the colour picture."""
+"""One view of a scene by the phone: true depth, its source, and the colour picture."""
 
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,14 +18,14 @@ NOT_SEEN = -1
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sight:
-    """What light along each pixel's ray meets; (h, w) each.
+    """The first reflection of light along each pixel's ray; (h, w) each.
 
     Attributes:
-        depth: float32 metres to what returns light: through panes, and by way of mirrors; infinite outside.
-        face: int32 of what returns it, -1 outside.
-        first: int32 index of the first surface on the way, panes and mirrors included; -1 outside.
-        pane, mirror: whether light went through a pane, or by way of a mirror.
-        cosine: float32 between the ray and the normal of `face`; 0 outside.
+        depth: float32 metres to the reflecting surface, through panes and via mirrors; infinite outside the scene.
+        face: int32 reflecting face, -1 outside.
+        first: int32 index of the first surface on the ray, including panes and mirrors; -1 outside.
+        pane, mirror: whether the ray passes a pane, or is reflected by a mirror.
+        cosine: float32 of the angle between the ray and the face's normal; 0 outside.
     """
 
     depth: np.ndarray
@@ -35,56 +36,74 @@ class Sight:
     cosine: np.ndarray
 
 
+class _Reflection(NamedTuple):
+    """Pixels (h, w) of a mirror, the reflected faces and depths (h, w), and the mirrored camera's pose."""
+
+    where: np.ndarray
+    face: np.ndarray
+    depth: np.ndarray
+    pose: np.ndarray
+
+
+class _Hits(NamedTuple):
+    """Solid faces and depths (h, w), panes in front of them, and reflections."""
+
+    face: np.ndarray
+    depth: np.ndarray
+    pane: np.ndarray
+    pane_depth: np.ndarray
+    reflections: list[_Reflection]
+
+
 def sight(look: Look, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]) -> Sight:
-    """True depth and origin for a camera at `pose`, pictures of `size` (width, height)."""
-    face, depth, panes, pane_depth, mirrors = _faces(look, pose, intrinsics, size)
+    """True depth and its source for a camera at `pose`, with pictures of `size` (width, height)."""
+    face, depth, pane, pane_depth, reflections = _hits(look, pose, intrinsics, size)
     first = np.where(face >= 0, look.surface[face], NOT_SEEN)
-    first = np.where(panes >= 0, look.surface[panes], first)
-    through = np.isfinite(pane_depth)
+    first = np.where(pane >= 0, look.surface[pane], first)
     mirrored = np.zeros(face.shape, dtype=bool)
-    for where, other, far, _ in mirrors:
-        face, depth = np.where(where, other, face), np.where(where, far, depth)
-        mirrored |= where
-    return Sight(depth, face, first.astype(np.int32), through, mirrored, _cosine(look, face, pose, intrinsics, mirrors))
+    for mirror in reflections:
+        face, depth = np.where(mirror.where, mirror.face, face), np.where(mirror.where, mirror.depth, depth)
+        mirrored |= mirror.where
+    cosine = _cosine(look, face, pose, intrinsics, reflections)
+    return Sight(depth, face, first.astype(np.int32), np.isfinite(pane_depth), mirrored, cosine)
 
 
 def picture(
     look: Look, light: Light, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int], rng: np.random.Generator
 ) -> np.ndarray:
     """Colour picture (h, w, 3) uint8 sRGB, with vignetting and grain."""
-    face, depth, panes, pane_depth, mirrors = _faces(look, pose, intrinsics, size)
-    linear = shaded(look, light, face, depth, pose, intrinsics)
-    for where, other, far, virtual in mirrors:
-        linear[where] = 0.9 * shaded(look, light, np.where(where, other, -1), far, virtual, intrinsics)[where]
-    through_glass(look, light, linear, panes, pane_depth, pose, intrinsics)
-    height, width = face.shape
+    hits = _hits(look, pose, intrinsics, size)
+    linear = shaded(look, light, hits.face, hits.depth, pose, intrinsics)
+    for where, face, depth, virtual in hits.reflections:
+        linear[where] = 0.9 * shaded(look, light, np.where(where, face, -1), depth, virtual, intrinsics)[where]
+    through_glass(look, light, linear, hits.pane, hits.pane_depth, pose, intrinsics)
+    height, width = hits.face.shape
     v, u = np.mgrid[:height, :width].astype(np.float32)
     radius = ((u - width / 2) ** 2 + (v - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
     linear *= (light.exposure * (1 - VIGNETTE * radius))[..., None]
-    linear = np.where(linear > 0.7, 0.7 + 0.3 * np.tanh((linear - 0.7) / 0.3), linear)  # a shoulder for highlights
+    linear = np.where(linear > 0.7, 0.7 + 0.3 * np.tanh((linear - 0.7) / 0.3), linear)  # compress highlights
     srgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-6) ** (1 / 2.4) - 0.055)
     noise = rng.standard_normal((height, width, 1), dtype=np.float32) * np.float32(GRAIN)
     return np.clip(255 * srgb + noise + 0.5, 0, 255).astype(np.uint8)
 
 
-def _faces(look: Look, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]):
-    """Solid faces and depth, panes before them and their depth, and per mirror what it shows."""
+def _hits(look: Look, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]) -> _Hits:
     face, depth = nearest_faces(look.triangles, look.solid, pose, intrinsics, size)
-    panes, pane_depth = np.full_like(face, -1), np.full_like(depth, np.inf)
+    pane, pane_depth = np.full_like(face, -1), np.full_like(depth, np.inf)
     if look.clear.any():
-        panes, pane_depth = nearest_faces(look.triangles, look.clear, pose, intrinsics, size, depth)
-    mirrors = []
+        pane, pane_depth = nearest_faces(look.triangles, look.clear, pose, intrinsics, size, depth)
+    reflections = []
     if look.mirror.any():
-        hit = np.unique(look.surface[face[(face >= 0) & look.mirror[face]]])
-        mirrors = [_mirror(look, int(index), face, pose, intrinsics, size) for index in hit]
-    return face, depth, panes, pane_depth, mirrors
+        mirrors = np.unique(look.surface[face[(face >= 0) & look.mirror[face]]])
+        reflections = [_reflection(look, int(index), face, pose, intrinsics, size) for index in mirrors]
+    return _Hits(face, depth, pane, pane_depth, reflections)
 
 
-def _mirror(look: Look, index: int, face: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]):
-    """Where a mirror is seen, the faces and depths it shows there, and the mirrored camera's pose."""
+def _reflection(look: Look, index: int, face: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]) -> _Reflection:
+    """The reflection in the mirror surface `index`."""
     own = look.surface == index
     where = (face >= 0) & own[face]
-    front = int(np.bincount(face[where]).argmax())  # a mirror may be a thin box: take the side that shows
+    front = int(np.bincount(face[where]).argmax())  # the visible side, because a mirror may be a thin box
     normal, point = look.normals[front], look.triangles[front, 0]
     normal = normal * np.sign((pose[:3, 3] - point) @ normal)
     flip = np.eye(4)
@@ -92,15 +111,15 @@ def _mirror(look: Look, index: int, face: np.ndarray, pose: np.ndarray, intrinsi
     flip[:3, 3] = 2 * (point @ normal) * normal
     ahead = ((look.triangles - point) @ normal).max(axis=1) > 1e-3
     virtual = flip @ pose
-    other, far = nearest_faces(look.triangles, look.solid & ~own & ahead, virtual, intrinsics, size)
-    return where, other, far, virtual
+    return _Reflection(where, *nearest_faces(look.triangles, look.solid & ~own & ahead, virtual, intrinsics, size), virtual)
 
 
-def _cosine(look: Look, face: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray, mirrors) -> np.ndarray:
+def _cosine(look: Look, face: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray, reflections: list[_Reflection]) -> np.ndarray:
     v, u = np.indices(face.shape)
     ray = np.stack([(u - intrinsics[0, 2]) / intrinsics[0, 0], (v - intrinsics[1, 2]) / intrinsics[1, 1], np.ones(face.shape)], axis=-1)
     ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
     out = np.abs(np.einsum("ijk,ijk->ij", look.normals[face], ray @ pose[:3, :3].T))
-    for where, _, _, virtual in mirrors:
-        out[where] = np.abs(np.einsum("jk,jk->j", look.normals[face[where]], ray[where] @ virtual[:3, :3].T))
+    for mirror in reflections:
+        where = mirror.where
+        out[where] = np.abs(np.einsum("jk,jk->j", look.normals[face[where]], ray[where] @ mirror.pose[:3, :3].T))
     return np.where(face >= 0, out, 0).astype(np.float32)

@@ -1,12 +1,12 @@
-"""How a scene's surfaces look and what light does to them: textures in one pool, coordinates as affine maps, and optics.
+"""The appearance of a scene's surfaces: textures in one pool, texture coordinates as affine maps, and optical properties.
 
-The optics come from the truth: a stack of glass and air before air lets light through; MINC metal and mirror reflect; what is polished,
-glazed or glass has a sheen. Everything else is diffuse.
+The optical properties come from the true materials. A stack of glass and air in front of air is transparent. The MINC classes metal and
+mirror reflect. Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
 """
 
 from __future__ import annotations
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -15,13 +15,13 @@ from trimesh.visual import ColorVisuals
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene, Surface
 
-LEVELS = 7  # of a texture, each half the size of the one before
+LEVELS = 7  # resolution levels of a texture, each half the size of the previous level
 METAL_SHEEN, DIELECTRIC_SHEEN = 0.55, 0.04  # reflectance at normal incidence: brushed metal; glass and lacquer of index 1.5
-# What grew, or is woven or tanned of it, is bright at the laser's 0.94 um whatever its colour: leaves, wood and dyed cloth reflect
-# 0.4 to 0.7 there (Kokaly et al. 2017, USGS Spectral Library Version 7, Data Series 1035).
+# Organic materials are bright at the laser's 0.94 um regardless of their colour: leaves, wood and dyed cloth reflect 0.4 to 0.7
+# (Kokaly et al. 2017, USGS Spectral Library Version 7, Data Series 1035).
 ORGANIC, ORGANIC_REFLECTANCE = {"wood", "fabric", "leather", "carpet", "paper", "foliage", "hair", "skin"}, 0.4
 GLOSSY = {"glass", "tile", "ceramic", "polishedstone", "plastic", "wood", "leather"}
-# sRGB of what has no texture, by the outermost material.
+# sRGB of surfaces without texture, by outermost material.
 PLAIN = {
     "metal": (150, 155, 160), "concrete": (160, 158, 152), "brick": (150, 80, 60), "plasterboard": (228, 222, 210), "wood": (176, 132, 84),
     "plywood": (205, 170, 120), "chipboard": (214, 186, 142), "floorboard": (184, 144, 96), "glass": (180, 205, 210),
@@ -30,17 +30,16 @@ PLAIN = {
 OTHER = (170, 170, 170)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Look:
-    """A scene for a camera, by faces: everything (F, ...), textures pooled.
+class Look(NamedTuple):
+    """The appearance of a scene's faces; textures are pooled.
 
     Attributes:
         triangles: (F, 3, 3) world. normals: (F, 3).
         surface: (F,) index in the scene.
-        clear: (F,) light goes through. mirror: (F,) a mirror.
+        clear: (F,) transparent. mirror: (F,) a mirror.
         metal: (F,) bool. organic: (F,) bool, bright in the near infrared. sheen: (F,) reflectance at normal incidence.
         to_uv: (F, 2, 4) affine map from world to pixels of the texture's finest level.
-        texture: (F,) which texture, -1 for none. tint: (F, 3) linear colour of a face without texture.
+        texture: (F,) number of the texture, -1 for none. tint: (F, 3) linear colour of a face without texture.
         pool: (P, 3) uint8 sRGB of all levels of all textures. levels: (T, LEVELS, 3) offset, width, height.
     """
 
@@ -64,7 +63,7 @@ class Look:
 
 
 def look_of(scene: Scene) -> Look:
-    """Gather a scene's faces.
+    """The appearance of a scene.
 
     >>> from radartwin.scene.scene import Scene, Surface
     >>> pane = Surface(trimesh.creation.box((1, 1, 0.01)), Layered([("glass", 0.01)]), "pane")
@@ -105,7 +104,7 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
         "triangles": triangles,
         "normals": normals,
         "surface": np.full(count, index, np.int32),
-        "clear": np.full(count, is_clear(surface)),
+        "clear": np.full(count, _is_clear(surface)),
         "mirror": np.full(count, minc == "mirror"),
         "metal": np.full(count, metal),
         "organic": np.full(count, minc in ORGANIC or (not minc and outer in ("wood", "plywood", "chipboard", "floorboard"))),
@@ -116,8 +115,8 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
     }
 
 
-def is_clear(surface: Surface) -> bool:
-    """Whether one sees through it: glass and air alone, with air behind."""
+def _is_clear(surface: Surface) -> bool:
+    """Whether the surface is transparent: layers of glass and air only, with air behind."""
     stack = surface.material
     if not isinstance(stack, Layered) or stack.backing not in ("air", "vacuum"):
         return False
@@ -126,7 +125,7 @@ def is_clear(surface: Surface) -> bool:
 
 
 def to_linear(srgb: np.ndarray) -> np.ndarray:
-    """Linear light 0..1 of sRGB 0..255, IEC 61966-2-1."""
+    """Linear light 0..1 of sRGB values 0..255, IEC 61966-2-1."""
     s = np.asarray(srgb, dtype=np.float64) / 255
     return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
 
@@ -138,7 +137,7 @@ def _outer(material: str | Layered) -> str:
 
 
 def _picture(mesh: trimesh.Trimesh):
-    """Pillow picture and coordinates (V, 2) of a textured mesh, or two None."""
+    """Pillow picture and texture coordinates (V, 2) of a textured mesh, or (None, None)."""
     visual = mesh.visual
     uv = getattr(visual, "uv", None)
     material = getattr(visual, "material", None)
@@ -147,7 +146,7 @@ def _picture(mesh: trimesh.Trimesh):
 
 
 def _affine(triangles: np.ndarray, normals: np.ndarray, corner: np.ndarray) -> np.ndarray:
-    """(F, 2, 4) maps that take each triangle's corners to its texture coordinates (F, 3, 2), constant along the normal."""
+    """Affine maps (F, 2, 4) from triangle corners to texture coordinates (F, 3, 2), constant along the normal."""
     edges = np.stack([triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0], normals], axis=1)
     sound = np.abs(np.linalg.det(edges)) > 1e-14
     inverse = np.zeros_like(edges)
@@ -159,7 +158,7 @@ def _affine(triangles: np.ndarray, normals: np.ndarray, corner: np.ndarray) -> n
 
 
 def _pooled(pictures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """All levels of all pictures in one array of pixels, and where each begins."""
+    """Pixels of all levels of all pictures in one array, and offset, width and height of each level."""
     pixels, levels, offset = [np.zeros((1, 3), np.uint8)], np.zeros((max(len(pictures), 1), LEVELS, 3), np.int64), 1
     for number, picture in enumerate(pictures):
         level = picture

@@ -1,4 +1,4 @@
-"""What a pinhole camera sees of triangles: the nearest face and its depth at every pixel, by scan lines and a depth buffer."""
+"""Rasterise triangles for a pinhole camera: the nearest face and its depth at every pixel, with scan lines and a depth buffer."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ def nearest_faces(
     depth: np.ndarray | None = None,
     near_m: float = NEAR_M,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Nearest of the drawn faces at every pixel.
+    """Nearest drawn face at every pixel.
 
     Args:
-        triangles: (F, 3, 3) in the world; both sides are seen.
-        drawn: (F,) which faces take part.
+        triangles: (F, 3, 3) in the world, visible from both sides.
+        drawn: (F,) mask of the drawn faces.
         pose: (4, 4) camera-to-world, OpenCV axes. intrinsics: (3, 3). size: (width, height).
-        depth: (h, w) of what already stands there: only what lies before it is drawn.
-        near_m: nothing nearer is seen.
+        depth: (h, w) limit; only faces in front of it are drawn.
+        near_m: nearer parts of faces are cut off.
     Returns:
-        Face (h, w) int32, -1 for none, and its depth (h, w) float32, infinite for none.
+        Face (h, w) int32, -1 for none, and its depth (h, w) float32 along the camera axis, infinite for none.
 
     >>> wall = np.array([[[-9.0, -9, 2], [9, -9, 2], [0, 18, 2]]])
     >>> face, depth = nearest_faces(wall, np.ones(1, bool), np.eye(4), np.array([[8.0, 0, 4], [0, 8, 4], [0, 0, 1]]), (8, 8))
@@ -52,7 +52,7 @@ def _draw(triangles, order, lens, near, face, depth):
     flat = np.empty((4, 3))
     for f in order:
         count = 0
-        for i in range(3):  # cut off what lies behind the near plane
+        for i in range(3):  # cut at the near plane
             j = (i + 1) % 3
             zi, zj = triangles[f, i, 2], triangles[f, j, 2]
             if zi >= near:
@@ -78,14 +78,14 @@ def _draw(triangles, order, lens, near, face, depth):
             area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
             if abs(area) < 1e-12:
                 continue
-            # The inverse depth is linear across the picture.
+            # The inverse depth is linear in the picture.
             pu = ((flat[k, 2] - flat[0, 2]) * (cy - ay) - (flat[k + 1, 2] - flat[0, 2]) * (by - ay)) / area
             pv = ((flat[k + 1, 2] - flat[0, 2]) * (bx - ax) - (flat[k, 2] - flat[0, 2]) * (cx - ax)) / area
             p0 = flat[0, 2] - pu * ax - pv * ay
             top, bottom = max(int(np.ceil(min(ay, min(by, cy)))), 0), min(int(np.floor(max(ay, max(by, cy)))), height - 1)
             for v in range(top, bottom + 1):
                 left, right = np.inf, -np.inf
-                for e in range(3):  # where the row crosses the edges
+                for e in range(3):  # intersections of the row with the edges
                     if e == 0:
                         x0, y0, x1, y1 = ax, ay, bx, by
                     elif e == 1:

@@ -1,4 +1,4 @@
-"""A phone scan of a scene whose truth is known: frames as the phone writes them, and the truth apart, for scoring alone."""
+"""Scan a scene with the virtual phone: the frames that the phone writes, and the truth for scoring."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from radartwin.testbed.scanner.look import ORGANIC_REFLECTANCE, Look, look_of, t
 from radartwin.testbed.scanner.sensor import Sensor, drifted, measured
 from radartwin.testbed.scanner.walk import Walk, walked
 
-FRAMES = (100, 360)  # of a scan, by the area of the room's box
-FRAMES_PER_M2 = 0.9
+FRAMES = (100, 360)  # limits of the number of frames
+FRAMES_PER_M2 = 0.9  # of the surface of the room's bounding box
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ScanTruth:
-    """What the scanner knows and the reconstruction must not.
+    """The truth of a scan, which the reconstruction must not use.
 
     Attributes:
-        names: of the scene's surfaces, in its order.
-        poses: (N, 4, 4) where the camera really was.
-        surface: (N, h, w) int16, the surface whose depth each pixel has; -1 where there is no depth or it mixes two.
-        first: (N, h, w) int16, the first surface on each ray, panes and mirrors included; -1 outside.
-        depth_m: (N, h, w) float32 true depth of what returns the light; 0 outside.
+        names: of the scene's surfaces, in their order.
+        poses: (N, 4, 4) true camera poses.
+        surface: (N, h, w) int16, surface of each pixel's depth; -1 without depth, or if the depth mixes two surfaces.
+        first: (N, h, w) int16, first surface on each ray, including panes and mirrors; -1 outside.
+        depth_m: (N, h, w) float32, true depth of the reflecting surface; 0 outside.
     """
 
     names: tuple[str, ...]
@@ -52,20 +52,20 @@ def scan(
     colour_every: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Frames, ScanTruth]:
-    """Frames of a scene as a person with a phone would take them.
+    """Scan a scene as a person with a phone would.
 
     Args:
-        strength: factor on noise, dropouts, flying pixels and drift; 0 is a perfect sensor.
-        frames: how many; by the room's size unless given.
-        path: (N, 4, 4) true camera poses, OpenCV axes, in place of the walk.
-        walk, sensor: how the phone moves and errs.
-        colour_every: colour for every n-th frame, 0 for none.
-        progress: called with (done, of) after every frame.
+        strength: factor on noise, dropouts, flying pixels and drift; 0 is an ideal sensor.
+        frames: number of frames; by default from the room's size.
+        path: (N, 4, 4) true camera poses, OpenCV axes, instead of a walk.
+        walk, sensor: motion and errors of the phone.
+        colour_every: every n-th frame has colour; 0 for none.
+        progress: called as progress(done, total) after each frame.
     Returns:
-        The frames, at the poses the phone believes, and the truth.
+        The frames at the poses that the phone estimates, and the truth.
     Raises:
-        SceneError: an empty scene, nowhere to stand, or values out of range.
-        PoseError: a path that is not rigid.
+        SceneError: an empty scene, no free place to stand, or values out of range.
+        PoseError: poses that are not rigid.
     """
     if not len(scene):
         raise SceneError("an empty scene cannot be scanned; add surfaces")
@@ -79,32 +79,34 @@ def scan(
     look = look_of(scene)
     light = light_of(look) if colour_every else None
     children = pictures.spawn(len(poses))
-    believed = drifted(poses, sensor, strength, drift)
-    bright = _reflectance(look)
-    lens, colour_lens = sensor.intrinsics(sensor.size), sensor.intrinsics(sensor.colour_size)
+    estimated = drifted(poses, sensor, strength, drift)
+    reflectance = _reflectance(look)
+    intrinsics, colour_intrinsics = sensor.intrinsics(sensor.size), sensor.intrinsics(sensor.colour_size)
 
     def take(i: int) -> tuple[Frame, np.ndarray, np.ndarray, np.ndarray]:
         rng = children[i]
-        seen = sight(look, poses[i], lens, sensor.size)
+        seen = sight(look, poses[i], intrinsics, sensor.size)
         hit = seen.face >= 0
-        depth, confidence, flying = measured(seen, np.where(hit, bright[seen.face], 0), hit & look.metal[seen.face], sensor, strength, rng)
+        depth, confidence, flying = measured(
+            seen, np.where(hit, reflectance[seen.face], 0), hit & look.metal[seen.face], sensor, strength, rng
+        )
         colour = None
         if light is not None and i % colour_every == 0:
-            colour = picture(look, light, poses[i], colour_lens, sensor.colour_size, rng)
-        frame = Frame(f"{i:05d}", believed[i], lens, depth, colour, colour_lens if colour is not None else None, confidence)
+            colour = picture(look, light, poses[i], colour_intrinsics, sensor.colour_size, rng)
+        frame = Frame(f"{i:05d}", estimated[i], intrinsics, depth, colour, colour_intrinsics if colour is not None else None, confidence)
         surface = np.where((depth > 0) & hit & ~flying & ~seen.mirror, look.surface[seen.face], NOT_SEEN)
         return frame, surface.astype(np.int16), seen.first.astype(np.int16), np.where(hit, seen.depth, 0).astype(np.float32)
 
     taken = []
     with ThreadPoolExecutor(cores()) as pool:
-        for one in pool.map(take, range(len(poses))):
-            taken.append(one)
+        for result in pool.map(take, range(len(poses))):
+            taken.append(result)
             if progress:
                 progress(len(taken), len(poses))
-    kept, surfaces, firsts, depths = zip(*taken, strict=True)
+    shots, surfaces, firsts, depths = zip(*taken, strict=True)
     truth = ScanTruth(scene.names, poses, np.stack(surfaces), np.stack(firsts), np.stack(depths))
     room = str(scene.provenance.get("room", ""))
-    return Frames.of(kept, f"scan of {room or 'a scene'}", room), truth
+    return Frames.of(shots, f"scan of {room or 'a scene'}", room), truth
 
 
 def _frame_count(scene: Scene) -> int:
@@ -113,7 +115,7 @@ def _frame_count(scene: Scene) -> int:
 
 
 def _reflectance(look: Look) -> np.ndarray:
-    """Reflectance (F,) in the near infrared: the mean luminance of a face's texture or tint, more where it is organic."""
+    """Reflectance (F,) in the near infrared: mean luminance of a face's texture or tint, at least ORGANIC_REFLECTANCE if organic."""
     weights = np.array([0.2126, 0.7152, 0.0722])
     bright = look.tint @ weights
     last = look.levels.shape[1] - 1

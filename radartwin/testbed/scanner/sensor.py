@@ -1,4 +1,4 @@
-"""Errors of a phone with LiDAR: depth, confidence, dropouts, drift. Every figure has its source here.
+"""Errors of a phone with LiDAR: depth noise, confidence, dropouts and drift, with the source of each value.
 
 Sources
     [Apple]  Apple newsroom, 18 March 2020: the LiDAR scanner reaches 5 m. ARDepthData documentation: depth is along the camera's axis,
@@ -7,16 +7,16 @@ Sources
     [TY23]   Teo and Yang 2023, Developments in the Built Environment 14:100169 (iPad Pro): held still, points lie within 1 mm of their
              best plane; moving, 1 cm on average.
     [K22]    Kim et al. 2022, Sensors 22:9873: ARKit's relative pose error grows by about 0.02 m per second of walking (1 m/s).
-    [L24]    Lin et al. 2024, Handheld mapping of specular surfaces using consumer-grade flash LiDAR, ICCP: mirrors and panes return
-             the room behind or mirrored, so that they look like holes.
+    [L24]    Lin et al. 2024, Handheld mapping of specular surfaces using consumer-grade flash LiDAR, ICCP: panes return the room
+             behind them and mirrors the mirrored room, so that both look like holes.
     [X25]    Xiang et al. 2025, Depth enhancement from a practical light-weight dToF sensor, arXiv:2504.01596: specular surfaces lose
              spots or return anomalies.
     [chair]  Measured on the 24 real frames of shared/data/scans/arkit_lidar_chair_scan against the vendor's mesh (0.5 to 4 m): share
              of high, medium and low confidence, its fall with range and along edges, residual of each, spatial smoothness. Table in
              docs/decisions/005-virtual-scanner.md.
 
-The map is a smooth interpolation of the 24 x 24 spots, guided by the colour picture [L21]: the errors of neighbouring pixels hang together
-(white part 0.7 mm [chair]), errors of different frames do not.
+The depth map is a smooth interpolation of the 24 x 24 spots, guided by the colour picture [L21]. Errors of neighbouring pixels are
+correlated (uncorrelated part 0.7 mm [chair]), errors of different frames are not.
 """
 
 from __future__ import annotations
@@ -24,36 +24,38 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from scipy import ndimage
 
 from radartwin.testbed.scanner.camera import Sight
 
 
 @dataclasses.dataclass(frozen=True)
 class Sensor:
-    """Figures of the phone; `strength` of `scan` multiplies those marked *.
+    """Parameters of the phone. The `strength` of `scan` multiplies those marked *.
 
     Attributes:
         size: pixels of the depth map [Apple].
-        colour_size: pixels of the colour picture; 4:3 as the phone's, coarser for speed.
+        colour_size: pixels of the colour picture; 4:3 as on the phone, but coarser for speed.
         focal_px: of the depth map: 193 for 256 pixels, 67 degrees wide [chair].
-        range_m: nothing farther returns [Apple].
-        spots: across and down the map [L21].
-        noise_m, noise_per_m: * standard deviation of sure pixels, 4 mm + 1 mm per metre: 68 % of those in [chair] lie within 7 to 9 mm of
-            the vendor's mesh from 1 to 3.5 m, whose own error is in that; +-1 cm in [L21], 1 cm in [TY23].
-        white_m: * standard deviation without neighbours [chair].
+        range_m: largest depth [Apple].
+        spots: number of laser spots across and down the map [L21].
+        noise_m, noise_per_m: * standard deviation of pixels with high confidence, 4 mm + 1 mm per metre. 68 % of those in [chair] lie
+            within 7 to 9 mm of the vendor's mesh from 1 to 3.5 m, including the mesh's own error; +-1 cm in [L21], 1 cm in [TY23].
+        white_m: * standard deviation of the uncorrelated part [chair].
         unsure: * factors on the noise by confidence low, medium, high: residuals of 20 to 110, 12 to 43 and 8 mm at 68 % [chair].
-        medium_signal, high_signal: reflectance x cosine / range^2 at which half the pixels reach that confidence. In [chair] half are
-            sure at 2.9 m and half are unsure at 3.4 m, on concrete in the shade, whose reflectance is taken as 0.2 and cosine as 0.7.
-        border: columns at the left edge of low, and of at most medium, confidence: the spots do not reach there [chair].
+        medium_signal, high_signal: reflectance x cosine / range^2 at which half the pixels reach that confidence. In [chair] half have high
+            confidence at 2.9 m and half have low confidence at 3.4 m, on concrete in the shade with an assumed reflectance of 0.2 and
+            cosine of 0.7.
+        border: columns at the left edge with low, and with at most medium, confidence, because no spots reach them [chair].
         signal_spread: standard deviation of the logarithm of the signal over a map (speckle, colour) [chair].
-        edge_jump: relative step of depth within three pixels that makes an edge.
-        flying: * share of edge pixels that lie between front and back. Edge pixels are high, medium, low in 19, 53 and 27 % [chair].
-        metal_dropout: * share of spots lost on metal seen more than metal_deg from its normal [X25]; the share itself is an assumption.
-        pane_dropout: * share of spots lost where glass is in the way; the rest return from behind [L24]; the share itself is an assumption.
-        metal_signal: factor on the signal of bare metal, which throws most of it elsewhere [Apple, X25]; an assumption.
+        edge_jump: relative depth step within three pixels that makes an edge.
+        flying: * share of edge pixels between front and back. Edge pixels have high, medium, low confidence in 19, 53 and 27 % [chair].
+        metal_dropout: * share of spots lost on metal at more than metal_deg from its normal [X25]; the share is an assumption.
+        pane_dropout: * share of spots lost through glass; the others return from behind it [L24]; the share is an assumption.
+        metal_signal: factor on the signal of bare metal, which reflects most of it elsewhere [Apple, X25]; an assumption.
         drift_m: * standard deviation per axis after one metre of walking, growing with the square root: 0.02 m in three axes [K22].
-        yaw_deg: * the same for the heading; roll and pitch do not drift, gravity holds them. A heading error that made all of [K22]'s
-            0.02 m sideways would be 0.66 degrees; a sixth of that, since translation drifts by itself too: an assumption.
+        yaw_deg: * the same for the heading. Roll and pitch do not drift, because the phone measures gravity. If the heading caused all of
+            the 0.02 m in [K22], it would be 0.66 degrees; this is a sixth of that, because translation also drifts: an assumption.
         tilt_deg: * standard deviation of roll and pitch about gravity, per frame; an assumption.
     """
 
@@ -81,7 +83,7 @@ class Sensor:
     tilt_deg: float = 0.05
 
     def intrinsics(self, size: tuple[int, int]) -> np.ndarray:
-        """(3, 3) for a picture of `size` with the depth map's view."""
+        """Intrinsics (3, 3) of a picture of `size` (width, height) with the depth map's view."""
         scale = size[0] / self.size[0]
         return np.array([[self.focal_px * scale, 0, (size[0] - 1) / 2], [0, self.focal_px * scale, (size[1] - 1) / 2], [0, 0, 1]])
 
@@ -89,15 +91,13 @@ class Sensor:
 def measured(
     seen: Sight, reflectance: np.ndarray, metal: np.ndarray, sensor: Sensor, strength: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the sensor makes of what it sees.
+    """The sensor's measurement of a view.
 
     Args:
-        reflectance: (h, w) of what returns the light, 0..1. metal: (h, w) bool.
+        reflectance: (h, w) of the reflecting surface, 0..1. metal: (h, w) bool.
     Returns:
-        Depth (h, w) float32, 0 for none; confidence (h, w) uint8; and where the depth is a mixture across an edge, (h, w) bool.
+        Depth (h, w) float32, 0 for none; confidence (h, w) uint8; and a mask (h, w) of the depths that mix both sides of an edge.
     """
-    from scipy import ndimage
-
     truth = np.where(np.isfinite(seen.depth), seen.depth, 0).astype(np.float64)
     shape = truth.shape
     back, front = ndimage.maximum_filter(truth, 3), ndimage.minimum_filter(np.where(truth > 0, truth, np.inf), 3)
@@ -114,7 +114,7 @@ def measured(
     confidence[:, low:medium] = np.minimum(confidence[:, low:medium], 1)
 
     sigma = strength * (sensor.noise_m + sensor.noise_per_m * truth) * np.array(sensor.unsure)[confidence]
-    # Noise of unsure neighbours must not step with their confidence: the map is smooth.
+    # The map is smooth, so the noise must not step where the confidence does.
     sigma = ndimage.uniform_filter(sigma, 5)
     depth = truth + sigma * _smooth(rng, shape, sensor.spots) + strength * sensor.white_m * rng.standard_normal(shape)
 
@@ -131,18 +131,18 @@ def measured(
 
 
 def drifted(poses: np.ndarray, sensor: Sensor, strength: float, rng: np.random.Generator) -> np.ndarray:
-    """The poses (N, 4, 4) as the phone believes them: the first is true, then position and heading walk away at random.
+    """The phone's estimates of poses (N, 4, 4): the first is true, then position and heading drift as a random walk.
 
-    ARKit pulls a walk back where it knows the place again; that is left out, so the end of a long walk is worse than the phone's.
+    ARKit corrects the drift when it recognises a place. This model does not, so the end of a long walk is worse than on the phone.
     """
     step = np.sqrt(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
     heading = np.radians(strength * sensor.yaw_deg) * step * rng.standard_normal(len(step))
     shift = strength * sensor.drift_m * step[:, None] * rng.standard_normal((len(step), 3))
     tilt = np.radians(strength * sensor.tilt_deg) * rng.standard_normal((len(poses), 2))
     tilt[0] = 0
-    believed = np.empty_like(poses)
-    believed[0] = poses[0]
-    walked = poses[0].copy()  # without the tilt of single frames, which does not add up
+    estimated = np.empty_like(poses)
+    estimated[0] = poses[0]
+    walked = poses[0].copy()  # without the tilt of single frames, which does not accumulate
     for i in range(1, len(poses)):
         relative = np.linalg.inv(poses[i - 1]) @ poses[i]
         walked = walked @ relative
@@ -153,25 +153,25 @@ def drifted(poses: np.ndarray, sensor: Sensor, strength: float, rng: np.random.G
         a, b = tilt[i]
         lean = np.array([[1, 0, b], [0, 1, -a], [-b, a, 1]])
         left, _, right = np.linalg.svd(lean @ walked[:3, :3])
-        believed[i] = walked
-        believed[i, :3, :3] = left @ right
-    return believed
+        estimated[i] = walked
+        estimated[i, :3, :3] = left @ right
+    return estimated
 
 
 def _smooth(rng: np.random.Generator, shape: tuple[int, ...], spots: tuple[int, int]) -> np.ndarray:
-    """Standard normal field (h, w) interpolated between spots, its variance restored."""
+    """Standard normal field (h, w), interpolated between spots and scaled to unit variance."""
     field = _between(rng.standard_normal((spots[1] + 2, spots[0] + 2)), shape, spots)
     return field / np.sqrt(_between(np.ones((spots[1] + 2, spots[0] + 2)), shape, spots, squared=True))
 
 
 def _uniform(rng: np.random.Generator, shape: tuple[int, ...], spots: tuple[int, int]) -> np.ndarray:
-    """Uniform 0..1 field (h, w) in patches of a spot each."""
+    """Uniform 0..1 field (h, w), constant in the patch of each spot."""
     rows, columns = np.arange(shape[0]) * spots[1] // shape[0], np.arange(shape[1]) * spots[0] // shape[1]
     return rng.random((spots[1], spots[0]))[rows][:, columns]
 
 
 def _between(values: np.ndarray, shape: tuple[int, ...], spots: tuple[int, int], squared: bool = False) -> np.ndarray:
-    """Bilinear values between spots; squared weights give the variance of independent spots."""
+    """Bilinear interpolation (h, w) between spots; squared weights give the variance of independent spots."""
     v, u = np.arange(shape[0]) * spots[1] / shape[0] + 0.5, np.arange(shape[1]) * spots[0] / shape[1] + 0.5
     i, j = v.astype(int), u.astype(int)
     q, p = (v - i)[:, None], (u - j)[None, :]

@@ -1,17 +1,21 @@
-"""How a person carries the phone through a room: a walk that keeps clear of furniture and comes back, panning all the while."""
+"""The path of a person with the phone through a room: a closed walk clear of furniture, with a panning camera."""
 
 from __future__ import annotations
 
 import dataclasses
 
 import numpy as np
+from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from skimage.measure import label
 
 from radartwin.errors import SceneError
-from radartwin.reconstruct.distance import covered
+from radartwin.reconstruct.distance import covered, farthest_points
 from radartwin.scene.scene import Scene
 
 CELL_M = 0.1
-LOWEST_M, HIGHEST_M = 0.15, 1.9  # between these heights things stand in a person's way
+LOWEST_M, HIGHEST_M = 0.15, 1.9  # objects between these heights block a person
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,11 +24,11 @@ class Walk:
 
     Attributes:
         eye_m: height of the phone.
-        clearance_m: kept to walls and furniture.
-        pan_deg: turn between frames that are kept.
-        down_deg: lowest look. up_deg: highest look, or None for what shows the ceiling's edge from 1.5 m away.
-        turns_per_nod: turns round while the look goes up and down once.
-        tremble_deg: standard deviation of the hand's own rotation.
+        clearance_m: smallest distance from walls and furniture.
+        pan_deg: rotation between frames.
+        down_deg: lowest elevation of the camera; up_deg: highest, or None to show the ceiling's edge from 1.5 m away.
+        turns_per_nod: revolutions during one period of the elevation.
+        tremble_deg: standard deviation of the hand's rotation.
     """
 
     eye_m: float = 1.5
@@ -40,7 +44,7 @@ def walked(scene: Scene, frames: int, walk: Walk, rng: np.random.Generator) -> n
     """Camera poses (N, 4, 4), OpenCV axes, evenly spaced along a closed walk.
 
     Raises:
-        SceneError: nowhere to stand.
+        SceneError: no free place to stand.
     """
     ground = _closed_walk(scene, walk)
     steps = np.linalg.norm(np.diff(ground, axis=0, append=ground[:1]), axis=1)
@@ -76,10 +80,7 @@ def look_along(positions: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, roll: 
 
 
 def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
-    """Points (M, 2) of a smooth round tour through the free floor."""
-    from scipy import ndimage
-    from skimage.measure import label
-
+    """Points (M, 2) of a smooth closed tour over the free floor."""
     low, high = scene.bounds
     shape = tuple(np.ceil((high - low)[:2] / CELL_M).astype(int) + 1)
     blocked = np.zeros(shape, dtype=bool)
@@ -92,32 +93,21 @@ def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
     clear = CELL_M * np.asarray(ndimage.distance_transform_edt(~blocked))
     parts = np.asarray(label(clear >= walk.clearance_m, connectivity=1))
     if not parts.any():
-        raise SceneError(f"nowhere to stand {walk.clearance_m} m clear of everything; pass a path, or a walk with less clearance_m")
+        raise SceneError(f"nowhere to stand {walk.clearance_m} m clear of all surfaces; pass a path, or a walk with a smaller clearance_m")
     largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
     free = parts == largest
-    stops = _spread(np.argwhere(free), max(4, round(free.sum() * CELL_M**2 / 2.5)))
+    cells = np.argwhere(free)
+    first = int(np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1)))
+    stops = cells[farthest_points(cells, max(4, round(free.sum() * CELL_M**2 / 2.5)), first)]
     tour = _tour(stops, free, clear)
-    # Round the corners as far as the way stays free.
+    # Smooth the tour where the smoothed points are free.
     smooth = ndimage.gaussian_filter1d(tour.astype(float), 4.0, axis=0, mode="wrap")
     inside = free[tuple(np.round(smooth).astype(int).T)]
     return np.where(inside[:, None], smooth, tour) * CELL_M + low[:2]
 
 
-def _spread(cells: np.ndarray, count: int) -> np.ndarray:
-    """Indices into cells (N, 2) of `count` of them far from each other (farthest point sampling)."""
-    chosen = [int(np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1)))]
-    distance = np.full(len(cells), np.inf)
-    while len(chosen) < min(count, len(cells)):
-        distance = np.minimum(distance, ((cells - cells[chosen[-1]]) ** 2).sum(axis=1))
-        chosen.append(int(np.argmax(distance)))
-    return cells[chosen]
-
-
 def _tour(stops: np.ndarray, free: np.ndarray, clear: np.ndarray) -> np.ndarray:
-    """Cells (M, 2) of a closed way through all stops: shortest ways that like clearance, ordered by nearest neighbour and 2-opt."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import dijkstra
-
+    """Cells (M, 2) of a closed tour through all stops: shortest paths that prefer clearance, in an order by nearest neighbour and 2-opt."""
     cells = np.argwhere(free)
     number = np.full(free.shape, -1)
     number[free] = np.arange(len(cells))
@@ -146,11 +136,11 @@ def _tour(stops: np.ndarray, free: np.ndarray, clear: np.ndarray) -> np.ndarray:
                 if between[a, c] + between[b, d] < between[a, b] + between[c, d] - 1e-9:
                     order[i : j + 1] = order[i : j + 1][::-1]
                     improved = True
-    way = []
+    tour = []
     for start, end in zip(order, order[1:] + order[:1], strict=True):
-        node, leg = ids[end], []
+        node, path = ids[end], []
         while node != ids[start]:
-            leg.append(node)
+            path.append(node)
             node = before[start, node]
-        way += [ids[start], *leg[::-1]][:-1]
-    return cells[way]
+        tour += [ids[start], *path[::-1]][:-1]
+    return cells[tour]
