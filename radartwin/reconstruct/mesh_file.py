@@ -206,13 +206,13 @@ def _heights(mesh: trimesh.Trimesh) -> np.ndarray:
     return 2 * np.asarray(mesh.area_faces) / np.maximum(longest, 1e-12)
 
 
-def _up_axis(mesh: trimesh.Trimesh, path: Path) -> tuple[Literal["x", "y", "z"], str]:
+def _up_axis(mesh: trimesh.Trimesh, path: Path) -> tuple[str, str]:
     """The axis with the largest area of faces across it, and how it was determined."""
     facing = np.abs(mesh.face_normals) > np.cos(np.radians(20))
     area = (np.asarray(mesh.area_faces)[:, None] * facing).sum(axis=0)
     order = np.argsort(area)
     if area[order[2]] >= UP_MARGIN * area[order[1]]:
-        return ("x", "y", "z")[int(order[2])], "found from the horizontal area"
+        return "xyz"[order[2]], "found from the horizontal area"
     if path.suffix.lower() == ".glb":
         return "y", "glTF 2.0 defines +Y as up, and no axis has clearly the most area; give --up if it is another axis"
     x, y, z = area

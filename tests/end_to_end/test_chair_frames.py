@@ -1,4 +1,4 @@
-"""A real scan from its frames to radar data: the chair on a patio, fused, labelled by the recorded answers, simulated."""
+"""A real scan from frames to radar data: the chair on a patio is fused, labelled by recorded answers, and simulated."""
 
 from pathlib import Path
 
@@ -14,8 +14,8 @@ CHAIR = "arkit_lidar_chair_scan"
 
 
 @pytest.mark.slow
-def test_frames_become_a_labelled_scene_whose_echoes_come_from_where_things_are(shared_data: Path, tmp_path: Path) -> None:
-    """The patio has no wall: what is upright is furniture, a planter and leaves. The strongest return must lie where a surface does."""
+def test_echoes_of_a_labelled_scan_come_from_its_surfaces(shared_data: Path, tmp_path: Path) -> None:
+    """The patio has no wall; upright surfaces are furniture, a planter and leaves. The strongest returns must come from surfaces."""
     scene = Vlm(missing="concrete")(reconstruct(shared_data / "scans" / CHAIR, tmp_path / "scene"))
     assert "floor" in scene.names
     assert not any(name.startswith("wall") for name in scene.names), "a patio"
@@ -34,7 +34,7 @@ def test_frames_become_a_labelled_scene_whose_echoes_come_from_where_things_are(
     recording = rt.simulate(scene, rt.Radar.iwr1843(), pose[None])
     power, range_m = range_time(recording)
     profile = power.mean(axis=0)
-    # Distances of what is not floor and within 45 degrees of the boresight, from the geometry alone.
+    # Distances of surfaces other than the floor within 45 degrees of the boresight, from the geometry.
     offset = np.concatenate([s.mesh.triangles_center for s in scene if s.name != "floor"]) - eye
     distance = np.linalg.norm(offset, axis=1)
     near = np.sort(distance[offset @ pose[:3, 0] > np.cos(np.radians(45.0)) * distance])
@@ -42,7 +42,7 @@ def test_frames_become_a_labelled_scene_whose_echoes_come_from_where_things_are(
     local = np.flatnonzero((inner > profile[:-2]) & (inner > profile[2:]) & (range_m[1:-1] > 0.3)) + 1
     peaks = range_m[local[np.argsort(-profile[local])[:3]]]
     off = [float(np.abs(near - peak).min()) for peak in peaks]
-    print(f"strongest returns at {np.round(peaks, 2)} m; nearest upright thing {near[0]:.2f} m; off by {np.round(off, 3)} m")
+    print(f"strongest returns at {np.round(peaks, 2)} m; nearest upright surface {near[0]:.2f} m; off by {np.round(off, 3)} m")
     assert max(off) < 0.1
     front = profile[(range_m > 0.3) & (range_m < near[0] - 0.2)]
-    assert not front.size or 10 * np.log10(profile[local].max() / front.max()) > 6.0, "nothing stands before the first thing"
+    assert not front.size or 10 * np.log10(profile[local].max() / front.max()) > 6.0, "no object is nearer than the first one"

@@ -1,4 +1,4 @@
-"""Real frames of phones and depth cameras become meshes: the chair on a patio (ARKit, 24 frames) and slambook2's five."""
+"""Fusion of real frames: the chair on a patio (ARKit, 24 frames) and five frames of slambook2."""
 
 import dataclasses
 
@@ -27,8 +27,8 @@ def vendor(shared_data):
 
 
 @pytest.mark.parametrize(("refine", "median_m", "p95_m"), [(False, 0.010, 0.12), (True, 0.015, 0.13)])
-def test_mesh_lies_on_the_vendors_both_ways(chair, vendor, refine, median_m, p95_m):
-    """The goal is a median of 30 mm. The vendor's mesh is of 70 frames at the poses as recorded, ours of 24."""
+def test_mesh_and_vendor_mesh_are_close(chair, vendor, refine, median_m, p95_m):
+    """The goal is a median of 30 mm. The vendor's mesh uses 70 frames at the recorded poses, ours 24."""
     mesh, _ = chair[1][refine]
     for one, other in ((mesh, vendor), (vendor, mesh)):
         distance = to_mesh(covered(np.asarray(one.triangles), 0.02)[0], other)
@@ -36,7 +36,7 @@ def test_mesh_lies_on_the_vendors_both_ways(chair, vendor, refine, median_m, p95
         assert np.quantile(distance, 0.95) < p95_m
 
 
-def test_floor_is_where_the_vendor_has_it(chair, vendor):
+def test_floor_has_the_height_of_the_vendor_mesh(chair, vendor):
     heights = []
     for mesh in (chair[1][True][0], vendor):
         flat = mesh.face_normals[:, 2] ** 2 > 0.97
@@ -45,7 +45,7 @@ def test_floor_is_where_the_vendor_has_it(chair, vendor):
 
 
 def brightness(frame: Frame) -> np.ndarray:
-    """Detail of the picture at a sixth of its size."""
+    """High-pass brightness of the picture at a sixth of its size."""
     assert frame.colour is not None
     grey = frame.colour[: frame.colour.shape[0] // 6 * 6, : frame.colour.shape[1] // 6 * 6].mean(axis=2)
     small = grey.reshape(grey.shape[0] // 6, 6, -1, 6).mean(axis=(1, 3))
@@ -53,7 +53,7 @@ def brightness(frame: Frame) -> np.ndarray:
 
 
 def agreement(first: Frame, second: Frame) -> float:
-    """Correlation of what two pictures show at the places that the first one's depth says are the same."""
+    """Correlation of two pictures at the same surface points, from the first frame's depth."""
     sure = (first.confidence == 2) & (first.depth_m > 0)
     place = points(first)[sure]
     values = []
@@ -75,8 +75,8 @@ def agreement(first: Frame, second: Frame) -> float:
     return float(np.corrcoef(np.asarray(values)[:, both])[0, 1])
 
 
-def test_colours_agree_better_at_the_refined_poses(chair):
-    """Drift is taken out by geometry alone; that the pictures then fit each other better is told by something it never looked at."""
+def test_colours_agree_better_after_alignment(chair):
+    """The alignment uses only depth, so the colours are an independent check."""
     frames, fused = chair
     coloured = [i for i in range(len(frames)) if frames[i].colour is not None]
     pairs = [(i, j) for i in coloured for j in coloured if j - i in (9, 12, 15, 18, 21)]
@@ -89,7 +89,7 @@ def test_colours_agree_better_at_the_refined_poses(chair):
     assert after.mean() > before.mean() + 0.1
 
 
-def test_slambook_frames_become_one_room(shared_data):
+def test_slambook_frames_fuse_to_one_room(shared_data):
     frames = load_frames(shared_data / "scans" / "slambook2_rgbd", intrinsics=SLAMBOOK_LENS)
     mesh, report = fuse(frames)
     assert report.frames_used == 5

@@ -1,4 +1,4 @@
-"""The phone-LiDAR mesh of a real room (ARKit, y up, lower metre of the room with a chair) becomes a scene."""
+"""Reconstruction of a real phone-LiDAR mesh (ARKit, y up, the lower metre of a room with a chair)."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def chair(scan, tmp_path_factory):
     return reconstruct(scan, folder, material="concrete"), folder
 
 
-def test_report_agrees_with_the_file_counted_by_hand(scan, chair):
+def test_report_matches_counts_of_the_file(scan, chair):
     report = chair[0].provenance["scan"]
     lines = scan.read_text().splitlines()
     assert report["vertices"] == sum(line.startswith("v ") for line in lines)
@@ -35,18 +35,18 @@ def test_report_agrees_with_the_file_counted_by_hand(scan, chair):
     assert report["degenerate_faces"] + report["duplicate_faces"] < 0.01 * report["faces"]
 
 
-def test_floor_is_the_largest_surface_level_and_of_a_plausible_size(chair):
+def test_floor_is_the_largest_surface_and_level(chair):
     scene, _ = chair
     floor = max(scene, key=lambda s: s.mesh.area)
     assert floor.name == "floor"
-    assert 10 < floor.mesh.area < 6.4 * 5.6  # within the scan's footprint, less what furniture hides
+    assert 10 < floor.mesh.area < 6.4 * 5.6  # within the scan's footprint
     assert np.ptp(floor.mesh.vertices @ np.average(floor.mesh.face_normals, axis=0)) < 1e-3  # flattened
     assert np.degrees(np.arccos(floor.mesh.vertex_normals[0, 2])) < 2.0  # ARKit aligns y with gravity
     assert abs(floor.mesh.vertices[:, 2].mean()) < 0.05
 
 
 def test_chair_has_a_level_seat_at_sitting_height(chair):
-    """A body of several planes, one of them a seat."""
+    """One body of several planes has a level seat."""
 
     def level_area(surface):
         centre = surface.mesh.triangles_center[:, 2]
@@ -58,29 +58,29 @@ def test_chair_has_a_level_seat_at_sitting_height(chair):
     assert np.ptp(seats[0].mesh.vertices, axis=0).max() < 1.0
 
 
-def test_scene_covers_the_scan_and_survives_the_disk(scan, chair):
+def test_saved_scene_covers_the_scan(scan, chair):
     scene, folder = chair
     again = Scene.load(folder)
     assert again.names == scene.names
     assert again.provenance["scan"] == scene.provenance["scan"]
     assert {s.material for s in again} == {"concrete"}
-    assert {s.kind for s in again} == {"room", "object"}  # what is compact is traced as an object
+    assert {s.kind for s in again} == {"room", "object"}  # compact surfaces are traced as objects
     scanned = load_scan(scan, "auto", "auto")[0]
     points = np.concatenate([trimesh.sample.sample_surface(s.mesh, 200 + int(40000 * s.mesh.area), seed=0)[0] for s in scene])
     away = KDTree(points).query(scanned.triangles_center)[0]
-    assert scanned.area_faces[away < 0.06].sum() > 0.95 * scanned.area  # the rest are scraps and trimmed edges
+    assert scanned.area_faces[away < 0.06].sum() > 0.95 * scanned.area  # the rest are fragments and trimmed edges
     left_out = scanned.area_faces[away > 0.05].sum()
     assert left_out < 0.05 * scanned.area
     assert scene.provenance["left_out_m2"] == pytest.approx(left_out, rel=0.2)
-    assert scanned.area < sum(s.mesh.area for s in scene) < 1.4 * scanned.area  # floor is completed under what stands on it
+    assert scanned.area < sum(s.mesh.area for s in scene) < 1.4 * scanned.area  # the floor is completed under the furniture
     assert scene.provenance["flattening_rms_m"] < 0.02
 
 
-def test_a_pose_above_the_floor_is_outside_every_solid(chair):
+def test_pose_above_the_floor_is_outside_every_solid(chair):
     chair[0].check_sensor(np.array([[0.0, 0.0, 0.5], [1.0, -1.0, 0.4]]))
 
 
-def test_page_shows_every_surface_without_a_network(chair, tmp_path):
+def test_page_shows_every_surface_without_network_access(chair, tmp_path):
     page = view(chair[0], tmp_path / "chair.html").read_text()
     assert "concrete" in page
     assert all(f'"name": "{name}"' in page for name in chair[0].names)

@@ -1,4 +1,4 @@
-"""Scans of the three rooms, fused, against the rooms: the errors that the goal allows, and what half and double the sensor's errors do."""
+"""Fused virtual scans of the three rooms against the rooms, with half, stated and double sensor errors."""
 
 import resource
 import time
@@ -29,8 +29,8 @@ def scanned(room: str, strength: float, **options):
 @pytest.mark.slow
 @pytest.mark.parametrize("room", ROOMS)
 @pytest.mark.parametrize("strength", [0.5, 1.0, 2.0])
-def test_rooms_lie_within_the_goal(room, strength):
-    """Median 15 mm and 95 % 50 mm at the stated errors; twice that at double."""
+def test_fused_rooms_reach_the_accuracy_goal(room, strength):
+    """Goal: median 15 mm and 95 % 50 mm at the stated errors, twice that at double errors."""
     score, report, seconds = scanned(room, strength)
     gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(
@@ -47,7 +47,7 @@ def test_rooms_lie_within_the_goal(room, strength):
 
 
 @pytest.mark.slow
-def test_half_a_million_triangles_are_reconstructed_within_four_gigabytes():
+def test_half_a_million_triangles_need_less_than_four_gigabytes():
     found = measure(500_000)
     print(line(found))
     assert found["faces"] >= 500_000
@@ -56,8 +56,8 @@ def test_half_a_million_triangles_are_reconstructed_within_four_gigabytes():
 
 
 @pytest.mark.slow
-def test_drift_of_the_heading_alone_is_taken_out():
-    """What drift costs: the same scan fused at the believed poses, refined or not."""
+def test_drift_correction_halves_the_error():
+    """The same scan fused with and without drift correction."""
     scene = rooms.lab()
     frames, truth = scan(scene, seed=1, colour_every=0)
     refined, rough = (accuracy(fuse(frames, refine=refine)[0], scene, truth, frames) for refine in (True, False))
@@ -66,7 +66,7 @@ def test_drift_of_the_heading_alone_is_taken_out():
 
 
 @pytest.mark.slow
-def test_a_saved_scan_fuses_to_the_same_surface(tmp_path):
+def test_saved_scan_fuses_to_the_same_surface(tmp_path):
     scene = rooms.lab(detail="shell")
     frames, truth = scan(scene, seed=2, frames=40, colour_every=4)
     back = load_frames(save_frames(frames, tmp_path / "scan"))

@@ -1,4 +1,4 @@
-"""Frames whose depth unit or poses are read wrongly: the views disagree, and the message names the reading by which they agree."""
+"""A wrong depth unit or pose convention makes overlapping views disagree, and the message names the choice with which they agree."""
 
 from __future__ import annotations
 
@@ -37,46 +37,46 @@ def walk() -> Frames:
     return scan(rooms.lab(detail="shell"), seed=0, frames=12, colour_every=0)[0]
 
 
-def written(frames: Frames, folder: Path, reading: str = "opencv", unit_m: float = 0.001) -> tuple[Path, tuple[float, ...]]:
-    """The frames in the pose.txt layout, their poses as some other program has them, and the intrinsics."""
+def written(frames: Frames, folder: Path, convention: str = "opencv", unit_m: float = 0.001) -> tuple[Path, tuple[float, ...]]:
+    """Write the frames in the pose.txt layout with a pose convention; the folder and the intrinsics."""
     (folder / "depth").mkdir(parents=True)
     rows = []
     for i, frame in enumerate(frames):
         Image.fromarray(np.rint(frame.depth_m / unit_m).astype(np.uint16)).save(folder / "depth" / f"{i}.png")
-        pose = WRITTEN[reading](frame.pose)
+        pose = WRITTEN[convention](frame.pose)
         rows.append([*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()])
     np.savetxt(folder / "pose.txt", np.array(rows), fmt="%.9f")
     lens = frames[0].intrinsics
     return folder, (lens[0, 0], lens[1, 1], lens[0, 2], lens[1, 2])
 
 
-def checked(folder: Path, lens, reading: str = "opencv", unit_m: float | None = None) -> None:
-    frames = load_frames(folder, lens, unit_m, up="z", poses=reading)
-    check_agreement(frames, unit_m or layout_of(folder).unit_m, reading)
+def checked(folder: Path, lens, convention: str = "opencv", unit_m: float | None = None) -> None:
+    frames = load_frames(folder, lens, unit_m, up="z", poses=convention)
+    check_agreement(frames, unit_m or layout_of(folder).unit_m, convention)
 
 
-@pytest.mark.parametrize("reading", POSE_CONVENTIONS)
-def test_poses_are_taken_as_what_they_are_and_refused_as_anything_else(walk, tmp_path, reading):
-    folder, lens = written(walk, tmp_path / "frames", reading)
-    checked(folder, lens, reading)
-    back = load_frames(folder, lens, up="z", poses=reading)
+@pytest.mark.parametrize("convention", POSE_CONVENTIONS)
+def test_only_the_right_pose_convention_is_accepted(walk, tmp_path, convention):
+    folder, lens = written(walk, tmp_path / "frames", convention)
+    checked(folder, lens, convention)
+    back = load_frames(folder, lens, up="z", poses=convention)
     assert np.allclose(back.poses, walk.poses, atol=1e-6)
-    for other in set(POSE_CONVENTIONS) - {reading}:
-        with pytest.raises(ScanError, match=rf"lie \d+ mm apart; the poses look like .*: give --poses {reading}$"):
+    for other in set(POSE_CONVENTIONS) - {convention}:
+        with pytest.raises(ScanError, match=rf"lie \d+ mm apart; the poses look like .*: give --poses {convention}$"):
             checked(folder, lens, other)
 
 
-def test_a_depth_unit_five_times_too_small_is_refused_with_the_right_one_and_both_rooms(walk, tmp_path):
+def test_wrong_depth_unit_is_refused_with_the_right_unit_and_both_room_sizes(walk, tmp_path):
     folder, lens = written(walk, tmp_path / "frames")
     checked(folder, lens)
     with pytest.raises(
         ScanError, match=r"read with 0\.0002 m per count \(a room of .*better with 0\.001 m per count \(a room of 6 x 5"
-    ) as said:
+    ) as caught:
         checked(folder, lens, unit_m=0.0002)
-    assert str(said.value).endswith("give that as --depth-unit")
+    assert str(caught.value).endswith("give that as --depth-unit")
 
 
-def test_a_camera_that_only_turns_does_not_tell_the_unit_and_both_are_listed(tmp_path):
+def test_rotating_camera_leaves_the_unit_open_and_lists_both(tmp_path):
     start = np.array([[0, 0, 1.0, 2.0], [-1, 0, 0, 2.5], [0, -1, 0, 1.4], [0, 0, 0, 1]])
     turns = [
         np.block([[Rotation.from_euler("z", a, degrees=True).as_matrix(), np.zeros((3, 1))], [np.zeros((1, 3)), 1]]) for a in (0, 12, 24)
@@ -91,16 +91,16 @@ def test_a_camera_that_only_turns_does_not_tell_the_unit_and_both_are_listed(tmp
         checked(folder, lens)
 
 
-def test_poses_that_put_no_two_views_together_are_told(walk):
-    apart = [frame for frame in walk][:2]
+def test_poses_without_overlapping_views_give_a_warning(walk):
     far = [
-        Frame(f.name, f.pose + np.pad([[0.0], [0.0], [50.0 * i]], ((0, 1), (3, 0))), f.intrinsics, f.depth_m) for i, f in enumerate(apart)
+        Frame(f.name, f.pose + np.pad([[0.0], [0.0], [50.0 * i]], ((0, 1), (3, 0))), f.intrinsics, f.depth_m)
+        for i, f in enumerate(walk[:2])
     ]
     with pytest.warns(ScanWarning, match="no two views overlap at the given poses"):
         check_agreement(Frames.of(far), None, None)
 
 
-def test_blank_pictures_between_good_ones_do_not_make_a_folder_empty(walk, tmp_path):
+def test_some_blank_depth_pictures_are_accepted_and_only_blank_ones_refused(walk, tmp_path):
     shown = (1, 3)
     blank = [Frame(f.name, f.pose, f.intrinsics, f.depth_m * (i in shown)) for i, f in enumerate(walk[:5])]
     folder, lens = written(Frames.of(blank), tmp_path / "frames")
@@ -111,7 +111,7 @@ def test_blank_pictures_between_good_ones_do_not_make_a_folder_empty(walk, tmp_p
         load_frames(none, lens, up="z")
 
 
-def test_what_a_layout_says_itself_is_not_taken_as_an_option(walk, tmp_path):
+def test_options_that_the_layout_defines_are_refused(walk, tmp_path):
     own = save_frames(walk[:2], tmp_path / "own")
     options: list[dict[str, Any]] = [{"intrinsics": (1, 1, 1, 1)}, {"depth_unit_m": 0.001}, {"up": "y"}, {"poses": "opengl"}]
     for option in options:
@@ -134,14 +134,14 @@ def test_what_a_layout_says_itself_is_not_taken_as_an_option(walk, tmp_path):
         (["--intrinsics", *map(str, SLAM_LENS), "--depth-unit", "1"], "give --depth-unit 0.001 (millimetres; 2.8 m) or 0.0002"),
     ],
 )
-def test_real_frames_read_wrongly_are_one_line_and_write_nothing(shared_data, inside, tmp_path, options, words):
+def test_real_frames_with_wrong_options_give_one_line_and_write_nothing(shared_data, inside, tmp_path, options, words):
     done = inside("reconstruct", shared_data / "scans" / "slambook2_rgbd", "--out", "out", *options)
     assert done.returncode == 2
     assert words in done.stderr.splitlines()[-1]
     assert not (tmp_path / "out").exists()
 
 
-def test_real_frames_agree_as_they_are(shared_data):
+def test_real_frames_agree_without_warnings(shared_data):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         checked(shared_data / "scans" / "slambook2_rgbd", SLAM_LENS)

@@ -1,4 +1,4 @@
-"""Folders of frames: what is read, what is refused, and with which words."""
+"""Frames read from every folder layout, and the messages for folders that are refused."""
 
 import json
 from pathlib import Path
@@ -55,7 +55,7 @@ def pose_file(folder: Path, lines: list[str], count: int | None = None) -> Path:
     return folder
 
 
-def test_our_own_layout_returns_what_was_saved(own):
+def test_own_layout_returns_the_saved_frames(own):
     back = load_frames(own)
     assert back.names == ("a", "b")
     for old, new in zip((wall("a"), wall("b", 0.1)), back, strict=True):
@@ -68,13 +68,13 @@ def test_our_own_layout_returns_what_was_saved(own):
         assert np.allclose(new.intrinsics, LENS)
 
 
-def test_a_folder_whose_saving_was_interrupted_is_not_taken_for_frames(own):
+def test_incomplete_own_folder_is_refused(own):
     (own / "frames.json").unlink()
     with pytest.raises(ScanError, match="no poses"):
         load_frames(own)
 
 
-def test_arkit_axes_become_ours(tmp_path):
+def test_arkit_axes_are_converted_to_z_up_and_opencv(tmp_path):
     frames = load_frames(arkit(tmp_path / "arkit"))
     assert np.allclose(frames[0].pose[:3, 3], (0, 0, 1.5))
     assert np.allclose(frames[0].pose[:3, 2], (0, 1, 0))  # ARKit looks along -z, which the turn from y up to z up makes +y
@@ -83,7 +83,7 @@ def test_arkit_axes_become_ours(tmp_path):
     assert np.allclose(middle, (0, 2, 1.5), atol=0.01)
 
 
-def test_depth_lens_is_the_colour_lens_of_the_same_view():
+def test_rescaled_intrinsics_keep_the_same_rays():
     lens = np.array([[1447.0, 0, 959.5], [0, 1447, 719.5], [0, 0, 1]])
     small = rescaled(lens, (1920, 1440), (256, 192))
     assert small[0, 2] == pytest.approx(127.5)  # the middle stays the middle: pixel centres are whole numbers
@@ -91,7 +91,7 @@ def test_depth_lens_is_the_colour_lens_of_the_same_view():
     assert (-0.5 - small[0, 2]) / small[0, 0] == pytest.approx((-0.5 - lens[0, 2]) / lens[0, 0])
 
 
-def test_pose_file_with_its_up_axis_found(tmp_path):
+def test_pose_file_up_axis_is_found_from_the_cameras(tmp_path):
     lines = ["0 0 0 0 0 0 1", "0.1 0 0.5 0 0 0 1"]  # cameras whose axes are the world's: y down
     frames = load_frames(pose_file(tmp_path / "p", lines), intrinsics=(40, 40, 15.5, 11.5))
     assert np.allclose(frames[0].pose[:3, 1], (0, 0, -1))
@@ -119,14 +119,14 @@ def test_tum_pictures_take_the_pose_nearest_in_time(tmp_path):
 
 
 @pytest.mark.parametrize("axis", UP)
-def test_every_up_axis_is_a_turn_that_ends_up(axis):
+def test_every_up_axis_rotation_ends_at_z_and_keeps_handedness(axis):
     up = np.zeros(3)
     up["xyz".index(axis[-1])] = -1 if axis[0] == "-" else 1
     assert np.allclose(UP[axis] @ up, (0, 0, 1))
     assert np.linalg.det(UP[axis]) == pytest.approx(1)
 
 
-def test_colour_alone_is_enough_when_depth_is_to_be_estimated(own):
+def test_frames_load_without_depth_files_with_colour_only(own):
     for path in (own / "depth").iterdir():
         path.unlink()
     frame = load_frames(own, colour_only=True)[0]
@@ -137,7 +137,7 @@ def test_colour_alone_is_enough_when_depth_is_to_be_estimated(own):
         load_frames(own)
 
 
-def test_a_slice_is_frames_again(own):
+def test_slice_of_frames_is_frames(own):
     part = load_frames(own)[1:]
     assert part.names == ("b",)
     assert part[0].pose[0, 3] == pytest.approx(0.1)
@@ -145,39 +145,31 @@ def test_a_slice_is_frames_again(own):
     assert np.array_equal(moved[0].pose, np.eye(4))
 
 
-def test_mistakes_are_named(tmp_path, own):
-    with pytest.raises(MissingError, match="not a folder"):
-        load_frames(tmp_path / "nowhere")
+def test_wrong_folders_frames_and_options_are_refused(tmp_path, own):
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ScanError, match="no frames found"):
-        load_frames(tmp_path / "empty")
-    with pytest.raises(ScanError, match="no frames"):
-        Frames.of([])
-    with pytest.raises(ScanError, match="same name"):
-        Frames.of([wall("a"), wall("a")])
-    with pytest.raises(ScanError, match="2 frames and 1 poses"):
-        load_frames(own).with_poses(np.eye(4)[None])
-    with pytest.raises(ScanError, match="--up up: choose x, y, z"):
-        load_frames(own, up="up")
-
-
-def test_mirrored_and_bent_poses_are_named(tmp_path):
-    with pytest.raises(PoseError, match="00000 mirrors"):
-        load_frames(arkit(tmp_path / "a", flip=-1.0))
-    with pytest.raises(PoseError, match="not a rotation"):
-        load_frames(arkit(tmp_path / "b", flip=1.1))
-    frame = wall()
-    with pytest.raises(PoseError, match="not finite"):
-        Frames([frame.name], frame.pose[None] * np.nan, lambda i: frame)
+    refused = [
+        (MissingError, "not a folder", lambda: load_frames(tmp_path / "nowhere")),
+        (ScanError, "no frames found", lambda: load_frames(tmp_path / "empty")),
+        (ScanError, "no frames", lambda: Frames.of([])),
+        (ScanError, "same name", lambda: Frames.of([wall("a"), wall("a")])),
+        (ScanError, "2 frames and 1 poses", lambda: load_frames(own).with_poses(np.eye(4)[None])),
+        (ScanError, "--up up: choose x, y, z", lambda: load_frames(own, up="up")),
+        (PoseError, "not finite", lambda: Frames(["0"], wall().pose[None] * np.nan, lambda i: wall())),
+        (PoseError, "00000 mirrors", lambda: load_frames(arkit(tmp_path / "a", flip=-1.0))),
+        (PoseError, "not a rotation", lambda: load_frames(arkit(tmp_path / "b", flip=1.1))),
+    ]
+    for error, message, call in refused:
+        with pytest.raises(error, match=message):
+            call()
 
 
 @pytest.mark.parametrize(("unit", "remedy"), [(1.0, "--depth-unit 1 "), (10_000.0, "--depth-unit 0.0002 .* or 0.0001 ")])
-def test_depth_in_the_wrong_unit_is_named_with_the_right_one(tmp_path, unit, remedy):
+def test_wrong_depth_unit_is_refused_with_plausible_units(tmp_path, unit, remedy):
     with pytest.raises(ScanError, match=remedy):
         load_frames(arkit(tmp_path / "arkit", unit=unit))
 
 
-def test_empty_depth_and_missing_or_damaged_pictures_are_named(tmp_path):
+def test_empty_missing_and_damaged_pictures_are_refused(tmp_path):
     folder = arkit(tmp_path / "arkit")
     (folder / "depth_00001.png").write_bytes(b"\x89PNG\r\n\x1a\n no more")
     with pytest.raises(ScanError, match=r"depth_00001\.png: damaged"):
@@ -193,21 +185,22 @@ def test_empty_depth_and_missing_or_damaged_pictures_are_named(tmp_path):
         load_frames(folder)
 
 
-def test_pose_files_that_do_not_fit_are_named(tmp_path):
-    lens = (40, 40, 15.5, 11.5)
-    with pytest.raises(ScanError, match="1 poses, 2 depth and 2 colour"):
-        load_frames(pose_file(tmp_path / "a", ["0 0 0 0 0 0 1"], count=2), lens)
-    with pytest.raises(ScanError, match="line 1: 6 words"):
-        load_frames(pose_file(tmp_path / "b", ["0 0 0 0 0 1"]), lens)
-    with pytest.raises(PoseError, match="length 2"):
-        load_frames(pose_file(tmp_path / "c", ["0 0 0 0 0 0 2"]), lens)
-    with pytest.raises(ScanError, match="give --intrinsics FX FY CX CY"):
-        load_frames(pose_file(tmp_path / "d", ["0 0 0 0 0 0 1"]))
-    with pytest.raises(ScanError, match="no poses"):
-        load_frames(pose_file(tmp_path / "e", [], count=1), lens)
+@pytest.mark.parametrize(
+    ("lines", "count", "intrinsics", "error", "message"),
+    [
+        (["0 0 0 0 0 0 1"], 2, (40, 40, 15.5, 11.5), ScanError, "1 poses, 2 depth and 2 colour"),
+        (["0 0 0 0 0 1"], None, (40, 40, 15.5, 11.5), ScanError, "line 1: 6 words"),
+        (["0 0 0 0 0 0 2"], None, (40, 40, 15.5, 11.5), PoseError, "length 2"),
+        (["0 0 0 0 0 0 1"], None, None, ScanError, "give --intrinsics FX FY CX CY"),
+        ([], 1, (40, 40, 15.5, 11.5), ScanError, "no poses"),
+    ],
+)
+def test_inconsistent_pose_files_are_refused(tmp_path, lines, count, intrinsics, error, message):
+    with pytest.raises(error, match=message):
+        load_frames(pose_file(tmp_path / "frames", lines, count), intrinsics)
 
 
-def test_a_damaged_index_is_named(own):
+def test_damaged_index_is_refused(own):
     (own / "frames.json").write_text("{}")
     with pytest.raises(ScanError, match=r"frames\.json: damaged"):
         load_frames(own)

@@ -1,8 +1,9 @@
-"""Fusion, drift and holes on depth pictures computed from closed forms: the inside of a box with a ball in it."""
+"""Fusion, drift correction and holes on closed-form depth pictures of the inside of a box with a ball in it."""
 
 import numpy as np
 import pytest
 import trimesh
+from trimesh.visual import ColorVisuals
 
 from radartwin.errors import ScanError
 from radartwin.reconstruct.distance import Nearest, to_mesh
@@ -59,6 +60,11 @@ def to_truth(points: np.ndarray) -> np.ndarray:
     )
 
 
+def colours_of(mesh: trimesh.Trimesh) -> np.ndarray:
+    assert isinstance(mesh.visual, ColorVisuals)
+    return np.asarray(mesh.visual.vertex_colors)
+
+
 @pytest.fixture(scope="module")
 def clean():
     return fuse(frames(), voxel_m=0.03, refine=False)
@@ -74,7 +80,7 @@ def test_mesh_lies_on_the_planes_and_the_ball(clean):
     assert report.residual_median_m < 0.002
 
 
-def test_triangles_face_the_free_space(clean):
+def test_triangles_face_free_space(clean):
     mesh, _ = clean
     middles, normals = mesh.triangles_center, mesh.face_normals
     on_floor = np.abs(middles[:, 2]) < 0.01
@@ -83,9 +89,9 @@ def test_triangles_face_the_free_space(clean):
     assert ((normals[on_ball] * (middles[on_ball] - BALL)).sum(axis=1) > 0).mean() > 0.99
 
 
-def test_colours_stay_with_their_surface(clean):
+def test_vertices_have_the_colour_of_their_surface(clean):
     mesh, report = clean
-    points, colours = np.asarray(mesh.vertices), mesh.visual.vertex_colors[:, :3].astype(int)
+    points, colours = np.asarray(mesh.vertices), colours_of(mesh)[:, :3].astype(int)
     ball = np.linalg.norm(points - BALL, axis=1) < RADIUS + 0.01
     wall = np.linalg.norm(points - BALL, axis=1) > RADIUS + 0.3
     assert np.median(np.abs(colours[ball] - (220, 40, 40)).max(axis=1)) <= 2
@@ -99,18 +105,18 @@ def test_averaging_lowers_noise_below_that_of_one_picture():
     assert report.residual_median_m == pytest.approx(0.0067, rel=0.25)
 
 
-def test_what_later_views_see_through_is_carved_away():
+def test_surface_that_other_views_see_through_is_removed():
     taken = [frames()[i] for i in range(40)]
     ghost = taken[3]
     depth = ghost.depth_m.copy()
-    depth[30:40, 40:55] = 0.5  # a hand before the camera, once
+    depth[30:40, 40:55] = 0.5  # a hand in front of the camera in one view
     taken[3] = Frame(ghost.name, ghost.pose, LENS, depth, None, None, ghost.confidence)
     mesh, _ = fuse(Frames.of(taken), voxel_m=0.03, refine=False)
     assert np.quantile(to_truth(np.asarray(mesh.vertices)), 0.999) < 0.05
 
 
 def unsure(bias_m: float, columns: int) -> Frames:
-    """Frames whose first columns are of low confidence, and off by as much."""
+    """Frames whose first columns have low confidence and a depth bias."""
     taken = []
     for frame in frames():
         depth, sure = frame.depth_m.copy(), np.full(SHAPE, 2, np.uint8)
@@ -120,8 +126,8 @@ def unsure(bias_m: float, columns: int) -> Frames:
     return Frames.of(taken)
 
 
-def test_low_confidence_gives_way_to_high():
-    """At 1.25 to 2.25 m low confidence is off by 21 to 33 mm (decision 005)."""
+def test_high_confidence_outweighs_low():
+    """Low confidence has errors of 21 to 33 mm at 1.25 to 2.25 m (decision 005)."""
     mesh, report = fuse(unsure(-0.03, 40), voxel_m=0.03, refine=False)
     away = to_truth(np.asarray(mesh.vertices))
     assert np.median(away) < 0.003
@@ -129,53 +135,54 @@ def test_low_confidence_gives_way_to_high():
     assert report.coloured == 0.0
 
 
-def test_what_was_only_seen_with_low_confidence_is_there():
+def test_surfaces_with_only_low_confidence_are_kept():
     sure, low = (fuse(unsure(0.0, columns), voxel_m=0.03, refine=False)[0] for columns in (0, SHAPE[1]))
     assert low.area == pytest.approx(sure.area, rel=0.03)
     assert np.quantile(to_truth(np.asarray(low.vertices)), 0.95) < 0.012
 
 
-def test_drift_is_taken_out_of_the_poses():
-    """A random walk of several cm is a quarter of that afterwards; the whole may be turned, which nothing can tell."""
+def test_alignment_reduces_drift_to_a_quarter():
+    """The error of relative positions after a random walk of several cm; the position of the whole scan is not determined."""
     truth = frames(noise_m=0.003)
     rng = np.random.default_rng(2)
     turn, shift = np.cumsum(np.radians(0.15) * rng.standard_normal(40)), np.cumsum(0.012 * rng.standard_normal((40, 3)), axis=0)
-    believed = truth.poses.copy()
+    estimated = truth.poses.copy()
     for i in range(40):
         around = np.array([[np.cos(turn[i]), -np.sin(turn[i]), 0], [np.sin(turn[i]), np.cos(turn[i]), 0], [0, 0, 1]])
-        believed[i, :3, :3] = around @ believed[i, :3, :3]
-        believed[i, :3, 3] += shift[i]
-    mesh, report = fuse(truth.with_poses(believed), voxel_m=0.03)
+        estimated[i, :3, :3] = around @ estimated[i, :3, :3]
+        estimated[i, :3, 3] += shift[i]
+    mesh, report = fuse(truth.with_poses(estimated), voxel_m=0.03)
     assert report.alignment is not None
     assert report.alignment.after_m < 0.4 * report.alignment.before_m
 
     def relative(some: np.ndarray) -> np.ndarray:
         return np.linalg.norm(some[:, None, :3, 3] - some[None, :, :3, 3], axis=-1)
 
-    before, after = (np.abs(relative(p) - relative(truth.poses)).mean() for p in (believed, report.poses))
+    before, after = (np.abs(relative(p) - relative(truth.poses)).mean() for p in (estimated, report.poses))
     assert before > 0.02
     assert after < 0.25 * before
-    blurred, _ = fuse(truth.with_poses(believed), voxel_m=0.03, refine=False)
+    blurred, _ = fuse(truth.with_poses(estimated), voxel_m=0.03, refine=False)
     plane = [np.abs(np.asarray(m.vertices)[np.abs(m.vertices[:, 2]) < 0.08, 2]).std() for m in (mesh, blurred)]
-    assert plane[0] < 0.75 * plane[1]  # the floor's edges, which bend alike, are in both
+    assert plane[0] < 0.75 * plane[1]  # both contain the floor's edges, which bend alike
 
 
-def test_refinement_leaves_true_poses_nearly_alone():
+def test_alignment_hardly_moves_true_poses():
     _, report = fuse(frames(noise_m=0.003), voxel_m=0.03)
     moved = np.linalg.norm(report.poses[:, :3, 3] - poses()[:, :3, 3], axis=1)
     assert moved.max() < 0.004
 
 
-def test_same_frames_same_mesh():
+def test_fusion_is_deterministic():
     first, second = (fuse(frames(0.005, 12), voxel_m=0.04)[0] for _ in range(2))
     assert np.array_equal(first.vertices, second.vertices)
-    assert np.array_equal(first.visual.vertex_colors, second.visual.vertex_colors)
+    assert np.array_equal(colours_of(first), colours_of(second))
 
 
-def test_small_parts_go_and_the_largest_stays():
+def test_small_parts_are_removed_and_the_largest_remains():
     ball, crumb = trimesh.creation.icosphere(2, 0.5), trimesh.creation.icosphere(1, 0.02)
     crumb.apply_translation([1, 0, 0])
     both = trimesh.util.concatenate([ball, crumb])
+    assert isinstance(both, trimesh.Trimesh)
     kept, values, removed = fusion.without_small_parts(both, np.arange(len(both.vertices)))
     assert removed == 1
     assert len(kept.vertices) == len(ball.vertices) == len(values)
@@ -193,7 +200,7 @@ def test_holes_are_counted_and_measured():
     assert found.boundary_m == pytest.approx(2 + 4)
 
 
-def test_nothing_to_fuse_is_named(monkeypatch):
+def test_unusable_frames_and_voxels_are_refused(monkeypatch):
     dark = [Frame(f.name, f.pose, LENS, f.depth_m + np.float32(6), None, None, None) for f in frames(count=3)]
     with pytest.raises(ScanError, match="no usable depth within 5 m"):
         fuse(Frames.of(dark))
@@ -204,7 +211,7 @@ def test_nothing_to_fuse_is_named(monkeypatch):
         fuse(frames(count=12), voxel_m=0.03, refine=False)
 
 
-def test_distance_to_triangles_is_that_of_closed_forms():
+def test_distance_to_a_mesh_matches_closed_form():
     box = trimesh.creation.box((2, 2, 2))
     points = np.random.default_rng(0).uniform(-3, 3, (500, 3))
     outside = np.linalg.norm(np.maximum(np.abs(points) - 1, 0), axis=1)

@@ -1,4 +1,4 @@
-"""Depth from single pictures: the loading code with tiny networks of random weights, the road after it with known depth."""
+"""Depth from single pictures: loading with tiny networks of random weights, fusion with known depth."""
 
 import json
 
@@ -39,7 +39,7 @@ def lab():
     return scan(rooms.lab(), seed=1, frames=24, strength=0.0, sensor=Sensor(colour_size=(320, 240)))
 
 
-def test_a_saved_network_gives_metres_for_pictures_of_any_size(model_folder):
+def test_saved_network_estimates_metric_depth(model_folder):
     model = DepthModel.load(model_folder)
     depth = model(np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8))
     assert depth.ndim == 2
@@ -51,7 +51,7 @@ def test_a_saved_network_gives_metres_for_pictures_of_any_size(model_folder):
     assert np.array_equal(depth, DepthModel.load(model_folder)(np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)))
 
 
-def test_the_files_beside_the_weights_say_how_pictures_are_prepared(model_folder):
+def test_preprocessor_file_sets_normalisation_and_size(model_folder):
     file = model_folder / "preprocessor_config.json"
     file.write_text(json.dumps({"image_mean": [0.1, 0.2, 0.3], "image_std": [1, 1, 1], "size": {"height": 70, "width": 70}}))
     model = DepthModel.load(model_folder)
@@ -63,7 +63,7 @@ def test_the_files_beside_the_weights_say_how_pictures_are_prepared(model_folder
     file.unlink()
 
 
-def test_frames_take_the_networks_depth_at_their_own_view(model_folder, lab):
+def test_estimated_depth_has_the_view_of_the_colour(model_folder, lab):
     frames, _ = lab
     filled = with_depth(frames[:2], DepthModel.load(model_folder))
     frame = filled[0]
@@ -76,8 +76,8 @@ def test_frames_take_the_networks_depth_at_their_own_view(model_folder, lab):
     assert np.allclose(depth_corner, colour_corner)
 
 
-def test_estimated_depth_takes_the_same_road_to_a_mesh(lab):
-    """An estimator that knows the depth, 5 % too long: the mesh has the room's shape, and its report says where the scale is from."""
+def test_estimated_depth_is_fused_and_its_scale_is_reported(lab):
+    """With true depth times 1.05 the mesh has the room's shape times 1.05."""
     frames, truth = lab
     known = {f.colour.tobytes(): np.where(d > 0, 1.05 * d, 9).astype(np.float32) for f, d in zip(frames, truth.depth_m, strict=True)}
     mesh, report = fuse(
@@ -88,7 +88,7 @@ def test_estimated_depth_takes_the_same_road_to_a_mesh(lab):
     assert mesh.extents[2] == pytest.approx(1.05 * 2.8, abs=0.1)
 
 
-def test_models_without_scale_and_missing_ones_are_named(tmp_path, model_folder):
+def test_relative_and_missing_models_are_refused(tmp_path, model_folder):
     with pytest.raises(ScanError, match="relative depth, so lengths have no scale"):
         DepthModel.load(tiny(tmp_path / "relative", "relative"))
     with pytest.raises(MissingError, match="no such folder of weights"):
@@ -98,7 +98,7 @@ def test_models_without_scale_and_missing_ones_are_named(tmp_path, model_folder)
         DepthModel.load(tmp_path / "empty")
 
 
-def test_frames_without_colour_are_named(lab):
+def test_frames_without_colour_are_refused(lab):
     scene = rooms.lab(detail="shell")
     bare, _ = scan(scene, frames=2, colour_every=0)
     with pytest.raises(ScanError, match="no frame has colour"):

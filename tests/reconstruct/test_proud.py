@@ -1,4 +1,4 @@
-"""Things on a wall: flush ones share its plane, prouder ones keep their own; likeness of colour does not creep through a corner."""
+"""Boards on a wall keep their offset from its plane; a chain of similar colours does not join two objects."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ BOARD = (1.2, 0.9, 1.8, 1.8)  # left, bottom, right, top
 
 
 def relief(proud_m: float, noise_m: float = 0.003) -> trimesh.Trimesh:
-    """A wall of 3 x 2.5 m facing +x, with a blue board on it that stands so proud; noise in depth, seed 0."""
+    """A wall of 3 x 2.5 m facing +x with a blue board that stands out by `proud_m`; depth noise with seed 0."""
     y, z = np.meshgrid(np.arange(0, 3.0 + CELL_M / 2, CELL_M), np.arange(0, 2.5 + CELL_M / 2, CELL_M), indexing="ij")
     inside = (y > BOARD[0]) & (y < BOARD[2]) & (z > BOARD[1]) & (z < BOARD[3])
     x = np.where(inside, proud_m, 0.0) + noise_m * np.random.default_rng(0).standard_normal(y.shape)
@@ -28,7 +28,7 @@ def relief(proud_m: float, noise_m: float = 0.003) -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize(("proud_m", "kept_m"), [(0.0, 0.0), (0.005, 0.0), (0.022, 0.022), (-0.02, -0.02)])
-def test_a_board_is_where_it_is_and_what_is_flush_shares_the_wall_s_plane(proud_m: float, kept_m: float) -> None:
+def test_board_keeps_its_offset_and_a_flush_board_shares_the_wall_plane(proud_m: float, kept_m: float) -> None:
     mesh = relief(proud_m)
     segments = segmented(mesh)
     assert len([s for s in segments if s.area_m2 > 0.3]) == 2
@@ -38,7 +38,7 @@ def test_a_board_is_where_it_is_and_what_is_flush_shares_the_wall_s_plane(proud_
     assert apart == pytest.approx(kept_m, abs=0.004 if kept_m else 0.001)
     low, high = board.mesh.bounds[:, 1:]
     assert [*low, *high] == pytest.approx(BOARD, abs=2 * CELL_M)
-    # What stands before the wall hides it: the wall has no second face behind the board.
+    # The wall has no second face behind the board.
     assert wall.mesh.area + board.mesh.area == pytest.approx(7.5, rel=0.03)
 
 
@@ -50,8 +50,8 @@ def block(corner: tuple[float, float, float], size: tuple[float, float, float], 
     return box
 
 
-def test_rubble_of_a_colour_between_does_not_make_two_things_one() -> None:
-    """Grey and brown cabinets with rubble in their corner whose colour is as near to either as sides of one thing may be."""
+def test_rubble_of_intermediate_colour_does_not_join_two_objects() -> None:
+    """Grey and brown cabinets with rubble in their corner, whose colour is similar to both."""
     grey, brown, between = (92, 90, 86), (97, 76, 61), (95, 83, 73)
     corner = block((0.61, 0.1, 0), (0.04, 0.3, 1.5), between)
     parts = [block((0, 0, 0), (0.6, 0.5, 1.6), grey), block((0.66, 0, 0), (0.6, 0.5, 1.6), brown), corner]

@@ -1,4 +1,4 @@
-"""Scans become polygons, panes and parts: against rooms drawn here, triangle by triangle, whose truth is known."""
+"""Reconstruction of rooms that are built here triangle by triangle: polygons, panes, parts and files."""
 
 import itertools
 import json
@@ -112,7 +112,7 @@ def truth(window=False):
 # Polygons
 
 
-def test_a_noisy_room_becomes_six_rectangles_that_close_at_their_corners(tmp_path):
+def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):
     scene = reconstruct(saved(scan(shell(), 0.006), tmp_path))
     assert sorted(scene.names) == ["ceiling", "floor", "wall_1", "wall_2", "wall_3", "wall_4"]
     assert {len(s.mesh.faces) for s in scene} == {2}
@@ -125,7 +125,7 @@ def test_a_noisy_room_becomes_six_rectangles_that_close_at_their_corners(tmp_pat
     assert all((inside - s.mesh.triangles_center[0]) @ s.mesh.face_normals[0] > 0 for s in scene)
 
 
-def test_the_tracer_takes_the_room_for_flat_panels(tmp_path):
+def test_tracer_finds_flat_panels_in_a_reconstructed_room(tmp_path):
     box = block((0.6, 0.5, 0.8), [1.5, 1.2, 0.4])
     scene = reconstruct(saved(scan([*shell(WINDOW), box], 0.004), tmp_path))
     surfaces = list(scene)
@@ -137,7 +137,7 @@ def test_the_tracer_takes_the_room_for_flat_panels(tmp_path):
     assert len(found) < 150
 
 
-def test_planes_are_made_regular_only_where_the_noise_allows_it():
+def test_planes_become_regular_only_within_the_noise():
     mesh = scan(shell(), 0.003)
     turn = trimesh.transformations.rotation_matrix(np.radians(0.8), X)
     tilted = mesh.copy().apply_transform(turn)
@@ -146,7 +146,7 @@ def test_planes_are_made_regular_only_where_the_noise_allows_it():
     floor = straight[0].normal
     assert floor is not None
     assert abs(main) < np.radians(1)
-    # 0.8 degrees over 3 m lifts the edges by 2 cm: that is no noise, and stays.
+    # 0.8 degrees over 3 m lifts the edges by 2 cm, which is more than noise.
     assert np.degrees(np.arccos(abs(floor[2]))) == pytest.approx(0.8, abs=0.1)
     slight = mesh.copy().apply_transform(trimesh.transformations.rotation_matrix(np.radians(0.1), X))
     floor = regular(slight, segmented(slight))[0][0].normal
@@ -154,7 +154,7 @@ def test_planes_are_made_regular_only_where_the_noise_allows_it():
     assert abs(floor[2]) == 1.0
 
 
-def test_edges_lie_on_lines_of_intersection_and_ragged_ones_are_straightened():
+def test_edges_move_onto_intersection_lines_and_ragged_edges_become_straight():
     rng = np.random.default_rng(0)
     grid = Grid(Z, 0.0, np.eye(3)[:2], np.zeros(2), (150, 120), 0.02)
     mask = np.zeros(grid.shape, dtype=bool)
@@ -178,7 +178,7 @@ def test_edges_lie_on_lines_of_intersection_and_ragged_ones_are_straightened():
 # Gaps
 
 
-def test_a_window_nobody_saw_is_completed_where_its_frame_is_seen(tmp_path):
+def test_framed_window_without_points_becomes_a_pane(tmp_path):
     scene = reconstruct(saved(scan(shell(WINDOW), 0.005), tmp_path))
     panes = [s for s in scene if s.provenance["completed"]]
     assert [s.name for s in panes] == ["pane_1"]
@@ -190,7 +190,7 @@ def test_a_window_nobody_saw_is_completed_where_its_frame_is_seen(tmp_path):
     assert score.boundary_median_m < 0.03
 
 
-def test_an_opening_that_was_looked_through_stays_open(tmp_path):
+def test_opening_with_points_behind_it_stays_open(tmp_path):
     beyond = sheet([0, W + 1.0, 0], X, Z, (L, H))
     scene = reconstruct(saved(scan([*shell(WINDOW), beyond], 0.004), tmp_path), options=ScanOptions(up="z"))
     assert not any(s.provenance["completed"] for s in scene)
@@ -198,7 +198,7 @@ def test_an_opening_that_was_looked_through_stays_open(tmp_path):
     assert wall.mesh.area == pytest.approx(L * H - 1.2, rel=0.03)
 
 
-def test_the_wall_goes_on_behind_a_cabinet_and_the_floor_under_it(tmp_path):
+def test_wall_and_floor_are_completed_behind_and_under_a_cabinet(tmp_path):
     low, high = np.array([1.2, 3.5, 0.0]), np.array([2.2, 4.0, 1.8])
     room = shell((1.2, 0.0, 2.2, 1.8))
     room[0] = sheet([0, 0, 0], X, Y, (L, W), (1.2, 3.5, 2.2, 4.0))
@@ -214,15 +214,15 @@ def test_the_wall_goes_on_behind_a_cabinet_and_the_floor_under_it(tmp_path):
     behind = [s for s in scene if s.provenance["filled_m2"] > 1]
     assert [round(float(s.mesh.area), 1) for s in behind] == [pytest.approx(L * H, rel=0.01)]
     sides = [s for s in scene if s.provenance["planes"] == 4]
-    assert len(sides) == 1  # the cabinet is one thing
+    assert len(sides) == 1  # the cabinet is one object
     assert sides[0].mesh.area == pytest.approx(1.8 + 2 * 0.9 + 0.5, rel=0.05)
 
 
-def test_a_window_that_runs_together_with_what_furniture_hides_is_still_a_pane():
+def test_window_next_to_a_hidden_part_of_the_wall_becomes_a_pane():
     wall = trimesh.util.concatenate(shell(WINDOW))
     assert isinstance(wall, trimesh.Trimesh)
     at = wall.triangles_center
-    # From the window's lower corner to the floor nothing was seen either: a board stands 0.35 m before the wall.
+    # A board 0.35 m in front of the wall hides the part from the window's lower corner to the floor.
     wall.update_faces(~((at[:, 1] > W - 0.01) & (at[:, 0] > 0.5) & (at[:, 0] < 1.05) & (at[:, 2] < 1.2)))
     board = block((0.75, 0.05, 1.2), [0.7, W - 0.35, 0.6])
     mesh = scan([wall, board], 0.002)
@@ -234,7 +234,7 @@ def test_a_window_that_runs_together_with_what_furniture_hides_is_still_a_pane()
     assert [float(p.area) for p in panes] == [pytest.approx(1.2, rel=0.1)]
 
 
-def test_the_largest_rectangle_is_found_as_by_trying_all():
+def test_largest_rectangle_matches_exhaustive_search():
     mask = np.random.default_rng(3).random((9, 11)) < 0.7
     best = max(
         (a1 - a0) * (b1 - b0)
@@ -248,7 +248,7 @@ def test_the_largest_rectangle_is_found_as_by_trying_all():
     assert mask[masks.largest_rectangle(np.zeros_like(mask))].size == 0
 
 
-def test_gaps_of_floors_hold_no_glass():
+def test_gaps_of_floors_are_filled_without_panes():
     grid = Grid(Z, 0.0, np.eye(3)[:2], np.zeros(2), (100, 100), 0.02)
     mask = np.ones(grid.shape, dtype=bool)
     mask[30:60, 30:60] = False
@@ -259,7 +259,7 @@ def test_gaps_of_floors_hold_no_glass():
     assert done.filled_m2 == pytest.approx(0.36)
 
 
-def test_what_stands_in_the_way_is_not_seen_through():
+def test_screen_blocks_lines_of_sight():
     wall, screen = (sheet([x, 0, 0], Y, Z, (3, 2.5)).triangles_center for x in (0.0, 1.0))
     floor = sheet([0, 0, 0], X, Y, (4, 3)).triangles_center
     place = np.array([[0.0, 1.5, 1.2]])
@@ -273,7 +273,7 @@ def test_what_stands_in_the_way_is_not_seen_through():
 # One surface, or several
 
 
-def test_a_wall_cut_in_two_is_one_surface_and_two_tables_are_not():
+def test_divided_wall_is_one_surface_and_two_tables_are_two():
     strips = [sheet([0, 0, 0], X, Z, (1.2, H)), sheet([2.4, 0, 0], X, Z, (1.6, H))]  # a gap from floor to ceiling
     tables = [sheet([x, 1.0, 0.75], X, Y, (0.8, 0.6)) for x in (0.5, 2.5)]
     mesh = scan([sheet([0, 0, 0], X, Y, (L, W)), *strips, *tables], 0.003)
@@ -286,9 +286,9 @@ def test_a_wall_cut_in_two_is_one_surface_and_two_tables_are_not():
     ]
 
 
-def test_pieces_are_not_joined_over_what_was_seen_behind_them():
+def test_pieces_with_points_behind_their_gap_are_not_joined():
     strips = [sheet([0, 0, 0], X, Z, (1.2, H)), sheet([2.4, 0, 0], X, Z, (1.6, H))]
-    alcove = sheet([1.2, 0.6, 0], X, Z, (1.2, H))  # behind: the strips look towards -y
+    alcove = sheet([1.2, 0.6, 0], X, Z, (1.2, H))  # behind the strips, which face -y
     faces = Faces.of(scan([*strips, alcove], 0.002), 0.08)
     label = coplanar.merge(faces, grow(faces, 25.0, 0.04, 0.06))
     assert len(members(label)) == 3
@@ -306,33 +306,25 @@ def coloured(mesh, rule, seed=0):
 
 def with_door(v):
     u = W - v[1]
-    light = 1.0 - 0.25 * v[2] / H  # a gradient of light that is no edge
+    light = 1.0 - 0.25 * v[2] / H  # a gradient of light without an edge
     inside = v[0] > L - 0.05 and DOOR[0] < u < DOOR[2] and v[2] < DOOR[3]
     return np.array(BROWN if inside else WHITE) * light
 
 
-def test_a_door_in_the_plane_of_its_wall_is_told_by_its_colour(tmp_path):
+def test_door_in_the_plane_of_its_wall_is_separated_by_colour(tmp_path):
     mesh = coloured(scan(shell(), 0.004), with_door)
     door = [s for s in segmented(mesh) if 1.0 < s.area_m2 < 3.0]
-    assert len(door) == 1
-    assert door[0].area_m2 == pytest.approx(1.8, rel=0.1)
-    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    assert len(segmented(plain)) == 6
+    assert [s.area_m2 for s in door] == [pytest.approx(1.8, rel=0.1)]
+    assert len(segmented(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))) == 6
     assert len(segmented(mesh, colour=False)) == 6
-    scene = reconstruct(saved(mesh, tmp_path))
-    walls = [s for s in scene if s.mesh.bounds[0, 0] > L - 0.05]
-    assert sum(float(s.mesh.area) for s in walls) == pytest.approx(W * H, rel=0.01)  # no gap and no overlap between them
-
-
-def test_the_outline_of_a_door_told_by_its_colour(tmp_path):
-    scene = reconstruct(saved(coloured(scan(shell(), 0.004), with_door), tmp_path))
-    walls = [s for s in scene if s.mesh.bounds[0, 0] > L - 0.05]
+    walls = [s for s in reconstruct(saved(mesh, tmp_path)) if s.mesh.bounds[0, 0] > L - 0.05]
+    assert sum(float(s.mesh.area) for s in walls) == pytest.approx(W * H, rel=0.01)  # neither gap nor overlap between them
     leaf = min(walls, key=lambda s: s.mesh.area)
     assert leaf.mesh.area == pytest.approx(1.8, rel=0.05)
     assert len(leaf.mesh.faces) <= 6
 
 
-def test_a_reflection_in_a_panel_cuts_nothing_and_a_weaker_step_on_the_wall_does():
+def test_reflection_in_a_panel_is_not_separated_and_a_patch_on_the_wall_is():
     def seen(step_on_wall):
         def rule(v):  # a grey panel with a brighter upper half in the brown wall x = 5, and a patch of another brown beside it
             u = W - v[1]
@@ -349,7 +341,7 @@ def test_a_reflection_in_a_panel_cuts_nothing_and_a_weaker_step_on_the_wall_does
     assert seen(True) == [pytest.approx(1.0, abs=0.15), pytest.approx(2.2, abs=0.15)]
 
 
-def test_two_panels_whose_colour_bleeds_into_the_floors_edge_are_two():
+def test_two_panels_joined_by_bleeding_colour_are_two():
     def rule(v):
         u = W - v[1]
         panel = (0.5 < u < 1.4 or 2.0 < u < 2.9) and v[2] < 2.0
@@ -359,7 +351,7 @@ def test_two_panels_whose_colour_bleeds_into_the_floors_edge_are_two():
     assert [s.area_m2 for s in found if s.area_m2 < 3] == [pytest.approx(1.8, rel=0.1)] * 2
 
 
-def test_light_and_painted_lines_cut_nothing():
+def test_light_and_painted_lines_separate_nothing():
     def lit(v):
         spot = 90 * np.exp(-((v[0] - 2) ** 2 + (v[1] - 1.5) ** 2) / 0.5)
         line = 80 if abs(v[2] - 1.2) < 0.03 else 0
@@ -368,7 +360,7 @@ def test_light_and_painted_lines_cut_nothing():
     assert len(segmented(coloured(scan(shell(), 0.003), lit))) == 6
 
 
-def test_things_of_two_colours_stay_two_and_of_one_colour_one():
+def test_sides_of_one_colour_are_one_body_and_of_two_colours_two():
     room = shell()
     box = block((0.6, 0.6, 0.6), [2, 1.5, 0.3])
     mesh = scan([*room, box], 0.002)
@@ -406,32 +398,32 @@ def test_parts_are_simplified_within_the_stated_error():
 # Files
 
 
-def test_scene_folder_holds_the_scan_and_who_each_face_went_to(tmp_path):
+def test_scene_folder_holds_the_scan_and_the_surface_of_each_face(tmp_path):
     mesh = coloured(scan(shell(), 0.004), with_door)
     scene = reconstruct(saved(mesh, tmp_path), tmp_path / "out")
     again = trimesh.load(tmp_path / "out" / scan_folder.MESH_FILE, process=False)
     assert isinstance(again, trimesh.Trimesh)
     assert isinstance(again.visual, ColorVisuals)
     assert isinstance(mesh.visual, ColorVisuals)
-    owner = np.load(tmp_path / "out" / scan_folder.FACE_SURFACES_FILE)
-    assert len(owner) == len(again.faces)
+    surface_of_face = np.load(tmp_path / "out" / scan_folder.FACE_SURFACES_FILE)
+    assert len(surface_of_face) == len(again.faces)
     assert np.array_equal(again.visual.vertex_colors[:, :3], mesh.visual.vertex_colors[:, :3])
     for k, surface in enumerate(scene):
         if not surface.provenance["completed"]:
-            assert again.area_faces[owner == k].sum() == pytest.approx(surface.provenance["area_m2"], rel=0.01)
+            assert again.area_faces[surface_of_face == k].sum() == pytest.approx(surface.provenance["area_m2"], rel=0.01)
     loaded = Scene.load(tmp_path / "out")
     assert loaded.names == scene.names
     assert [dict(s.provenance) for s in loaded] == [dict(s.provenance) for s in scene]
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert {"filled_m2", "flattening_rms_m", "parts_error_m", "scan"} <= set(manifest["provenance"])
     assert all(s.provenance["source"] == "uniform" and s.provenance["stand_in"] is False for s in loaded)
-    told = summary(scene)
-    assert any("ceiling" in line for line in told)
+    lines = summary(scene)
+    assert any("ceiling" in line for line in lines)
     low, high = scene.bounds
-    assert told[-1].startswith(f"the scene extends over x from {low[0]:.2f} to {high[0]:.2f}, y from {low[1]:.2f} to ")
+    assert lines[-1].startswith(f"the scene extends over x from {low[0]:.2f} to {high[0]:.2f}, y from {low[1]:.2f} to ")
 
 
-def test_same_scan_same_bytes(tmp_path):
+def test_reconstruction_is_deterministic_to_the_byte(tmp_path):
     path = saved(
         coloured(scan([*shell(WINDOW), trimesh.creation.icosphere(3, 0.3).apply_translation([2, 1, 0.4])], 0.004), with_door), tmp_path
     )
@@ -441,7 +433,7 @@ def test_same_scan_same_bytes(tmp_path):
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
 
 
-def test_an_interrupted_write_leaves_no_scene(tmp_path, monkeypatch):
+def test_interrupted_write_leaves_no_scene(tmp_path, monkeypatch):
     path = saved(scan(shell(), 0.003), tmp_path)
     reconstruct(path, tmp_path / "out")
 
@@ -456,7 +448,7 @@ def test_an_interrupted_write_leaves_no_scene(tmp_path, monkeypatch):
     assert not list((tmp_path / "out").glob(".*"))
 
 
-def test_photographs_kept_are_those_that_differ_most():
+def test_saved_photographs_are_the_most_distinct_views():
     poses = np.tile(np.eye(4), (20, 1, 1))
     poses[:, 0, 3] = np.r_[np.zeros(17), 1.0, 2.0, 3.0]
     assert distinct_views(poses, 4) == [0, 17, 18, 19]
@@ -466,33 +458,33 @@ def test_photographs_kept_are_those_that_differ_most():
 # Bad input
 
 
-def test_a_scan_that_shows_its_outside_is_turned_and_said_so(tmp_path):
+def test_scan_that_shows_its_outside_is_turned_and_reported(tmp_path):
     mesh = scan(shell(), 0.002)
     mesh.invert()
     loaded, report = load_scan(saved(mesh, tmp_path))
     assert report.turned
     assert any("turned" in line for line in report.lines())
-    assert loaded.volume < 0  # a room: its faces look inwards
+    assert loaded.volume < 0  # the faces of a room look inwards
     mirrored = mesh.copy()
-    mirrored.vertices[:, 0] *= -1  # mirrored axes without turning the faces: inside out once more, so right again
+    mirrored.vertices[:, 0] *= -1  # mirroring an axis turns the faces inside out again, so they are right
     assert not load_scan(saved(mirrored, tmp_path, "mirrored.ply"))[1].turned
 
 
-def test_a_missing_texture_is_said_once_and_costs_only_the_colours(tmp_path):
+def test_missing_texture_gives_one_warning_and_no_colours(tmp_path):
     (tmp_path / "room.mtl").write_text("newmtl a\nmap_Kd gone.png\n")
     mesh = scan(shell())
     lines = ["mtllib room.mtl", "usemtl a", *(f"v {x} {y} {z}" for x, y, z in mesh.vertices), "vt 0 0"]
     lines += [f"f {a + 1}/1 {b + 1}/1 {c + 1}/1" for a, b, c in mesh.faces]
     (tmp_path / "room.obj").write_text("\n".join(lines) + "\n")
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         loaded, _ = load_scan(tmp_path / "room.obj")
-    assert len([w for w in said if "texture" in str(w.message)]) == 1
+    assert len([w for w in caught if "texture" in str(w.message)]) == 1
     assert len(loaded.faces) == len(mesh.faces)
     assert face_colours(loaded) is None
 
 
-def test_texture_beside_the_mesh_gives_its_colours(tmp_path):
+def test_texture_gives_vertex_colours(tmp_path):
     from PIL import Image
 
     mesh = scan(shell())

@@ -1,4 +1,4 @@
-"""Reading a scan: units and axes are right or refused, defects are counted, against meshes whose defects are known."""
+"""Mesh files: units and axes are converted or refused, and defects counted, for meshes with known defects."""
 
 import numpy as np
 import pytest
@@ -22,14 +22,14 @@ def write_obj(path, vertices, faces):
 
 
 def in_frame(vertices, up):
-    """World coordinates (z up) as a file with another up axis would hold them, handedness kept."""
+    """Coordinates (z up) in a file with another up axis, with the same handedness."""
     x, y, z = vertices.T
     return {"z": np.stack([x, y, z], 1), "y": np.stack([x, z, -y], 1), "x": np.stack([z, x, y], 1)}[up]
 
 
 @pytest.mark.parametrize("up", ["x", "y", "z"])
 @pytest.mark.parametrize("given", [True, False])
-def test_up_axis_is_found_or_taken_and_handedness_kept(tmp_path, up, given):
+def test_up_axis_is_found_or_given_and_handedness_kept(tmp_path, up, given):
     mesh = room()
     path = write_obj(tmp_path / "room.obj", in_frame(mesh.vertices, up), mesh.faces)
     loaded, report = load_scan(path, up=up if given else "auto")
@@ -38,7 +38,7 @@ def test_up_axis_is_found_or_taken_and_handedness_kept(tmp_path, up, given):
     assert loaded.volume == pytest.approx(-6.0 * 5.0 * 2.8)
 
 
-def test_a_cube_has_no_clear_up_axis(tmp_path):
+def test_cube_without_up_axis_is_refused(tmp_path):
     mesh = room(3, 3, 3)
     path = write_obj(tmp_path / "cube.obj", mesh.vertices, mesh.faces)
     with pytest.raises(ScanError, match=r"cube\.obj: no clear up axis.*--up z"):
@@ -67,7 +67,7 @@ def test_glb_with_a_clear_vertical_keeps_it(tmp_path, up):
 
 
 @pytest.mark.parametrize("up", ["-x", "-y", "-z"])
-def test_a_scan_that_stands_on_its_head_is_turned_by_the_axis_given(tmp_path, up):
+def test_upside_down_scan_is_turned_by_a_negative_axis(tmp_path, up):
     mesh = room()
     head = np.diag([1, -1, -1]) @ mesh.vertices.T  # z down
     path = write_obj(tmp_path / "room.obj", in_frame(head.T, up[1]), mesh.faces)
@@ -78,7 +78,7 @@ def test_a_scan_that_stands_on_its_head_is_turned_by_the_axis_given(tmp_path, up
     assert (loaded.face_normals[floor, 2] > 0.99).all()
 
 
-def test_an_object_shows_its_outside_and_a_room_its_inside_however_each_was_exported(tmp_path):
+def test_objects_show_their_outside_and_rooms_their_inside(tmp_path):
     can, shell = trimesh.creation.cylinder(0.04, 0.12), trimesh.creation.box((6.0, 5.0, 2.8))
     for name, mesh, sign in (("can", can, 1), ("shell", shell, -1)):
         for turned in (False, True):
@@ -94,7 +94,7 @@ def test_an_object_shows_its_outside_and_a_room_its_inside_however_each_was_expo
     assert load_scan(cabinet, up="z")[0].volume < 0
 
 
-def test_a_room_in_feet_read_as_metres_is_told_with_its_size(tmp_path):
+def test_room_in_feet_read_as_metres_gives_a_warning(tmp_path):
     mesh = room()
     path = write_obj(tmp_path / "room.obj", mesh.vertices / 0.3048, mesh.faces)
     with pytest.warns(
@@ -102,7 +102,7 @@ def test_a_room_in_feet_read_as_metres_is_told_with_its_size(tmp_path):
     ):
         load_scan(path)
     load_scan(path, unit="ft")
-    load_scan(path, unit="m")  # who says so is believed
+    load_scan(path, unit="m")  # a given unit is not questioned
 
 
 @pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("ft", 0.3048), ("in", 0.0254), ("m", 1.0)])
@@ -115,7 +115,7 @@ def test_units_are_converted_when_given(tmp_path, unit, metres):
     assert np.allclose(loaded.extents, (6.0, 5.0, 2.8))
 
 
-def test_millimetres_taken_for_metres_are_refused_with_the_remedy(tmp_path):
+def test_millimetres_read_as_metres_are_refused_with_the_remedy(tmp_path):
     mesh = room()
     path = write_obj(tmp_path / "room.obj", mesh.vertices * 1000, mesh.faces)
     with pytest.raises(ScanError, match=r"room\.obj spans 6000 m.*millimetres.*--unit mm"):
@@ -124,7 +124,7 @@ def test_millimetres_taken_for_metres_are_refused_with_the_remedy(tmp_path):
         load_scan(write_obj(tmp_path / "tiny.obj", mesh.vertices, mesh.faces), unit="mm")
 
 
-def test_defects_are_counted_and_what_cannot_reflect_is_removed(tmp_path):
+def test_defects_are_counted_and_degenerate_and_duplicate_faces_removed(tmp_path):
     mesh = room()
     vertices = np.vstack([mesh.vertices, [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 1.0]], mesh.vertices[:1]])
     twin = 12  # the last vertex repeats the first: a seam
@@ -152,7 +152,7 @@ def test_defects_are_counted_and_what_cannot_reflect_is_removed(tmp_path):
     assert any("2 degenerate and 2 duplicate" in line for line in report.lines())
 
 
-def test_clean_room_reports_nothing(tmp_path):
+def test_clean_room_has_no_defects(tmp_path):
     mesh = room()
     report = load_scan(write_obj(tmp_path / "room.obj", mesh.vertices, mesh.faces))[1]
     assert report.watertight
@@ -161,7 +161,7 @@ def test_clean_room_reports_nothing(tmp_path):
     assert report.area_m2 == pytest.approx(2 * (30 + 16.8 + 14))
 
 
-def test_holes_show_as_boundary_edges(tmp_path):
+def test_holes_are_boundary_edges(tmp_path):
     mesh = room()
     report = load_scan(write_obj(tmp_path / "open.obj", mesh.vertices, mesh.faces[1:]), up="z")[1]
     assert report.boundary_edges == 3
@@ -185,7 +185,7 @@ def test_node_transforms_of_a_glb_are_applied(tmp_path):
     assert np.allclose(loaded.bounds.mean(axis=0), [1, 2, 3])
 
 
-def test_nan_empty_missing_and_unknown_options_are_refused(tmp_path):
+def test_unreadable_meshes_and_unknown_options_are_refused(tmp_path):
     mesh = room()
     path = tmp_path / "nan.obj"
     write_obj(path, mesh.vertices, mesh.faces)

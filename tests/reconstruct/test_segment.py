@@ -1,7 +1,4 @@
-"""Segmentation against rooms whose surfaces are known: recall, precision, planes, and every face once.
-
-The truth is drawn here from boxes, face by face; it shares nothing with the segmenter.
-"""
+"""Segmentation of rooms with known surfaces: recall, precision and planes. The truth is made of boxes, independent of the segmenter."""
 
 import numpy as np
 import pytest
@@ -57,7 +54,7 @@ def scores(mesh, truth, segments, min_area_m2=0.25):
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.005, 0.01])
-def test_surfaces_of_a_noisy_room_are_found_whole_and_pure(noise_m):
+def test_surfaces_of_a_noisy_room_have_high_recall_and_precision(noise_m):
     mesh, truth = truth_room(noise_m)
     segments = segmented(mesh)
     recall, precision = scores(mesh, truth, segments).T
@@ -68,7 +65,7 @@ def test_surfaces_of_a_noisy_room_are_found_whole_and_pure(noise_m):
     assert shell.min() > 0.97
 
 
-def test_planes_of_a_noisy_room_are_good_to_two_millimetres():
+def test_planes_of_a_noisy_room_are_accurate_to_two_millimetres():
     mesh, _ = truth_room(0.01)
     planes = [s for s in segmented(mesh) if s.area_m2 > 10]
     truth = {(0, 0.0), (0, 6.0), (1, 0.0), (1, 5.0), (2, 0.0), (2, 2.8)}
@@ -102,7 +99,7 @@ def test_segmentation_is_deterministic():
     assert all(np.array_equal(a.faces, b.faces) for a, b in zip(first, second, strict=True))
 
 
-def test_two_triangles_a_wall_are_enough():
+def test_walls_of_two_triangles_are_planes():
     room = trimesh.creation.box((6, 5, 2.8))
     room.invert()
     segments = segmented(room)
@@ -111,13 +108,13 @@ def test_two_triangles_a_wall_are_enough():
     assert all(s.normal is not None and np.isclose(np.abs(s.normal).max(), 1) for s in segments)
 
 
-def test_a_sphere_is_a_part_not_a_plane():
+def test_sphere_is_not_a_plane():
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.15)
     segments = segmented(ball)
     assert all(s.normal is None or s.area_m2 < 0.3 * ball.area for s in segments)
 
 
-def test_rooms_surfaces_get_the_names_geometry_gives_them():
+def test_surfaces_are_named_by_geometry():
     mesh, _ = truth_room(0.005)
     segments = segmented(mesh)
     names = segment_names(mesh, segments)
@@ -131,7 +128,7 @@ def test_rooms_surfaces_get_the_names_geometry_gives_them():
     assert sorted(round(a) for a in walls) == [14, 14, 17, 17]
 
 
-def test_another_segmenter_can_be_plugged_in(tmp_path):
+def test_another_segmenter_can_be_used(tmp_path):
     mesh, _ = truth_room(0.0)
     mesh.export(tmp_path / "room.ply")
 

@@ -1,4 +1,4 @@
-"""A room that creeps: how far, how slowly, and how well three traced states stand for all between them."""
+"""Drift of the room: size, speed, and the error of interpolating between traced states."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ WAVELENGTH_M = SPEED_OF_LIGHT / 79e9
 
 
 def echo(shift_m: float) -> np.ndarray:
-    """(T, R, N) of an echo straight back: its phase goes with twice the shift."""
+    """Signal (T, R, N) of an echo straight back, whose phase changes with twice the shift."""
     return np.full((1, 1, 4), np.exp(-4j * np.pi * shift_m / WAVELENGTH_M), np.complex64)
 
 
-def test_three_states_stand_for_all_shifts_between_them_to_the_stated_error() -> None:
+def test_three_states_interpolate_all_shifts_to_the_stated_error() -> None:
     states = drift.traced(lambda state: echo(state * ERRORS.creep_m), ERRORS)
     course = np.linspace(-REACH, REACH, 201)
     blended = Drift(states, course).at() + echo(0.0)
@@ -30,10 +30,10 @@ def test_three_states_stand_for_all_shifts_between_them_to_the_stated_error() ->
     worst = np.abs(blended - exact).max()
     assert 0.002 < worst < 0.02
     assert np.abs(blended - exact)[[0, 100, 200]].max() < 1e-6
-    assert np.abs(exact - exact[100]).max() > 0.5  # what is met to 0.02 is no small matter
+    assert np.abs(exact - exact[100]).max() > 0.5  # the change is much larger than the error of 0.02
 
 
-def test_twice_the_creep_has_more_states_and_no_more_error() -> None:
+def test_doubled_drift_has_more_states_and_the_same_error() -> None:
     twice = ERRORS.scaled(2)
     states = drift.traced(lambda state: echo(state * twice.creep_m), twice)
     course = np.linspace(-REACH, REACH, 201)
@@ -42,18 +42,18 @@ def test_twice_the_creep_has_more_states_and_no_more_error() -> None:
     assert np.abs(Drift(states, course).at() + echo(0.0) - exact).max() < 0.02
 
 
-def test_a_course_is_slow_bounded_and_its_own() -> None:
+def test_course_is_slow_bounded_and_reproducible() -> None:
     times = np.arange(3000) / 10
     found = np.array([drift.course(times, ERRORS, seed) for seed in range(200)])
     assert np.abs(found).max() <= REACH
-    assert found.std() == pytest.approx(0.9, abs=0.1)  # of a normal one, turned back at two standard deviations
+    assert found.std() == pytest.approx(0.9, abs=0.1)  # of a normal process, reflected at two standard deviations
     assert np.abs(np.diff(found, axis=1)).max() < 0.3  # no jump from frame to frame
     turns = found[:, ::250]
-    assert np.abs(turns[:, 1] - turns[:, 0]).mean() > 0.3  # one revolution later the room is elsewhere
+    assert np.abs(turns[:, 1] - turns[:, 0]).mean() > 0.3  # the state differs after one revolution
     assert np.array_equal(found[3], drift.course(times, ERRORS, 3))
 
 
-def test_things_move_level_each_its_own_way_and_nothing_else_does() -> None:
+def test_named_objects_shift_level_in_their_own_directions() -> None:
     surfaces = [Surface(trimesh.creation.box([0.1, 0.1, 0.1]), "metal", name) for name in ("bin", "box", "wall")]
     moved = drift.shifted(surfaces, {"bin", "box"}, -1.5, ERRORS, 7)
     shifts = [b.mesh.vertices.mean(axis=0) - a.mesh.vertices.mean(axis=0) for a, b in zip(surfaces, moved, strict=True)]
@@ -63,7 +63,7 @@ def test_things_move_level_each_its_own_way_and_nothing_else_does() -> None:
     assert [s.name for s in drift.shifted(surfaces, {"bin"}, 0.0, ERRORS, 7)] == ["bin", "box", "wall"]
 
 
-def test_a_traced_sphere_between_its_states_is_where_it_would_be_traced() -> None:
+def test_interpolated_sphere_matches_a_traced_one() -> None:
     radar = Radar.iwr1843(element="isotropic")
     sphere = Surface(trimesh.creation.icosphere(4, 0.1).apply_translation([1.5, 0.2, 0.0]), "metal", "ball")
 

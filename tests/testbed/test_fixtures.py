@@ -1,4 +1,4 @@
-"""Fixtures stand clear of everything, are marked as such, and are there only where the clutter gap is."""
+"""Equipment touches no surface, is marked, and is present only with the clutter gap."""
 
 import dataclasses
 
@@ -17,13 +17,13 @@ TOP = BENCH.target_position(2.0) - [0, 0, 0.05]
 
 
 def points(surface):
-    """About one on each 8 mm square, and all corners."""
+    """About one point per 8 mm square, and all corners."""
     count = max(200, int(surface.mesh.area / 0.008**2))
     return np.vstack([trimesh.sample.sample_surface_even(surface.mesh, min(count, 40_000), seed=0)[0], surface.mesh.vertices])
 
 
 def near(surface, box):
-    """Whether its bounds come within 5 cm of the others'."""
+    """Whether the surface's bounds come within 5 cm of the box."""
     low, high = surface.mesh.bounds
     return bool((low <= box[1] + 0.05).all() and (high >= box[0] - 0.05).all())
 
@@ -41,23 +41,23 @@ def check_clear(scene, others=()):
 
 
 @pytest.mark.parametrize("distance_m", [0.5, 2.0])
-def test_the_turntables_rig_touches_nothing(distance_m):
+def test_turntable_equipment_touches_no_surface(distance_m):
     top = BENCH.target_position(distance_m) - [0, 0, 0.05]
     rig = fixtures.turntable_rig(BENCH.sensor_pose, top)
     check_clear(rig, [*rooms.support(top), *(s for s in rooms.lab(detail="cluttered") if s.name != "floor")])
     assert all(s.kind == "object" and s.provenance["fixture"] for s in rig)
 
 
-def test_the_rover_stands_on_the_floor_below_and_behind_its_radar():
+def test_rover_is_below_and_behind_its_radar():
     body = fixtures.rover(0.4)
     check_clear([s.moved(trimesh.transformations.translation_matrix([0, 0, 0.4])) for s in body])
     assert set(body.names) == {fixtures.ROVER}
     for part in body:
         high = part.mesh.bounds[1]
-        assert high[2] < 0 or high[0] < -0.01  # nothing before the radar at its height
+        assert high[2] < 0 or high[0] < -0.01  # nothing in front of the radar at its height
 
 
-def test_a_rover_is_simulated_with_its_radar():
+def test_rover_moves_with_its_radar_in_a_simulation():
     plate = rt.Scene([rt.Surface(trimesh.creation.box((0.01, 0.1, 0.1)), "metal", "plate")])
     poses = rt.scene.trajectory.depth_sweep(rt.scene.trajectory.pose([0, 0, 0.4]))[:2]
     motion = {"plate": rt.scene.trajectory.static(rt.scene.trajectory.pose([1.5, 0, 0.4]), 1), fixtures.ROVER: poses}
@@ -65,7 +65,7 @@ def test_a_rover_is_simulated_with_its_radar():
     assert np.abs(with_body.iq).max() > 0
 
 
-def test_the_clutter_gap_brings_them():
+def test_clutter_gap_adds_the_equipment():
     scene = rt.Scene(rooms.support(TOP)) + fixtures.turntable_rig(BENCH.sensor_pose, TOP)
     assert set(testbed.truth(scene, testbed.OFF, 0).names) == {"turntable", "stand"}
     whole = testbed.truth(scene, dataclasses.replace(testbed.OFF, clutter=1.0), 0)
@@ -74,7 +74,7 @@ def test_the_clutter_gap_brings_them():
     assert np.mean(half) == pytest.approx((len(scene) - 2) / 2, rel=0.1)
 
 
-def test_what_cannot_stand_is_refused():
+def test_too_low_equipment_is_refused():
     low = BENCH.sensor_pose.copy()
     low[2, 3] = 0.2
     for make in (lambda: fixtures.tripod(low), lambda: fixtures.rover(0.2), lambda: fixtures.turntable_drive(np.array([1, 0, 0.1]))):

@@ -1,4 +1,4 @@
-"""Errors of motion: their statistics as described, and none at strength 0."""
+"""Motion errors have the described statistics, and strength 0 has none."""
 
 from collections.abc import Callable
 
@@ -32,15 +32,15 @@ def rigid(poses):
     return np.allclose(poses[:, :3, :3] @ poses[:, :3, :3].swapaxes(1, 2), np.eye(3), atol=1e-12) and np.allclose(poses[:, 3], [0, 0, 0, 1])
 
 
-@pytest.mark.parametrize("size", [0.0])
-def test_strength_zero_is_the_identity_to_the_bit(size):
-    assert np.array_equal(rover(SWEEP, RoverErrors().scaled(size), rng(0)), SWEEP)
-    assert np.array_equal(turntable(TURN, TurntableErrors().scaled(size), rng(0)), TURN)
-    assert np.array_equal(placed({"a": TURN}, PlacementErrors().scaled(size), rng(0))["a"], TURN)
+def test_strength_zero_returns_the_nominal_poses_exactly():
+    assert np.array_equal(rover(SWEEP, RoverErrors().scaled(0), rng(0)), SWEEP)
+    assert np.array_equal(turntable(TURN, TurntableErrors().scaled(0), rng(0)), TURN)
+    assert np.array_equal(placed({"a": TURN}, PlacementErrors().scaled(0), rng(0))["a"], TURN)
+    assert np.array_equal(rail(SWEEP, RailErrors().scaled(0), rng(0)), SWEEP)
     assert np.array_equal(at_times(SWEEP, 10.0, np.arange(len(SWEEP)) / 10.0), SWEEP)
 
 
-def test_strength_scales_errors_and_leaves_lengths():
+def test_strength_scales_errors_and_keeps_lengths():
     twice = RoverErrors().scaled(2)
     assert (twice.slip, twice.start_m) == (2 * RoverErrors().slip, 2 * RoverErrors().start_m)
     assert (twice.wheel_m, twice.slip_length_m) == (RoverErrors().wheel_m, RoverErrors().slip_length_m)
@@ -49,7 +49,7 @@ def test_strength_scales_errors_and_leaves_lengths():
     assert np.linalg.norm(large - 2 * small) < 0.01 * np.linalg.norm(large)
 
 
-def test_same_seed_same_course_and_poses_stay_rigid():
+def test_equal_seeds_give_equal_rigid_poses():
     motions: list[tuple[Callable[..., np.ndarray], np.ndarray, RoverErrors | TurntableErrors]]
     motions = [(rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors())]
     for make, poses, errors in motions:
@@ -63,9 +63,9 @@ def courses():
     return np.stack([rover(SWEEP, RoverErrors(), rng(s)) for s in range(800)])
 
 
-def test_a_rover_starts_and_arrives_off_by_what_is_described(courses):
-    """Start 10 mm an axis; 1 m of way off by its constant half of slip (1.06 %) and the average of the changing half (0.3 m of memory:
-    sqrt(2 l/L - 2 (l/L)^2 (1 - exp(-L/l))) of it), so 1.30 % in all; ripple adds 0.5 mm at most."""
+def test_rover_start_and_path_errors_have_the_described_spread(courses):
+    """Start: 10 mm per axis. Path of 1 m: 1.06 % from the constant half of the slip, and the average of the changing half (correlation
+    length l = 0.3 m: sqrt(2 l/L - 2 (l/L)^2 (1 - exp(-L/l))) of it), together 1.30 %; ripple adds at most 0.5 mm."""
     start = courses[:, 0, :2, 3] - SWEEP[0, :2, 3]
     assert start.std() == pytest.approx(0.01, rel=0.1)
     assert np.abs(start.mean(axis=0)).max() < 1.5e-3
@@ -76,7 +76,7 @@ def test_a_rover_starts_and_arrives_off_by_what_is_described(courses):
     assert along.std() == pytest.approx(0.015 * np.sqrt((1 + changing**2) / 2), rel=0.1)
 
 
-def test_a_rover_turns_and_bobs_as_described(courses):
+def test_rover_heading_and_height_errors_have_the_described_spread(courses):
     heading = np.degrees(np.arctan2(courses[:, :, 1, 0], courses[:, :, 0, 0]))
     way = np.linalg.norm(SWEEP[-1, :3, 3] - SWEEP[0, :3, 3])
     assert heading[:, 0].std() == pytest.approx(0.5, rel=0.1)
@@ -88,8 +88,8 @@ def test_a_rover_turns_and_bobs_as_described(courses):
     assert abs(far) < 0.15
 
 
-def test_ripple_has_the_period_of_a_wheel():
-    """0.5 mm, once per 251 mm of way: the strongest line of the way's error."""
+def test_rover_ripple_has_the_period_of_a_wheel():
+    """0.5 mm with a period of 251 mm is the strongest line of the path error."""
     errors = RoverErrors(slip=0, start_m=0, heading_deg=0, drift_deg_per_m=0, bob_m=0)
     long = trajectory.rail(trajectory.pose([0, 0, 0.4]), [1, 0, 0], 10 * np.pi * 0.08, 1001)
     error = (rover(long, errors, rng(1)) - long)[:-1, 0, 3]
@@ -98,19 +98,19 @@ def test_ripple_has_the_period_of_a_wheel():
     assert lines[10] == pytest.approx(0.5e-3, rel=0.01)
 
 
-def test_a_rover_at_rest_stays():
+def test_resting_rover_does_not_move():
     rest = trajectory.static(trajectory.pose([0, 0, 0.4]), 20)
     moved = rover(rest, RoverErrors(), rng(0))
     assert np.array_equal(moved, moved[:1].repeat(20, 0))
 
 
-def test_a_turntable_starts_and_ends_off_by_what_is_described():
-    """5 degrees at the start; 2.9 degrees more after a turn at a speed off by 1 %, half of it forgotten in a fifth of a turn; the ripple is
-    back where it was."""
+def test_turntable_angle_errors_have_the_described_spread():
+    """5 degrees at the start, and 2.9 degrees more after a revolution with a speed error of 1 %, half of which changes within a fifth of a
+    revolution. The ripple is periodic."""
     nominal = np.linspace(0, 2 * np.pi, 251)
     off = np.degrees([turntable_angles(nominal, TurntableErrors(), rng(s)) for s in range(800)])
     assert off[:, 0].std() == pytest.approx(5.0, rel=0.1)
-    forgotten = 2 * 0.2 * (1 - 0.2 * (1 - np.exp(-5)))  # variance of the mean of what is forgotten in 0.2 of a turn, over a whole one
+    forgotten = 2 * 0.2 * (1 - 0.2 * (1 - np.exp(-5)))  # variance of the changing half's mean over a whole revolution
     assert (off[:, -1] - off[:, 0]).std() == pytest.approx(3.6 * np.sqrt((1 + forgotten) / 2), rel=0.1)
     steady = np.degrees([turntable_angles(nominal, TurntableErrors(rate=0.0), rng(s)) for s in range(800)])
     smooth = steady - steady[:, :1]
@@ -119,7 +119,7 @@ def test_a_turntable_starts_and_ends_off_by_what_is_described():
     assert lines[:, 12].mean() == pytest.approx(0.5, rel=0.01)
 
 
-def test_wobble_tilts_the_axis_and_moves_what_stands_on_it():
+def test_turntable_wobble_tilts_about_its_bearing():
     errors = TurntableErrors(start_deg=0, rate=0, ripple_deg=0)
     tilts = []
     for seed in range(400):
@@ -130,7 +130,7 @@ def test_wobble_tilts_the_axis_and_moves_what_stands_on_it():
     assert np.mean(np.square(tilts)) == pytest.approx(4 * 0.2**2, rel=0.1)
 
 
-def test_what_stands_together_is_misplaced_together_and_what_turns_turns_off_its_axis():
+def test_objects_share_the_placement_offset_and_rotating_ones_are_eccentric():
     motion = {"object": TURN, "stand": np.eye(4)[None]}
     moved = [placed(motion, PlacementErrors(), rng(s)) for s in range(800)]
     stand = np.array([m["stand"][0, :2, 3] for m in moved])
@@ -143,7 +143,7 @@ def test_what_stands_together_is_misplaced_together_and_what_turns_turns_off_its
     assert yaw.std() == pytest.approx(2.0, rel=0.1)
 
 
-def test_frames_at_other_times_are_on_the_same_course():
+def test_poses_at_other_times_follow_the_nominal_course():
     times = np.arange(len(SWEEP)) / 10 + 0.03
     moved = at_times(SWEEP, 10.0, times)
     np.testing.assert_allclose(moved[:, 0, 3], 1.0 + 0.2 * times, atol=1e-12)
@@ -151,8 +151,8 @@ def test_frames_at_other_times_are_on_the_same_course():
     assert np.degrees(np.arctan2(turned[0, 1, 0], turned[0, 0, 0])) == pytest.approx(0.72, abs=1e-6)
 
 
-def test_what_slides_is_off_along_its_rail_alone():
-    """2 mm at the start, 0.5 % of the way at the end, a ripple that never exceeds twice its amplitude; it does not turn."""
+def test_rail_errors_have_the_described_spread_along_the_rail():
+    """2 mm at the start and 0.5 % of the path at the end, along the rail only, without rotation."""
     slide = np.tile(np.eye(4), (61, 1, 1))
     slide[:, :2, 3] = np.linspace(0, 0.6, 61)[:, None] * np.sqrt([0.5, 0.5])
     assert not turns(slide)
@@ -164,11 +164,10 @@ def test_what_slides_is_off_along_its_rail_alone():
     assert (along[:, -1] - along[:, 0]).std() == pytest.approx(3e-3, rel=0.1)
     assert np.abs(across).max() < 1e-12
     assert np.array_equal(there[:, :, :3, :3], np.broadcast_to(slide[:, :3, :3], there[:, :, :3, :3].shape))
-    assert np.array_equal(rail(slide, RailErrors().scaled(0), rng(0)), slide)
 
 
-def test_what_is_put_down_by_hand_is_turned_even_where_it_rests():
-    """2 degrees of yaw of what a rover passes; 2 mm off the axis only of what turns."""
+def test_placement_yaw_applies_to_resting_and_eccentricity_to_rotating_objects():
+    """2 degrees of yaw for resting objects too; 2 mm off the axis only for rotating objects."""
     rest = np.tile(np.eye(4), (1, 1, 1))
     errors = PlacementErrors(offset_m=0.0)
     resting = np.stack([placed({"mug": rest}, errors, rng(s))["mug"][0] for s in range(800)])

@@ -1,6 +1,6 @@
-"""What the testbed's radar reads off a bench, by the processing that all tables share, beside link budget and range law in closed form.
+"""The testbed's levels on a bench against closed forms of link budget and range law, with the processing of the tables.
 
-Bounds are wide where boards differ, and say why; levels are received over transmitted power.
+Levels are received over transmitted power. Wide bounds cover the differences between boards.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def filter_db(distance_m):
 
 
 def measured(mesh, distance_m, frames=1):
-    """A recording of a metal thing in free space that faces the radar, processed, by the testbed with its hardware."""
+    """Processed testbed recording, with hardware, of a metal object in free space that faces the radar."""
     scene = Scene([Surface(mesh, "metal", "thing", role="object")])
     motion = {"thing": trajectory.pose([distance_m, 0.0, 0.0], np.diag([-1.0, -1.0, 1.0]))[None]}
     clean = testbed.clean(scene, RADAR, np.eye(4)[None], motion, dataclasses.replace(OFF, hardware=1.0, solver=1.0))
@@ -64,20 +64,20 @@ def reflector():
     return measured(objects.trihedral(0.1), 2.0, frames=10)
 
 
-def test_the_floor_of_a_range_profile_is_thermal_noise(reflector):
-    """-174 dBm/Hz and a noise figure of 15 dB over 5.21 MHz, from 12 dBm; a Hann window spreads a bin over 1.5, 256 samples and 16 chirps
-    add coherently. Q is amplified by 1 dB more than I, half a decibel in power; what phase noise the reflector's own echo spreads over all
-    ranges (-64 dB of it, -93 dBc/Hz) is no more than as much again: from 0.5 dB below to 2 dB above."""
+def test_noise_floor_of_a_range_profile_is_thermal(reflector):
+    """-174 dBm/Hz and a noise figure of 15 dB over 5.21 MHz, relative to 12 dBm. A Hann window widens a bin by 1.5, and 256 samples and
+    16 chirps add coherently. Q has 1 dB more gain than I, which adds 0.5 dB. Phase noise of the reflector's echo (-64 dB, -93 dBc/Hz) at
+    most doubles the floor. Limits: 0.5 dB below to 2 dB above."""
     thermal = -174 + 15 + db(5.21e6) - 12 + db(1.5 / 256 / 16)
     far = reflector.range_m > 3.0
     assert thermal - 0.5 < db(reflector.power[:, far].mean()) < thermal + 2
     assert thermal - 0.5 < db(reflector.noise_floor[far].mean()) < thermal + 2
 
 
-def test_a_trihedral_at_2_m_reads_what_its_link_budget_leaves(reflector):
-    """sigma = 4 pi a^4 / (3 lambda^2), 14 m^2. Its lines take 5.2 dB, the filter 0.7 dB at 2 m and its near field 0.6 dB (physics: 10 cm
-    at 2 m); a bin that is not on the peak up to 1.4 dB, boards 0.6 dB a channel. Real boards measure up to 25 dB less than the equation
-    (IWR1443BOOST, TI E2E 1436795), none more."""
+def test_trihedral_at_2_m_matches_its_link_budget(reflector):
+    """sigma = 4 pi a^4 / (3 lambda^2), with the losses: 5.2 dB in the lines, 0.7 dB in the filter at 2 m, 0.6 dB of near field (10 cm at
+    2 m), up to 1.4 dB for a bin beside the peak, and 0.6 dB per channel between boards. Real boards measure up to 25 dB below the equation
+    (IWR1443BOOST, TI E2E 1436795), and none above."""
     expected = equation_db(4 * np.pi * 0.1**4 / (3 * WAVELENGTH**2), 2.0)
     peak = db(reflector.power[0, np.abs(reflector.range_m - 2.0) < 0.2].max())
     assert expected - 25 < peak < expected
@@ -86,21 +86,22 @@ def test_a_trihedral_at_2_m_reads_what_its_link_budget_leaves(reflector):
     assert 50 < ratio < 80
 
 
-def test_leakage_lies_at_zero_range_and_does_not_outshine_the_bench(reflector):
-    """Transmitter to receiver on boards of the family: -30 to -55 dB (TI E2E 674013 has -45), and two high-pass stages take 36 to 50 dB at
-    the 10 to 30 kHz of a few centimetres: -66 to -105 dB, beside the -64 dB of the reflector at 2 m. And it is seen: real captures have it
-    13 and 15 dB above the noise of a sample, which is 34 dB more above that of a coherent bin."""
+def test_leakage_is_at_zero_range_and_below_the_limit(reflector):
+    """Leakage on boards of the family is -30 to -55 dB (TI E2E 674013: -45). Two high-pass stages attenuate it by 36 to 50 dB at 10 to
+    30 kHz, the beat of a few centimetres, to -66 to -105 dB; the reflector at 2 m has -64 dB. Real captures show the leakage 13 and 15 dB
+    above the noise of a sample, which is 34 dB more relative to a coherent bin."""
     near = reflector.power[0, reflector.range_m <= 0.2].max()
     behind = reflector.power[0, (reflector.range_m > 0.3) & (reflector.range_m < 1.5)].max()
     target = reflector.power[0, np.abs(reflector.range_m - 2.0) < 0.2].max()
     assert -40 < db(near / target) < 5
-    assert near > 10 * behind  # no echo is in front of the reflector, so what is there is leakage
+    assert near > 10 * behind  # no object is in front of the reflector, so this is leakage
     assert 25 < db(near / np.median(reflector.power[:, reflector.range_m > 3.0])) < 65
 
 
-def test_free_space_follows_the_fourth_power_of_range_at_the_campaigns_distances():
-    """A ball of 15 mm: its flash is at R - a, and its power as 1/((R - a) R)^2, which is the fourth power of the geometric mean. The filter
-    is taken out by its closed form; what is left is within 0.3 dB at each distance and 0.05 of the exponent."""
+def test_power_falls_with_the_fourth_power_of_range():
+    """A ball of radius a = 15 mm: its specular point is at R - a, and its power follows 1/((R - a) R)^2, the fourth power of the geometric
+    mean.
+    Without the filter (closed form), the levels agree within 0.3 dB and the exponent within 0.05."""
     levels = []
     for distance in DISTANCES_M:
         processed = measured(objects.sphere(BALL_M), distance)
@@ -110,15 +111,15 @@ def test_free_space_follows_the_fourth_power_of_range_at_the_campaigns_distances
     slope, level = np.polyfit(where, levels, 1)
     assert slope == pytest.approx(-4, abs=0.05)
     np.testing.assert_allclose(levels, level - 4 * where, atol=0.3)
-    # Of pi a^2, through lines of 5.2 dB; a Hann window holds 1.5 of a bin's power in all
+    # pi a^2 with 5.2 dB of line loss; the bins of a Hann window sum to 1.5 times the peak bin
     assert level == pytest.approx(equation_db(np.pi * BALL_M**2, 1.0) - 5.2 + db(1.5), abs=1.0)
 
 
 @pytest.mark.slow
-def test_the_lab_at_2_m_returns_more_from_beyond_the_target_than_the_target_in_most_frames(tmp_path):
-    """The paper's average is about 0.75, without saying how it weighs the few aspects at which the reflector flashes. In the campaign's own
-    recording the median over a turn's frames is above half (a wall of plasterboard at 4 to 5 m, furniture of metal, against a reflector
-    that shows its back); the mean of the power is the flashes', and only a lower bound is sure: the room is there."""
+def test_most_energy_in_the_lab_comes_from_beyond_the_target(tmp_path):
+    """The paper states an average of about 0.75, but not how it weights the few aspects with a strong flash of the reflector. In the
+    campaign's own recording the median over the frames of a revolution is above one half. The flashes dominate the mean power, so it only
+    has a lower bound."""
     config = compose(["experiment=environment", f"output={tmp_path}"])
     small = dataclasses.replace(config.profile.campaign, frames_per_turn=16, turns=1)
     config = dataclasses.replace(config, profile=dataclasses.replace(config.profile, campaign=small))

@@ -1,4 +1,4 @@
-"""The testbed differs from what it is given by its gaps alone, and each can be switched off."""
+"""The testbed differs from the nominal scene only by its gaps, and each gap can be switched off."""
 
 import dataclasses
 
@@ -29,13 +29,13 @@ def materials(scene):
     return {s.name: s.material for s in scene}
 
 
-def test_without_gaps_the_truth_is_the_scene():
+def test_truth_without_gaps_is_the_scene():
     same = truth(LAB, dataclasses.replace(OFF, clutter=1.0), 0)
     assert [(s.name, s.material, s.roughness_m) for s in same] == [(s.name, s.material, s.roughness_m) for s in LAB]
     assert all(a.mesh is b.mesh for a, b in zip(same, LAB, strict=True))
 
 
-def test_every_gap_of_the_configuration_is_a_gap_of_the_testbed_or_of_the_scan():
+def test_configured_gaps_are_those_of_testbed_and_scan():
     from radartwin.config.study import GapConfig
 
     mine = {f.name for f in dataclasses.fields(Gaps)}
@@ -44,7 +44,7 @@ def test_every_gap_of_the_configuration_is_a_gap_of_the_testbed_or_of_the_scan()
     assert not any(dataclasses.asdict(OFF).values())
 
 
-def test_clutter_is_there_and_has_been_moved_since_the_scan():
+def test_clutter_is_present_and_has_moved():
     bare = truth(LAB, OFF, 0, rooms.CLUTTER)
     assert set(LAB.names) - set(bare.names) == set(rooms.CLUTTER)
     moved = truth(LAB, only(clutter=1.0), 0, rooms.CLUTTER)
@@ -57,7 +57,7 @@ def test_clutter_is_there_and_has_been_moved_since_the_scan():
     assert all(np.array_equal(s.mesh.bounds[0], before[s.name]) for s in moved if s.name not in rooms.CLUTTER)
 
 
-def test_layers_are_their_own_in_thickness_and_permittivity():
+def test_layer_deviations_have_the_described_spread():
     """Standard deviations over many truths of one wall: 5 % of thickness, 10 % of permittivity, 0.5 of the logarithm of loss."""
     wall = rt.Scene([s for s in LAB if s.name == "wall_front"])
     found = []
@@ -71,7 +71,7 @@ def test_layers_are_their_own_in_thickness_and_permittivity():
     assert materials(truth(LAB, only(materials=2.0, clutter=1.0), 0))["cabinet"] == "metal"
 
 
-def test_roughness_is_its_own_and_smooth_things_are_smooth_no_more():
+def test_roughness_deviates_and_smooth_surfaces_become_rough():
     rough = rt.Scene([TARGET.surfaces[0].replaced(roughness_m=0.2e-3)])
     heights = [truth(rough, only(roughness=1.0), seed).surfaces[0].roughness_m for seed in range(400)]
     assert np.log(heights).std() == pytest.approx(0.7, rel=0.1)
@@ -81,7 +81,7 @@ def test_roughness_is_its_own_and_smooth_things_are_smooth_no_more():
     assert truth(glass, only(roughness=1.0), 0).surfaces[0].roughness_m == pytest.approx(ROUGHNESS_OTHER_M)
 
 
-def test_a_vessel_is_not_full_and_its_liquid_is_its_own():
+def test_vessel_has_headspace_and_a_deviating_liquid():
     bottle = rt.Surface(objects.cylinder(0.03, 0.2), Layered([("pet", 0.5e-3)], backing="mustard"), "bottle", role="object")
     levels, factors = [], []
     for seed in range(300):
@@ -98,8 +98,8 @@ def test_a_vessel_is_not_full_and_its_liquid_is_its_own():
     assert len(truth(LAB, only(contents=2.0, clutter=1.0), 0)) == len(LAB)  # nothing else is filled
 
 
-def test_a_filled_vessel_in_parts_echoes_as_the_whole_one_does():
-    """Its headspace does nearly nothing for a broad side that is nine tenths full: within 2 dB."""
+def test_vessel_with_headspace_echoes_like_a_full_one():
+    """The headspace of a vessel that is nine tenths full changes its broadside echo by less than 2 dB."""
     pose = trajectory.pose([1.0, 0.0, 0.0])[None]
     bottle = rt.Scene([rt.Surface(objects.cylinder(0.03, 0.2), Layered([("pet", 0.5e-3)], backing="water"), "bottle", role="object")])
     whole, parts = (
@@ -109,8 +109,8 @@ def test_a_filled_vessel_in_parts_echoes_as_the_whole_one_does():
     assert 20 * np.log10(parts / whole) == pytest.approx(0, abs=2)
 
 
-def test_one_gap_moves_nothing_that_another_does():
-    """Same seed, one more gap: what the others drew stays."""
+def test_gaps_draw_independently():
+    """With the same seed, one more gap leaves the draws of the others unchanged."""
     one, two = truth(LAB, only(materials=1.0, clutter=1.0), 5), truth(LAB, only(materials=1.0, clutter=1.0, roughness=1.0), 5)
     assert materials(one) == materials(two)
     motion, sweep = {"plate": TURNING["plate"]}, np.eye(4)[None]
@@ -119,7 +119,7 @@ def test_one_gap_moves_nothing_that_another_does():
     assert np.allclose(alone[:, :2, 3].mean(axis=0), both[:, :2, 3].mean(axis=0), atol=5e-3)
 
 
-def test_without_trajectory_and_placement_things_are_where_the_log_says():
+def test_true_poses_without_gaps_are_nominal():
     sweep = trajectory.depth_sweep(trajectory.pose([0, 0, 0.4]))
     there = actual(sweep, {"plate": np.eye(4)[None]}, 10.0, OFF, 3)
     assert np.array_equal(there.sensor_poses, sweep)
@@ -129,7 +129,7 @@ def test_without_trajectory_and_placement_things_are_where_the_log_says():
     assert 1e-3 < np.linalg.norm(off.motion["plate"][0, :3, 3]) < 0.03
 
 
-def test_a_recording_says_what_the_log_says():
+def test_recording_holds_the_nominal_poses():
     sweep = trajectory.depth_sweep(trajectory.pose([0, 0, 0.0]))[:3]
     poses = trajectory.pose([2.0, 0.0, 0.0])[None]
     recording = record(TARGET, RADAR, sweep, {"plate": poses}, Gaps(solver=0), seed=1)
@@ -137,21 +137,21 @@ def test_a_recording_says_what_the_log_says():
     assert recording.radar == RADAR
 
 
-def test_without_gaps_a_recording_is_the_plain_simulation():
+def test_recording_without_gaps_is_the_plain_simulation():
     plain = rt.simulate(TARGET, RADAR, np.eye(4)[None], motion=TURNING)
     measured = record(TARGET, RADAR, np.eye(4)[None], TURNING, OFF, seed=5)
     assert np.array_equal(plain.iq, measured.iq)
     assert measured.scale is None
 
 
-def test_repetitions_differ_and_repeat_themselves():
+def test_repetitions_differ_and_are_reproducible():
     first, again, other = (record(TARGET, RADAR, np.eye(4)[None], TURNING, Gaps(solver=0), seed=s).iq for s in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
 
 
-def test_a_clean_recording_serves_every_repetition_and_strength():
-    """Made once, received often: the same as making it anew, and frames alone are as in the whole."""
+def test_clean_recording_serves_every_repetition_and_strength():
+    """A clean recording received separately equals a full recording, and single frames equal those of the whole."""
     gaps = Gaps(solver=0, trajectory=0, placement=0)
     ideal = clean(TARGET, RADAR, np.eye(4)[None], TURNING, gaps)
     whole = record(TARGET, RADAR, np.eye(4)[None], TURNING, gaps, seed=7)

@@ -1,4 +1,4 @@
-"""Truth and twin know nothing of one another: not by import, and not by what a strength of the truth changes."""
+"""Truth and twin are independent: by imports, and by the products that a gap's strength changes."""
 
 import ast
 import subprocess
@@ -21,7 +21,7 @@ PACKAGE = Path(radartwin.__file__).parent
 
 
 @pytest.mark.parametrize("module", TESTBED)
-def test_the_testbed_imports_no_scan_no_label_and_no_settings(module):
+def test_testbed_imports_no_scan_label_or_settings(module):
     forbidden = (
         "radartwin.label", "radartwin.reconstruct", "radartwin.config", "radartwin.build",
     )  # fmt: skip
@@ -38,7 +38,7 @@ def imports(path):
             yield from (alias.name for alias in node.names)
 
 
-def test_what_the_twin_is_made_of_imports_no_testbed():
+def test_packages_of_the_twin_do_not_import_the_testbed():
     truth = tuple(f"radartwin.testbed.{name}" for name in TESTBED)
     for folder in ("label", "reconstruct", "scene", "materials", "simulation", "radar", "features"):
         for path in (PACKAGE / folder).rglob("*.py"):
@@ -46,46 +46,46 @@ def test_what_the_twin_is_made_of_imports_no_testbed():
 
 
 class Store:
-    """Remembers what it was asked for, and makes nothing."""
+    """Records the requested specifications and makes nothing."""
 
     def __init__(self):
-        self.asked = {}
+        self.requested = {}
 
     def key(self, kind, spec, roots):
         return spec_digest([kind, spec])
 
     def fetch(self, kind, spec, roots, build):
-        self.asked[kind] = spec
+        self.requested[kind] = spec
         return Product(Path(), spec_digest([kind, spec]), False)
 
 
 CASE = Case("corner_reflector", "lab", "turntable", 1.0)
 
 
-def asked(config, domain):
+def requested(config, domain):
     store = Store()
     Campaign(config, store, Progress(quiet=True)).clean(domain, CASE)  # pyright: ignore[reportArgumentType]
-    return spec_digest(store.asked["clean"])
+    return spec_digest(store.requested["clean"])
 
 
 @pytest.mark.parametrize("gap", TRUTHS)
-def test_a_strength_of_the_truth_changes_nothing_of_the_twin(gap):
-    """Not what it is simulated with, its scan included; the measured domain is asked anew."""
+def test_gap_of_the_truth_leaves_the_twin_unchanged(gap):
+    """Neither its simulation nor its scan changes; the measured domain does."""
     base = ["experiment=environment", "measured=testbed", "materials=uniform", "profile=quick"]
     one, two = (compose([*base, f"measured.gap.{gap}={s}"]) for s in (0, 2))
     for domain in ("twin", "void"):
-        assert asked(one, domain) == asked(two, domain)
-    assert asked(one, "measured") != asked(two, "measured")
+        assert requested(one, domain) == requested(two, domain)
+    assert requested(one, "measured") != requested(two, "measured")
 
 
-def test_the_strength_of_the_scan_changes_the_twin_alone():
+def test_gap_of_the_scan_changes_only_the_twin():
     base = ["experiment=environment", "measured=testbed", "materials=uniform", "profile=quick"]
     one, two = (compose([*base, f"measured.gap.geometry={s}"]) for s in (0, 2))
-    assert asked(one, "measured") == asked(two, "measured")
-    assert asked(one, "twin") != asked(two, "twin")
-    assert asked(one, "void") == asked(two, "void")
+    assert requested(one, "measured") == requested(two, "measured")
+    assert requested(one, "twin") != requested(two, "twin")
+    assert requested(one, "void") == requested(two, "void")
 
 
-def test_no_module_of_one_side_of_a_campaign_reaches_the_other():
+def test_truth_and_twin_of_a_campaign_do_not_import_each_other():
     assert not import_closure(("experiments.campaign.truth",)) & {"experiments.campaign.twin", "experiments.scans.virtual_scan"}
     assert not import_closure(("experiments.campaign.twin",)) & {"experiments.campaign.truth", "radartwin.testbed.testbed"}

@@ -86,7 +86,9 @@ def light_of(look: Look) -> Light:
 def shaded(look: Look, light: Light, face: np.ndarray, depth: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
     """Linear colour (h, w, 3) float32 of faces (h, w) at depths (h, w); the sky where face is -1."""
     out = np.empty((*face.shape, 3), np.float32)
-    row = _Row(*np.ones((3, face.shape[1], 3)), np.empty(face.shape[1]), *np.empty((2, 3)))
+    width = face.shape[1]
+    point, normal, ray = np.ones((3, width, 3))
+    row = _Row(point, normal, ray, np.empty(width), np.empty(3), np.empty(3))
     _shade(face, depth, np.ascontiguousarray(pose), _lens(intrinsics), look, light, row, out)
     return out
 
