@@ -1,6 +1,6 @@
 """RadarTwin: 77 GHz FMCW radar of scanned rooms, from mesh and materials to raw ADC data.
 
-Names load on first use, so that importing the package costs nothing.
+The names load on first use, so that `import radartwin` is fast.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""`python -m radartwin` is the command line."""
+"""`python -m radartwin` runs the command line."""
 
 import sys
 

@@ -1,12 +1,12 @@
-"""What a user can get wrong, each with what to do about it.
+"""Errors of the user's input.
 
-Every error here is a ValueError or an OSError, and its message is one line that names what is wrong, where, and the
-remedy. The command line turns them into that line and exit status 2; anything else is a defect and keeps its traceback.
+Each is a ValueError or an OSError. Its message is one line: what is wrong, where, and what to do. The command line prints that line and
+exits with status 2; every other exception is a defect and keeps its traceback.
 """
 
 
 class UserError(Exception):
-    """Marks what the user can mend. Never raised by itself."""
+    """Base of the errors that the user can correct; never raised itself."""
 
 
 class InputError(UserError, ValueError):
@@ -14,11 +14,11 @@ class InputError(UserError, ValueError):
 
 
 class ConfigError(InputError):
-    """A configuration key, option, type or combination."""
+    """A wrong configuration key, option, type or combination."""
 
 
 class MeshError(InputError):
-    """Geometry: NaN, empty, wrong units."""
+    """Unusable geometry: NaN, empty, wrong units."""
 
 
 class ScanError(MeshError):
@@ -26,23 +26,23 @@ class ScanError(MeshError):
 
 
 class SceneError(InputError):
-    """A scene that cannot be simulated: unlabelled, sensor inside a solid, unknown surface."""
+    """A scene that cannot be simulated: no labels, sensor inside a solid, unknown surface."""
 
 
 class LayoutError(InputError):
-    """A layout that cannot be read, or an object that cannot stand where it is put."""
+    """A layout that cannot be read, or an object that cannot stand at its place."""
 
 
 class MaterialError(InputError):
-    """An unknown material, or one outside the range its values were fitted in."""
+    """An unknown material, or a frequency outside the range of its data."""
 
 
 class LabelError(InputError):
-    """Answers about materials that cannot be used, or surfaces nobody answered."""
+    """Unusable answers about materials, or surfaces without an answer."""
 
 
 class PoseError(InputError):
-    """Poses or motion that are not rigid, not finite or not of one length."""
+    """Poses that are not rigid, not finite or of different lengths."""
 
 
 class RecordingError(InputError):
@@ -50,12 +50,12 @@ class RecordingError(InputError):
 
 
 class MissingError(UserError, FileNotFoundError):
-    """A file, folder or product that is not there."""
+    """An absent file, folder or product."""
 
 
 class OutputError(UserError, OSError):
-    """A place that cannot be written."""
+    """A path that cannot be written."""
 
 
 class BackendError(UserError, OSError):
-    """A compiler, library or device the simulation needs and cannot use."""
+    """A compiler, library or device that the simulation needs and cannot use."""

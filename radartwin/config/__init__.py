@@ -1,1 +1,1 @@
-"""Typed configuration: one dataclass per group, composed by Hydra from conf/."""
+"""Typed configuration: one dataclass for each kind of option, composed by Hydra from conf/."""

@@ -1,7 +1,7 @@
-"""What configuration may name: code of radartwin and of Hydra's launchers, and no secret of the environment.
+"""Checks of a composed configuration that may come from a stranger: which code it names, and whether it holds a secret.
 
-Configuration files may be a stranger's. Hydra calls what a `_target_` names, the logging configuration what "()" and "class" name, and
-`env_set` reaches the processes that are started; `${oc.env:NAME}` would put a key into the logs and results that hold the configuration.
+Hydra calls the function that a `_target_` names, logging calls those under "()" and "class", and `env_set` changes the environment of
+started processes. `${oc.env:NAME}` would write a key into the logs and results that store the configuration.
 """
 
 from __future__ import annotations
@@ -15,49 +15,49 @@ from typing import Any
 from radartwin.errors import ConfigError
 from radartwin.io import secret
 
-TARGETS = ("radartwin.", "hydra._internal.core_plugins.", "hydra_plugins.hydra_joblib_launcher.", "hydra_plugins.hydra_submitit_launcher.")
-_CALLED = ("()", "class")  # keys of logging.config.dictConfig that name what is called
+TRUSTED = ("radartwin.", "hydra._internal.core_plugins.", "hydra_plugins.hydra_joblib_launcher.", "hydra_plugins.hydra_submitit_launcher.")
+_CALLED = ("()", "class")  # keys of logging.config.dictConfig whose values are called
 _LOGGING = re.compile(r"logging\.(handlers\.)?[A-Z]\w+|colorlog\.ColoredFormatter|ext://sys\.std(out|err)")
 
 
 def check_targets(config: Any) -> None:
-    """Refuse what would call code elsewhere.
+    """Refuse a configuration that would call code outside radartwin and Hydra's launchers.
 
     Args:
         config: composed, with Hydra's own node.
     Raises:
-        ConfigError: naming the key and what it would call.
+        ConfigError: with the key and the code.
     """
     from omegaconf import OmegaConf
 
     content = OmegaConf.to_container(config, resolve=False, throw_on_missing=False)
     for path, value in _leaves(content):
-        where, text = ".".join(path), str(value)
-        if path[-1] == "_target_" and not _ours(text):
-            raise ConfigError(f"{where}={value} is refused: configuration may only name launchers of Hydra and what is in radartwin")
-        logs = path[0] == "hydra" and path[1:2] in (("job_logging",), ("hydra_logging",))
-        if logs and (path[-1] in _CALLED or text.startswith("ext://")) and not _LOGGING.fullmatch(text):
-            raise ConfigError(f"{where}={value} is refused: a logging configuration may only name classes of logging")
+        key, text = ".".join(path), str(value)
+        if path[-1] == "_target_" and not _is_trusted(text):
+            raise ConfigError(f"{key}={value} is refused: configuration may only name launchers of Hydra and code of radartwin")
+        is_logging = path[0] == "hydra" and path[1:2] in (("job_logging",), ("hydra_logging",))
+        if is_logging and (path[-1] in _CALLED or text.startswith("ext://")) and not _LOGGING.fullmatch(text):
+            raise ConfigError(f"{key}={value} is refused: a logging configuration may only name classes of logging")
         if path[:3] == ("hydra", "job", "env_set"):
-            raise ConfigError(f"{where} is refused: set variables of the environment where the command is typed")
+            raise ConfigError(f"{key} is refused: set environment variables where the command is typed")
 
 
 def check_secrets(config: Any) -> None:
-    """Refuse a composed configuration that holds a key of the environment. Raises ConfigError naming where, not what."""
+    """Refuse a composed configuration with a secret of the environment. Raises ConfigError with the key, without the secret."""
     from omegaconf import OmegaConf
 
     for path, value in _leaves(OmegaConf.to_container(config, resolve=True, throw_on_missing=False)):
         if isinstance(value, str) and secret.hidden(value) != value:
-            raise ConfigError(f"{'.'.join(path)} holds a key of the environment, and it is written into logs and results; leave it out")
+            raise ConfigError(f"{'.'.join(path)} holds a secret of the environment, and it is written into logs and results; leave it out")
 
 
-def _ours(target: str) -> bool:
-    """Whether it is defined in one of our modules, and not just to be reached through one (radartwin.runs.dashboard.os.system)."""
+def _is_trusted(target: str) -> bool:
+    """Whether a trusted module defines the target. A module that only imports it (radartwin.runs.dashboard.os.system) is not enough."""
     module, _, name = target.rpartition(".")
     try:
-        if not target.startswith(TARGETS) or importlib.util.find_spec(module) is None:
+        if not target.startswith(TRUSTED) or importlib.util.find_spec(module) is None:
             return False
-        return getattr(importlib.import_module(module), name).__module__.startswith(TARGETS)
+        return getattr(importlib.import_module(module), name).__module__.startswith(TRUSTED)
     except (ImportError, AttributeError, ValueError):
         return False
 

@@ -1,4 +1,4 @@
-"""A real phone-LiDAR scan, by the command line alone: labelled scene, page, DCA1000 recording, peaks."""
+"""A real phone-LiDAR scan on the command line: labelled scene, page, DCA1000 recording, peaks."""
 
 import csv
 import json
@@ -39,8 +39,7 @@ def test_real_scan_becomes_a_processed_recording(shared_data, radartwin, tmp_pat
     recording.save(again)
     assert again.with_suffix(".bin").read_bytes() == (tmp_path / "outputs" / "recordings" / "chair.bin").read_bytes()
 
-    # The floor below the sensor is the nearest large mirror: an isotropic radar sees it at its height above the fitted floor,
-    # at the level of a concrete image.
+    # The floor is the nearest large mirror. An isotropic radar sees it at the radar's height, at the level of a concrete image.
     spectrum = np.fft.fft(recording.iq[0, 0, 0, 0] * np.hanning(256), 4096) / np.hanning(256).sum()
     ranges = np.arange(4096) * recording.radar.unambiguous_range_m / 4096
     near = np.abs(ranges - height) < 0.1
@@ -58,14 +57,14 @@ def test_real_scan_becomes_a_processed_recording(shared_data, radartwin, tmp_pat
 
 @pytest.fixture(scope="module")
 def chair(shared_data):
-    """The scanned mesh, and the scene that it becomes."""
+    """The scanned mesh and its reconstructed scene."""
     path = shared_data / "scans" / "arkit_lidar_chair_scan" / "export.obj"
     return load_scan(path)[0], reconstruct(path, material="concrete")
 
 
 @pytest.mark.parametrize(("side", "distance_m"), [("seat", 0.7), ("back", 0.6)])
-def test_strongest_return_is_where_the_scan_has_the_side_that_faces_the_radar(chair, side, distance_m):
-    """The radar looks square at a flat side of the chair; where that is is read off the scan's own vertices on the boresight."""
+def test_strongest_return_is_at_the_side_that_faces_the_radar(chair, side, distance_m):
+    """The radar is normal to a flat side of the chair. The expected range is the median of the scan's vertices on the boresight."""
     scanned, scene = chair
     body = max((s.mesh for s in scene if s.provenance["planes"] > 1), key=lambda m: m.area)
     level = body.facets_normal[:, 2] > 0.95 if side == "seat" else np.abs(body.facets_normal[:, 2]) < 0.5
@@ -84,4 +83,4 @@ def test_strongest_return_is_where_the_scan_has_the_side_that_faces_the_radar(ch
     without = rt.Scene([s for s in scene if not np.array_equal(s.mesh.vertices, body.vertices)])
     other = np.abs(np.fft.fft(rt.simulate(without, rt.Radar.iwr1843(), pose[None], rays=200_000).iq[0, 0, 0, 0] * np.hanning(256), 4096))
     near = np.abs(ranges - expected) < recording.radar.range_resolution_m
-    assert spectrum[near].max() > 4 * other[near].max()  # 12 dB: it is the chair that returns it
+    assert spectrum[near].max() > 4 * other[near].max()  # 12 dB: the chair is the source of the return
