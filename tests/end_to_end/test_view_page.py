@@ -1,4 +1,4 @@
-"""The page of a scene in a real browser: it draws, switches, explains what is under the pointer, and says nothing on the console."""
+"""The page of a scene in a browser: drawing, colourings, hiding, picking, and a silent console."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def lab():
 
 @pytest.fixture(scope="module")
 def opened(chromium, lab, tmp_path_factory):
-    """The lab's page, drawn."""
+    """The page of the lab, opened and drawn."""
     path = tmp_path_factory.mktemp("page") / "lab.html"
     page = chromium()
     page.open(view(lab, path, poses=trajectory.depth_sweep(rooms.lab_bench(0.4).sensor_pose)), WIDTH, HEIGHT)
@@ -36,7 +36,7 @@ def opened(chromium, lab, tmp_path_factory):
 
 
 def picture(page):
-    """What the window shows left of the panel."""
+    """The pixels left of the panel."""
     return page.screenshot()[:, : WIDTH - PANEL].astype(int)
 
 
@@ -96,16 +96,16 @@ def test_a_row_of_the_legend_hides_and_shows_its_surfaces(opened):
     assert changed(before, picture(opened)) == 0
 
 
-def test_walls_are_hidden_from_outside_until_asked_for(opened):
+def test_walls_seen_from_outside_are_hidden_by_default(opened):
     opened.click("#view-overview")
     inside = picture(opened)
-    opened.click("#dollhouse")
-    assert changed(inside, picture(opened)) > 0.2  # the ceiling and two walls are in the way
-    opened.click("#dollhouse")
+    opened.click("#hide-walls")
+    assert changed(inside, picture(opened)) > 0.2  # the ceiling and two walls hide the room
+    opened.click("#hide-walls")
     assert changed(inside, picture(opened)) == 0
 
 
-def test_the_card_tells_of_the_surface_under_the_pointer(opened, lab):
+def test_the_card_describes_the_surface_under_the_pointer(opened, lab):
     opened.click("#view-top")
     opened.click("#mode-material")
     free = (WIDTH - PANEL) // 2
@@ -122,16 +122,16 @@ def test_the_card_tells_of_the_surface_under_the_pointer(opened, lab):
     opened.click("#view-overview")
 
 
-def test_the_track_the_radar_and_placed_objects_are_marked(opened):
-    marks = opened.run("[...document.querySelectorAll('#labels span')].map(n => n.textContent)")
-    assert {"radar", "end, 0.98 m on", "corner_reflector", "x", "y", "z"} <= set(marks)
+def test_the_track_the_radar_and_placed_objects_are_labelled(opened):
+    labels = opened.run("[...document.querySelectorAll('#labels span')].map(n => n.textContent)")
+    assert {"radar", "end, 0.98 m on", "corner_reflector", "x", "y", "z"} <= set(labels)
     opened.click("#view-radar")
     looking = picture(opened)
     opened.click("#view-overview")
     assert changed(looking, picture(opened)) > 0.3
 
 
-def test_dragging_turns_the_scene(opened):
+def test_dragging_rotates_the_scene(opened):
     opened.click("#view-overview")
     before = picture(opened)
     opened.drag((400, 400), (520, 430))
@@ -141,7 +141,7 @@ def test_dragging_turns_the_scene(opened):
     assert opened.messages == []
 
 
-def test_the_address_names_the_colouring_it_opens_in(chromium, lab, tmp_path):
+def test_the_address_selects_the_first_colouring(chromium, lab, tmp_path):
     page = chromium()
     page.open(view(lab, tmp_path / "lab.html"), fragment="#mode=reflectivity")
     assert page.run("document.body.dataset.mode") == "reflectivity"
@@ -163,7 +163,7 @@ def coloured_grid(n):
     return mesh
 
 
-def test_half_a_million_triangles_open_thinned_in_their_scan_colours(chromium, tmp_path):
+def test_half_a_million_triangles_are_thinned_and_keep_their_scan_colours(chromium, tmp_path):
     mesh = coloured_grid(500)
     scene = Scene([Surface(mesh, "concrete", "floor", role="room"), Surface(objects.box([1, 1, 0.1], [2, 2, 1]), "metal", "box")])
     path = view(scene, tmp_path / "big.html", by="colour")
@@ -176,12 +176,12 @@ def test_half_a_million_triangles_open_thinned_in_their_scan_colours(chromium, t
     blue = (shown[..., 2] > shown[..., 0] + 60).mean()
     assert red > 0.1
     assert blue > 0.1
-    assert "thinned for this picture" in page.run("document.querySelector('#note').textContent")
+    assert "thinned for this page" in page.run("document.querySelector('#note').textContent")
     assert "500,012 triangles" in page.run("document.querySelector('#note').textContent")
     assert page.messages == []
 
 
-def test_names_and_stacks_reach_the_page_as_they_are(chromium, tmp_path):
+def test_names_with_markup_and_stacks_are_shown_unchanged(chromium, tmp_path):
     name = 'a "wall" </script> & <b>more</b>'
     glazing = Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)])
     page = chromium()

@@ -1,4 +1,4 @@
-"""What no scan has seen and reconstruction filled in: told on the page's card, hatched grey in the scan's colours."""
+"""Areas that a scan missed and reconstruction filled in: listed on the page's card and hatched in its scan colours."""
 
 import base64
 import io
@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from radartwin.label.raster import _image
+from radartwin.label.raster import Camera, Drawing
 from radartwin.reconstruct.build import ScanOptions, reconstruct
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.viewer.display_mesh import HATCH, MAX_FACES, texture
@@ -35,7 +35,7 @@ def floor(tmp_path_factory) -> Surface:
     return next(s for s in Scene.load(folder / "scene") if s.name == "floor")
 
 
-def test_the_filled_patch_has_no_alpha_and_keeps_its_guessed_colour(floor):
+def test_a_filled_patch_is_transparent_and_keeps_its_estimated_colour(floor):
     image = texture(floor.mesh)
     assert image is not None
     assert image.mode == "RGBA"
@@ -43,13 +43,14 @@ def test_the_filled_patch_has_no_alpha_and_keeps_its_guessed_colour(floor):
     u, v = np.ptp(floor.mesh.visual.uv, axis=0) * np.array(image.size)  # pixels that the floor spans
     unseen = (pixels[..., 3] == 0) & (np.cumsum(pixels[..., 3] > 0, axis=1) > 0) & (np.cumsum(pixels[:, ::-1, 3] > 0, axis=1)[:, ::-1] > 0)
     assert unseen.sum() * floor.mesh.area / (u * v) == pytest.approx(HOLE_M2, rel=0.2)
-    assert np.abs(pixels[..., :3].astype(int) - RED[:3]).max() < 3, "what a language model is shown is as before"
-    shown = _image(floor.mesh.visual)
-    assert shown is not None
-    assert shown.shape[2] == 3
+    assert np.abs(pixels[..., :3].astype(int) - RED[:3]).max() < 3, "the picture for a language model is opaque"
+    drawing = Drawing(Scene([floor]))
+    camera = Camera.looking(np.array([2, 1.5, 4.0]), np.array([2.01, 1.5, 0]), 30.0, 64)
+    red, green, blue = drawing.picture(camera, drawing.seen(camera)).reshape(-1, 3).astype(float).T
+    assert (red > 3 * np.maximum(green, blue)).all(), "the picture for a language model shows the estimated colour"
 
 
-def test_the_page_hatches_it_and_the_card_says_how_much(floor):
+def test_the_page_hatches_a_filled_patch_and_the_card_gives_its_area(floor):
     content, _ = describe(Scene([floor]), None, None, "colour", MAX_FACES)
     card = dict(content["surfaces"][0]["facts"])
     filled = floor.provenance["filled_m2"]
@@ -63,11 +64,11 @@ def test_the_page_hatches_it_and_the_card_says_how_much(floor):
     assert np.ptp(middle.mean(axis=2)) > 25, "hatched"
 
 
-def test_a_surface_that_was_seen_whole_says_nothing_of_it(floor):
+def test_the_card_of_a_completely_scanned_surface_lists_no_filled_area(floor):
     whole = floor.replaced(provenance={**floor.provenance, "filled_m2": 0.0})
     content, _ = describe(Scene([whole]), None, None, "material", MAX_FACES)
     assert "never scanned" not in dict(content["surfaces"][0]["facts"])
     assert not content["has_filled"]
     pane = floor.replaced(provenance={"completed": True, "filled_m2": 2.0})
     content, _ = describe(Scene([pane]), None, None, "material", MAX_FACES)
-    assert dict(content["surfaces"][0]["facts"])["never scanned"] == "all of it, a pane that nobody saw"
+    assert dict(content["surfaces"][0]["facts"])["never scanned"] == "all of it, an inferred pane"

@@ -1,4 +1,4 @@
-"""The page of a scene says what is in the scene: colours, legend, cards, thinning; without a browser."""
+"""Contents of the page of a scene: colours, legend, cards, thinning; tested without a browser."""
 
 import json
 import re
@@ -33,11 +33,11 @@ def grid(size=3.0, n=80, seed=0, height=0.0):
 
 def scene():
     can = objects.cylinder(0.033, 0.12).apply_translation([1, 1, 0.5])
-    stood_for = {"source": "vlm", "confidence": 0.62, "stand_in": True, "minc": "ceramic"}
+    substituted = {"source": "vlm", "confidence": 0.62, "stand_in": True, "minc": "ceramic"}
     return Scene(
         [
             Surface(grid(), "concrete", "floor", 1e-3, role="room", provenance={"source": "true", "stand_in": False}),
-            Surface(can, "glass", "can", role="object", provenance=stood_for),
+            Surface(can, "glass", "can", role="object", provenance=substituted),
             Surface(grid(1.0, 20, height=0.4), GLAZING, "pane", role="room"),
         ]
     )
@@ -50,7 +50,7 @@ def shown(path):
     return page, json.loads(found.group(1))
 
 
-def test_page_stands_alone_and_names_everything(tmp_path):
+def test_the_page_needs_no_other_file_and_lists_surfaces_and_materials(tmp_path):
     page, content = shown(view(scene(), tmp_path / "page.html", poses=np.eye(4)))
     assert not re.search(r"""(src|href)=["'](?!data:)""", page)
     assert "http" not in page.replace("http-equiv", "")
@@ -59,7 +59,7 @@ def test_page_stands_alone_and_names_everything(tmp_path):
     assert {m["label"] for m in content["materials"]} == {"concrete", "glass", "glass 4 mm | air 16 mm | glass 4 mm"}
 
 
-def test_card_tells_what_is_known_of_the_material():
+def test_the_card_lists_the_facts_of_the_material():
     content, _ = describe(scene(), None, None, "material", 10**6)
     facts = dict(content["surfaces"][1]["facts"])
     assert facts["material"] == "glass"
@@ -70,41 +70,42 @@ def test_card_tells_what_is_known_of_the_material():
     assert dict(content["surfaces"][2]["facts"])["layers"] == "3, 24 mm together"
 
 
-def test_reflectivity_is_the_fresnel_value_and_its_colour_the_ramp():
+def test_reflectivity_is_the_fresnel_value_and_its_colour_is_on_the_ramp():
     assert colouring.reflection_db("metal") == pytest.approx(0, abs=0.01)
-    eta = 5.24  # of concrete, ITU-R P.2040-4; its conductivity is lost in the last digit here
+    eta = 5.24  # of concrete, ITU-R P.2040-4; its conductivity changes only the last digit
     assert colouring.reflection_db("concrete") == pytest.approx(20 * np.log10((np.sqrt(eta) - 1) / (np.sqrt(eta) + 1)), abs=0.05)
     smooth, rough = colouring.reflection_db("concrete"), colouring.reflection_db("concrete", 1e-3)
     assert smooth is not None
     assert rough is not None
     wavenumber = 2 * np.pi * 79e9 / 299792458
-    assert smooth - rough == pytest.approx(20 * np.log10(np.e) * 2 * (wavenumber * 1e-3) ** 2, rel=0.05)  # Ament at the band's middle
+    ament_db = 20 * np.log10(np.e) * 2 * (wavenumber * 1e-3) ** 2  # at the centre of the band
+    assert smooth - rough == pytest.approx(ament_db, rel=0.05)
     stops = colouring.ramp()
     assert colouring.reflectivity_colour(0.0, stops) == stops[-1]
     assert colouring.reflectivity_colour(-80.0, stops) == stops[0]
     assert colouring.reflectivity_colour(None, stops) not in stops
 
 
-def test_arrays_hold_every_triangle_of_its_surface():
-    thing = scene()
-    _, (positions, surface, colours, _, faces) = describe(thing, None, None, "material", 10**6)
+def test_the_arrays_hold_every_triangle_of_every_surface():
+    shown_scene = scene()
+    _, (positions, surface, colours, _, faces) = describe(shown_scene, None, None, "material", 10**6)
     assert len(positions) == len(surface) == len(colours)
-    for k, one in enumerate(thing):
+    for k, expected in enumerate(shown_scene):
         mine = faces[surface[faces[:, 0]] == k]
-        assert len(mine) == len(one.mesh.faces)
-        assert np.allclose(positions[mine].astype(float), one.mesh.triangles, atol=1e-6)
+        assert len(mine) == len(expected.mesh.faces)
+        assert np.allclose(positions[mine].astype(float), expected.mesh.triangles, atol=1e-6)
 
 
-def test_large_scene_is_thinned_for_the_picture_alone(tmp_path):
+def test_a_large_scene_is_thinned_for_the_page_only():
     meshes = [grid(n=200), grid(n=150, height=2.0), objects.sphere(0.1, 2)]
     thin, cell = display_mesh.thinned(meshes, 30_000)
     assert 10_000 < sum(len(m.faces) for m in thin) <= 30_000
     assert thin[2] is meshes[2]
     for before, after in zip(meshes, thin, strict=True):
         assert np.allclose(before.bounds, after.bounds, atol=cell)
-        assert after.area == pytest.approx(before.area, rel=0.15)  # noise across a cell's border doubles some of it
+        assert after.area == pytest.approx(before.area, rel=0.15)  # noise at cell borders adds area
     content, _ = describe(Scene([Surface(m, "wood", role="room") for m in meshes]), None, None, "material", 30_000)
-    assert "thinned for this picture" in content["note"]
+    assert "thinned for this page" in content["note"]
     assert f"{sum(len(m.faces) for m in meshes):,} triangles" in content["note"]
     assert display_mesh.thinned(meshes, 10**6) == (meshes, 0.0)
 
@@ -118,14 +119,14 @@ def test_scan_colours_survive_thinning():
     assert (colours == [200, 40, 10, 255]).all()
 
 
-def test_walls_are_told_from_furniture_whichever_way_they_wind():
+def test_walls_are_distinguished_from_furniture_for_either_winding():
     box = [
         Surface(grid(4.0), "concrete", "floor", role="room"),
-        Surface(grid(4.0, height=2.5), "concrete", "ceiling", role="room"),  # winds upwards, out of the room
+        Surface(grid(4.0, height=2.5), "concrete", "ceiling", role="room"),  # its normals point out of the room
         Surface(grid(1.5, height=0.75).apply_translation([1, 1, 0]), "wood", "table", role="room"),
         Surface(objects.cylinder(0.3, 1.0).apply_translation([2, 2, 0.6]), "metal", "drum", role="room"),
     ]
-    floor, ceiling, table, drum = display_mesh.shells(box)
+    floor, ceiling, table, drum = display_mesh.wall_planes(box)
     assert floor
     assert ceiling
     assert floor["normal"][2] > 0.99
@@ -133,15 +134,15 @@ def test_walls_are_told_from_furniture_whichever_way_they_wind():
     assert (table, drum) == (None, None)
 
 
-def test_track_and_boresight_are_drawn_in_the_world():
+def test_track_and_boresight_are_in_world_coordinates():
     poses = trajectory.depth_sweep(trajectory.look_at([1, 1, 0.4], [1, 3, 0.4]))
     content, _ = describe(scene(), poses, None, "material", 10**6)
     assert content["radar"] == {"position": [1.0, 1.0, 0.4], "boresight": [0.0, 1.0, 0.0]}
     assert any(np.allclose(line["to"], [1, 2, 0.4]) for line in content["lines"])  # a metre along the boresight
-    assert any("0.98 m" in mark["text"] for mark in content["marks"])
+    assert any("0.98 m" in label["text"] for label in content["labels"])
 
 
-def test_a_name_cannot_break_the_page(tmp_path):
+def test_a_name_with_markup_cannot_break_the_page(tmp_path):
     nasty = "</script><script>alert(1)</script>"
     _, content = shown(view(Scene([Surface(grid(), "wood", nasty)]), tmp_path / "page.html", title=nasty))
     assert content["surfaces"][0]["name"] == content["title"] == nasty
@@ -157,22 +158,22 @@ def test_a_name_cannot_break_the_page(tmp_path):
         ({"poses": np.full((2, 4, 4), np.nan)}, PoseError, "finite"),
     ],
 )
-def test_mistakes_are_refused_and_nothing_is_written(tmp_path, change, error, word):
+def test_invalid_arguments_are_refused_and_no_file_is_written(tmp_path, change, error, word):
     arguments = {"scene": scene(), "path": tmp_path / "page.html"} | change
     with pytest.raises(error, match=word):
         view(**arguments)
     assert not (tmp_path / "page.html").exists()
 
 
-def test_a_texture_reaches_the_page_once_with_its_places():
+def test_each_texture_is_in_the_page_once_with_its_coordinates():
     room = rooms.lab(detail="shell")
-    content, (_, surface, _, places, _) = describe(room, None, None, "colour", 10**6)
+    content, (_, surface, _, coordinates, _) = describe(room, None, None, "colour", 10**6)
     assert 0 < len(content["pictures"]) <= len(room)
     assert all(p.startswith("data:image/jpeg;base64,") for p in content["pictures"])
-    used = places[:, 2]
+    used = coordinates[:, 2]
     assert set(np.unique(used[used >= 0])) == set(range(len(content["pictures"])))
     floor = room.names.index("floor")
-    mine = places[surface == floor]
+    mine = coordinates[surface == floor]
     visual = room.surfaces[floor].mesh.visual
     assert isinstance(visual, TextureVisuals)
     uv = np.asarray(visual.uv)
@@ -191,7 +192,7 @@ def test_the_verb_draws_track_and_layout(tmp_path, capsys):
     _, content = shown(folder / "view.html")
     assert content["mode"] == "reflectivity"
     assert content["radar"]["position"] == [1.0, 0.0, 0.4]
-    assert {"mug", "radar"} <= {mark["text"] for mark in content["marks"]}
+    assert {"mug", "radar"} <= {label["text"] for label in content["labels"]}
     assert not [s for s in Scene.load(folder) if s.name == "mug"]
     assert cli.main(["view", str(folder), "--trajectory", str(tmp_path / "none.txt")]) == 2
     assert "none.txt" in capsys.readouterr().err

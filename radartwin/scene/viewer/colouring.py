@@ -1,8 +1,9 @@
-"""Colours of a scene by material, segment and reflectivity; what stands for a material in a picture."""
+"""Colours of surfaces by material, segment and reflectivity, and the label of a material."""
 
 from __future__ import annotations
 
 import colorsys
+from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -13,7 +14,7 @@ from radartwin.materials import Layered, reflection
 
 RGB = tuple[int, int, int]
 
-# What people expect a material to look like, kept apart for colour-blind readers by lightness (Okabe and Ito hues).
+# Familiar colours of materials; their lightness differs, so that colour-blind readers can distinguish them (hues of Okabe and Ito).
 COLOURS = {
     "metal": "#5b6b7a",
     "concrete": "#a8a8a0",
@@ -32,9 +33,9 @@ COLOURS = {
     "hdpe": "#33c29a",
 }
 OTHER = "#cc79a7"
-BAND_HZ = (77e9, 81e9)  # the automotive band the radars sweep: a mean over it has no single-frequency fringes of a slab
-LOW_DB = -40.0  # the scale ends here; what reflects less returns a ten-thousandth
-UNKNOWN: RGB = (216, 27, 160)  # of no colour in the scale
+BAND_HZ = (77e9, 81e9)  # the automotive band; the mean over the band has no interference fringes of a slab
+LOW_DB = -40.0  # end of the scale: a ten-thousandth of the power is reflected
+UNKNOWN: RGB = (216, 27, 160)  # a colour outside the scale
 
 
 def material_label(material: str | Layered) -> str:
@@ -48,7 +49,7 @@ def material_label(material: str | Layered) -> str:
 
 
 def outer(material: str | Layered) -> str:
-    """The name of what a hand would touch."""
+    """The name of the outermost material."""
     if isinstance(material, str):
         return material
     return material.layers[0][0] if material.layers else material.backing
@@ -56,18 +57,18 @@ def outer(material: str | Layered) -> str:
 
 def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
     """A colour for every distinct label, in the order of labels; stacks with the same outer layer differ in lightness."""
-    named = {material_label(m): outer(m) for m in materials}
-    seen: dict[str, int] = {}
+    outermost = {material_label(m): outer(m) for m in materials}
+    used: Counter[str] = Counter()
     colours = {}
-    for label in sorted(named):
-        nth = seen.get(named[label], 0)
-        seen[named[label]] = nth + 1
-        colours[label] = _lighter(_rgb(COLOURS.get(named[label], OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[nth % 5])
+    for label in sorted(outermost):
+        name = outermost[label]
+        colours[label] = _lighter(_rgb(COLOURS.get(name, OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[used[name] % 5])
+        used[name] += 1
     return colours
 
 
 def segment_colours(areas: Sequence[float]) -> list[RGB]:
-    """Colours by rank of area: hues a golden angle apart, so that the large ones, which touch, are told apart."""
+    """Colours by rank of area; hues differ by the golden angle, so that large neighbouring segments have distinct colours."""
     colours: list[RGB] = [(0, 0, 0)] * len(areas)
     for rank, index in enumerate(np.argsort(-np.asarray(areas), kind="stable")):
         hue = (0.58 + rank * 0.61803398875) % 1
@@ -78,7 +79,7 @@ def segment_colours(areas: Sequence[float]) -> list[RGB]:
 
 @lru_cache(maxsize=4096)
 def reflection_db(material: str | Layered, roughness_m: float = 0.0) -> float | None:
-    """Power that comes straight back at normal incidence, in dB, mean over the 77 to 81 GHz band; None without values there.
+    """Reflected power at normal incidence, dB, mean over the 77 to 81 GHz band; None for a material without values there.
 
     >>> round(reflection_db("metal"), 1), round(reflection_db("concrete"), 1)
     (-0.0, -8.1)
@@ -100,7 +101,7 @@ def ramp(count: int = 33) -> list[RGB]:
 
 
 def reflectivity_colour(level_db: float | None, stops: Sequence[RGB]) -> RGB:
-    """Where a level lies on the ramp, clipped at its ends."""
+    """The colour of a level on the ramp, clipped at its ends; UNKNOWN for None."""
     if level_db is None:
         return UNKNOWN
     at = float(np.clip(1 - level_db / LOW_DB, 0, 1)) * (len(stops) - 1)

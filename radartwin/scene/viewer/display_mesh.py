@@ -1,4 +1,4 @@
-"""Meshes for the eye: coarser where there are too many faces, with colours on their vertices, and told apart as shell or content."""
+"""Meshes for display: thinning of large scenes, vertex colours, pictures of textures, and the planes of walls."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from typing import TYPE_CHECKING
 import numpy as np
 import trimesh
 
-from radartwin.scene.scene import Surface
+from radartwin.scene.surface import Surface
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-MAX_FACES = 300_000  # of a page; beyond it the picture is thinned, the scene is not
-SHELL_M2 = 0.5  # smaller surfaces hide nothing
-SHELL_BEHIND_M = 0.12  # how far a scan's wall may bulge behind its own mean plane and still be one
-SHELL_SHARE = 0.02  # of the rest of the room may lie behind a wall: what a scan saw through a window
-PICTURE_PX = 512  # side of the pictures of textures in a page
-HATCH, HATCH_PX = ((158, 158, 158), (205, 205, 205)), 4  # greys of what was never scanned, and the width of a stripe in a texture
-PALE = np.array([0, 0, 0, 0], dtype=np.uint8)  # alpha 0: no colour of a scan
+MAX_FACES = 300_000  # of a page; the page of a larger scene is thinned
+WALL_M2 = 0.5  # least area of a wall; smaller surfaces hide little
+WALL_BEHIND_M = 0.12  # largest bulge of a scanned wall behind its mean plane
+WALL_SHARE = 0.02  # largest share of the rest of the room behind a wall, for example seen through a window
+PICTURE_PX = 512  # side of a texture's picture in a page
+HATCH, HATCH_PX = ((158, 158, 158), (205, 205, 205)), 4  # greys of the hatching of unscanned areas, and width of a stripe
+NO_COLOUR = np.array([0, 0, 0, 0], dtype=np.uint8)  # alpha 0 means: no scan colour
 
 
 def thinned(meshes: Sequence[trimesh.Trimesh], limit: int = MAX_FACES) -> tuple[list[trimesh.Trimesh], float]:
-    """The meshes with at most about `limit` faces together, and the edge of the grid they were thinned on, 0 if they were not.
+    """The meshes with at most about `limit` faces in all, and the cell size of the thinning in metres, 0 without thinning.
 
-    Vertices within one cell of a grid over the whole scene become their mean (Rossignac and Borrel 1993), so that neighbouring
-    surfaces stay together. Meshes of fewer than 1000 faces are left alone.
+    All vertices in one cell of a grid become their mean (Rossignac and Borrel 1993). The grid covers the whole scene, so that
+    neighbouring surfaces stay connected. Meshes of fewer than 1000 faces are not thinned.
     """
     small = sum(len(m.faces) for m in meshes if len(m.faces) < 1000)
     large = sum(len(m.faces) for m in meshes) - small
     if small + large <= limit:
         return list(meshes), 0.0
     area = sum(float(m.area) for m in meshes if len(m.faces) >= 1000)
-    cell = float(np.sqrt(2.5 * area / max(limit - small, 1000)))  # a plane of squares with two triangles each, a little roughened
+    cell = float(np.sqrt(2.5 * area / max(limit - small, 1000)))  # a plane has two triangles per cell, a rough surface a few more
     while True:
         out = [_clustered(m, cell) if len(m.faces) >= 1000 else m for m in meshes]
         if sum(len(m.faces) for m in out) <= limit or cell > 1.0:
@@ -44,14 +44,13 @@ def thinned(meshes: Sequence[trimesh.Trimesh], limit: int = MAX_FACES) -> tuple[
 
 def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
     vertices = np.asarray(mesh.vertices)
-    keys = np.rint(vertices / cell).astype(np.int64)  # not floor: a level floor lies about a multiple of any cell, zero
+    keys = np.rint(vertices / cell).astype(np.int64)  # rint, because floor would split a noisy level floor at z = 0
     _, group = np.unique(keys, axis=0, return_inverse=True)
     group = group.reshape(-1)
     count = np.bincount(group)
     merged = np.stack([np.bincount(group, vertices[:, k]) / count for k in range(3)], axis=1)
     faces = group[np.asarray(mesh.faces)]
-    kept = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    faces = faces[kept]
+    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     if len(faces):
         _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
         faces = faces[np.sort(first)]
@@ -64,7 +63,7 @@ def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
 
 
 def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """(V, 4) uint8 colours of the vertices, of a texture those at the vertices; None without any."""
+    """(V, 4) uint8 colours of the vertices, sampled from a texture if the mesh has one; None without colours."""
     visual = mesh.visual
     if visual is None or not visual.defined:
         return None
@@ -77,25 +76,26 @@ def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
 
 
 def pictures(meshes: Sequence[trimesh.Trimesh]) -> tuple[list[bytes], np.ndarray]:
-    """JPEG pictures of the meshes' textures, each once, and for every vertex (V, 3) its place in one: u, v (downwards) and its number,
-    -1 for none.
+    """The different textures of the meshes as JPEG, and for every vertex (V, 3) its u, v (downwards) and number of the picture.
+
+    The number is -1 for a vertex without a picture.
     """
-    seen: dict[bytes, int] = {}
-    places = []
+    numbers: dict[bytes, int] = {}
+    coordinates = []
     for mesh in meshes:
         image, uv = texture(mesh), getattr(mesh.visual, "uv", None)
-        place = np.full((len(mesh.vertices), 3), -1.0)
+        uvn = np.full((len(mesh.vertices), 3), -1.0)
         if image is not None and uv is not None and len(uv) == len(mesh.vertices):
             stream = io.BytesIO()
             hatched(image).resize((PICTURE_PX, PICTURE_PX)).save(stream, "JPEG", quality=85)
-            number = seen.setdefault(stream.getvalue(), len(seen))
-            place = np.column_stack([uv[:, 0], 1 - uv[:, 1], np.full(len(uv), float(number))])
-        places.append(place)
-    return list(seen), np.vstack(places)
+            number = numbers.setdefault(stream.getvalue(), len(numbers))
+            uvn = np.column_stack([uv[:, 0], 1 - uv[:, 1], np.full(len(uv), float(number))])
+        coordinates.append(uvn)
+    return list(numbers), np.vstack(coordinates)
 
 
 def hatched(image: Image) -> Image:
-    """A picture without alpha: what has none, since nobody scanned it, is hatched in greys."""
+    """The picture without alpha; its transparent, unscanned areas are hatched in greys."""
     from PIL import Image as pillow
 
     if not image.mode.endswith("A"):
@@ -108,40 +108,35 @@ def hatched(image: Image) -> Image:
 
 
 def texture(mesh: trimesh.Trimesh) -> Image | None:
-    """The picture a mesh is covered with."""
+    """The picture of the mesh's texture, or None."""
     material = getattr(mesh.visual, "material", None)
     return getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
 
 
-def shells(surfaces: Sequence[Surface]) -> list[dict[str, list[float]] | None]:
-    """For every surface that bounds the room, its plane: {"point", "normal"}, the normal towards the inside; None for the rest.
+def wall_planes(surfaces: Sequence[Surface]) -> list[dict[str, list[float]] | None]:
+    """For every surface that bounds the room its plane {"point", "normal"} with the normal into the room; None for the others.
 
-    A surface bounds the room when it is flat and the rest of the room lies on one side of it; whichever way its triangles wind.
+    A surface bounds the room if it is flat and the rest of the room lies on one side of it. Its winding does not matter.
     """
     room = [s for s in surfaces if s.kind == "room"]
-    if not room:
-        return [None] * len(surfaces)
-    cloud = np.vstack([_sample(np.asarray(s.mesh.vertices)) for s in room])
-    out: list[dict[str, list[float]] | None] = []
-    for surface in surfaces:
-        mesh = surface.mesh
-        if surface.kind != "room" or mesh.area < SHELL_M2:
-            out.append(None)
-            continue
-        normal = np.average(mesh.face_normals, axis=0, weights=mesh.area_faces)
-        if np.linalg.norm(normal) < 0.8:
-            out.append(None)
-            continue
-        normal /= np.linalg.norm(normal)
-        point = np.average(mesh.triangles_center, axis=0, weights=mesh.area_faces)
-        depth = (cloud - point) @ normal
-        behind, before = np.mean(depth < -SHELL_BEHIND_M), np.mean(depth > SHELL_BEHIND_M)
-        if min(behind, before) > SHELL_SHARE:
-            out.append(None)
-            continue
-        inward = normal if behind <= before else -normal
-        out.append({"point": point.round(4).tolist(), "normal": inward.round(5).tolist()})
-    return out
+    cloud = np.vstack([_sample(np.asarray(s.mesh.vertices)) for s in room]) if room else np.zeros((0, 3))
+    return [_wall_plane(s.mesh, cloud) if s.kind == "room" else None for s in surfaces]
+
+
+def _wall_plane(mesh: trimesh.Trimesh, cloud: np.ndarray) -> dict[str, list[float]] | None:
+    if mesh.area < WALL_M2:
+        return None
+    normal = np.average(mesh.face_normals, axis=0, weights=mesh.area_faces)
+    if np.linalg.norm(normal) < 0.8:
+        return None
+    normal /= np.linalg.norm(normal)
+    point = np.average(mesh.triangles_center, axis=0, weights=mesh.area_faces)
+    depth = (cloud - point) @ normal
+    behind, front = np.mean(depth < -WALL_BEHIND_M), np.mean(depth > WALL_BEHIND_M)
+    if min(behind, front) > WALL_SHARE:
+        return None
+    inward = normal if behind <= front else -normal
+    return {"point": point.round(4).tolist(), "normal": inward.round(5).tolist()}
 
 
 def _sample(vertices: np.ndarray, most: int = 2000) -> np.ndarray:

@@ -1,6 +1,6 @@
-"""A scene as one HTML page: turn it, see what each surface is made of. Needs no server and no network.
+"""A scene as one HTML page that shows the material of every surface. The page needs no server and no network.
 
-The page draws with WebGL 2 and carries its own script (radartwin/scene/viewer/assets); what is shown is computed here.
+This module computes the contents; the scripts in `assets` draw them with WebGL 2. docs/decisions/012-own-or-library.md compares plotly.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ import trimesh
 from radartwin.errors import PoseError, SceneError
 from radartwin.io.files import write_atomically
 from radartwin.materials import Layered
-from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.scene import Scene
+from radartwin.scene.surface import Surface
 from radartwin.scene.viewer import colouring as colours
-from radartwin.scene.viewer import overlay
 from radartwin.scene.viewer.colouring import material_label
-from radartwin.scene.viewer.display_mesh import MAX_FACES, PALE, pictures, shells, thinned, vertex_colours
+from radartwin.scene.viewer.display_mesh import MAX_FACES, NO_COLOUR, pictures, thinned, vertex_colours, wall_planes
+from radartwin.scene.viewer.overlay import Overlay
 
 __all__ = ["COLOURINGS", "material_label", "view"]
 
 COLOURINGS = ("material", "segment", "reflectivity", "colour")
-MAX_SURFACES = 65_000  # the page numbers them in 16 bits
-CRISP_FACES = 2000  # surfaces of fewer faces show their creases; a scan's noise would be all creases
+MAX_SURFACES = 65_000  # the page numbers surfaces with 16 bits
+CRISP_FACES = 2000  # the page draws creases on surfaces of fewer faces; on a noisy scan every edge would be a crease
 _SCRIPTS = ("camera.js", "renderer.js", "panel.js", "main.js")
 
 
@@ -44,15 +45,15 @@ def view(
     """Write the page.
 
     Args:
-        path: the .html to write.
+        path: of the .html file.
         poses: (F, 4, 4) or (4, 4) sensor-to-world, drawn as a track with boresights; none by default.
-        title: above the picture; what the scene's provenance says unless given.
-        by: the colouring it opens in: material, segment, reflectivity or colour (of the scan); all are in the page.
-        max_faces: beyond it the picture is thinned, and says so; the scene is left as it is.
+        title: heading of the page; by default the room or source in the scene's provenance.
+        by: first colouring: material, segment, reflectivity or colour (of the scan); the page can switch to the others.
+        max_faces: a page with more faces is thinned and contains a note; the scene does not change.
     Returns:
         The path.
     Raises:
-        SceneError: nothing to show, an unknown colouring, or no scan colours to colour by.
+        SceneError: no surfaces, an unknown colouring, or by="colour" without scan colours.
         PoseError: poses that are not (F, 4, 4).
         OutputError: the page cannot be written.
     """
@@ -62,8 +63,8 @@ def view(
 def describe(
     scene: Scene, poses: np.ndarray | None, title: str | None, by: str, max_faces: int
 ) -> tuple[dict[str, Any], Sequence[np.ndarray]]:
-    """What the page shows, as JSON, and its arrays: positions (V, 3), surface (V,), colours (V, 4), places in
-    pictures (V, 3), faces (T, 3).
+    """Contents of the page as JSON, and its arrays: positions (V, 3), number of the surface (V,), colours (V, 4), coordinates and
+    number of the picture (V, 3), faces (T, 3). Arguments and errors are those of `view`.
     """
     if not len(scene):
         raise SceneError("the scene has no surfaces, so there is nothing to view")
@@ -73,32 +74,32 @@ def describe(
         raise SceneError(f"the scene has {len(scene)} surfaces, and a page shows at most {MAX_SURFACES}; join some of them")
     surfaces = scene.surfaces
     meshes, cell = thinned([s.mesh for s in surfaces], max_faces)
-    painted = [vertex_colours(m) for m in meshes]
-    if by == "colour" and all(p is None for p in painted):
-        raise SceneError("the scene carries no colours of a scan; view it by material, segment or reflectivity")
+    scanned = [vertex_colours(m) for m in meshes]
+    if by == "colour" and all(c is None for c in scanned):
+        raise SceneError("the scene has no colours of a scan; view it by material, segment or reflectivity")
     labels = colours.material_colours([s.material for s in surfaces])
     levels = [colours.reflection_db(s.material, s.roughness_m) for s in surfaces]
     stops = colours.ramp()
-    shots, places = pictures(meshes)
-    lines, marks, radar = overlay.lines(scene, _poses(poses))
+    jpegs, coordinates = pictures(meshes)
+    overlay = Overlay(scene, _poses(poses))
     low, high = scene.bounds
     content = {
         "title": title or _title(scene),
         "note": _note(scene, meshes, cell),
         "mode": by,
         "bounds": [low.tolist(), high.tolist()],
-        "frame": overlay.frame(low, high),
+        "frame": overlay.frame,
         "materials": [{"label": label, "colour": colour} for label, colour in labels.items()],
         "surfaces": [
-            _surface(s, index, shell, level, paint is not None)
-            for index, (s, shell, level, paint) in enumerate(zip(surfaces, shells(surfaces), levels, painted, strict=True))
+            _surface(s, index, wall, level, c is not None)
+            for index, (s, wall, level, c) in enumerate(zip(surfaces, wall_planes(surfaces), levels, scanned, strict=True))
         ],
         "colours": {
             "material": [labels[material_label(s.material)] for s in surfaces],
             "segment": colours.segment_colours([float(s.mesh.area) for s in surfaces]),
             "reflectivity": [colours.reflectivity_colour(level, stops) for level in levels],
         },
-        "has_colour": any(p is not None for p in painted),
+        "has_colour": any(c is not None for c in scanned),
         "has_filled": any(_filled_m2(s) > 0 for s in surfaces),
         "ramp": {
             "stops": stops,
@@ -107,15 +108,15 @@ def describe(
             "band": f"{colours.BAND_HZ[0] / 1e9:g} to {colours.BAND_HZ[1] / 1e9:g} GHz",
             "unknown": colours.UNKNOWN,
         },
-        "lines": lines,
-        "marks": marks,
-        "radar": radar,
-        "pictures": [f"data:image/jpeg;base64,{base64.b64encode(shot).decode()}" for shot in shots],
+        "lines": overlay.lines,
+        "labels": overlay.labels,
+        "radar": overlay.radar,
+        "pictures": [f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}" for jpeg in jpegs],
     }
-    return content, _arrays(meshes, painted, places)
+    return content, _arrays(meshes, scanned, coordinates)
 
 
-def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None, level: float | None, painted: bool) -> dict[str, Any]:
+def _surface(surface: Surface, index: int, wall: dict[str, list[float]] | None, level: float | None, scanned: bool) -> dict[str, Any]:
     mesh, provenance = surface.mesh, surface.provenance
     name = surface.name or f"surface {index}"
     facts = [["material", material_label(surface.material)], ["kind", surface.kind], ["area", f"{mesh.area:.3g} m²"]]
@@ -123,7 +124,7 @@ def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None,
         total = sum(thickness for _, thickness in surface.material.layers)
         facts.append(["layers", f"{len(surface.material.layers)}, {1000 * total:.4g} mm together"])
     if (filled := _filled_m2(surface)) > 0:
-        share = "all of it, a pane that nobody saw" if provenance.get("completed") else f"{filled:.3g} m² of it, filled in"
+        share = "all of it, an inferred pane" if provenance.get("completed") else f"{filled:.3g} m² of it, filled in"
         facts.append(["never scanned", share])
     facts.append(["roughness", f"{1000 * surface.roughness_m:.3g} mm" if surface.roughness_m else "smooth"])
     facts.append(["reflects", "no values at this frequency" if level is None else _decibels(level)])
@@ -139,16 +140,16 @@ def _surface(surface: Surface, index: int, shell: dict[str, list[float]] | None,
         "material": material_label(surface.material),
         "area_m2": float(mesh.area),
         "reflection_db": level,
-        "shell": shell,
+        "wall": wall,
         "crisp": len(mesh.faces) < CRISP_FACES,
         "centre": mesh.bounds.mean(axis=0).tolist(),
-        "has_colour": painted,
+        "has_colour": scanned,
         "facts": facts,
     }
 
 
 def _filled_m2(surface: Surface) -> float:
-    """Area of a surface that its scan has not seen; 0 where nobody says or it is less than a square decimetre."""
+    """Area that was not scanned but filled in, m^2; 0 if unknown or less than a square decimetre."""
     filled = surface.provenance.get("filled_m2")
     return float(filled) if isinstance(filled, int | float) and filled >= 0.01 else 0.0
 
@@ -158,13 +159,14 @@ def _decibels(level: float) -> str:
     return f"{'0.0' if text == '−0.0' else text} dB"
 
 
-def _arrays(meshes: Sequence[trimesh.Trimesh], painted: Sequence[np.ndarray | None], places: np.ndarray) -> Sequence[np.ndarray]:
+def _arrays(meshes: Sequence[trimesh.Trimesh], scanned: Sequence[np.ndarray | None], coordinates: np.ndarray) -> Sequence[np.ndarray]:
     offsets = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    colours = [np.tile(NO_COLOUR, (len(m.vertices), 1)) if c is None else c for m, c in zip(meshes, scanned, strict=True)]
     return (
         np.vstack([m.vertices for m in meshes]).astype("<f4"),
         np.repeat(np.arange(len(meshes)), np.diff(offsets)).astype("<u2"),
-        np.vstack([np.tile(PALE, (len(m.vertices), 1)) if p is None else p for m, p in zip(meshes, painted, strict=True)]).astype("u1"),
-        places.astype("<f4"),
+        np.vstack(colours).astype("u1"),
+        coordinates.astype("<f4"),
         np.vstack([np.asarray(m.faces) + k for m, k in zip(meshes, offsets, strict=False)]).astype("<u4"),
     )
 
@@ -177,11 +179,11 @@ def _page(content: dict[str, Any], arrays: Sequence[np.ndarray]) -> str:
         "__STYLE__": part["style.css"],
         "__SCRIPT__": "\n".join(part[name] for name in _SCRIPTS),
         "__ARRAYS__": "\n".join(base64.b64encode(a.tobytes()).decode() for a in arrays),
-        # A surface's name is the user's: "</script>" in it must not end the element.
+        # "</script>" in the name of a surface must not end the element.
         "__SCENE__": json.dumps(content, allow_nan=False).replace("<", "\\u003c"),
     }
     page = part["page.html"]
-    for key, text in parts.items():  # the scene last: nothing of the user's is searched for keys
+    for key, text in parts.items():  # the scene comes last, so that no key is replaced inside the user's text
         page = page.replace(key, text)
     return page
 
@@ -205,5 +207,5 @@ def _note(scene: Scene, meshes: Sequence[trimesh.Trimesh], cell: float) -> str:
     note = f"{len(scene)} surfaces, {faces:,} triangles, {dimensions} m"
     if cell:
         shown = sum(len(m.faces) for m in meshes)
-        note += f" · thinned for this picture to {shown:,} triangles on a {1000 * cell:.0f} mm grid; the scene keeps all"
+        note += f" · thinned for this page to {shown:,} triangles on a {1000 * cell:.0f} mm grid; the scene keeps all"
     return note

@@ -1,4 +1,4 @@
-// Matrices (column-major, as WebGL reads them) and a camera that orbits a point; z is up.
+// Column-major matrices for WebGL, and a camera that orbits a target point; z is up.
 
 const vec = {
   add: (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]],
@@ -35,7 +35,7 @@ class Camera {
     this.fit();
   }
 
-  /** Back off until the corners of the scene fit what the panel leaves of the window. */
+  /** Increase the distance until the scene fits into the part of the window beside the panel. */
   fit() {
     this.distance = 0.05 * this.size;
     const corners = [];
@@ -44,8 +44,8 @@ class Camera {
     while (this.distance < 20 * this.size && !corners.every((c) => inside(this.project(c)))) this.distance *= 1.03;
   }
 
-  /** From the radar along its boresight, a little wider than a person looks. */
-  from(position, direction) {
+  /** View from the radar along its boresight. */
+  lookFrom(position, direction) {
     this.distance = 1.5;
     this.target = vec.add(position, vec.scale(direction, this.distance));
     this.azimuth = Math.atan2(-direction[1], -direction[0]);
@@ -65,7 +65,7 @@ class Camera {
     return { forward, right, up: vec.cross(right, forward) };
   }
 
-  /** World to clip coordinates. The panel covers the right of the window, so the picture is shifted to the left. */
+  /** World to clip coordinates, shifted to the left because the panel covers the right of the window. */
   matrix() {
     const { forward, right, up } = this.axes();
     const eye = this.eye;
@@ -84,7 +84,7 @@ class Camera {
   aspect = 1;
   shift = 0;
 
-  /** Across, up and depth in -1..1 of the part of the window that the panel leaves free. */
+  /** Horizontal, vertical and depth coordinates in -1..1 in the part of the window beside the panel. */
   project(point) {
     const m = this.matrix();
     const w = m[3] * point[0] + m[7] * point[1] + m[11] * point[2] + m[15];
@@ -104,7 +104,7 @@ class Camera {
     this.target = vec.add(this.target, vec.add(vec.scale(right, -dx * metres), vec.scale(up, dy * metres)));
   }
 
-  nearer(factor) {
+  zoom(factor) {
     this.distance = Math.max(0.02, Math.min(20 * this.size, this.distance * factor));
   }
 }

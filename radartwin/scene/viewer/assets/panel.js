@@ -1,4 +1,4 @@
-// What stands beside the picture: the switch between colourings, the legend of the one in force, the card under the pointer.
+// The panel beside the picture (colouring, legend) and the card with the facts of the surface under the pointer.
 
 function element(tag, attributes = {}, ...children) {
   const node = document.createElement(tag);
@@ -12,14 +12,14 @@ const area = (m2) => (m2 >= 100 ? m2.toFixed(0) : m2 >= 1 ? m2.toFixed(1) : m2.t
 const MODES = { material: "material", segment: "segment", reflectivity: "reflectivity", colour: "scan colour" };
 
 class Panel {
-  /** hidden: set of surface numbers that the user switched off; changed: called when it or the mode changes. */
+  /** hidden: numbers of the surfaces that the user hides; changed: function called after a change of `hidden` or of the mode. */
   constructor(scene, hidden, changed) {
     Object.assign(this, { scene, hidden, changed });
     this.node = document.getElementById("legend");
     this.buttons = {};
     for (const [mode, text] of Object.entries(MODES)) {
       const missing = mode === "colour" && !scene.has_colour;
-      const title = missing ? "this scene carries no colours of a scan" : "";
+      const title = missing ? "this scene has no colours of a scan" : "";
       const button = element("button", { id: `mode-${mode}`, type: "button", textContent: text, disabled: missing, title });
       button.onclick = () => this.changed(mode);
       document.getElementById("modes").append(button);
@@ -89,13 +89,13 @@ class Panel {
 
   photograph() {
     const bare = this.scene.surfaces.some((s) => !s.has_colour);
-    const filled = this.scene.has_filled ? " What was never scanned, and filled in, is hatched grey." : "";
-    const note = (bare ? "Colours as scanned; surfaces without any are grey." : "Colours as scanned.") + filled;
+    const filled = this.scene.has_filled ? " Unscanned areas that were filled in are hatched grey." : "";
+    const note = (bare ? "Colours of the scan; surfaces without a colour are grey." : "Colours of the scan.") + filled;
     return [element("h2", { textContent: "Scan colour" }), element("p", { textContent: note })];
   }
 }
 
-/** The card beside the pointer: everything known of one surface. */
+/** Show the card with the facts of a surface beside the pointer. */
 function showCard(surface, x, y) {
   const card = document.getElementById("card");
   card.hidden = !surface;

@@ -1,5 +1,5 @@
-// Draws the scene in two passes: colours and surface numbers into textures, then both onto the window with outlines where the
-// surface changes. The surface numbers also answer what lies under the pointer.
+// Draws the scene in two passes: first colours and surface numbers into textures, then the colours onto the window with outlines between
+// different surface numbers. The surface numbers also identify the surface under the pointer.
 
 const MESH_VERTEX = `#version 300 es
 in vec3 position; in vec4 paint; in vec3 picture; in uint surface;
@@ -11,7 +11,7 @@ void main() {
   place = picture.xy; layer = picture.z;
 }`;
 
-// Normals come from the triangle itself: no mesh has to carry any, and both sides are lit.
+// Normals are computed per triangle, so meshes need none, and both sides are lit.
 const MESH_FRAGMENT = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2D; precision highp sampler2DArray;
 in vec3 toEye; in float height; in vec4 painted; in vec2 place; flat in float layer; flat in uint index;
@@ -87,7 +87,7 @@ class Renderer {
     this.programs = { mesh: this.program(MESH_VERTEX, MESH_FRAGMENT), line: this.program(LINE_VERTEX, LINE_FRAGMENT),
       screen: this.program(SCREEN_VERTEX, SCREEN_FRAGMENT) };
     this.count = mesh.indices.length;
-    this.grain = this.count > 900000 ? 1 : 2; // two by two samples a pixel, unless the mesh is large
+    this.grain = this.count > 900000 ? 1 : 2; // 2 x 2 samples per pixel, except for large meshes
     this.mesh = gl.createVertexArray();
     gl.bindVertexArray(this.mesh);
     this.attribute(this.programs.mesh, "position", mesh.positions, 3, gl.FLOAT);
@@ -132,7 +132,7 @@ class Renderer {
     gl.vertexAttribDivisor(at, divisor);
   }
 
-  /** Lines: [{from, to, colour: [r, g, b], width}], widths in pixels of the window. */
+  /** Lines: [{from, to, colour: [r, g, b], width}], width in window pixels. */
   setLines(lines) {
     const gl = this.gl;
     const program = this.programs.line;
@@ -146,7 +146,7 @@ class Renderer {
       this.attribute(program, name, null, size, gl.FLOAT, 44, offset, false, 1);
   }
 
-  /** Square pictures of one size, a layer each; they repeat. */
+  /** Square pictures of one size as the layers of a repeating texture. */
   setPictures(pictures) {
     const gl = this.gl;
     const side = pictures.length ? pictures[0].width : 1;
@@ -158,7 +158,7 @@ class Renderer {
     gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
   }
 
-  /** One RGBA entry a surface; alpha 0 hides it, 128 draws it without creases, 255 with them. */
+  /** One RGBA entry per surface; alpha 0 hides the surface, 128 draws it without creases, 255 with creases. */
   setTable(entries) {
     const gl = this.gl;
     const padded = new Uint8Array(4 * 1024 * this.rows);
@@ -242,7 +242,7 @@ class Renderer {
     gl.enable(gl.DEPTH_TEST);
   }
 
-  /** The surface at a pixel of the canvas counted from its top left, or -1; through a line, what is beside it. */
+  /** Number of the surface at a pixel of the canvas, from its top left, or -1. A pixel on a line gives the nearest surface. */
   pick(x, y) {
     const gl = this.gl;
     const reach = 4 * this.grain;
