@@ -68,17 +68,13 @@ def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: i
             done()
         return results
     found: dict[int, Any] = {}
-    waiting = iter(enumerate(items))
-
-    def next_call(_: int) -> tuple[Any, ...] | None:
-        numbered = next(waiting, None)
-        return None if numbered is None else (function, *numbered)
+    calls = ((function, number, item) for number, item in enumerate(items))
 
     def on_result(numbered: tuple[int, Any]) -> None:
         number, found[number] = numbered
         done()
 
-    run(_numbered, next_call, on_result, count)
+    run(_numbered, lambda _: next(calls, None), on_result, count)
     return [found[number] for number in range(len(items))]
 
 

@@ -113,17 +113,6 @@ def test_a_sweep_survives_a_refused_and_a_failed_job_and_resumes(radartwin: Comm
     assert children == (5,), "three jobs of the first sweep and the two failed ones of the second"
 
 
-def test_a_broken_tracking_store_is_named_and_tracking_off_still_works(radartwin: Command, own: list[str], tmp_path: Path) -> None:
-    (tmp_path / "outputs").mkdir()
-    (tmp_path / "outputs" / "mlflow.db").write_bytes(bytes(range(256)) * 16)
-    done = radartwin(*own)
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert "mlflow.db" in done.stderr
-    assert "not a database" in done.stderr
-    assert radartwin(*own, "tracking=off").returncode == 0
-
-
 def test_a_sweep_with_a_wrong_value_starts_no_job(radartwin: Command, own: list[str], tmp_path: Path) -> None:
     swept = radartwin(*own, "-m", "materials=uniform,steel")
     assert swept.returncode == 2

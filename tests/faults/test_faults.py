@@ -155,18 +155,6 @@ def test_a_clock_set_back_between_and_during_runs_changes_nothing(study: Study, 
     assert study.tracked("SELECT count(*) FROM runs WHERE end_time < start_time") == [(0,)]
 
 
-def test_a_damaged_cache_entry_is_computed_again(study: Study) -> None:
-    assert study.run(SEEDS[:6])[0] == 0
-    (result,) = study.output.glob("cache/run/*/result.json")
-    sound = result.read_bytes()
-    result.write_bytes(sound.replace(b'"value": 0.0', b'"value": 9.9'))
-    code, said, complained = study.run(SEEDS[:6])
-    assert code == 0, complained
-    assert "in the cache is damaged" in complained
-    assert "simulated 0, reused 1, scored 1" in said
-    assert result.read_bytes() == sound
-
-
 def test_a_corrupted_tracking_store_is_named_and_finished_runs_are_kept(study: Study) -> None:
     assert study.run("seed=0")[0] == 0
     database = study.output / "mlflow.db"

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from radartwin.runs.doctor import examine
 from radartwin.store.clean import cache_bytes, clean
 from radartwin.store.products import Store, save_arrays
 
@@ -33,6 +34,11 @@ def test_cache_is_deleted_and_tables_stay(output: Path, capsys: pytest.CaptureFi
     assert cache_bytes(output) == {}
     assert (output / "tables" / "gaps.csv").exists()
     assert "clean: deleted 0.8 MB" in capsys.readouterr().out
+
+
+def test_doctor_says_how_large_the_cache_is(output: Path) -> None:
+    (finding,) = [finding for finding in examine(output) if finding.topic == "cache"]
+    assert finding.text.startswith(f"1 MB in {output / 'cache'}; radartwin clean --cache deletes it")
 
 
 def test_an_output_folder_without_a_cache_is_fine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
