@@ -1,4 +1,4 @@
-"""An output folder with every kind of table that a report tells of, written as `radartwin tables` writes it."""
+"""An output folder with every state of a table in a report, written as `radartwin tables` writes it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HOSTILE = "</script><script>document.title='taken'</script> \"'><img src=x onerr
 KEY, OLD_KEY = "a" * 32, "b" * 32
 PAIR = "gallery_mug_lab_turntable_1m"
 RANGE_M = np.linspace(0, 6, 129)
-MEASURED_M, SIMULATED_M = 2.0, 4.0  # where each domain of the gallery's pair has its one echo
+MEASURED_M, SIMULATED_M = 2.0, 4.0  # range of the single echo of each domain
 FLOOR_DB, ECHO_DB = -100.0, -40.0
 
 
@@ -32,7 +32,7 @@ def row(**changes: Any) -> dict[str, Any]:
 
 
 def rows() -> list[dict[str, Any]]:
-    """Every verdict, a row without a claim, and text of a stranger's in every column that holds text."""
+    """Rows of every verdict, a row without a claim, and hostile text in every text column."""
     return [
         row(),
         row(verdict="fails", value=7.0, low=6.0, high=8.0, strength=2.0),
@@ -44,7 +44,7 @@ def rows() -> list[dict[str, Any]]:
 
 
 def methods() -> list[dict[str, Any]]:
-    """Two methods on one problem, as the table of speed against accuracy has them."""
+    """Rows of two methods on one problem, as in the table of speed against accuracy."""
     case = {
         "problem": "plate",
         "title": "a plate",
@@ -68,7 +68,7 @@ def curve() -> Any:
 
 
 def views() -> dict[str, gallery.View]:
-    """Both domains of a pair: one echo each, at MEASURED_M and at SIMULATED_M."""
+    """Both domains of a gallery pair, with one echo each, at MEASURED_M and at SIMULATED_M."""
     across = {"time": np.arange(20) / 10, "Doppler": np.linspace(-5, 5, 21), "azimuth": np.arange(-80.0, 81.0, 5)}
     found = {}
     for side, at_m in (("measured", MEASURED_M), ("twin", SIMULATED_M)):
@@ -83,7 +83,7 @@ def views() -> dict[str, gallery.View]:
 
 
 def write(output: Path, figures: Mapping[str, Callable[[], Any]] | None = None) -> Path:
-    """Tables of this source, one of an earlier, one that failed; all others were never run. The report's path."""
+    """Write three current tables, one stale and one failed table, and the report; its path. All other tables were never run."""
     figures = {"environment_curve": curve} if figures is None else figures
     main.write(registry.table("environment"), Result("environment", rows(), figures, run_key=KEY), "quick", output)
     pair = {PAIR: lambda: gallery.draw(views(), "mug in the lab", "testbed")}

@@ -18,7 +18,7 @@ from pathlib import Path
 from radartwin.io import files
 
 INDEX, LOCK = "index.html", f".report{files.TEMPORARY}"
-_STAGE = f".parts{files.TEMPORARY}"
+STAGE = f".parts{files.TEMPORARY}"
 _PARTS = re.compile(r"parts-[0-9a-f]{12}")
 
 
@@ -27,7 +27,7 @@ class Stage:
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self._folder = root / _STAGE
+        self._folder = root / STAGE
 
     def take(self, source: Path, part: str) -> str:
         """Copy a file into a part; its link from within the parts."""
@@ -68,12 +68,12 @@ def staged(root: Path) -> Iterator[Stage]:
     """
     files.make_folder(root)
     with files.lock(root / LOCK):
-        shutil.rmtree(root / _STAGE, ignore_errors=True)  # left by a killed process
+        shutil.rmtree(root / STAGE, ignore_errors=True)  # left by a killed process
         try:
-            (root / _STAGE).mkdir()
+            (root / STAGE).mkdir()
             yield Stage(root)
         finally:
-            shutil.rmtree(root / _STAGE, ignore_errors=True)
+            shutil.rmtree(root / STAGE, ignore_errors=True)
 
 
 def _digest(folder: Path) -> str:

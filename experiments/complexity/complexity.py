@@ -257,11 +257,11 @@ def _found(one: Asked, choice: Choice, fixed: Model, seconds: Mapping[Model, lis
     models = {AUTO: choice.model, FIXED: fixed, SHIPPED: DEFAULT}
     errors, between = ({who: one.error(model, held) for who, model in models.items()} for held in (False, True))
     layers = one.error(replace(DEFAULT, layered=False))
-    choosing_s = sum(one.kept.cost.get(model, 0.0) for model in {FINEST, *_tried(choice)})
+    choosing_s = sum(one.kept.cost.get(model, 0.0) for model in {FINEST, *examined(choice)})
     return Found(one.name, one.words, choice, models, errors, between, layers, {who: seconds[m] for who, m in models.items()}, choosing_s)
 
 
-def _tried(choice: Choice) -> Iterable[Model]:
+def examined(choice: Choice) -> Iterable[Model]:
     """Every model that a choice examined."""
     model = FINEST
     for step in choice.steps:

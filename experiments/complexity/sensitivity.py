@@ -136,7 +136,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     twins = {}
     for setting in SETTINGS:
         progress.say(f"sensitivity: {setting.name}")
-        changed = _changed(config, setting)
+        changed = configured(config, setting)
         twins[setting.name] = read(Campaign(changed, store, progress), changed, progress)
     rows = table(config, twins)
     metrics = {f"feature_error_{r['motion']}_{r['setting'].replace(' ', '_')}": r["value"] for r in rows if r["metric"] == ERROR}
@@ -145,7 +145,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     return Result(TABLE.name, rows, {"sensitivity": lambda: chart(rows)}, metrics, sorted(keys))
 
 
-def _changed(config: Config, setting: Setting) -> Config:
+def configured(config: Config, setting: Setting) -> Config:
     materials = default_materials(setting.materials) if setting.materials else config.materials
     return replace(config, simulator=replace(config.simulator, **setting.simulator), materials=materials)
 

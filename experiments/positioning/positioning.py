@@ -31,7 +31,7 @@ MATERIALS_BY_HAND = ("EM solvers", "Sionna RT")  # the paper says "manual per-su
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """The table, and the number of other systems with every mark."""
     rows = [row(system) for system in progress.over(list(CELLS), "systems")]
-    rows.append(_alone())
+    rows.append(others_with_all())
     ours = next(r for r in rows if r["method"] == OURS)
     return Result(TABLE.name, rows, metrics={"our_cells_confirmed": float(ours["value"])})
 
@@ -58,7 +58,7 @@ def row(system: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _alone() -> dict[str, Any]:
+def others_with_all() -> dict[str, Any]:
     """The number of other systems with all three marks whose materials are not assigned by hand."""
     marked = [s for s, cells in CELLS.items() if s != OURS and all(cells[AXES.index(axis)] == "yes" for axis in TICKS)]
     rivals = [system for system in marked if system not in MATERIALS_BY_HAND]

@@ -115,7 +115,7 @@ def corner_echo(faces: Sequence[np.ndarray], pose: np.ndarray) -> np.ndarray:
     )
 
 
-def _turned(distance_m: float, frames: int, start_deg: float) -> np.ndarray:
+def turntable_poses(distance_m: float, frames: int, start_deg: float) -> np.ndarray:
     """(F, 4, 4) poses of an object that faces the radar from a distance and turns as on a turntable."""
     return trajectory.turntable([distance_m, 0, 0], frames, RADAR.frame_rate_hz, 25.0, np.pi + np.radians(start_deg))
 
@@ -125,12 +125,12 @@ def canonical(frames: int, scored: int, distance_m: float = 1.0) -> Problem:
     """Four metal targets; plate and trihedral turn."""
     parts = []
     for name, mesh, start_deg in (("plate", objects.plate(0.1, 0.1), 0.0), ("trihedral", objects.trihedral(0.1), 5.0)):
-        parts.append(_corner_part(name, mesh, _turned(distance_m, frames, start_deg), scored))
+        parts.append(_corner_part(name, mesh, turntable_poses(distance_m, frames, start_deg), scored))
     for name, mesh, echo in (
         ("sphere", objects.sphere(0.033, 4), lambda f: sphere_echo(0.033, distance_m, f)),
         ("cylinder", objects.cylinder(0.033, 0.12, 64), lambda f: cylinder_echo(0.033, 0.12, distance_m, f)),
     ):
-        poses = _turned(distance_m, frames, 0.0)
+        poses = turntable_poses(distance_m, frames, 0.0)
 
         def same(echo: Callable[[np.ndarray], np.ndarray] = echo) -> np.ndarray:
             return np.repeat(swept(echo, distance_m)[None], scored, axis=0)
@@ -142,7 +142,7 @@ def canonical(frames: int, scored: int, distance_m: float = 1.0) -> Problem:
 
 @cache
 def near(frames: int, scored: int, distance_m: float = 0.5) -> Problem:
-    part = _corner_part("trihedral 15 cm", objects.trihedral(0.15), _turned(distance_m, frames, 5.0), scored)
+    part = _corner_part("trihedral 15 cm", objects.trihedral(0.15), turntable_poses(distance_m, frames, 5.0), scored)
     title = f"15 cm reflector in the near field, {distance_m:g} m"
     return Problem("near", title, "near-field quadrature", [part], TURN, True, False, True)
 

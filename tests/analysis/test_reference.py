@@ -1,4 +1,4 @@
-"""The API reference is built from the docstrings without a warning, and has every public name."""
+"""The API reference is built from the docstrings without a warning and has every public name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 reference = runpy.run_path(str(ROOT / "docs" / "reference.py"))
 
 
-def test_every_public_name_is_described(tmp_path: Path) -> None:
+def test_reference_has_every_public_name(tmp_path: Path) -> None:
     reference["build"](tmp_path, ("radartwin",))
     page = (tmp_path / "radartwin.html").read_text()
     for name in radartwin.__all__:
@@ -23,7 +23,7 @@ def test_every_public_name_is_described(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_whole_reference_is_built_without_a_warning(tmp_path: Path) -> None:
+def test_whole_reference_builds_without_warning(tmp_path: Path) -> None:
     assert reference["build"](tmp_path).is_file()
     pages = {path.relative_to(tmp_path).with_suffix("").as_posix().replace("/", ".") for path in tmp_path.rglob("*.html")}
     assert {name for name in reference["MODULES"] if not name.startswith("!")} <= pages

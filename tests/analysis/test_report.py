@@ -1,4 +1,4 @@
-"""The report's folder: what it says of each table, what it escapes, and that it is whole, by itself and the same twice."""
+"""The report's folder: content of each table, escaping, integrity, and equal bytes when written twice."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def read(written: Path) -> Read:
     return Read((written / "report" / "index.html").read_text(encoding="utf-8"))
 
 
-def test_the_page_is_well_formed_and_every_link_leads_somewhere_when_the_folder_is_moved(written: Path, read: Read, tmp_path: Path) -> None:
+def test_page_is_well_formed_and_links_work_in_a_moved_folder(written: Path, read: Read, tmp_path: Path) -> None:
     moved = Path(shutil.copytree(written / "report", tmp_path / "elsewhere"))
     assert read.open == []
     assert len(read.ids) == len(set(read.ids))
@@ -89,7 +89,7 @@ def test_the_page_is_well_formed_and_every_link_leads_somewhere_when_the_folder_
     )
 
 
-def test_every_table_is_there_or_said_to_be_missing_stale_or_failed(read: Read) -> None:
+def test_every_table_is_present_or_named_missing_stale_or_failed(read: Read) -> None:
     for name in registry.NAMES:
         assert registry.table(name).title in read.said[name]
     assert "stale" in read.said["stability"]
@@ -104,7 +104,7 @@ def test_every_table_is_there_or_said_to_be_missing_stale_or_failed(read: Read) 
     assert "not run: What the tracer is checked against" in summary
 
 
-def test_the_summary_counts_the_claims_and_links_each_to_its_row(read: Read) -> None:
+def test_summary_counts_claims_and_links_each_to_its_row(read: Read) -> None:
     rows = reported.rows()
     claimed, total = [(n, row) for n, row in enumerate(rows, 1) if row["claim"]], len(rows) + len(reported.methods()) + 1
     assert f"3 of {len(registry.NAMES)} tables are here. Of their {total} rows {len(claimed)} state a claim." in read.said["summary"]
@@ -113,12 +113,12 @@ def test_the_summary_counts_the_claims_and_links_each_to_its_row(read: Read) -> 
     assert {link for link in read.links if re.fullmatch(r"#environment-\d+", link)} == {f"#environment-{n}" for n, _ in claimed}
 
 
-def test_a_claims_case_is_what_tells_it_from_others(written: Path) -> None:
+def test_case_of_a_claim_names_its_distinguishing_columns(written: Path) -> None:
     claims = Section(registry.table("environment"), written, "quick", reported.KEY).claims
     assert [claim.case for claim in claims[:2]] == ["lab, strength 0.5", "lab, strength 2"]
 
 
-def test_text_of_strangers_is_text(written: Path, read: Read) -> None:
+def test_hostile_text_is_escaped(written: Path, read: Read) -> None:
     text = (written / "report" / "index.html").read_text(encoding="utf-8")
     assert read.tags["script"] == 1
     assert "<img src=x" not in text
@@ -127,7 +127,7 @@ def test_text_of_strangers_is_text(written: Path, read: Read) -> None:
     assert reported.HOSTILE in read.said["positioning"]
 
 
-def test_the_pages_own_script_is_the_only_one_that_may_run(written: Path) -> None:
+def test_content_policy_allows_only_the_pages_own_script(written: Path) -> None:
     import base64
     import hashlib
 
@@ -139,15 +139,15 @@ def test_the_pages_own_script_is_the_only_one_that_may_run(written: Path) -> Non
     assert base64.b64encode(hashlib.sha256(script[1].encode()).digest()).decode() == allowed[1]
 
 
-def test_a_second_report_is_the_same_and_leaves_nothing_of_an_earlier_one(written: Path, tmp_path: Path) -> None:
+def test_second_report_has_equal_bytes_and_removes_leftovers(written: Path, tmp_path: Path) -> None:
     output = Path(shutil.copytree(written, tmp_path / "out"))
 
     def files() -> dict[str, bytes]:
         return {path.relative_to(output).as_posix(): path.read_bytes() for path in (output / "report").rglob("*") if path.is_file()}
 
     first, parts = files(), _parts(output)
-    (output / "report" / "parts-0123456789ab" / "figures").mkdir(parents=True)  # of a process that was killed at its end
-    (output / "report" / folder._STAGE / "figures").mkdir(parents=True)  # and of one killed before
+    (output / "report" / "parts-0123456789ab" / "figures").mkdir(parents=True)  # left by a process that was killed at its end
+    (output / "report" / folder.STAGE / "figures").mkdir(parents=True)  # left by a process that was killed earlier
     (output / "report" / "notes.txt").write_text("the user's own")
     (parts / "figures" / "environment_curve.png").write_bytes(b"touched")
     reported.report(output)
@@ -164,7 +164,7 @@ def _parts(output: Path) -> Path:
     return found
 
 
-def test_a_missing_figure_is_named_and_the_old_report_stays(written: Path, tmp_path: Path) -> None:
+def test_missing_figure_is_named_and_the_old_report_stays(written: Path, tmp_path: Path) -> None:
     output = Path(shutil.copytree(written, tmp_path / "out"))
     before = (output / "report" / "index.html").read_bytes()
     (output / "figures" / "environment_curve.pdf").unlink()
@@ -175,7 +175,7 @@ def test_a_missing_figure_is_named_and_the_old_report_stays(written: Path, tmp_p
 
 
 @pytest.mark.parametrize("text", ["room,claim\nlab,x\n", None, b"\xff\xfe\x00"])
-def test_a_damaged_csv_is_named(written: Path, tmp_path: Path, text: str | bytes | None) -> None:
+def test_damaged_csv_is_named(written: Path, tmp_path: Path, text: str | bytes | None) -> None:
     output = Path(shutil.copytree(written, tmp_path / "out"))
     path = output / "tables" / "environment.csv"
     broken = path.read_text().replace("holds", "perhaps") if text is None else text
@@ -184,7 +184,7 @@ def test_a_damaged_csv_is_named(written: Path, tmp_path: Path, text: str | bytes
         reported.report(output)
 
 
-def test_a_figure_that_leads_out_of_its_folder_is_refused(tmp_path: Path) -> None:
+def test_figure_name_outside_the_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "tables").mkdir()
     for name in ("../secret", "/etc/passwd", ".hidden", "a\\b", ""):
         index = {"environment": {"run_key": "0", "profile": "quick", "figures": [name]}}
@@ -193,7 +193,7 @@ def test_a_figure_that_leads_out_of_its_folder_is_refused(tmp_path: Path) -> Non
             main.write_report(tmp_path)
 
 
-def test_the_pair_of_a_gallery_carries_the_values_that_were_drawn(written: Path) -> None:
+def test_comparison_page_has_the_drawn_values(written: Path) -> None:
     panels = gallery.pairs(gallery.drawn(written / "figures" / f"{reported.PAIR}.html", ""))
     assert [panel["title"] for panel in panels] == ["range over time", "range over Doppler", "range over azimuth"]
     for panel in panels:
@@ -203,7 +203,7 @@ def test_the_pair_of_a_gallery_carries_the_values_that_were_drawn(written: Path)
             assert reported.RANGE_M[column.index(max(column))] == pytest.approx(at_m, abs=0.1)
 
 
-def test_a_figure_without_a_pair_has_no_sliders(tmp_path: Path) -> None:
+def test_figure_without_a_pair_has_no_comparison(tmp_path: Path) -> None:
     data = {"size": [500, 300], "axes": [{"box": [0, 0, 1, 1], "pictures": []}]}
     assert gallery.pairs(data) == []
     (tmp_path / "page.html").write_text("<script>const data = {broken;\n</script>")
@@ -211,7 +211,7 @@ def test_a_figure_without_a_pair_has_no_sliders(tmp_path: Path) -> None:
         gallery.drawn(tmp_path / "page.html", "radartwin tables")
 
 
-def test_cost_and_seed_are_those_of_the_cache_and_each_product_counts_once(tmp_path: Path) -> None:
+def test_run_times_and_seed_come_from_the_cache_and_products_count_once(tmp_path: Path) -> None:
     def product(kind: str, key: str, **meta: Any) -> None:
         path = tmp_path / "cache" / kind / key
         path.mkdir(parents=True)
@@ -236,14 +236,12 @@ def test_cost_and_seed_are_those_of_the_cache_and_each_product_counts_once(tmp_p
     assert "cannot be read" in origin.of(sections, tmp_path).tracking
 
 
-def test_a_cleared_cache_leaves_the_cost_unknown(tmp_path: Path) -> None:
+def test_cleared_cache_leaves_run_times_unknown(tmp_path: Path) -> None:
     (run,) = origin.of([Section(registry.table("environment"), tmp_path, "quick", "../../etc")], tmp_path).runs
     assert (run.seed, run.core_seconds, run.made, run.mlflow) == (None, None, {}, "")
 
 
-def test_a_run_that_ends_with_an_error_costs_its_own_table_alone(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_failed_run_loses_only_its_own_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from experiments.positioning import positioning
     from experiments.turntable import linear_rail
 
@@ -273,7 +271,7 @@ def test_a_run_that_ends_with_an_error_costs_its_own_table_alone(
     assert json.loads((tmp_path / "tables" / "failures.json").read_text()) == {}
 
 
-def test_what_the_user_can_mend_stops_the_tables(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_user_error_stops_the_tables(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     from experiments.turntable import linear_rail
 
     def refused(*_: Any) -> Result:

@@ -1,4 +1,4 @@
-"""A table is the same rows in four formats, checked before any of them is written."""
+"""A table has the same rows in four formats, and its rows are checked before any file is written."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ def row(**changes: Any) -> dict[str, Any]:
     return {**given, **changes}
 
 
-def test_csv_has_the_case_first_then_the_keys_then_the_score_in_full_precision() -> None:
+def test_csv_has_case_keys_and_score_in_full_precision() -> None:
     read = list(csv.DictReader(io.StringIO(tables.to_csv([row()]))))
     assert list(read[0]) == ["distance_m", "run_keys", *SCORE]
     assert float(read[0]["value"]) == 1 / 3
     assert read[0]["run_keys"] == "abc def"
 
 
-def test_a_value_nobody_could_compute_is_empty_in_csv_and_a_dash_for_readers() -> None:
+def test_absent_value_is_empty_in_csv_and_a_dash_in_markdown() -> None:
     untestable = [row(value=None, low=None, high=None, n=0, verdict="untestable")]
     assert next(csv.DictReader(io.StringIO(tables.to_csv(untestable))))["value"] == ""
     assert "| – |" in tables.to_markdown(TABLE, untestable)
 
 
-def test_markdown_has_as_many_cells_in_each_line_as_columns() -> None:
+def test_markdown_lines_have_one_cell_per_column() -> None:
     lines = [line for line in tables.to_markdown(TABLE, [row(), row()]).splitlines() if line.startswith("|")]
     assert len(lines) == 4
     assert {line.replace("\\|", "").count("|") for line in lines} == {len(SCORE) + 2}
 
 
-def test_html_is_well_formed_and_escapes_what_it_shows() -> None:
+def test_html_is_well_formed_and_escaped() -> None:
     class Balanced(HTMLParser):
         def __init__(self) -> None:
             super().__init__()
@@ -78,7 +78,7 @@ def test_latex_escapes_its_special_characters() -> None:
     assert {line.replace(r"\&", "").count("&") + 1 for line in lines} == {len(columns)}
 
 
-def test_latex_needs_nothing_that_pdflatex_has_not() -> None:
+def test_latex_is_ascii_for_every_caption_and_symbol() -> None:
     text = tables.to_latex(TABLE, [row(metric="ρ ≥ 0.5 ± 3 µm² at λ/2, 45° → −1–2 × ε")])
     assert text.isascii()
     assert r"$\rho$ $\geq$ 0.5 $\pm$ 3 $\mu$m$^2$" in text
@@ -98,18 +98,18 @@ def test_latex_needs_nothing_that_pdflatex_has_not() -> None:
         ({"value": None}, "needs a value"),
     ],
 )
-def test_a_row_that_cannot_be_is_refused_before_anything_is_written(changes: dict[str, Any], word: str, tmp_path: Path) -> None:
+def test_invalid_row_is_refused_before_anything_is_written(changes: dict[str, Any], word: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=word):
         tables.write(TABLE, [row(), row(**changes)], tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_row_without_a_score_column_is_refused() -> None:
+def test_row_without_a_score_column_is_refused() -> None:
     with pytest.raises(InputError, match="verdict"):
         check_rows("t", [{k: v for k, v in row().items() if k != "verdict"}])
 
 
-def test_the_caption_owns_up_to_a_virtual_measurement() -> None:
+def test_caption_notes_a_testbed_score() -> None:
     assert "not a measurement of reality" in tables.caption(TABLE, [row()])
     assert tables.caption(TABLE, [row(domain="recordings")]) == TABLE.caption
 
@@ -136,7 +136,7 @@ def test_a_table_is_unchanged_until_profile_files_or_its_tracked_run_change(tmp_
 @pytest.mark.parametrize(
     "text", ["{", "[]", "5", '{"environment": 5}', '{"environment": {}}', '{"environment": {"run_key": 1, "profile": "x", "figures": []}}']
 )
-def test_a_damaged_index_is_named_before_any_work(text: str, tmp_path: Path) -> None:
+def test_damaged_index_is_named_before_any_work(text: str, tmp_path: Path) -> None:
     (tmp_path / "tables").mkdir()
     (tmp_path / "tables" / "index.json").write_text(text)
     for verb in (lambda: main.report_verb(tmp_path), lambda: main.tables("quick", None, tmp_path)):
@@ -144,7 +144,7 @@ def test_a_damaged_index_is_named_before_any_work(text: str, tmp_path: Path) -> 
             verb()
 
 
-def test_a_table_that_went_missing_is_named(tmp_path: Path) -> None:
+def test_missing_table_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "tables").mkdir()
     (tmp_path / "tables" / "index.json").write_text('{"environment": {"run_key": "0", "profile": "quick", "figures": []}}')
     with pytest.raises(MissingError, match=r"environment\.csv is missing .*--only environment"):
@@ -152,14 +152,14 @@ def test_a_table_that_went_missing_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", registry.NAMES)
-def test_every_table_is_declared_by_its_experiment_module(name: str) -> None:
+def test_every_experiment_module_declares_its_table(name: str) -> None:
     table = registry.table(name)
     assert table.name == name
     assert table.title
     assert table.caption
 
 
-def test_an_unknown_table_and_an_empty_report_are_refused(tmp_path: Path) -> None:
+def test_unknown_table_and_empty_report_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="nonsense"):
         registry.check(["nonsense"])
     with pytest.raises(MissingError, match="radartwin tables"):

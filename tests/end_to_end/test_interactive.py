@@ -1,4 +1,4 @@
-"""The page of a figure in a real browser: values under the pointer, zoom and pan by pointer and keys, nothing on the console."""
+"""The page of a figure in a real browser: values under the pointer, zoom and pan by pointer and keys, an empty console."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def data_of(path: Path) -> dict:
     return json.loads(found[1])
 
 
-def test_the_page_knows_what_was_drawn_and_is_the_same_bytes_twice(path: Path, tmp_path: Path) -> None:
+def test_page_contains_the_drawn_data_and_has_equal_bytes_twice(path: Path, tmp_path: Path) -> None:
     left, middle, right = data_of(path)["axes"]
     assert left["series"] == [{"name": "rising", "points": [[0, 1], [1, 10], [2, 100], [3, 1000]]}]
     assert left["y"]["log"]
@@ -76,7 +76,7 @@ def test_the_page_knows_what_was_drawn_and_is_the_same_bytes_twice(path: Path, t
     assert again.read_bytes() == path.read_bytes()
 
 
-def test_what_cannot_be_read_is_drawn_and_has_no_values(tmp_path: Path) -> None:
+def test_unsupported_data_has_no_values(tmp_path: Path) -> None:
     names, uneven, shaded, other, low, bars = data_of(style.save(others, tmp_path / "others")[-1])["axes"]
     assert names["series"][0]["points"] == [[0, 1], [1, 2]]
     assert uneven["pictures"] == shaded["pictures"] == []
@@ -96,7 +96,7 @@ def over(opened, axes: dict, x: float, y: float) -> str:
     return opened.run("readout.textContent")
 
 
-def test_values_under_the_pointer_are_those_of_the_data(opened, path: Path) -> None:
+def test_pointer_and_keys_read_the_drawn_values(opened, path: Path) -> None:
     left, middle, right = data_of(path)["axes"]
 
     def share(scale: dict, value: float) -> float:

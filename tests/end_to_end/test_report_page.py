@@ -1,4 +1,4 @@
-"""The report in a real browser, from its own folder: no network, keys alone, a phone, paper, no script, and how fast it opens.
+"""The report in a real browser from its own folder: offline, by keys, on a phone, in print, without script, and its loading time.
 
 The screenshots stay in outputs/screenshots of the checkout.
 """
@@ -73,7 +73,7 @@ def loaded(page: browser.Page) -> list[str]:
 
 
 @pytest.mark.parametrize("width", [WIDTH, 768, PHONE, 320])
-def test_it_fits_the_window_and_what_is_not_seen_is_not_loaded(opened: browser.Page, index: Path, width: int) -> None:
+def test_page_fits_the_window_and_loads_frames_only_when_visible(opened: browser.Page, index: Path, width: int) -> None:
     opened.open(index, width)
     keep(opened, f"report_{width}")
     assert opened.run("document.documentElement.scrollWidth") <= width
@@ -81,7 +81,7 @@ def test_it_fits_the_window_and_what_is_not_seen_is_not_loaded(opened: browser.P
     assert not [name for name in loaded(opened) if name.endswith(".html")]
 
 
-def test_keys_reach_everything(opened: browser.Page) -> None:
+def test_tab_reaches_every_control(opened: browser.Page) -> None:
     opened.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     opened.until("document.querySelectorAll('#environment .tools').length === 1")  # unfolded, the table has learnt its tools
     opened.run("document.querySelector('iframe[data-fit]').scrollIntoView()")
@@ -113,7 +113,7 @@ def test_keys_reach_everything(opened: browser.Page) -> None:
     assert unnamed == []
 
 
-def test_the_skip_link_leads_to_the_summary(opened: browser.Page) -> None:
+def test_skip_link_leads_to_the_summary(opened: browser.Page) -> None:
     press(opened, "Tab", 9)
     press(opened, "Enter", 13)
     opened.call("Input.dispatchKeyEvent", type="char", text="\r")
@@ -143,14 +143,14 @@ def test_claims_are_filtered_by_verdict_and_words_and_sorted_by_a_column(opened:
     assert values[-1] is None, "what has no figure comes last"
 
 
-def test_a_link_to_a_row_unfolds_its_table(opened: browser.Page) -> None:
+def test_link_to_a_row_unfolds_its_table(opened: browser.Page) -> None:
     assert opened.run("document.querySelector('#environment details').open") is False
     opened.run("document.querySelector('a[href=\"#environment-20\"]').click()")
     opened.until("document.getElementById('environment-20').checkVisibility()")
     opened.until("(b => b.top >= 0 && b.bottom <= innerHeight)(document.getElementById('environment-20').getBoundingClientRect())")
 
 
-def test_a_room_opens_in_place_when_asked_for(opened: browser.Page) -> None:
+def test_room_opens_in_place(opened: browser.Page) -> None:
     opened.run("document.querySelector('.room .here').scrollIntoView({block: 'center'})")
     opened.click(".room .here")
     opened.until("document.querySelector('.room iframe') !== null")
@@ -162,7 +162,7 @@ def test_a_room_opens_in_place_when_asked_for(opened: browser.Page) -> None:
     assert opened.run("document.querySelector('.room iframe') === null")
 
 
-def test_the_speed_chart_opens_beside_its_table(opened: browser.Page) -> None:
+def test_speed_chart_opens_beside_its_table(opened: browser.Page) -> None:
     opened.run("document.querySelector('#speed_accuracy .chart .here').scrollIntoView({block: 'center'})")
     opened.click("#speed_accuracy .chart .here")
     opened.until("document.querySelector('#speed_accuracy .chart + iframe') !== null")
@@ -171,7 +171,7 @@ def test_the_speed_chart_opens_beside_its_table(opened: browser.Page) -> None:
     keep(opened, "report_chart")
 
 
-def test_the_gallery_s_frame_is_as_tall_as_its_page(opened: browser.Page) -> None:
+def test_gallery_frame_has_the_height_of_its_page(opened: browser.Page) -> None:
     opened.run("document.querySelector('iframe[data-fit]').scrollIntoView()")
     opened.until("document.querySelector('iframe[data-fit]').style.height !== ''")
     assert 300 < opened.run("document.querySelector('iframe[data-fit]').offsetHeight") < 800
@@ -194,9 +194,7 @@ def rows_of_echo(page: browser.Page) -> list[float]:
     return found
 
 
-def test_one_slider_wipes_between_measured_and_simulated_and_the_other_moves_along_range(
-    chromium: Callable[[], browser.Page], index: Path
-) -> None:
+def test_sliders_move_the_divider_and_the_range_cut(chromium: Callable[[], browser.Page], index: Path) -> None:
     page = chromium()
     (path,) = index.parent.glob(f"parts-*/gallery/{reported.PAIR}.html")
     page.open(path, PHONE)
@@ -222,7 +220,7 @@ def test_one_slider_wipes_between_measured_and_simulated_and_the_other_moves_alo
     assert page.messages == []
 
 
-def test_on_paper_everything_is_open(opened: browser.Page) -> None:
+def test_print_unfolds_everything(opened: browser.Page) -> None:
     opened.click(".cards .fails")
     opened.run(
         """addEventListener("beforeprint", () => { window.atPrint = {
@@ -239,7 +237,7 @@ def test_on_paper_everything_is_open(opened: browser.Page) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_stands_out(opened: browser.Page, scheme: str) -> None:
+def test_text_has_readable_contrast(opened: browser.Page, scheme: str) -> None:
     opened.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
     keep(opened, f"report_{scheme}")
     read = "(n => getComputedStyle(document.documentElement).getPropertyValue(n).trim())"
@@ -263,7 +261,7 @@ def contrast(first: str, second: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
-def test_without_script_it_is_a_plain_page(chromium: Callable[[], browser.Page], index: Path) -> None:
+def test_page_works_without_script(chromium: Callable[[], browser.Page], index: Path) -> None:
     page = chromium()
     page.call("Emulation.setScriptExecutionDisabled", value=True)
     page.call("Page.navigate", url=index.resolve().as_uri())

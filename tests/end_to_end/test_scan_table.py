@@ -30,7 +30,7 @@ BY_AREA = 0.9
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("room", "strength"), LEAST)
-def test_scans_are_as_good_as_the_table_says(room: str, strength: float, tmp_path: Path) -> None:
+def test_scan_scores_stay_within_recorded_bounds(room: str, strength: float, tmp_path: Path) -> None:
     scanned(tmp_path / "scene", room, strength, 0)
     found = scores(tmp_path / "scene", room, strength, 0)
     rows = {row["metric"]: row for row in case_rows(room, strength, [found], 1000, 0, "")}
@@ -50,7 +50,7 @@ def test_scans_are_as_good_as_the_table_says(room: str, strength: float, tmp_pat
 
 
 @pytest.mark.slow
-def test_what_the_atriums_mesh_holds_bounds_what_segmentation_can_find() -> None:
+def test_atrium_mesh_bounds_the_possible_recall() -> None:
     """Faces given to the true surface they lie on, as no segmenter can: what that misses, fusion lost."""
     room = rooms.room("atrium", detail="cluttered")
     frames, seen = scan(room, 0, 1.0)

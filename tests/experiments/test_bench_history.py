@@ -9,7 +9,7 @@ from experiments.speed import bench_history
 MACHINE = {"processor": "a, b", "cores": 2, "load": "0.1", "python": "3.11.7", "repeats": 5, "variant": "llvm"}
 
 
-def test_a_line_is_added_and_a_new_ratio_is_a_new_column(tmp_path: Path) -> None:
+def test_append_adds_a_line_and_a_column_for_a_new_ratio(tmp_path: Path) -> None:
     history = tmp_path / "history.csv"
     bench_history.append(MACHINE, {"direct sum to gridding": 812.345}, history)
     bench_history.append(MACHINE | {"variant": "cuda"}, {"moving, tubes alone to panel images": 12.0}, history)
@@ -21,7 +21,7 @@ def test_a_line_is_added_and_a_new_ratio_is_a_new_column(tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == [history]
 
 
-def test_the_history_in_the_repository_has_ratios_of_a_named_machine() -> None:
+def test_committed_history_has_ratios_of_a_named_machine() -> None:
     for line in bench_history.read():
         assert line["commit"]
         assert line["processor"]

@@ -1,4 +1,4 @@
-"""The table of how much model a scene needs, from what was found; no tracing."""
+"""Tables of model complexity and of campaign methods from constructed results, without tracing."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ def rows(*some: Found) -> list[dict]:
     return complexity.table(CONFIG, some, Choice(DEFAULT, 0.2, "entropy", ()))
 
 
-def test_rows_are_whole_and_draw() -> None:
+def test_rows_are_valid_and_can_be_drawn() -> None:
     table = rows(found("rotation", "none", (0.1, 0.5, 0.5)), found("multipath share", "large", (0.2, 0.5, 0.5)))
     check_rows("complexity", table)
     figure.chart(table)
 
 
 @pytest.mark.parametrize(("shape", "multipath", "verdicts"), [("none", "large", ["holds", "holds"]), ("large", "none", ["fails", "fails"])])
-def test_what_a_reflector_needs_is_claimed(shape: str, multipath: str, verdicts: list[str]) -> None:
+def test_claims_about_the_reflector_follow_the_chosen_room(shape: str, multipath: str, verdicts: list[str]) -> None:
     cost = (0.2, 0.5, 0.5)
     table = rows(found("rotation", shape, cost), found("shape", shape, cost), found("multipath share", multipath, cost))
     assert [row["verdict"] for row in table if row["metric"].startswith("parts of the room")] == verdicts
 
 
-def test_the_median_saving_and_the_shipped_default_are_judged() -> None:
+def test_median_saving_and_shipped_default_are_judged() -> None:
     table = rows(*(found("rotation", "none", (1.0, ratio, ratio)) for ratio in (4.0, 5.0, 6.0)))
     verdict = {row["metric"]: (row["value"], row["verdict"]) for row in table}
     assert verdict["cost of the fixed default over auto's, median"] == (5.0, "holds")
@@ -59,9 +59,9 @@ def test_the_median_saving_and_the_shipped_default_are_judged() -> None:
     assert set(failed.values()) == {"fails"}
 
 
-def test_every_model_that_a_choice_looked_at_is_counted() -> None:
+def test_examined_models_are_those_of_the_steps_of_a_choice() -> None:
     choice = found("shape", "none", (1.0, 1.0, 1.0)).choice
-    assert list(complexity._tried(choice)) == [replace(FINEST, parts="none"), replace(FINEST, max_bounces=3)]
+    assert list(complexity.examined(choice)) == [replace(FINEST, parts="none"), replace(FINEST, max_bounces=3)]
 
 
 def samples(domain: str, values: list[list[float]], labels: list[str]) -> Samples:
@@ -70,13 +70,13 @@ def samples(domain: str, values: list[list[float]], labels: list[str]) -> Sample
     return Samples(("a", "b"), np.array(values), names, where, np.full(len(labels), domain), names, np.array(labels))
 
 
-def test_feature_error_is_in_spreads_of_the_measured() -> None:
-    measured = samples(MEASURED, [[0.0, 5.0], [2.0, 5.0]], ["mug", "mustard"])  # a spreads by one, b tells nothing
+def test_feature_error_is_in_standard_deviations_of_the_measured() -> None:
+    measured = samples(MEASURED, [[0.0, 5.0], [2.0, 5.0]], ["mug", "mustard"])  # the standard deviation of a is one, b is constant
     simulated = samples(SIMULATED, [[3.0, 9.0], [2.0, 9.0]], ["mug", "mustard"])
     assert campaign_methods.feature_error(simulated, measured)[0] == pytest.approx(np.sqrt(9 / 2))
 
 
-def test_one_gain_is_no_feature_error() -> None:
+def test_common_gain_is_no_feature_error() -> None:
     names = ("a", "brightness_db")
     measured, simulated = (
         replace(samples(domain, [[0.0, -70.0 + gain], [2.0, -60.0 + gain]], ["mug", "mustard"]), names=names)
@@ -85,8 +85,8 @@ def test_one_gain_is_no_feature_error() -> None:
     assert campaign_methods.feature_error(simulated, measured)[0] == pytest.approx(0.0)
 
 
-def test_a_default_that_another_beats_fails_its_claim() -> None:
-    """As good and ten times faster: the campaign's claims fail; worse by more than a standard error, they hold."""
+def test_default_fails_if_an_equally_good_method_is_faster() -> None:
+    """The claims fail if a method is as good and ten times faster, and hold if it is worse by more than a standard error."""
 
     def one(setting: str, second: float, error: float) -> dict:
         return {
@@ -101,9 +101,9 @@ def test_a_default_that_another_beats_fails_its_claim() -> None:
         assert [row["verdict"] for row in table if row["claim"]] == [verdict, verdict]
 
 
-def test_recognition_error_is_the_share_of_turns_missed() -> None:
+def test_recognition_error_is_the_share_of_wrong_revolutions() -> None:
     labels = ["mug", "drink_can_355", "mustard", "olive_oil"]
-    told = [[0.0, 1.0], [0.1, 1.1], [5.0, 7.0], [5.1, 7.1]]
-    simulated, measured = samples(SIMULATED, told, labels), samples(MEASURED, told, labels)
+    values = [[0.0, 1.0], [0.1, 1.1], [5.0, 7.0], [5.1, 7.1]]
+    simulated, measured = samples(SIMULATED, values, labels), samples(MEASURED, values, labels)
     assert campaign_methods.recognition_error(simulated, measured) == 0.0
-    assert campaign_methods.recognition_error(simulated, samples(MEASURED, told[::-1], labels)) == 1.0
+    assert campaign_methods.recognition_error(simulated, samples(MEASURED, values[::-1], labels)) == 1.0

@@ -1,4 +1,4 @@
-"""The paper's table is transcribed as it stands, its quotations are there, and our row says what was found, not what was typed."""
+"""The paper's table is transcribed correctly, its quotations exist, and our row shows the results of the checks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ needs_paper = pytest.mark.skipif(not PAPER.is_file(), reason=f"{PAPER} is not he
 
 
 def plain(cell: str) -> str:
-    """A cell of the LaTeX table in the words of ours."""
+    """A cell of the LaTeX table in the words of `cells`."""
     cell = re.sub(r"~\\cite\{[^}]*\}|\\textbf|\{|\}", "", cell)
     for mark, word in (
         (r"\cmark", "yes"), (r"\xmark", "no"), (r"\pmark", "partly"), (r"\projectname", OURS), (r"$\rightarrow$", " -> "), (r"\,", " "),
@@ -27,7 +27,7 @@ def plain(cell: str) -> str:
 
 
 @needs_paper
-def test_every_cell_is_the_papers() -> None:
+def test_cells_equal_the_papers_table() -> None:
     table = PAPER.read_text().split(r"\label{tab:positioning}")[1].split(r"\end{tabular}")[0]
     lines = [line for line in table.splitlines() if line.count("&") - line.count(r"\&") == len(AXES) and "Mechanism" not in line]
     read = {}
@@ -38,7 +38,7 @@ def test_every_cell_is_the_papers() -> None:
 
 
 @needs_paper
-def test_every_quotation_is_in_the_papers_text() -> None:
+def test_quotations_occur_in_the_paper() -> None:
     text = re.sub(r"\s+", " ", re.sub(r"~\\cite\{[^}]*\}", "", PAPER.read_text()).replace("Mitsuba~3", "Mitsuba~3"))
     for where, said in SAID.items():
         assert said in text, where
@@ -48,20 +48,20 @@ def test_every_quotation_is_in_the_papers_text() -> None:
 
 
 @pytest.mark.parametrize("axis", AXES)
-def test_we_can_do_what_the_table_says_of_us(axis: str) -> None:
+def test_our_capabilities_agree_with_the_papers_table(axis: str) -> None:
     found, right = capabilities.CHECKS[OURS][axis]()
     assert right, found
     assert found.startswith(CELLS[OURS][AXES.index(axis)])
 
 
-def test_the_naive_tracer_has_no_second_bounce_and_one_material() -> None:
-    """The paper gives it multipath; the program has none."""
+def test_rfgenesis_has_one_bounce_and_one_material() -> None:
+    """The paper says that it has multipath; the program has none."""
     line = positioning.row("RF-Genesis")
     assert (line["verdict"], line["value"], line["n"]) == ("fails", 0.5, 2)
     assert "multipath: no (1-bounce), not yes" in line["checked here"]
 
 
-def test_what_a_check_does_not_find_stands_empty(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cell_of_a_failed_check_is_empty(monkeypatch: pytest.MonkeyPatch) -> None:
     for axis in AXES:
         monkeypatch.setitem(capabilities.CHECKS[OURS], axis, lambda: ("as ever", True))
     monkeypatch.setitem(capabilities.CHECKS[OURS], "multipath", lambda: ("no (1-bounce)", False))
@@ -70,9 +70,9 @@ def test_what_a_check_does_not_find_stands_empty(monkeypatch: pytest.MonkeyPatch
     assert line["value"] == pytest.approx(6 / 7)
 
 
-def test_the_table_is_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_without_checks_are_valid_and_untestable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(capabilities, "CHECKS", {})
-    rows = [positioning.row(system) for system in CELLS] + [positioning._alone()]
+    rows = [positioning.row(system) for system in CELLS] + [positioning.others_with_all()]
     check_rows("positioning", rows)
     assert len({tuple(row) for row in rows}) == 1
     assert {row["verdict"] for row in rows} == {"untestable"}

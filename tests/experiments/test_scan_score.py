@@ -1,4 +1,4 @@
-"""Scores of scans that are right and wrong in known ways: what is absent, merged, cut, walled up or was never seen."""
+"""Scores of constructed scans: absent, merged, cut, walled-up and unseen surfaces."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def by_name(score):
     return {s.name: s for s in [*score.surfaces, *score.clear]}
 
 
-def test_the_truth_itself_scores_one():
+def test_true_surfaces_score_one():
     score = score_scene(room(window=True), room(window=True))
     assert min(score.precision, score.recall, score.area_recall, score.mean_iou, score.clear_recall) > 0.98
     assert (score.found, score.right) == (1.0, 1.0)
@@ -54,7 +54,7 @@ def test_the_truth_itself_scores_one():
     assert score.lines()[1].split()[0] in ("ceiling", "floor"), "largest first"
 
 
-def test_what_the_scan_lacks_counts_with_recall_zero():
+def test_missing_surfaces_count_with_recall_zero():
     """A reconstruction of the floor alone: one surface of six."""
     score = score_scene(Scene([room().surfaces[0]]), room())
     found = by_name(score)
@@ -66,7 +66,7 @@ def test_what_the_scan_lacks_counts_with_recall_zero():
     assert score_scene(Scene([]), room()).recall == 0.0
 
 
-def test_a_poster_that_went_into_its_wall_is_missed_and_known_to_be_flush():
+def test_poster_merged_into_its_wall_is_missed_and_flush():
     poster = named("poster", rectangle([0.005, 1.0, 1.0], Y, Z, (0.8, 1.0)), "paper")
     shelf = named("shelf", rectangle([0.4, 3.0, 1.0], X, Y, (0.8, 0.6)), "wood")
     score = score_scene(room(), Scene([*room(), poster, shelf]))
@@ -78,7 +78,7 @@ def test_a_poster_that_went_into_its_wall_is_missed_and_known_to_be_flush():
     assert score.missed_flush == pytest.approx(0.8 / (0.8 + 0.48), abs=0.05)
 
 
-def test_what_is_cut_in_two_is_half_found_and_what_is_merged_has_one_owner():
+def test_cut_surface_is_half_found_and_merged_segment_has_one_owner():
     sides = [fine(s.mesh) for s in room()]
     mesh = trimesh.util.concatenate(sides)
     assert isinstance(mesh, trimesh.Trimesh)
@@ -97,7 +97,7 @@ def test_what_is_cut_in_two_is_half_found_and_what_is_merged_has_one_owner():
     assert (merged["front"].segment, merged["front"].recall) == ("-", 0.0)
 
 
-def test_what_was_not_seen_is_not_asked_for_but_glass_is():
+def test_unseen_area_does_not_count_except_for_glass():
     whole = room(window=True)
     ceiling = whole.names.index("ceiling")
     built = Scene(s for s in whole if s.name not in ("ceiling", "window"))
@@ -111,13 +111,13 @@ def test_what_was_not_seen_is_not_asked_for_but_glass_is():
     assert by_name(half)["floor"].iou > 0.98, "what is completed on the surface is not held against it"
 
 
-def test_a_window_that_was_walled_up_is_not_found():
+def test_walled_up_window_is_not_found():
     score = score_scene(room(window=False), room(window=True))
     assert score.clear_recall == 0
     assert score.clear[0].segment == "-"
 
 
-def test_pixels_see_what_faces_them_and_not_the_far_side_of_a_thin_plate():
+def test_pixels_see_the_front_of_a_thin_plate_only():
     """A plate of 20 mm, which a tolerance of the depth's noise would see through, and one behind it."""
     plate = objects.box([2.2, 1.8, 0.9], [2.8, 2.2, 0.92])
     hidden = rectangle([2.3, 1.9, 0.895], X, Y, (0.4, 0.2))
@@ -133,6 +133,6 @@ def test_pixels_see_what_faces_them_and_not_the_far_side_of_a_thin_plate():
     assert not see(at[:1], facing[:1], np.array([0])).any(), "another surface's point"
 
 
-def test_no_truth_is_refused():
+def test_empty_truth_is_refused():
     with pytest.raises(SceneError, match="no truth to score against"):
         score_scene(room(), Scene([]))

@@ -1,4 +1,4 @@
-"""The sensitivity table from made-up twins: errors in spreads, costs apart from set-ups, figures with their own recordings."""
+"""The sensitivity table from constructed twins: errors in standard deviations, run times without set-ups."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def cell(rows: list[dict], setting: str, metric: str) -> dict:
     return found
 
 
-def test_the_error_is_in_spreads_and_the_cost_apart_from_set_ups() -> None:
+def test_error_is_in_standard_deviations_and_run_time_excludes_set_ups() -> None:
     rows = table(CONFIG, {FINEST: twin(0.0, 0.8, 0.01), DEFAULT: twin(0.5, 0.2, 0.02), "no room": twin(1.0, 0.1, 0.05)})
     check_rows("sensitivity", rows)
     assert cell(rows, FINEST, ERROR)["value"] == 0.0
@@ -52,17 +52,17 @@ def test_the_error_is_in_spreads_and_the_cost_apart_from_set_ups() -> None:
     assert (rail["value"], rail["change"], rail["n"], rail["run_keys"]) == (0.05, pytest.approx(0.03), 2, "rail0 rail1")
 
 
-def test_a_figure_that_the_default_lacks_has_no_change() -> None:
+def test_result_that_the_default_lacks_has_no_change() -> None:
     rows = table(CONFIG, {FINEST: twin(0.0, 0.8, 0.01), DEFAULT: twin(0.5, 0.2, None)})
     assert cell(rows, FINEST, "error_m")["change"] is None
 
 
-def test_two_random_recordings_differ_by_the_root_of_two() -> None:
+def test_random_recordings_differ_by_the_root_of_two() -> None:
     some = RNG.standard_normal((2000, 5))
     assert np.sqrt((feature_error(some[RNG.permutation(2000)], some) ** 2).mean()) == pytest.approx(np.sqrt(2), abs=0.06)
 
 
-def test_a_run_knows_the_tables_it_scores(tmp_path) -> None:
+def test_run_key_contains_the_fidelity_tables(tmp_path) -> None:
     closure = set(import_closure(("experiments.complexity.sensitivity",)))
     assert {module.__name__ for module in FIDELITY} <= closure
     assert set(sensitivity.identity()["tables"]) == {module.__name__.split(".")[-1] for module in FIDELITY}
@@ -70,7 +70,7 @@ def test_a_run_knows_the_tables_it_scores(tmp_path) -> None:
         sensitivity.run(compose(["experiment=sensitivity", "materials=void"]), Store(tmp_path), Progress(quiet=True))
 
 
-def test_every_setting_is_a_configuration_and_all_differ() -> None:
-    made = [sensitivity._changed(CONFIG, setting) for setting in SETTINGS]
+def test_every_setting_is_a_distinct_configuration() -> None:
+    made = [sensitivity.configured(CONFIG, setting) for setting in SETTINGS]
     assert len({str((one.simulator, one.materials)) for one in made}) == len(SETTINGS)
     assert made[1] == CONFIG

@@ -1,4 +1,4 @@
-"""References of the chart are right, errors and fronts are what they are called, and claims fail when they should."""
+"""References of the speed comparison, its errors, fronts, claims and charts."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def section(amplitude: complex, distance_m: float) -> float:
 
 
 @pytest.mark.parametrize("radius_m", [0.002, 0.011, 0.05])
-def test_a_far_sphere_returns_the_mie_series(radius_m: float) -> None:
+def test_far_sphere_matches_mie_series(radius_m: float) -> None:
     _, _, back, _ = miepython.efficiencies_mx(1e4 - 1e4j, 2 * np.pi * radius_m / WAVELENGTH_M)
     assert section(sphere_echo(radius_m, 300.0, FREQUENCY_HZ)[0], 300.0) == pytest.approx(
         10 * np.log10(float(back) * np.pi * radius_m**2), abs=0.02
@@ -45,14 +45,14 @@ def test_a_far_sphere_returns_the_mie_series(radius_m: float) -> None:
 
 
 @pytest.mark.parametrize(("radius_m", "gap_m"), [(0.5, 0.2), (0.2, 1.0)])
-def test_a_near_sphere_returns_a_mirrored_point_source_with_its_phase(radius_m: float, gap_m: float) -> None:
+def test_near_sphere_matches_mirrored_point_source_with_phase(radius_m: float, gap_m: float) -> None:
     """Geometric optics: the wave is mirrored with radius 1/(1/d + 2/a) and spreads from there, turned by half a cycle."""
     mirrored = 1 / (1 / gap_m + 2 / radius_m)
     expected = -WAVELENGTH_M / (4 * np.pi * gap_m) * mirrored / (mirrored + gap_m) * np.exp(2j * K * gap_m)
     assert sphere_echo(radius_m, radius_m + gap_m, FREQUENCY_HZ)[0] / expected == pytest.approx(1, abs=0.01)
 
 
-def test_a_cylinder_returns_its_far_field_far_away_and_a_mirror_line_near() -> None:
+def test_cylinder_matches_far_field_and_near_mirror_line() -> None:
     assert section(cylinder_echo(0.02, 0.04, 30.0, FREQUENCY_HZ)[0], 30.0) == pytest.approx(
         10 * np.log10(cylinder_rcs(0.02, 0.04)), abs=0.05
     )
@@ -61,17 +61,17 @@ def test_a_cylinder_returns_its_far_field_far_away_and_a_mirror_line_near() -> N
     assert cylinder_echo(1.0, 60.0, 1.5, FREQUENCY_HZ)[0] / endless == pytest.approx(1, abs=0.02)
 
 
-def test_a_swept_echo_is_the_echo_at_each_sample() -> None:
+def test_swept_echo_equals_echo_at_each_sample() -> None:
     frequencies = traced.frequencies(traced.MONOSTATIC)
     swept = problems.swept(lambda f: cylinder_echo(0.033, 0.12, 1.0, f), 1.0)[0, 0, 0]
     chosen = [0, 17, 128, 255]
     assert swept[chosen] == pytest.approx(cylinder_echo(0.033, 0.12, 1.0, frequencies[chosen]), rel=1e-4)
 
 
-def test_a_turned_corner_is_looked_at_from_where_the_radar_is() -> None:
+def test_turned_plate_is_symmetric_and_weaker_than_facing() -> None:
     """A plate's echo has one level either side of its normal and less than facing; a quarter turn leaves nothing in front."""
     faces = corner_faces(objects.plate(0.1, 0.1))
-    levels = [np.abs(problems.corner_echo(faces, problems._turned(1.0, 1, turn)[0])).mean() for turn in (0.0, 3.0, -3.0)]
+    levels = [np.abs(problems.corner_echo(faces, problems.turntable_poses(1.0, 1, turn)[0])).mean() for turn in (0.0, 3.0, -3.0)]
     assert levels[1] == pytest.approx(levels[2], rel=1e-6)
     assert levels[1] < 0.7 * levels[0]
 
@@ -81,7 +81,7 @@ def tone(range_m: float, amplitude: float = 1.0) -> np.ndarray:
     return np.tile(amplitude * np.exp(2j * np.pi * cycles), (1, RADAR.num_chirps, RADAR.num_tx, RADAR.num_rx, 1))
 
 
-def test_errors_are_told_apart() -> None:
+def test_signal_profile_and_gain_errors_are_separate() -> None:
     low, nothing = (signal_error.compare([(gain * tone(2.0), tone(2.0))], RADAR) for gain in (0.1, 0.0))
     assert (low.signal, low.offset_db) == pytest.approx((0.9, -20.0))
     assert 15 < low.profile_db < 20  # its skirts are deeper than 40 dB already
@@ -94,7 +94,7 @@ def test_errors_are_told_apart() -> None:
     assert elsewhere.free_db > 10  # no gain mends a wrong range
 
 
-def test_a_front_holds_what_nothing_beats() -> None:
+def test_front_holds_points_that_no_other_beats() -> None:
     drawn = np.random.default_rng(0).integers(1, 6, (40, 2)).astype(float)
     points = [tuple(point) for point in drawn]
     for point, on in zip(points, front(points), strict=True):
@@ -123,7 +123,7 @@ def verdicts(rows: list[dict[str, Any]]) -> dict[str, str]:
     return {row["metric"]: row["verdict"] for row in rows if row["claim"]}
 
 
-def test_the_default_fails_where_another_is_much_better_in_both() -> None:
+def test_default_fails_if_another_is_much_better_in_both() -> None:
     better, close = (measured(OURS, "finer", [s] * 3, e) for s, e in ((0.8, 0.8), (0.95, 0.95)))
     metric = "factor from the front, error of the range profile"
     assert verdicts(rows_of(better))[metric] == "fails"
@@ -137,17 +137,17 @@ def test_the_default_fails_where_another_is_much_better_in_both() -> None:
     ("seconds", "error", "free", "verdict"),
     [(1200.0, 3.0, 2.0, "holds"), (600.0, 3.0, 2.0, "fails"), (1200.0, 3.0, 0.5, "fails"), (1200.0, 0.5, 2.0, "fails")],
 )
-def test_faster_is_claimed_only_with_every_error_lower(seconds: float, error: float, free: float, verdict: str) -> None:
+def test_speed_claim_needs_every_error_lower(seconds: float, error: float, free: float, verdict: str) -> None:
     """The default's last round took 2 s."""
     naive = measured(RFGENESIS, speed_accuracy.PUBLISHED, [seconds], error, free_error_db=free)
     assert verdicts(rows_of(naive))["its seconds a frame over those of the default"] == verdict
 
 
-def test_ratios_are_of_the_same_rounds() -> None:
+def test_ratios_compare_the_same_rounds() -> None:
     assert speed_accuracy.ratios_of([2.0, 8.0], [9.0, 1.0, 2.0]) == (2.0, 3.0, 4.0)
 
 
-def test_one_sum_of_the_published_generator_is_one_of_its_frame() -> None:
+def test_one_sum_of_the_published_generator_equals_that_of_its_frame() -> None:
     points = np.array([[1.0, 0.1, 0.0], [1.5, -0.2, 0.1]])
     radar = Radar.iwr1843()
     one = methods.replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
@@ -156,7 +156,7 @@ def test_one_sum_of_the_published_generator_is_one_of_its_frame() -> None:
     assert direct_frame(points, points, np.ones(2), one)[0, 0, 0] == pytest.approx(whole[0, 0, 0])
 
 
-def test_the_default_is_right_on_canonical_targets_and_peers_are_not() -> None:
+def test_default_is_accurate_on_canonical_targets_and_peers_are_not() -> None:
     problem = problems.canonical(2, 1)
 
     def error(method: Method) -> signal_error.Errors:
@@ -170,7 +170,7 @@ def test_the_default_is_right_on_canonical_targets_and_peers_are_not() -> None:
         assert error(peer).free_db > 5
 
 
-def test_exact_images_are_the_reference_of_the_bare_office_but_for_the_sweep() -> None:
+def test_exact_images_match_the_reference_of_the_bare_office() -> None:
     problem = problems.empty_room(1, 1)
     (part,) = problem.parts
     images = Method(methods.IMAGES, "all", "")
@@ -178,7 +178,7 @@ def test_exact_images_are_the_reference_of_the_bare_office_but_for_the_sweep() -
     assert found.signal < 0.02
 
 
-def test_methods_are_measured() -> None:
+def test_measuring_returns_time_and_rays_of_each_method() -> None:
     problem = problems.near(3, 1)
     published = Method(RFGENESIS, "as published", "rfgenesis", (("version", "shipped"), ("grid", 16)), published=True)
     rows = measuring.measure(problem, [ours(DEFAULT), Method(POINTS, "table", "points"), published], 1, 0.01, 5.0, lambda line: None)
@@ -189,7 +189,7 @@ def test_methods_are_measured() -> None:
     assert rows[0]["frames timed"] == 3
 
 
-def test_a_run_is_of_its_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_key_contains_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     config = compose(["experiment=speed_accuracy"])
     here = run_key(config)
     assert run_key(config) == here
@@ -197,7 +197,7 @@ def test_a_run_is_of_its_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     assert run_key(config) != here
 
 
-def test_the_interactive_chart_shows_every_point_on_every_pair_of_axes() -> None:
+def test_interactive_chart_shows_every_point_on_every_pair_of_axes() -> None:
     rows = rows_of(measured(POINTS, "table", [0.1] * 3, 5.0), measured(OURS, "</script>", [2.0] * 3, 5.0))
     text = chart_page.page(rows)
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=", text), "the page loads nothing"
@@ -213,14 +213,14 @@ def test_the_interactive_chart_shows_every_point_on_every_pair_of_axes() -> None
     assert views["seconds_frame feature_error"][0]["y"] == [[], [None, None], [None]]
 
 
-def test_the_chart_shows_every_point() -> None:
+def test_chart_labels_every_named_point() -> None:
     drawing = chart.chart(rows_of(measured(POINTS, "far-field table", [0.1] * 3, 5.0)), "profile_error_db")
     labels = {text.get_text() for axes in drawing.axes for text in axes.texts}
     assert {"default", "table"} <= labels
 
 
 @pytest.mark.parametrize("problem", problems.problems(True), ids=lambda problem: problem.name)
-def test_every_setting_of_the_chart_can_be_asked_for(problem: problems.Problem) -> None:
+def test_options_in_choosing_make_the_measured_setting(problem: problems.Problem) -> None:
     """The options that docs/choosing.md gives make the simulator that was measured."""
     for method in methods.of_problem(problem, True):
         if method.family == OURS:
@@ -229,5 +229,5 @@ def test_every_setting_of_the_chart_can_be_asked_for(problem: problems.Problem) 
             assert {name: getattr(asked, name) for name, _ in method.settings} == dict(method.settings)
 
 
-def test_choosing_is_what_the_committed_results_say() -> None:
+def test_choosing_page_follows_from_committed_results() -> None:
     assert choosing.PAGE.read_text(encoding="utf-8") == choosing.text(*(choosing.read(name) for name in choosing.NAMES))

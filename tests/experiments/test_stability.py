@@ -1,4 +1,4 @@
-"""Safe regions are read off errors as told, the map shows them, and failures that were found stay where they are."""
+"""Safe regions follow from errors, the map shows them, and known results of the tracer stay as they are."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ def rows(mine: list[float], theirs: list[float]) -> list[dict]:
     return found
 
 
-def test_a_safe_region_ends_before_the_first_error_over_the_limit() -> None:
+def test_safe_region_ends_before_the_first_error_above_the_limit() -> None:
     first, second = rows([0.1, 3.0, 3.1, 0.1], [5.0, 0.1, 0.1, 0.1])
     assert (first["value"], first["safe"], first["fails at"]) == (2, "10 to 20 m", "30 m")
     assert (second["value"], second["safe"], second["fails at"]) == (0, "none", "10 m")
     assert (first["verdict"], second["verdict"]) == ("holds", "untestable")
 
 
-def test_what_is_no_number_is_no_safe_value() -> None:
+def test_nan_is_not_a_safe_value() -> None:
     first, _ = rows([0.1, math.nan, 0.1], [5.0, 5.0, 5.0])
     assert first["value"] == 1
 
 
-def test_equal_regions_are_both_the_largest_and_a_smaller_one_is_not() -> None:
+def test_claim_holds_for_the_largest_or_an_equal_safe_region() -> None:
     assert rows([0.1, 9.0], [0.2, 9.0])[0]["verdict"] == "holds"
     assert rows([9.0, 0.1], [0.2, 9.0])[0]["verdict"] == "fails"
 
 
-def test_samples_that_are_not_finite_are_counted_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_samples_that_are_not_finite_give_nan(monkeypatch: pytest.MonkeyPatch) -> None:
     class Broken:
         iq = np.full((1, 1, 1, 1, 256), np.nan + 0j)
 
@@ -50,7 +50,7 @@ def test_samples_that_are_not_finite_are_counted_not_hidden(monkeypatch: pytest.
     assert math.isnan(stability.error(BY_NAME["gap"], METHODS[0], 1.0))
 
 
-def test_the_map_shows_every_sweep_value_and_failure() -> None:
+def test_map_shows_every_sweep_value_and_failure() -> None:
     found = rows([0.1, 3.0, 3.1, 50.0], [5.0, 0.1, 0.1, 0.1]) + [{**row, "sweep": "other"} for row in rows([0.1] * 3, [0.1] * 3)]
     drawing = map.map_of(found)
     blocks = [axes for axes in drawing.axes if axes.images and axes.texts]
@@ -69,25 +69,25 @@ FALLS = {"facets": 12, "noise": 0.8, "fold": 12.0, "speed": 8.0, "snr": -5}
 
 
 @pytest.mark.parametrize("name", STANDS)
-def test_this_tracer_stands_where_it_stood(name: str) -> None:
+def test_errors_of_this_tracer_stay_below_known_values(name: str) -> None:
     value, limit_db = STANDS[name]
     assert BY_NAME[name].error_db(METHODS[0], value) < limit_db
 
 
 @pytest.mark.parametrize("name", FALLS)
-def test_known_failures_are_failures(name: str) -> None:
+def test_known_failures_exceed_the_limit(name: str) -> None:
     """Where the wave, the sensor or the mesh ends; a change that mends one moves the map."""
     assert BY_NAME[name].error_db(METHODS[0], FALLS[name]) > stability.LIMIT_DB
 
 
-def test_a_method_without_level_is_calibrated_on_the_ball() -> None:
+def test_method_without_absolute_level_is_calibrated_on_the_sphere() -> None:
     naive = next(method for method in METHODS if method.backend == "rfgenesis")
     iq = sweeps.samples(naive, *sweeps.alone(sweeps.objects.sphere(sweeps.BALL_M, 4), 1.0))
     assert sweeps.off(naive, iq, sweeps.sphere_echo(sweeps.BALL_M, 1.0, sweeps.MIDDLE_HZ)[0]) == pytest.approx(0, abs=1e-6)
     assert sweeps.gain_db(METHODS[0]) == 0
 
 
-def test_every_sweep_has_the_default_safe_at_its_easiest_value_or_says_why() -> None:
+def test_every_sweep_has_a_unique_name_a_kind_and_a_reason() -> None:
     assert all(sweep.why and sweep.kind in ("physical", "numerical", "a setting", "knowledge") for sweep in SWEEPS)
     assert len({sweep.name for sweep in SWEEPS}) == len(SWEEPS)
     assert METHODS[0].family == OURS

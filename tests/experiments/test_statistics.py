@@ -1,4 +1,4 @@
-"""Statistics against the library's own, published examples and the figures the paper prints."""
+"""Statistics against library functions, published examples and the values in the paper."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def related(n: int = 12, strength: float = 1.0, seed: int = 0) -> tuple[np.ndarr
     return first, strength * first + rng.normal(size=n)
 
 
-def test_correlations_are_the_librarys_with_an_interval_and_a_p_of_their_own() -> None:
+def test_correlations_equal_scipy_and_have_interval_and_p() -> None:
     first, second = related()
     library: Any
     for ours, library in ((statistics.spearman, stats.spearmanr), (statistics.pearson, stats.pearsonr)):
@@ -31,18 +31,18 @@ def test_correlations_are_the_librarys_with_an_interval_and_a_p_of_their_own() -
     assert statistics.spearman(first, np.exp(first), 100, 0).value == pytest.approx(1)
 
 
-def test_ties_and_draws_of_one_item_do_not_spoil_a_rank_correlation() -> None:
+def test_rank_correlation_handles_ties_and_constant_draws() -> None:
     found = statistics.spearman([1.0, 1, 2], [1.0, 2, 3], 500, 0)
     assert found.value == pytest.approx(np.sqrt(3) / 2)
     assert -1 <= found.low <= found.value <= found.high <= 1
     assert found.p >= 1 / 6
 
 
-def test_the_p_of_a_correlation_is_exact_where_all_pairings_can_be_counted() -> None:
+def test_p_of_a_correlation_is_exact_for_few_items() -> None:
     assert statistics.spearman(np.arange(5.0), np.arange(5.0), 100, 0).p == pytest.approx(1 / 120)
 
 
-def test_intervals_of_a_correlation_cover_the_truth_about_as_often_as_they_say() -> None:
+def test_correlation_intervals_have_their_nominal_coverage() -> None:
     held = 0
     for seed in range(100):
         first, second = related(40, 1.0, seed)
@@ -55,7 +55,7 @@ def distances(points: np.ndarray) -> np.ndarray:
     return np.abs(points[:, None] - points[None])
 
 
-def test_mantel_finds_matrices_of_one_configuration_and_not_of_two() -> None:
+def test_mantel_separates_related_from_unrelated_matrices() -> None:
     rng = np.random.default_rng(1)
     points = rng.normal(size=12)
     same = statistics.mantel(distances(points), distances(points + 0.1 * rng.normal(size=12)), 999, 0)
@@ -66,7 +66,7 @@ def test_mantel_finds_matrices_of_one_configuration_and_not_of_two() -> None:
     assert 0.3 < np.mean(other) < 0.7  # uniform under no relation
 
 
-def test_mantel_forgets_scale_and_refuses_what_is_no_distance_matrix() -> None:
+def test_mantel_ignores_scale_and_refuses_other_matrices() -> None:
     points = np.random.default_rng(2).normal(size=6)
     other = distances(np.roll(points, 1))
     first, second = (statistics.mantel(scale * distances(points), other, 50, 0) for scale in (1.0, 30.0))
@@ -82,7 +82,7 @@ def test_mantel_forgets_scale_and_refuses_what_is_no_distance_matrix() -> None:
         statistics.mantel(1 - np.eye(4), distances(np.arange(4.0)), 9, 0)
 
 
-def test_binomial_figures_are_those_of_the_paper() -> None:
+def test_binomial_p_equals_the_papers() -> None:
     assert statistics.share(9, 9).p == pytest.approx(2**-9)
     recognised = statistics.share(23, 100, 1 / 11)  # 0.23 of about a hundred recordings against a chance of 0.091
     assert recognised.p < 1e-4
@@ -92,7 +92,7 @@ def test_binomial_figures_are_those_of_the_paper() -> None:
         statistics.share(0, 0)
 
 
-def test_the_coefficient_of_variation_is_that_of_its_sample() -> None:
+def test_coefficient_of_variation_matches_its_sample() -> None:
     found = statistics.coefficient_of_variation([1.0, 2.0, 3.0], 200, 0)
     assert found.value == pytest.approx(0.5)
     assert found.low <= 0.5 <= found.high
@@ -101,7 +101,7 @@ def test_the_coefficient_of_variation_is_that_of_its_sample() -> None:
         statistics.coefficient_of_variation([1.0, -1.0], 10, 0)
 
 
-def test_ssim_is_one_for_a_map_and_itself_and_falls_with_noise() -> None:
+def test_ssim_is_one_for_equal_maps_and_falls_with_noise() -> None:
     rng = np.random.default_rng(3)
     image = np.clip(np.add.outer(np.linspace(0, 1, 40), np.zeros(20)), 0, 1)
     assert statistics.ssim(image, image) == pytest.approx(1)
