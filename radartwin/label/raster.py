@@ -1,8 +1,8 @@
-"""What a camera sees of a scene: which triangle, how far, in which colour. A z-buffer on the processor, the same bytes every time.
+"""Renders the triangles, depths and colours of a scene that a camera sees, with a deterministic z-buffer on the CPU.
 
-Homogeneous rasterisation (M. Olano, T. Greer, Graphics Hardware 1997): a pixel's ray d = (x, y, 1) meets the triangle a, b, c where
-d.(b x c), d.(c x a) and d.(a x b) have one sign, at the depth a.(b x c) over their sum, so that nothing is clipped or divided by a
-vertex's own depth. Both sides of a triangle are seen: scans do not know which side is out.
+Homogeneous rasterisation (M. Olano, T. Greer, Graphics Hardware 1997): the ray d = (x, y, 1) of a pixel meets the triangle a, b, c if
+d.(b x c), d.(c x a) and d.(a x b) have the same sign. The depth is a.(b x c) over their sum, so that no triangle is clipped and no vertex
+is divided by its own depth. Both sides of a triangle are visible, because the outer side is unknown in a scan.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from radartwin.compiled import compiled
 from radartwin.scene.scene import Scene
 
 NEAR_M = 0.05
-BARE = 200.0  # grey of a mesh without colours
+UNCOLOURED = 200.0  # grey level of a mesh without colours
 BACKGROUND = 255.0
-COLOURED_SHADE, BARE_SHADE = 0.8, 0.35  # brightness of a face at grazing view: scans have their light in their colours
+COLOURED_SHADE, UNCOLOURED_SHADE = 0.8, 0.35  # brightness at grazing incidence; the colours of a scan already contain shading
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole: pose (4, 4) camera-to-world (x right, y down, z forward), intrinsics (3, 3), width and height in pixels."""
+    """A pinhole camera: pose (4, 4) camera-to-world (x right, y down, z forward), intrinsics (3, 3), width and height in pixels."""
 
     pose: np.ndarray
     intrinsics: np.ndarray
@@ -31,21 +31,21 @@ class Camera:
     height: int
 
     def part(self, left: float, top: float, right: float, bottom: float, width: int, height: int) -> Camera:
-        """The camera whose picture is a rectangle of this one's (pixel edges, the first pixel's at -0.5), scaled to another size."""
+        """The camera of a rectangle of this picture, scaled to another size; the edges are in pixels, the first pixel starts at -0.5."""
         scale = np.diag([width / (right - left), height / (bottom - top), 1.0])
         shift = np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1.0]])
         centre = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1.0]])
         return Camera(self.pose, centre @ scale @ shift @ self.intrinsics, width, height)
 
     def widened(self, field_deg: float) -> Camera:
-        """The same square picture with another field of view."""
+        """The camera with another field of view; the picture is square."""
         intrinsics = self.intrinsics.copy()
         intrinsics[0, 0] = intrinsics[1, 1] = self.width / (2 * np.tan(np.radians(field_deg) / 2))
         return Camera(self.pose, intrinsics, self.width, self.height)
 
     @classmethod
     def looking(cls, eye: np.ndarray, target: np.ndarray, field_deg: float, size: int) -> Camera:
-        """A square picture of `size` pixels from `eye` (3,) towards `target` (3,), upright as far as that can be."""
+        """A camera with a square picture of `size` pixels from `eye` (3,) towards `target` (3,), upright unless it looks up or down."""
         forward = (target - eye) / np.linalg.norm(target - eye)
         up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
         right = np.cross(forward, up)
@@ -59,14 +59,14 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A picture's worth of triangles: face (h, w) index or -1, depth (h, w) metres along the axis, inf where there is nothing."""
+    """The visible triangle of each pixel: face (h, w), an index or -1, and depth (h, w) in metres along the axis, or inf."""
 
     face: np.ndarray
     depth: np.ndarray
 
 
 class Triangles:
-    """The triangles of several surfaces: vertices (V, 3), faces (F, 3) sorted by surface, surface (F,) and the first face of each."""
+    """The triangles of several surfaces: vertices (V, 3), faces (F, 3) sorted by surface, and the surface of each face (F,)."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray, surfaces: int) -> None:
         self.vertices, self.faces, self.surface = vertices, faces, surface
@@ -81,7 +81,7 @@ class Triangles:
         return slice(self.first_face[index], self.first_face[index + 1])
 
     def seen(self, camera: Camera) -> Seen:
-        """Which triangle each pixel of the camera shows."""
+        """The visible triangle of each pixel of a camera."""
         depth = np.full((camera.height, camera.width), np.inf)
         face = np.full((camera.height, camera.width), -1, np.int64)
         rays = np.linalg.inv(camera.intrinsics)
@@ -89,32 +89,33 @@ class Triangles:
         return Seen(face, depth)
 
     def surfaces(self, seen: Seen) -> np.ndarray:
-        """Surface index of each pixel (h, w), -1 where there is none."""
+        """Surface index of each pixel, (h, w), or -1."""
         return np.where(seen.face >= 0, self.surface[np.maximum(seen.face, 0)], -1)
 
     def facing(self, camera: Camera, seen: Seen, mask: np.ndarray) -> np.ndarray:
-        """Cosine (N,) of the pixels' rays with their triangles' normals where the mask (h, w) holds; below zero: seen from the front."""
+        """Cosine between ray and normal for the N pixels of the mask (h, w), (N,); negative if the front side is visible."""
         rows, columns = np.nonzero(mask)
         rays = np.column_stack([columns, rows, np.ones(rows.size)]) @ np.linalg.inv(camera.intrinsics).T @ camera.pose[:3, :3].T
         return np.einsum("ij,ij->i", rays, self.normal[seen.face[rows, columns]]) / np.linalg.norm(rays, axis=1)
 
     def coarser(self, cell_m: float) -> Triangles:
-        """The same surfaces with the vertices of each in a cell of a grid as one, less what collapses; a surface never vanishes."""
-        owner = np.zeros(len(self.vertices), np.int64)
-        owner[self.faces] = self.surface[:, None]
-        # Walls tend to lie at round numbers: an irrational offset keeps their noise within one layer of cells.
-        key = np.column_stack([owner, np.floor(self.vertices / cell_m + np.sqrt(0.2)).astype(np.int64)])
+        """The surfaces with one vertex per surface and grid cell, without collapsed triangles; no surface loses all its triangles."""
+        vertex_surface = np.zeros(len(self.vertices), np.int64)
+        vertex_surface[self.faces] = self.surface[:, None]
+        # Walls are often at round coordinates. An irrational offset keeps a noisy wall within one layer of cells.
+        key = np.column_stack([vertex_surface, np.floor(self.vertices / cell_m + np.sqrt(0.2)).astype(np.int64)])
         _, first, cell = np.unique(key, axis=0, return_index=True, return_inverse=True)
         faces = cell.reshape(-1)[self.faces]
-        kept = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-        once = np.zeros(len(faces), bool)
-        once[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]] = True
-        kept &= once
-        gone = ~np.isin(self.surface, self.surface[kept])
+        remains = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+        unique = np.zeros(len(faces), bool)
+        unique[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]] = True
+        remains &= unique
+        vanished = ~np.isin(self.surface, self.surface[remains])
         vertices = np.concatenate([self.vertices[first], self.vertices])
-        faces = np.where(gone[:, None], self.faces + len(first), faces)
-        kept |= gone
-        return Triangles(vertices if gone.any() else vertices[: len(first)], faces[kept], self.surface[kept], len(self.first_face) - 1)
+        faces = np.where(vanished[:, None], self.faces + len(first), faces)
+        remains |= vanished
+        vertices = vertices if vanished.any() else vertices[: len(first)]
+        return Triangles(vertices, faces[remains], self.surface[remains], len(self.first_face) - 1)
 
     def _local(self, camera: Camera) -> np.ndarray:
         world_to_camera = np.linalg.inv(camera.pose)
@@ -133,34 +134,34 @@ class Drawing(Triangles):
             np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
             len(meshes),
         )
-        looks = [_looks(mesh) for mesh in meshes]
-        self._corner_colour = np.concatenate([colours for colours, _, _ in looks])
-        self._textures = {index: texture for index, (_, texture, _) in enumerate(looks) if texture is not None}
-        self._least_shade = np.repeat(np.array([shade for _, _, shade in looks]), np.diff(self.first_face))
+        appearances = [_appearance(mesh) for mesh in meshes]
+        self._corner_colour = np.concatenate([colours for colours, _, _ in appearances])
+        self._textures = {index: texture for index, (_, texture, _) in enumerate(appearances) if texture is not None}
+        self._min_shade = np.repeat(np.array([shade for _, _, shade in appearances]), np.diff(self.first_face))
 
     def picture(self, camera: Camera, seen: Seen) -> np.ndarray:
-        """The picture in the surfaces' colours under a lamp at the camera, (h, w, 3) uint8; white where there is nothing."""
+        """The picture in the colours of the surfaces under a lamp at the camera, (h, w, 3) uint8, with a white background."""
         weights = np.zeros((*seen.face.shape, 3), np.float32)
         out = np.full((*seen.face.shape, 3), BACKGROUND, np.float32)
         rays = np.linalg.inv(camera.intrinsics)
-        _paint(self._local(camera), self.faces, rays, seen.face, self._corner_colour, self._least_shade, weights, out)
+        _paint(self._local(camera), self.faces, rays, seen.face, self._corner_colour, self._min_shade, weights, out)
         present = np.unique(seen.face)
         for index in np.unique(self.surface[present[present >= 0]]):
             texture = self._textures.get(int(index))
             if texture is not None:
                 own = (seen.face >= self.first_face[index]) & (seen.face < self.first_face[index + 1])
-                out[own] *= texture.at(seen.face[own] - self.first_face[index], weights[own])  # painted white until here
+                out[own] *= texture.at(seen.face[own] - self.first_face[index], weights[own])  # was painted white
         return np.clip(np.rint(out), 0, 255).astype(np.uint8)
 
 
 class _Texture:
-    """A picture on a mesh: image (h, w, 3) in 0 to 1 and coordinates of every corner (F, 3, 2)."""
+    """A texture of a mesh: image (h, w, 3) in 0 to 1, and texture coordinates of every corner (F, 3, 2)."""
 
     def __init__(self, image: np.ndarray, uv: np.ndarray) -> None:
         self._image, self._uv = image, uv
 
     def at(self, face: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Colour (N, 3) at barycentric weights (N, 3) of faces (N,), the nearest texel."""
+        """Colour of the nearest texel at barycentric weights (N, 3) of faces (N,), (N, 3)."""
         height, width = self._image.shape[:2]
         u, v = np.einsum("nk,nkc->cn", weights, self._uv[face])
         column = np.minimum((np.mod(u, 1.0) * width).astype(int), width - 1)
@@ -168,8 +169,8 @@ class _Texture:
         return self._image[row, column]
 
 
-def _looks(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
-    """Corner colours (F, 3, 3) of a mesh, its texture if it has one (the colours are then white), and how dark a grazed face gets."""
+def _appearance(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
+    """Corner colours (F, 3, 3) of a mesh (white with a texture), its texture or None, and the brightness at grazing incidence."""
     visual, faces = mesh.visual, np.asarray(mesh.faces)
     kind = getattr(visual, "kind", None)
     flat = np.ones((len(faces), 3, 3), np.float32)
@@ -182,7 +183,7 @@ def _looks(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
         return flat * np.asarray(visual.face_colors, np.float32)[:, None, :3], None, COLOURED_SHADE  # type: ignore[union-attr]
     if kind == "vertex":
         return np.asarray(visual.vertex_colors, np.float32)[faces][..., :3], None, COLOURED_SHADE  # type: ignore[union-attr]
-    return flat * BARE, None, BARE_SHADE
+    return flat * UNCOLOURED, None, UNCOLOURED_SHADE
 
 
 def _image(visual) -> np.ndarray | None:
@@ -194,7 +195,7 @@ def _image(visual) -> np.ndarray | None:
 
 
 @compiled
-def _paint(points, faces, rays, face, corner_colour, least_shade, weights, out):
+def _paint(points, faces, rays, face, corner_colour, min_shade, weights, out):
     """Barycentric weights (h, w, 3) and shaded colours (h, w, 3) of the pixels whose face (h, w) is not -1."""
     height, width = face.shape
     for v in range(height):
@@ -217,7 +218,7 @@ def _paint(points, faces, rays, face, corner_colour, least_shade, weights, out):
             tx, ty, tz = gx - ax, gy - ay, gz - az
             nx, ny, nz = sy * tz - sz * ty, sz * tx - sx * tz, sx * ty - sy * tx
             facing = abs(x * nx + y * ny + nz) / max(np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0)), 1e-30)
-            shade = least_shade[f] + (1.0 - least_shade[f]) * facing
+            shade = min_shade[f] + (1.0 - min_shade[f]) * facing
             for c in range(3):
                 out[v, u, c] = shade * (p * corner_colour[f, 0, c] + q * corner_colour[f, 1, c] + r * corner_colour[f, 2, c])
 
@@ -233,7 +234,7 @@ def _rasterise(points, faces, intrinsics, rays, depth, face):
         gx, gy, gz = points[faces[f, 2], 0], points[faces[f, 2], 1], points[faces[f, 2], 2]
         if max(az, bz, gz) <= NEAR_M:
             continue
-        # Bounds of the part before the eye: its corners, and where its edges pass the near plane.
+        # Bounds of the part in front of the camera: its corners, and the points where its edges cross the near plane.
         low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
         for edge in range(3):
             p, q = points[faces[f, edge]], points[faces[f, (edge + 1) % 3]]
@@ -249,7 +250,7 @@ def _rasterise(points, faces, intrinsics, rays, depth, face):
             continue
         left, right = int(np.ceil(max(low_u, 0.0))), int(np.floor(min(high_u, width - 1.0)))
         top, bottom = int(np.ceil(max(low_v, 0.0))), int(np.floor(min(high_v, height - 1.0)))
-        # Cross products b x c, c x a, a x b: each ray's dot product with them says on which side of an edge it passes.
+        # Cross products b x c, c x a, a x b: the sign of the dot product with a ray is the side of the edge.
         e0x, e0y, e0z = by * gz - bz * gy, bz * gx - bx * gz, bx * gy - by * gx
         e1x, e1y, e1z = gy * az - gz * ay, gz * ax - gx * az, gx * ay - gy * ax
         e2x, e2y, e2z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

@@ -238,7 +238,7 @@ class Radar:
 
 
 def _is_count(value: Any) -> bool:
-    return not isinstance(value, bool) and isinstance(value, int | np.integer) and 1 <= value <= _MAX_COUNT
+    return not isinstance(value, bool) and isinstance(value, int | np.integer) and bool(1 <= value <= _MAX_COUNT)
 
 
 def _positions(radar: str, name: str, positions: Any) -> tuple[Position, ...]:

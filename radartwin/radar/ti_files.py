@@ -47,8 +47,7 @@ class _Profile(NamedTuple):
     @classmethod
     def of(cls, place: str, values: Sequence[float]) -> _Profile:
         identity, start, idle, adc_start, ramp_end, backoff, slope, samples, rate = values
-        whole = (_whole(place, value) for value in (identity, backoff, samples))
-        identity, backoff, samples = whole
+        identity, backoff, samples = (_whole(place, value) for value in (identity, backoff, samples))
         return cls(identity, start, idle, adc_start, ramp_end, backoff, slope, samples, rate)
 
 
@@ -61,8 +60,8 @@ class _Chirp(NamedTuple):
 
     @classmethod
     def of(cls, place: str, values: Sequence[float]) -> _Chirp:
-        first, last, profile, *variations, tx_mask = values
-        return cls(*(_whole(place, value) for value in (first, last, profile)), variations, _whole(place, tx_mask))
+        first, last, profile, tx_mask = (_whole(place, value) for value in (*values[:3], values[7]))
+        return cls(first, last, profile, values[3:7], tx_mask)
 
 
 class _Setup(NamedTuple):
@@ -111,11 +110,16 @@ def _parse_cfg(text: str) -> _Setup:
             raise RecordingError(f"it has no {command} line; is it a mmWave SDK configuration?")
     channel_place, channel = commands["channelCfg"][-1]
     frame_place, frame = commands["frameCfg"][-1]
+    rx_mask, tx_mask = (_whole(channel_place, value) for value in channel[:2])
+    first, last, loops = (_whole(frame_place, value) for value in frame[:3])
     return _Setup(
-        *(_whole(channel_place, value) for value in channel[:2]),
+        rx_mask,
+        tx_mask,
         [_Profile.of(place, [*v[:6], v[7], *v[9:11]]) for place, v in commands["profileCfg"]],
         [_Chirp.of(place, v[:8]) for place, v in commands["chirpCfg"]],
-        *(_whole(frame_place, value) for value in frame[:3]),
+        first,
+        last,
+        loops,
         period_ms=frame[4],
         real_sampling="adcCfg" in commands and commands["adcCfg"][-1][1][1] == 0,
     )
@@ -139,12 +143,18 @@ def _parse_studio(values: Mapping[str, Any]) -> _Setup:
         return [_whole(key, _number(_get(mapping, key), key)) for key in keys]
 
     frame = _get(rf, "rlFrameCfg_t")
+    rx_mask, tx_mask = integers(_get(rf, "rlChanCfg_t"), "rxChannelEn", "txChannelEn")
+    first, last, loops = integers(frame, "chirpStartIdx", "chirpEndIdx", "numLoops")
+    (period_ms,) = numbers(frame, "framePeriodicity_msec")
     return _Setup(
-        *integers(_get(rf, "rlChanCfg_t"), "rxChannelEn", "txChannelEn"),
+        rx_mask,
+        tx_mask,
         [_Profile.of("rlProfiles", numbers(_get(p, "rlProfileCfg_t"), *_PROFILE_KEYS)) for p in _section(rf, "rlProfiles", list)],
         [_Chirp.of("rlChirps", numbers(_get(c, "rlChirpCfg_t"), *_CHIRP_KEYS)) for c in _section(rf, "rlChirps", list)],
-        *integers(frame, "chirpStartIdx", "chirpEndIdx", "numLoops"),
-        *numbers(frame, "framePeriodicity_msec"),
+        first,
+        last,
+        loops,
+        period_ms,
         real_sampling=integers(_get(rf, "rlAdcOutCfg_t", "fmt"), "b2AdcOutFmt") == [0],
     )
 
