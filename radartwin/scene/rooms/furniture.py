@@ -22,17 +22,16 @@ JOINT = 0.005  # gap between parts of one piece, metres
 
 def table(
     name: str,
-    x: float,
-    y: float,
-    depth: float,
-    width: float,
+    corner: tuple[float, float],
+    size: tuple[float, float],
     height: float = 0.74,
     floor: float = 0.0,
     top: str = "table top",
     legs: str = "dark metal",
     seed: int = 0,
 ) -> list[Surface]:
-    """A top and four square metal legs; the corner of least x and y is at (x, y), and the legs end GAP above `floor`."""
+    """A top of `size` (x, y) with its corner of least x and y at `corner`, and four square metal legs that end GAP above `floor`."""
+    (x, y), (depth, width) = corner, size
     board = objects.box([x, y, height - 0.025], [x + depth, y + width, height])
     side, inset = 0.04, 0.03
     posts = [

@@ -71,8 +71,8 @@ def _furniture(length: float, width: float, seed: int) -> list[Surface]:
     cabinet = objects.box([length - 0.45 - GAP, y - 1.1, GAP], [length - GAP, y - 0.2, 1.9])
     radiator = objects.box([length / 2 - 0.8, y - 0.12, 0.15], [length / 2 + 0.6, y - 0.03, 0.75])
     return [
-        *furniture.table("table_left", length - 2.1, y - 1.9, 0.8, 1.6, seed=seed),
-        *furniture.table("table_right", length - 2.4, -y + 0.1, 1.6, 0.8, seed=seed),
+        *furniture.table("table_left", (length - 2.1, y - 1.9), (0.8, 1.6), seed=seed),
+        *furniture.table("table_right", (length - 2.4, -y + 0.1), (1.6, 0.8), seed=seed),
         surface("cabinet", cabinet, "painted metal", seed=seed),
         surface("shelf", furniture.shelf(length - 0.3 - GAP, y - 2.1, 0.3, 0.8), "shelf", seed=seed),
         surface("radiator", radiator, "painted metal", seed=seed),
