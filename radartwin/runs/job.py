@@ -100,7 +100,7 @@ def _outcome(composed: DictConfig, overrides: Sequence[str]) -> Outcome:
         return Outcome(name, REFUSED, " ".join(str(error).split()))
     except MemoryError as error:
         traceback.print_exc()
-        return Outcome(name, FAILED, f"out of memory ({error}); give it more, or run fewer jobs at once" if str(error) else "out of memory")
+        return Outcome(name, FAILED, f"out of memory ({error}); run fewer jobs at once" if str(error) else "out of memory")
     except Exception as error:
         traceback.print_exc()
         return Outcome(name, FAILED, f"{type(error).__name__}: {error}".splitlines()[0])

@@ -107,7 +107,7 @@ class Tracker:
             try:
                 self._end(record, params, samples, status, error, ended)
             except (BackendError, OutputError) as lost:
-                warnings.warn(f"run {key[:8]} is not in MLflow as it ended: {lost}; what it computed is kept", stacklevel=1)
+                warnings.warn(f"run {key[:8]} is not complete in MLflow: {lost}; its result is kept", stacklevel=1)
 
     def sweep(self, table: str, name: str) -> str | None:
         """Open the parent run of a sweep and return its id; None if tracking is off. A sweep that is resumed keeps its parent run."""
@@ -136,7 +136,7 @@ class Tracker:
                     client.log_artifact(run_id, str(table))
                 client.set_terminated(run_id, status)
         except (BackendError, OutputError) as lost:
-            warnings.warn(f"the sweep is not in MLflow as it ended: {lost}; its runs are kept", stacklevel=1)
+            warnings.warn(f"the sweep is not complete in MLflow: {lost}; its runs are kept", stacklevel=1)
 
     def known(self, table: str, key: str) -> bool:
         """Whether a run of this key is finished in the store, or a living process of this machine computes it."""
