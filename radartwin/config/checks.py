@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import Field, field, fields
 from typing import Any
 
@@ -111,13 +111,13 @@ def check_fields(config: Any, prefix: str) -> None:
             check(f"{prefix}.{entry.name}", value)
 
 
-def check_selector(key: str, value: str, allowed: Sequence[str]) -> None:
+def check_selector(key: str, value: str, *names: str) -> None:
     """Check the field that names the option, such as simulator.backend, against the names that its dataclass stands for."""
     group = key.partition(".")[0]
-    if not allowed:
+    if not names[0]:
         raise ConfigError(f"{group}: the file of this option names no schema; begin it with 'defaults: [schema_{value or 'NAME'}]'")
-    if value not in allowed:
-        raise ConfigError(f"{key}={value} contradicts {group}={allowed[0]}; choose {group}={value}, or leave {key} out")
+    if value not in names:
+        raise ConfigError(f"{key}={value} contradicts {group}={names[0]}; choose {group}={value}, or leave {key} out")
 
 
 def _field(default: Any, check: Callable[[str, Any], None]) -> Any:

@@ -172,8 +172,8 @@ def _register_schemas() -> None:
     store = ConfigStore.instance()
     store.store(name="schema", node=Config)
     for group, schemas in SCHEMAS.items():
-        for schema in schemas:
-            store.store(group=group, name=f"schema_{schema.OPTIONS[0]}", node=schema)
+        for option, schema in schemas.items():
+            store.store(group=group, name=f"schema_{option}", node=schema)
 
 
 @contextlib.contextmanager

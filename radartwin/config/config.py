@@ -48,14 +48,26 @@ from radartwin.config.trajectory import (
 )
 from radartwin.errors import ConfigError
 
-# The dataclasses of the groups whose options differ in their keys. Each is in Hydra's ConfigStore as schema_ and its first option.
-SCHEMAS: dict[str, tuple[type, ...]] = {
-    "scene": (SceneConfig, RoomScene, SquashCourtScene, ScanScene),
-    "materials": (UniformMaterials, VlmMaterials, RandomMaterials, TrueMaterials, VoidMaterials, SceneMaterials),
-    "simulator": (MitsubaSimulator, AutoSimulator, RFGenesisSimulator, PointsSimulator, SionnaSimulator),
-    "trajectory": (StaticTrajectory, TurntableTrajectory, RailTrajectory, LateralTrajectory, DepthTrajectory, FileTrajectory),
-    "measured": (MeasuredConfig, RecordingsConfig),
-}
+# Groups whose options differ in their keys: the dataclass of each option, which is in Hydra's ConfigStore as schema_OPTION.
+SCHEMAS: dict[str, dict[str, type]] = {
+    "scene": {
+        "empty": SceneConfig, "void": SceneConfig, "plate": SceneConfig, "lab": RoomScene, "atrium": RoomScene,
+        "squash_court": SquashCourtScene, "scan": ScanScene,
+    },
+    "materials": {
+        "uniform": UniformMaterials, "vlm": VlmMaterials, "random": RandomMaterials, "true": TrueMaterials, "void": VoidMaterials,
+        "scene": SceneMaterials,
+    },
+    "simulator": {
+        "mitsuba": MitsubaSimulator, "auto": AutoSimulator, "rfgenesis": RFGenesisSimulator, "points": PointsSimulator,
+        "sionna": SionnaSimulator,
+    },
+    "trajectory": {
+        "static": StaticTrajectory, "turntable": TurntableTrajectory, "rail": RailTrajectory, "diagonal": RailTrajectory,
+        "lateral": LateralTrajectory, "depth": DepthTrajectory, "file": FileTrajectory,
+    },
+    "measured": {"testbed": MeasuredConfig, "recordings": RecordingsConfig},
+}  # fmt: skip
 
 
 @dataclass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from radartwin.config.checks import check_fields, check_selector, choice, positive, share, unkeyed, url
 
@@ -12,11 +12,10 @@ from radartwin.config.checks import check_fields, check_selector, choice, positi
 class MaterialsConfig:
     """Settings that every material source reads."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ()
     source: str = ""
 
     def __post_init__(self) -> None:
-        check_selector("materials.source", self.source, self.OPTIONS)
+        check_selector("materials.source", self.source, type(self).source)
         check_fields(self, "materials")
 
     def arguments(self, seed: int) -> dict[str, Any]:
@@ -28,7 +27,6 @@ class MaterialsConfig:
 class UniformMaterials(MaterialsConfig):
     """One material for every surface of the room."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("uniform",)
     source: str = "uniform"
     material: str = "plasterboard"
 
@@ -40,7 +38,6 @@ class UniformMaterials(MaterialsConfig):
 class VlmMaterials(MaterialsConfig):
     """Recorded answers of a vision-language model. The unkeyed fields are defaults of `radartwin label`, which asks for new answers."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("vlm",)
     source: str = "vlm"
     missing: str | None = None  # material of surfaces without an answer; null refuses them
     model: str | None = None  # use only this model's answers; null: any recorded answer, and the server's default model
@@ -58,7 +55,6 @@ class VlmMaterials(MaterialsConfig):
 class RandomMaterials(MaterialsConfig):
     """The true materials with a share of wrong labels."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("random",)
     source: str = "random"
     p: float = share(0.5)  # of wrong labels
     among: str = choice("room", "all")  # wrong labels are categories of the room | any category
@@ -71,7 +67,6 @@ class RandomMaterials(MaterialsConfig):
 class TrueMaterials(MaterialsConfig):
     """The materials that a procedural room is built of."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("true",)
     source: str = "true"
 
 
@@ -79,7 +74,6 @@ class TrueMaterials(MaterialsConfig):
 class VoidMaterials(MaterialsConfig):
     """No room: only the target and its stand."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("void",)
     source: str = "void"
 
 
@@ -87,10 +81,9 @@ class VoidMaterials(MaterialsConfig):
 class SceneMaterials(MaterialsConfig):
     """The labels in the manifest of a scanned scene."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("scene",)
     source: str = "scene"
 
 
 def default_materials(source: str) -> MaterialsConfig:
     """The dataclass of a source with its defaults, e.g. default_materials("uniform").material == "plasterboard"."""
-    return next(schema for schema in MaterialsConfig.__subclasses__() if source in schema.OPTIONS)()
+    return next(schema for schema in MaterialsConfig.__subclasses__() if schema.source == source)()

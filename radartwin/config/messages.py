@@ -58,10 +58,11 @@ def unknown_key(full_key: str, owner: Any) -> str:
     """For a key that the dataclass `owner` does not have."""
     parent, _, name = full_key.rpartition(".")
     keys = _keys(owner)
-    options = "|".join(getattr(owner, "OPTIONS", ()))
-    if parent in SCHEMAS and not options:
+    schemas = SCHEMAS.get(parent, {})
+    options = "|".join(option for option, schema in schemas.items() if schema is owner)
+    if schemas and not options:
         return f"{full_key} is not known because the file of this option names no schema; begin it with 'defaults: [schema_NAME]'"
-    if readers := [option for schema in SCHEMAS.get(parent, ()) if name in _keys(schema) for option in schema.OPTIONS]:
+    if readers := [option for option, schema in schemas.items() if name in _keys(schema)]:
         choose = f"choose {parent}={'|'.join(readers)}, or leave it out"
         return f"{full_key} is not read by {parent}={options}; {choose}; {parent}={options} has {', '.join(keys)}"
     where = f"{parent}={options} has" if options else f"{parent} has" if parent else "groups and keys are"

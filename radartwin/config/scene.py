@@ -16,7 +16,6 @@ SHAPES = ("corner_reflector", "plate", "sphere", "none")
 class SceneConfig:
     """Settings that every scene reads; all settings of a scene without a room."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("empty", "void", "plate")
     NAMES: ClassVar[tuple[str, ...]] = ("empty", "void", "plate", *ROOMS)
     name: str = "empty"
     target: str = "corner_reflector"  # plate | sphere | none | an object of the catalogue, such as mug
@@ -29,7 +28,7 @@ class SceneConfig:
     llm_model: str | None = None
 
     def __post_init__(self) -> None:
-        check_selector("scene.name", self.name, self.NAMES)
+        check_selector("scene.name", self.name, *self.NAMES)
         check_fields(self, "scene")
         self._check_target()
         if self.layout and self.sentence:
@@ -58,7 +57,6 @@ class SceneConfig:
 class RoomScene(SceneConfig):
     """A procedural room. A null size_m is the room's own size, a null detail is furnished."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("lab", "atrium")
     NAMES: ClassVar[tuple[str, ...]] = ROOMS
     name: str = "lab"
     size_m: list[float] | None = triple("[length,width,height] in metres")
@@ -74,7 +72,6 @@ class RoomScene(SceneConfig):
 class SquashCourtScene(RoomScene):
     """The squash court, whose back wall may be of glass; null: solid."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("squash_court",)
     NAMES: ClassVar[tuple[str, ...]] = ("squash_court",)
     name: str = "squash_court"
     back: str | None = choice(None, "solid", "glass")
@@ -84,7 +81,6 @@ class SquashCourtScene(RoomScene):
 class ScanScene(SceneConfig):
     """A scanned room: a scene folder, or a .glb, .ply or .obj mesh."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("scan",)
     NAMES: ClassVar[tuple[str, ...]] = ("scan",)
     name: str = "scan"
     path: str = path_name("")

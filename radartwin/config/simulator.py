@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any
 
 from radartwin.config.checks import check_fields, check_selector, choice, positive, share, unkeyed
 
@@ -12,13 +12,12 @@ from radartwin.config.checks import check_fields, check_selector, choice, positi
 class SimulatorConfig:
     """Settings that every simulator reads."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ()
     backend: str = ""
     variant: str = unkeyed(choice("auto", "llvm", "cuda"))  # the device; all of them trace the same rays
     elements: str = choice("exact", "planar", "auto")  # exact: distances to each antenna element | planar: a plane wave
 
     def __post_init__(self) -> None:
-        check_selector("simulator.backend", self.backend, self.OPTIONS)
+        check_selector("simulator.backend", self.backend, type(self).backend)
         check_fields(self, "simulator")
 
     def settings(self) -> dict[str, Any]:
@@ -31,7 +30,6 @@ class SimulatorConfig:
 class MitsubaSimulator(SimulatorConfig):
     """Physical optics on Mitsuba 3."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("mitsuba",)
     backend: str = "mitsuba"
     room: str = choice("auto", "panels", "tubes")  # panels: by images | auto: panels where the room is flat
     parts: str = choice("whole", "large", "none")  # of the room that are simulated; large: without small objects
@@ -50,7 +48,6 @@ class MitsubaSimulator(SimulatorConfig):
 class AutoSimulator(SimulatorConfig):
     """Mitsuba with the cheapest settings that keep the features. Null settings are chosen, others are fixed."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("auto",)
     backend: str = "auto"
     elements: str = choice("auto", "exact", "planar")
     tolerance: float = positive(1.0)  # how far a feature may move, in limits of its repeatability (radartwin/adaptive/limits.py)
@@ -71,7 +68,6 @@ class AutoSimulator(SimulatorConfig):
 class RFGenesisSimulator(SimulatorConfig):
     """Baseline: the tracer of RF-Genesis (radartwin/simulation/backends/rfgenesis.py)."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("rfgenesis",)
     backend: str = "rfgenesis"
     version: str = choice("shipped", "columns", "corrected")
     grid: int = positive(128)  # pixels along each side
@@ -82,7 +78,6 @@ class RFGenesisSimulator(SimulatorConfig):
 class PointsSimulator(SimulatorConfig):
     """Baseline: point scatterers with a far-field cross-section."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("points",)
     backend: str = "points"
     cross_section: str = choice("table", "sphere")  # table: far field by aspect | sphere: of the object's size
     points: str = choice("centre", "box")  # centre of the bounding box | box: centres of its faces
@@ -95,7 +90,6 @@ class PointsSimulator(SimulatorConfig):
 class SionnaSimulator(SimulatorConfig):
     """Peer: Sionna RT, in a process of its own."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("sionna",)
     backend: str = "sionna"
     max_bounces: int = positive(4)
     rays: int | None = positive(None)  # its samples; null: its default

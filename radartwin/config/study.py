@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
 
 from radartwin.config.checks import check_fields, check_selector, choice, not_negative, path_name, positive, url
 from radartwin.config.scene import ROOMS
@@ -37,19 +36,17 @@ class GapConfig:
 class MeasuredConfig:
     """The measured domain, which the twin is compared with: here the virtual testbed."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("testbed",)
     provider: str = "testbed"
     gap: GapConfig = field(default_factory=GapConfig)
 
     def __post_init__(self) -> None:
-        check_selector("measured.provider", self.provider, self.OPTIONS)
+        check_selector("measured.provider", self.provider, type(self).provider)
 
 
 @dataclass
 class RecordingsConfig(MeasuredConfig):
     """Real recordings. Of the gaps only `geometry`, the errors of the twin's scan, has an effect."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("recordings",)
     provider: str = "recordings"
     folder: str = path_name("")  # a recording set (docs/recording-sets.md)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from radartwin.config.checks import check_fields, check_selector, choice, finite, not_negative, path_name, positive, triple
 from radartwin.errors import ConfigError
@@ -13,14 +12,13 @@ from radartwin.errors import ConfigError
 class TrajectoryConfig:
     """Settings that every trajectory reads."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ()
     kind: str = ""
     distance_m: float = positive(1.0)  # from the radar to the target's axis at the start
     height_m: float = positive(1.0)  # of the radar above the floor, where neither position_m nor a file gives it
     frames: int | None = positive(None)  # null: the whole motion
 
     def __post_init__(self) -> None:
-        check_selector("trajectory.kind", self.kind, (type(self).kind,) if self.OPTIONS else ())
+        check_selector("trajectory.kind", self.kind, type(self).kind)
         check_fields(self, "trajectory")
 
 
@@ -36,7 +34,6 @@ class StartTrajectory(TrajectoryConfig):
 class StaticTrajectory(StartTrajectory):
     """Radar and target at rest."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("static",)
     kind: str = "static"
     frames: int | None = positive(4)
 
@@ -45,7 +42,6 @@ class StaticTrajectory(StartTrajectory):
 class TurntableTrajectory(StartTrajectory):
     """Radar at rest, target turning about its vertical axis."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("turntable",)
     kind: str = "turntable"
     period_s: float = positive(25.0)  # of one revolution
 
@@ -62,7 +58,6 @@ class LinearTrajectory(StartTrajectory):
 class RailTrajectory(LinearTrajectory):
     """Radar at rest, target carried along a rail."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("rail", "diagonal")
     kind: str = "rail"
     length_m: float = positive(0.6)
     speed_mps: float = positive(0.1)
@@ -73,7 +68,6 @@ class RailTrajectory(LinearTrajectory):
 class LateralTrajectory(LinearTrajectory):
     """Radar driving past the target."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("lateral",)
     kind: str = "lateral"
     height_m: float = positive(0.4)
     length_m: float = positive(1.2)
@@ -84,7 +78,6 @@ class LateralTrajectory(LinearTrajectory):
 class DepthTrajectory(LinearTrajectory):
     """Radar driving towards the target."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("depth",)
     kind: str = "depth"
     distance_m: float = positive(2.0)
     height_m: float = positive(0.4)
@@ -100,7 +93,6 @@ class DepthTrajectory(LinearTrajectory):
 class FileTrajectory(TrajectoryConfig):
     """Poses of the radar from a file."""
 
-    OPTIONS: ClassVar[tuple[str, ...]] = ("file",)
     kind: str = "file"
     path: str = path_name("")  # TUM or CSV text, or a ROS bag
     start_s: float = not_negative(0.0)  # of the first frame, after the first pose
