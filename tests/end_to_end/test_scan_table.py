@@ -1,6 +1,6 @@
-"""Every metric of the scan table, room by room at half, stated and double errors of the phone, against what they were when written.
+"""Every metric of the scan table, room by room at half, full and double errors of the phone, against recorded bounds.
 
-A limit that the table reports as failing (recall of the atrium, whose small things are lost) is held near its figure: it may rise.
+The recall of the atrium, whose small objects are lost, fails its limit in the table; here it must not fall below its recorded value.
 """
 
 from pathlib import Path
@@ -51,7 +51,7 @@ def test_scan_scores_stay_within_recorded_bounds(room: str, strength: float, tmp
 
 @pytest.mark.slow
 def test_atrium_mesh_bounds_the_possible_recall() -> None:
-    """Faces given to the true surface they lie on, as no segmenter can: what that misses, fusion lost."""
+    """Faces are assigned to the true surface they lie on. An ideal segmentation misses only surface that the fusion lost."""
     room = rooms.room("atrium", detail="cluttered")
     frames, seen = scan(room, 0, 1.0)
     mesh, _ = fuse(frames)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.complexity import complexity, figure
-from experiments.complexity.complexity import AUTO, FIXED, REFLECTOR, SHIPPED, Found
+from experiments.complexity.rows import AUTO, FIXED, REFLECTOR, SAVED, SHIPPED, Found, table
 from experiments.speed import campaign_methods, speed_accuracy
 from radartwin.adaptive.choice import Choice, Step
 from radartwin.adaptive.model import DEFAULT, FINEST, Model
@@ -30,32 +30,32 @@ def found(asked: str, parts: str, seconds: tuple[float, float, float], shipped_e
 
 
 def rows(*some: Found) -> list[dict]:
-    return complexity.table(CONFIG, some, Choice(DEFAULT, 0.2, "entropy", ()))
+    return table(CONFIG, some, Choice(DEFAULT, 0.2, "entropy", ()))
 
 
 def test_rows_are_valid_and_can_be_drawn() -> None:
-    table = rows(found("rotation", "none", (0.1, 0.5, 0.5)), found("multipath share", "large", (0.2, 0.5, 0.5)))
-    check_rows("complexity", table)
-    figure.chart(table)
+    made = rows(found("rotation", "none", (0.1, 0.5, 0.5)), found("multipath share", "large", (0.2, 0.5, 0.5)))
+    check_rows("complexity", made)
+    figure.chart(made)
 
 
 @pytest.mark.parametrize(("shape", "multipath", "verdicts"), [("none", "large", ["holds", "holds"]), ("large", "none", ["fails", "fails"])])
 def test_claims_about_the_reflector_follow_the_chosen_room(shape: str, multipath: str, verdicts: list[str]) -> None:
     cost = (0.2, 0.5, 0.5)
-    table = rows(found("rotation", shape, cost), found("shape", shape, cost), found("multipath share", multipath, cost))
-    assert [row["verdict"] for row in table if row["metric"].startswith("parts of the room")] == verdicts
+    made = rows(found("rotation", shape, cost), found("shape", shape, cost), found("multipath share", multipath, cost))
+    assert [row["verdict"] for row in made if row["metric"].startswith("parts of the room")] == verdicts
 
 
 def test_median_saving_and_shipped_default_are_judged() -> None:
-    table = rows(*(found("rotation", "none", (1.0, ratio, ratio)) for ratio in (4.0, 5.0, 6.0)))
-    verdict = {row["metric"]: (row["value"], row["verdict"]) for row in table}
+    made = rows(*(found("rotation", "none", (1.0, ratio, ratio)) for ratio in (4.0, 5.0, 6.0)))
+    verdict = {row["metric"]: (row["value"], row["verdict"]) for row in made}
     assert verdict["cost of the fixed default over auto's, median"] == (5.0, "holds")
     assert verdict["error of the shipped default between the frames of the choice, worst of all (limits)"] == (0.2, "holds")
     assert verdict["cost of the shipped default over the fixed one's, median"] == (1.0, "holds")
     worse = rows(*2 * [found("rotation", "none", (1.0, 2.0, 6.0), shipped_error=1.2, auto_error=1.1)])
     failed = {row["metric"]: row["verdict"] for row in worse}
     assert failed.pop("error of the fixed default between the frames of the choice, worst of all (limits)") == "holds"
-    assert failed.pop(complexity.SAVED) == "untestable"
+    assert failed.pop(SAVED) == "untestable"
     assert set(failed.values()) == {"fails"}
 
 

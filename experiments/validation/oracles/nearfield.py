@@ -11,6 +11,7 @@ received over transmitted power between isotropic antennas. The phase is that of
 
 from collections.abc import Sequence
 from itertools import permutations
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -107,9 +108,8 @@ def chain_quadrature(
         rule = _rule(triangle, source, target, wavelength)
         if rule is not None:
             u, weight_u, v, weight_v = rule
-            total += _integrate(
-                triangle, u, weight_u, v, weight_v, source, target, np.sign(side) * normal, axis, mirror.T.copy(), turn, wavenumber
-            )
+            path = _Path(source, target, np.sign(side) * normal, axis, mirror.T.copy(), turn, wavenumber)
+            total += _integrate(triangle, u, weight_u, v, weight_v, path)
     if not np.isfinite(total):
         raise ValueError("a ray runs along the antenna's axis, where its polarisation has no direction; choose another axis")
     return complex(1j / (4 * np.pi) * total)
@@ -220,9 +220,25 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
     return tuple(rules)
 
 
+class _Path(NamedTuple):
+    """A path over the last panel: its ends, the panel's lit normal, polarisation axis, mirrors and wavenumber.
+
+    `mirror` turns an arriving direction back to its departure; `turn` maps the field at departure to the arriving field.
+    """
+
+    source: np.ndarray
+    target: np.ndarray
+    lit: np.ndarray
+    axis: np.ndarray
+    mirror: np.ndarray
+    turn: np.ndarray
+    wavenumber: float
+
+
 @numba.njit
-def _integrate(triangle, u, weight_u, v, weight_v, source, target, lit, axis, mirror, turn, wavenumber):
-    """The integral over one triangle; NaN if a ray runs along the axis. `mirror` turns an arriving direction back to its departure."""
+def _integrate(triangle, u, weight_u, v, weight_v, path):
+    """The integral over one triangle; NaN if a ray runs along the axis."""
+    source, target, lit, axis, mirror, turn, wavenumber = path
     a, ab, bc = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[1]
     area = np.sqrt((np.cross(ab, bc) ** 2).sum())
     total = 0j
