@@ -1,7 +1,7 @@
-"""The campaign of a configuration: which recordings there are, and each of them, made now unless it is in the store.
+"""The campaign of a configuration: the list of its recordings, and each recording, simulated if it is not in the store.
 
-Products of the store: `clean` (a recording without its receiver; a turntable's as the aspects it is made of), `processed` (what every
-feature is read from). Noise, leakage and ADC are added when a clean recording is processed, seeded by the recording.
+Products of the store: `clean` (a recording without receiver; a turntable recording as its traced aspects) and `processed` (the input of all
+features). Noise, leakage and ADC are added when a clean recording is processed, seeded by the recording.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.campaign import tally, truth, twin
-from experiments.campaign.cases import Case, Log, log, planned
+from experiments.campaign.cases import COMPARED, DOMAINS, MEASURED, TWIN, VOID, Case, Log, log, planned
 from experiments.campaign.recorded import Recorded
 from experiments.campaign.schedule import RecordingTask, Schedule
 from experiments.campaign.turned import Turned
@@ -25,7 +25,6 @@ from radartwin.radar.recording import Recording
 from radartwin.runs import workers
 from radartwin.store.products import Product, Store
 
-DOMAINS = ("measured", "twin", "void")
 CLEAN, PROCESSED = "clean", "processed"
 _FILE = "recording"
 
@@ -35,9 +34,9 @@ class Campaign:
 
     Args:
         config: profile, gaps, materials, simulator, radar and seed decide the recordings.
-        store: keeps them.
+        store: keeps the recordings.
     Raises:
-        UserError: a recording set that cannot be used, or of another radar than the configuration's.
+        UserError: the recording set cannot be used or has another radar than the configuration.
     """
 
     def __init__(self, config: Config, store: Store, progress: Progress):
@@ -46,42 +45,41 @@ class Campaign:
 
     @property
     def domain(self) -> str:
-        """Of what is measured, for the tables: testbed or recordings."""
+        """Provider of the measured recordings: testbed or recordings."""
         return self.config.measured.provider
 
-    def cases(self, domain: str, **wanted: Any) -> list[Case]:
-        """Recordings of a domain under these conditions, e.g. motion="turntable", room="lab", object="mug", distance_m=1.0.
+    def cases(self, domain: str, **conditions: Any) -> list[Case]:
+        """Recordings of a domain under conditions such as motion="turntable", room="lab", object="mug", distance_m=1.0.
 
-        Beside recorded ones, the twin has each of their conditions once.
+        The twin of a recording set has each condition once.
 
         Raises:
             InputError: an unknown domain.
         """
         self._check(domain)
         if self._recorded is None:
-            found = planned(self.config.profile.campaign, domain == "measured")
+            found = planned(self.config.profile.campaign, domain == MEASURED)
         else:
-            found = self._recorded.cases if domain == "measured" else self._recorded.conditions
-        return [case for case in found if all(getattr(case, name) == value for name, value in wanted.items())]
+            found = self._recorded.cases if domain == MEASURED else self._recorded.conditions
+        return [case for case in found if all(getattr(case, name) == value for name, value in conditions.items())]
 
     def log(self, case: Case, domain: str = "measured") -> Log:
-        """The nominal course of a recording of that domain. Beside recorded ones the twin has the course of a condition's longest
-        repetition, of a turntable one turn."""
+        """The log of a recording. The twin of a recording set has the log of the condition's longest repetition, cut to one revolution."""
         if self._recorded is not None:
-            return self._recorded.log(case) if domain == "measured" else self._recorded.twin_log(case)
-        return log(case, self.config.profile.campaign, measured=domain == "measured")
+            return self._recorded.log(case) if domain == MEASURED else self._recorded.twin_log(case)
+        return log(case, self.config.profile.campaign, measured=domain == MEASURED)
 
     def processed(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> tuple[str, Processed]:
-        """(key, what features are read from) of one recording, made now unless it is in the store.
+        """(store key, processed recording), simulated if it is not in the store.
 
         Args:
-            materials: of the twin's room: another source than the configured one.
+            materials: material source of the twin's room; None: the configured one.
         """
         product = self.process(domain, case, materials)
         return product.key, Processed.load(product.path)
 
     def process(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Product:
-        """The same as a product of the store: one way for all domains, from samples to what features are read from."""
+        """The processed recording as a product of the store."""
         key, recording, spec = self._source(domain, case, materials)
         doppler = case.motion != "turntable"
 
@@ -93,11 +91,11 @@ class Campaign:
         return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["radartwin.features.processed"], build)
 
     def recording(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Recording:
-        """The recording itself, with its receiver's noise."""
+        """The recording with its receiver's noise."""
         return self._source(domain, case, materials)[1]()
 
     def clean(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Product:
-        """The kept recording without its receiver, of the testbed or the twin; `load_clean` reads it."""
+        """The simulated recording without receiver as a product of the store; `load_clean` reads it."""
         spec, make, roots = self._clean(domain, case, materials)
         return self.store.fetch(CLEAN, spec, roots, lambda folder: _save(make, folder))
 
@@ -107,25 +105,24 @@ class Campaign:
         return self.store.holds(CLEAN, spec, roots)
 
     def prepare(self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, fresh: bool = False) -> None:
-        """Make of these (domain, case) what is missing, processed ones too, by several processes where there are many (config.jobs);
-        `fresh`: by new ones, so that nothing is set up where what each costs is told."""
+        """Make the missing recordings of these (domain, case), in several workers (config.jobs); `fresh` as for workers.run."""
         make_together(self.missing(wanted, materials), self.progress, fresh)
 
     def missing(
         self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, clean: bool = False, setup: str = ""
     ) -> dict[str, RecordingTask]:
         """{key: task} for `make_together`, of the recordings that are missing and can be made. `clean` and `setup` as in RecordingTask."""
-        config, found = replace(self.config, materials=self._materials("twin", materials)), {}
+        config, found = replace(self.config, materials=self._materials(TWIN, materials)), {}
         for domain, case in wanted:
-            if self._recorded is None or domain != "measured":
+            if self._recorded is None or domain != MEASURED:
                 spec, _, roots = self._clean(domain, case, materials)
                 if not self.store.holds(CLEAN, spec, roots):
                     found[self.store.key(CLEAN, spec, roots)] = RecordingTask(config, self.store.root, domain, case, clean, setup)
         return found
 
     def plan(self, *domains: str) -> list[tuple[str, Case]]:
-        """What there is to be made, of these domains or of both: cheap motions first, and together what shares a track."""
-        chosen = domains or (("measured", "twin") if self._recorded is None else ("twin",))
+        """(domain, case) of all recordings that the campaign simulates: cheap motions first, recordings of one track together."""
+        chosen = domains or (COMPARED if self._recorded is None else (TWIN,))
         order = {motion: number for number, motion in enumerate(("radial", "diagonal", "turntable", "depth", "lateral"))}
         found = [(domain, case) for domain in chosen for case in self.cases(domain)]
         return sorted(found, key=lambda one: (order[one[1].motion] > 2, one[1].room, order[one[1].motion], chosen.index(one[0])))
@@ -133,34 +130,34 @@ class Campaign:
     def _clean(
         self, domain: str, case: Case, materials: str | MaterialsConfig | None
     ) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
-        """What decides a clean recording, a function that makes it, and the modules that do."""
+        """(specification, function that simulates it, modules that do) of a clean recording."""
         self._check(domain)
-        if domain == "measured":
+        if domain == MEASURED:
             if self._recorded is not None:
-                raise InputError("measured=recordings has no clean recordings")
-            spec = {"domain": "measured", **truth.specification(case, self.config)}
+                raise InputError("measured=recordings has no recordings without receiver; use measured=testbed")
+            spec = {"domain": MEASURED, **truth.specification(case, self.config)}
             return spec, lambda: truth.record(case, self.config), ["experiments.campaign.truth"]
-        chosen, case = self._materials(domain, materials), replace(case, repetition=0)  # the twin repeats nothing
+        chosen, case = self._materials(domain, materials), replace(case, repetition=0)  # the twin has no repetitions
         nominal = self.log(case, domain)
-        spec = {"domain": "twin", **twin.specification(case, nominal, self.config, chosen, self.store)}
+        spec = {"domain": TWIN, **twin.specification(case, nominal, self.config, chosen, self.store)}
         return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store, self.progress.say), ["experiments.campaign.twin"]
 
     def _source(
         self, domain: str, case: Case, materials: str | MaterialsConfig | None
     ) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
-        """Key of what a recording is made from, a function that gives it, and what else decides it."""
+        """(key of the source, function that returns the recording, further specification) of a recording."""
         self._check(domain)
-        if domain == "measured" and self._recorded is not None:
+        if domain == MEASURED and self._recorded is not None:
             recorded = self._recorded
             return recorded.key(case), lambda: recorded.recording(case), {}
         product = self.clean(domain, case, materials)
-        if domain == "measured":
+        if domain == MEASURED:
             spec = {"hardware": self.config.measured.gap.hardware, "seed": truth.seed_of(case, self.config)}
             return product.key, lambda: truth.receive(load_clean(product), case, self.config), spec
         return product.key, lambda: twin.noisy(load_clean(product), replace(case, repetition=0), self.config), {"seed": self.config.seed}
 
     def _materials(self, domain: str, materials: str | MaterialsConfig | None) -> MaterialsConfig:
-        if domain == twin.VOID:
+        if domain == VOID:
             return VoidMaterials()
         if materials is None:
             return self.config.materials
@@ -169,7 +166,7 @@ class Campaign:
     @staticmethod
     def _check(domain: str) -> None:
         if domain not in DOMAINS:
-            raise InputError(f"campaign: there is no domain {domain!r}; choose {', '.join(DOMAINS)}")
+            raise InputError(f"campaign: unknown domain {domain!r}; choose {', '.join(DOMAINS)}")
 
 
 def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False) -> None:
@@ -213,16 +210,16 @@ def _campaign_of(config: Config, root: Path) -> Campaign:
 
 
 def load_clean(product: Product) -> Recording:
-    """The recording that a `clean` product holds, all its frames."""
+    """All frames of the recording in a `clean` product."""
     return Turned.load(product.path).recording() if Turned.is_in(product.path) else Recording.load(product.path / _FILE)
 
 
 def _save(make: Callable[[], Recording | Turned], folder: Path) -> Mapping[str, int]:
-    """Samples as 16-bit counts, 96 dB below the loudest: ten times below the receiver's own noise. Tells what it took."""
-    with tally.counted() as told:
+    """Store a recording as 16-bit counts and return its metadata. The quantisation noise is ten times below the receiver's noise."""
+    with tally.counted() as counts:
         made = make()
     if isinstance(made, Turned):
         made.save(folder)
-        return {"frames": len(made.angles), "traced": made.traced, **told}
+        return {"frames": len(made.angles), "traced": made.traced, **counts}
     made.save(folder / _FILE)
-    return {"frames": made.num_frames, "traced": made.num_frames, **told}
+    return {"frames": made.num_frames, "traced": made.num_frames, **counts}

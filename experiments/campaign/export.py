@@ -1,6 +1,6 @@
-"""The testbed's recordings as a recording set on disk, as people would have made them: samples, rows, the log's poses, nothing of truth.
+"""Export of the testbed's recordings as a recording set on disk: samples, index rows and logged poses, but nothing of the truth.
 
-What is exported goes back in as `measured=recordings measured.folder=SET`. Interrupted, the same call goes on where it was stopped.
+The exported set can be used as `measured=recordings measured.folder=SET`. After an interruption, the same call adds the missing recordings.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
     """Write every measured recording of the campaign that the set does not hold yet.
 
     Raises:
-        InputError: what is measured is a recording set already.
-        OutputError, RecordingError: the folder cannot be written, or is another set.
+        InputError: the measured recordings are a recording set already.
+        OutputError, RecordingError: the folder cannot be written, or holds another set.
     """
     measured = campaign.config.measured
     if isinstance(measured, RecordingsConfig):
@@ -47,7 +47,7 @@ def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
 
 
 def _check(target: RecordingSet, case: Case, campaign: Campaign) -> None:
-    """What is there already is of the same profile."""
+    """Raises InputError if an exported recording is of another profile."""
     (radar, frames, _), log = target.course(next(row for row in target if row.recording == case.name)), campaign.log(case)
     if (frames, radar.frame_rate_hz) != (log.frames, log.frame_rate_hz):
         raise InputError(
@@ -57,7 +57,7 @@ def _check(target: RecordingSet, case: Case, campaign: Campaign) -> None:
 
 
 def card(config: Config) -> Card:
-    """Of a set that the testbed made."""
+    """The card of a set that the testbed made."""
     gaps = ", ".join(f"{name} {strength:g}" for name, strength in vars(config.measured.gap).items() if name != "geometry")
     return Card(
         "radartwin testbed", "CC0-1.0", "amplitude", f"virtual {config.radar.name}", f"radartwin {__version__}",
@@ -66,7 +66,7 @@ def card(config: Config) -> Card:
 
 
 def row(case: Case) -> Row:
-    """The index's row of a case."""
+    """The index row of a case."""
     extra = {TURN: f"{TURN_S:g}"} if case.motion == "turntable" else {}
     return Row(case.name, case.object, case.distance_m, case.room, case.motion, case.repetition, extra=extra)
 

@@ -1,9 +1,9 @@
-"""The same recording measured and simulated, side by side: range over time, over Doppler and over azimuth, on one colour scale.
+"""The gallery: the same recording measured and simulated, as range over time, over Doppler and over azimuth on one colour scale.
 
-Pairs are chosen by experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...], such as mug/squash_court/lateral/1; without any, those of the
-profile, or the first of a recording set. Dashed and ringed is where the log says that the target is. On a turntable Doppler is over the
-frames of a turn (what turns folds at the frame rate, in both alike) and azimuth the mean over them; where radar or target move along, both
-are of the middle frame.
+experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1; the default are those of
+the profile, or the first of a recording set. Dashed lines and rings mark the target's logged position. On a turntable Doppler is computed
+over the frames of a revolution, folds at the frame rate in both domains, and azimuth is a mean over the revolution. For other motions both
+are those of the middle frame.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import RAIL, ROVER, Case, Log, Motion
-from experiments.claims import row
+from experiments.campaign.cases import LABELS, RAIL, ROVER, Case, Log, Motion
+from experiments.claims import RowList
+from experiments.drawing import range_map
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features import envelope, gate, track
@@ -53,15 +54,14 @@ PAIRS = {
         "corner_reflector/squash_court/depth/1", "mug/atrium/lateral/1",
     ),
 }  # fmt: skip
-RECORDED = 4  # pairs that are shown of a recording set where none is named
-NEAREST_M, FARTHEST_M = 0.5, 2.5  # of a target
+RECORDED = 4  # number of pairs from a recording set by default
+NEAREST_M, FARTHEST_M = 0.5, 2.5  # distances of a target
 DRIVEN = ("atrium", "squash_court")
-LABELS = {"measured": "measured", "twin": "simulated"}
-SPAN_DB = 75.0  # from the brightest of both down: what a reflector leaves of a room's furniture
+SPAN_DB = 75.0  # below the brightest cell of both domains: furniture stays visible beside a reflector
 FASTEST_MPS = 3.0
 AZIMUTH_RAD = np.radians(np.arange(-80.0, 81.0))
 Real = NDArray[np.floating]
-_PADDING = 8  # of Doppler, which 16 chirps resolve to 0.95 m/s
+_PADDING = 8  # of the Doppler transform; 16 chirps resolve 0.95 m/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +69,8 @@ class View:
     """One recording as three maps of power.
 
     Attributes:
-        range_m: (B,). across: by panel the other axis (X,). maps: by panel (X, B).
-        truth: by panel where the log has the target, across and range: a line (K,), a point (1,), or a range alone where across is NaN.
+        range_m: (B,). across: by panel, the other axis (X,). maps: by panel, power (X, B).
+        truth: by panel, (across, range) of the logged target: a line (K,), a point (1,), or only a range if across is NaN.
     """
 
     range_m: Real
@@ -80,17 +80,17 @@ class View:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """One figure per pair, and rows of how alike the two are."""
+    """One figure per pair, and rows of the agreement of both domains."""
     campaign = Campaign(config, store, progress)
     cases = chosen(config, campaign)
-    rows: list[dict[str, Any]] = []
+    rows = RowList(config)
     figures: dict[str, Callable[[], Figure]] = {}
     keys: list[str] = []
     for case in progress.over(cases, "pairs"):
         found = {domain: campaign.processed(domain, case) for domain in LABELS}
         logs = {domain: campaign.log(case, domain) for domain in LABELS}
         views = {domain: view(found[domain][1], logs[domain], partial(campaign.recording, domain, case)) for domain in LABELS}
-        rows += _rows(config, case, found, logs)
+        _add_rows(rows, case, found, logs)
         name = f"gallery_{case.object}_{case.room}_{case.motion}_{case.distance_m:g}m"
         figures[name] = partial(draw, views, _title(case), campaign.domain)
         keys += [key for key, _ in found.values()]
@@ -99,7 +99,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def chosen(config: Config, campaign: Campaign) -> list[Case]:
-    """The named pairs; else the profile's, or of a recording set its first ones."""
+    """The configured pairs, else those of the profile, or the first ones of a recording set."""
     if config.experiment.pairs or config.measured.provider != "recordings":
         return [parse(pair) for pair in config.experiment.pairs or PAIRS.get(config.profile.name, PAIRS["quick"])]
     return list({(c.object, c.room, c.motion, c.distance_m): c for c in reversed(campaign.cases("measured"))}.values())[::-1][:RECORDED]
@@ -109,7 +109,7 @@ def parse(pair: str) -> Case:
     """The case of OBJECT/ROOM/MOTION/DISTANCE_M.
 
     Raises:
-        ConfigError: another form, or what no campaign records.
+        ConfigError: the text has another form, or no campaign has such a recording.
     """
     parts = pair.split("/")
     where = f"experiment.pairs: {pair!r}"
@@ -117,30 +117,30 @@ def parse(pair: str) -> Case:
         raise ConfigError(f"{where} must be OBJECT/ROOM/MOTION/DISTANCE_M, such as mug/lab/turntable/1")
     name, room, motion, text = parts
     if name not in catalogue():
-        raise ConfigError(f"{where}: there is no object {name!r}; choose {', '.join(catalogue())}")
+        raise ConfigError(f"{where}: unknown object {name!r}; choose {', '.join(catalogue())}")
     if motion not in get_args(Motion):
-        raise ConfigError(f"{where}: there is no motion {motion!r}; choose {', '.join(get_args(Motion))}")
+        raise ConfigError(f"{where}: unknown motion {motion!r}; choose {', '.join(get_args(Motion))}")
     rooms = DRIVEN if motion in ROVER else ("lab",)
     if room not in rooms:
         raise ConfigError(f"{where}: {motion} is recorded in {' and '.join(rooms)}, not in {room!r}")
     try:
         distance = float(text)
     except ValueError as error:
-        raise ConfigError(f"{where}: {text!r} is no distance in metres") from error
+        raise ConfigError(f"{where}: {text!r} is not a distance; give metres") from error
     if not NEAREST_M <= distance <= FARTHEST_M:
-        raise ConfigError(f"{where}: {text} m is not from {NEAREST_M:g} to {FARTHEST_M:g} m")
+        raise ConfigError(f"{where}: {text} m is out of range; give {NEAREST_M:g} to {FARTHEST_M:g} m")
     return Case(name, room, motion, distance)  # type: ignore[arg-type]
 
 
 def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> View:
-    """The three maps of one recording; its samples are read only where the processed ones do not tell Doppler finely enough."""
+    """The three maps of one recording; only the Doppler of a single frame needs its samples."""
     turning = log.angle_rad is not None
     count = processed.num_frames if log.angle_rad is None else envelope.frames_per_revolution(log.angle_rad)
     time_s, middle = np.arange(count) / log.frame_rate_hz, count // 2
     radar, weights = processed.radar, steering(processed.radar, AZIMUTH_RAD)
     azimuth, speed, nominal = course(log, count)
-    looked_at = slice(count) if turning else slice(middle, middle + 1)
-    beams = np.einsum("fab,ap->pfb", processed.channels[looked_at], weights, optimize=True)
+    chosen_frames = slice(count) if turning else slice(middle, middle + 1)
+    beams = np.einsum("fab,ap->pfb", processed.channels[chosen_frames], weights, optimize=True)
     if turning:
         slow = np.fft.fftshift(np.fft.fft(processed.channels[:count], axis=0) / count, axes=0)
         doppler = np.mean(np.abs(slow) ** 2, axis=1)
@@ -168,7 +168,7 @@ def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> 
 
 
 def course(log: Log, frames: int) -> tuple[Real, Real, Real]:
-    """(azimuth, radial velocity, distance) of the target by the log, each (F,)."""
+    """(azimuth, radial velocity, distance) of the logged target, each (F,)."""
     away = log.target_poses[:, :3, 3] - log.sensor_poses[:, :3, 3]
     seen = np.einsum("fji,fj->fi", np.broadcast_to(log.sensor_poses[:, :3, :3], (len(away), 3, 3)), away)
     azimuth = np.broadcast_to(np.arctan2(seen[:, 1], seen[:, 0]), log.frames)[:frames]
@@ -176,12 +176,11 @@ def course(log: Log, frames: int) -> tuple[Real, Real, Real]:
     return azimuth, np.gradient(distance, 1 / log.frame_rate_hz)[:frames], distance[:frames]
 
 
-def _rows(config: Config, case: Case, found: dict[str, tuple[str, Processed]], logs: dict[str, Log]) -> list[dict[str, Any]]:
+def _add_rows(rows: RowList, case: Case, found: dict[str, tuple[str, Processed]], logs: dict[str, Log]) -> None:
     pair = f"{case.object}/{case.room}/{case.motion}/{case.distance_m:g}"
-    rows = []
 
     def add(of: str, metric: str, value: float, keys: list[str]) -> None:
-        rows.append(row(config, {"pair": pair, "of": of}, metric, statistics.Estimate(value, value, value, 1), keys))
+        rows.add({"pair": pair, "of": of}, metric, statistics.exact(value, 1), keys)
 
     both = [key for key, _ in found.values()]
     measured, simulated = (found[domain][1].power.mean(axis=0, dtype=np.float64) for domain in ("measured", "twin"))
@@ -193,11 +192,10 @@ def _rows(config: Config, case: Case, found: dict[str, tuple[str, Processed]], l
         energy = gate.gate_energies(processed.power, processed.range_m, nominal)[0]
         add(LABELS[domain], "range of the target less the log's (mm)", 1e3 * float(np.average(path - nominal, weights=energy)), [key])
         add(LABELS[domain], "multipath share", gate.multipath_share(processed.power, processed.range_m, nominal), [key])
-    return rows
 
 
 def draw(views: dict[str, View], title: str, domain: str) -> Figure:
-    """Measured above, simulated below; each column on one scale of decibels."""
+    """Measured maps above, simulated maps below; each column has one decibel scale."""
     turning = bool(np.isnan(views["measured"].truth["Doppler"][0][0]))
     labels = {
         "time": "time (s)",
@@ -207,18 +205,16 @@ def draw(views: dict[str, View], title: str, domain: str) -> Figure:
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=4.6, sharey=True, sharex="col")
     for column, (panel, label) in enumerate(labels.items()):
         top = 10 * np.log10(max(one.maps[panel].max() for one in views.values()))
-        images = []
         for axes, (side, one) in zip(panels[:, column], views.items(), strict=True):
             level = 10 * np.log10(np.maximum(one.maps[panel], 10 ** ((top - SPAN_DB) / 10)))
             extent = (*_edges(one.across[panel]), *_edges(one.range_m))
-            scale = {"vmin": top - SPAN_DB, "vmax": top, "interpolation": "nearest"}
-            images.append(axes.imshow(level.T, origin="lower", aspect="auto", extent=extent, **scale))
+            range_map(axes, level, extent, top, SPAN_DB)
             _mark(axes, *one.truth[panel])
             if not column:
                 axes.set_ylabel(f"{LABELS[side]}{f' ({domain})' if side == 'measured' else ''}\nrange (m)")
         panels[0, column].set_title(f"range over {panel}")
         panels[1, column].set_xlabel(label)
-        bar = drawing.colorbar(images[0], ax=panels[:, column], location="bottom", pad=0.02, shrink=0.9)
+        bar = drawing.colorbar(panels[0, column].images[0], ax=panels[:, column], location="bottom", pad=0.02, shrink=0.9)
         bar.set_label("received / transmitted power (dB)")
     drawing.suptitle(title, fontsize=9)
     return drawing
@@ -229,11 +225,11 @@ def _title(case: Case) -> str:
         "on a turntable" if case.motion == "turntable" else f"on a rail, {case.motion}" if case.motion in RAIL else f"{case.motion} drive"
     )
     room = case.room.replace("_", " ")
-    return f"{catalogue()[case.object].label} in the {room}, {motion}, {case.distance_m:g} m; dashed and ringed: the target by the log"
+    return f"{catalogue()[case.object].label} in the {room}, {motion}, {case.distance_m:g} m; dashed and ringed: the logged target"
 
 
 def _mark(axes: Any, across: Real, range_m: Real) -> None:
-    """Where the log has the target: a line over time, a ring where its place across is known, else a range."""
+    """Mark the logged target: a line over time, a ring if its position across is known, else a line at its range."""
     dashed = {"color": "white", "lw": 0.6, "ls": (0, (3, 9))}
     if len(across) > 1:
         axes.plot(across, range_m, **dashed)
@@ -244,6 +240,6 @@ def _mark(axes: Any, across: Real, range_m: Real) -> None:
 
 
 def _edges(axis: Real) -> tuple[float, float]:
-    """Outer edges of the first and last pixel, in the axis's own direction."""
+    """Outer edges of the first and last pixel."""
     half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
     return float(axis[0] - half), float(axis[-1] + half)

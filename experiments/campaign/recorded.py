@@ -1,4 +1,4 @@
-"""The measured side of a campaign out of a recording set: its rows as cases, with logs from what was recorded."""
+"""Measured recordings of a campaign from a recording set: its rows as cases, and logs from the recorded motion."""
 
 from __future__ import annotations
 
@@ -24,18 +24,20 @@ from radartwin.recordings.index import INDEX, Row
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.scene.objects.catalogue import catalogue
 
-TURN = "period_s"  # column of the index: of one revolution of the turntable
+TURN = "period_s"  # column of the index: period of the turntable
 _MOTIONS = get_args(Motion)
-# What may differ between a recording's radar and the twin's: the rest decides what a bin and a chirp are.
-_OWN = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_dbm", "if_filter", "phase_noise")
+# Fields in which a recording's radar may differ from the twin's: they do not change range bins and chirps.
+_FREE = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_dbm", "if_filter", "phase_noise")
 
 
 class Recorded:
-    """Attributes:
-    cases: of what was recorded, those that the twin can simulate; the rest is told once. conditions: each of theirs once.
+    """The recordings of a set.
 
+    Attributes:
+        cases: the recordings that the twin can simulate; a message counts the others.
+        conditions: the cases without repetitions.
     Raises:
-        UserError: a set that cannot be used, has nothing for a campaign, or is of another radar than the twin would simulate.
+        UserError: the set cannot be used, has no recording for a campaign, or has another radar than the twin.
     """
 
     def __init__(self, config: Config, progress: Progress):
@@ -54,11 +56,11 @@ class Recorded:
         if left:
             progress.say(f"{folder}: left out {', '.join(f'{number} of {reason}' for reason, number in left.items())}")
         if not self._rows:
-            raise InputError(f"{folder}: it has no recording of an object of the catalogue on a turntable, rail or rover in a known room")
+            raise InputError(f"{folder}: no recording of a known object on a turntable, rail or rover in a known room; check {INDEX}")
         radar, twin = self._set.radar, build_radar(config.radar)
-        like = replace(twin, **{name: getattr(radar, name) for name in _OWN})
+        like = replace(twin, **{name: getattr(radar, name) for name in _FREE})
         if radar != like:
-            raise InputError(f"{folder}: its radar is not the one that is simulated: {difference(radar, like)}; choose radar=... to match")
+            raise InputError(f"{folder}: its radar differs from the simulated one: {difference(radar, like)}; choose radar=... to match")
         self.cases = list(self._rows)
         self.conditions = list(dict.fromkeys(replace(case, repetition=0) for case in self.cases))
 
@@ -69,21 +71,21 @@ class Recorded:
         return self._set.read(self._row(case))
 
     def log(self, case: Case) -> Log:
-        """From the recording's frames and rate, the turntable's period and the rover's trajectory where the index has them."""
+        """From the recording's frames and frame rate, and the turntable's period and the rover's trajectory if they were recorded."""
         row = self._row(case)
         radar, frames, driven = self._course(case)
         return course(case, radar.frame_rate_hz, frames, _turn_s(row), driven)
 
     def twin_log(self, condition: Case) -> Log:
-        """What the twin simulates for all repetitions of a condition: the course of the longest; a turntable turns once."""
+        """The log of the twin's recording of a condition: that of the longest repetition; a turntable makes one revolution."""
         condition = replace(condition, repetition=0)
-        some = [case for case in self.cases if replace(case, repetition=0) == condition]
-        if not some:
-            raise InputError(f"{self._set.folder}: it has no recording of {condition.name}")
-        nominal = self.log(max(some, key=lambda case: (self._course(case)[1], -case.repetition)))
+        repetitions = [case for case in self.cases if replace(case, repetition=0) == condition]
+        if not repetitions:
+            raise InputError(f"{self._set.folder}: no recording of {condition.name}; check {INDEX}")
+        nominal = self.log(max(repetitions, key=lambda case: (self._course(case)[1], -case.repetition)))
         if nominal.angle_rad is None:
             return nominal
-        turn_s = _turn_s(self._row(some[0]))
+        turn_s = _turn_s(self._row(repetitions[0]))
         frames = max(3, math.ceil(nominal.frame_rate_hz * turn_s) + 1)
         angle_rad = course(condition, nominal.frame_rate_hz, frames, turn_s).angle_rad
         assert angle_rad is not None
@@ -96,12 +98,12 @@ class Recorded:
 
     def _row(self, case: Case) -> Row:
         if case not in self._rows:
-            raise InputError(f"{self._set.folder}: it has no recording of {case.name}")
+            raise InputError(f"{self._set.folder}: no recording of {case.name}; check {INDEX}")
         return self._rows[case]
 
 
 def _turn_s(row: Row) -> float:
-    """Raises InputError for what is no duration."""
+    """Period of the turntable in seconds. Raises InputError if it is not a finite time above zero."""
     text = row.extra.get(TURN) or str(TURN_S)
     try:
         seconds = float(text)
@@ -113,7 +115,7 @@ def _turn_s(row: Row) -> float:
 
 
 def _reason(row: Row) -> str:
-    """Why the twin cannot simulate it, or nothing."""
+    """Why the twin cannot simulate a recording, or an empty text."""
     if row.motion not in _MOTIONS or row.distance_m is None:
         return f"motion {row.motion}"
     if row.object not in catalogue():

@@ -1,10 +1,10 @@
-"""The campaign: every recording of both domains, made where it is missing, and what that took.
+"""The campaign table: every recording of both domains, simulated if it is missing, with its time and disk space.
 
-Resumable at any moment: what is finished is in the store, and the same command makes the rest. Times are those that were taken when each
-recording was made, by whichever process; several at once share the whole campaign's time. Disk is what its files hold. In other profiles
-the paper's campaign is extrapolated, its disk from shapes, its time per domain and motion: from the time of a set-up (a track, a room that
-creeps), of a traced state (an aspect of a turntable, a frame of a drive) and of a frame that is processed. A set-up's share is told from
-the recordings that found theirs made; without any, each recording pays its own.
+The command can be interrupted at any moment, because finished recordings stay in the store. Times are those of the simulation of each
+recording, in whichever worker; parallel workers divide the time of the whole campaign. Disk space is the size of the stored files. In
+other profiles the paper's campaign is extrapolated: its disk space from array shapes, its time per domain and motion from the time of a
+set-up (a track, or a room that creeps), of a traced state (an aspect of a turntable, or a frame of a drive) and of a processed frame. The
+set-up time is estimated from the recordings that found their set-up cached; without any, each recording includes its own set-up.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ import numpy as np
 
 from experiments.campaign import tally, truth
 from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import Case, planned
+from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN, VOID, Case, planned
 from experiments.campaign.cases import log as nominal_log
-from experiments.campaign.twin import VOID
-from experiments.claims import NONE, Claim, row
+from experiments.claims import NONE, Claim, RowList
 from experiments.scans import virtual_scan
-from experiments.statistics import Estimate
+from experiments.statistics import Estimate, exact, resampled
 from radartwin.build.radar import build_radar
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -46,11 +45,9 @@ TABLE = Table(
     "their track. The project chose the targets. Intervals are bootstraps over recordings.",
 )
 
-MEASURED, TWIN = "measured", "twin"
 ALL = "all"
 _COLUMNS = ("of", "motion", "made", "found", "frames", "traced", "set_ups")
-LABELS = {MEASURED: "measured", TWIN: "simulated"}
-ROUNDED_S = 2.0  # of the times kept with a product
+ROUNDED_S = 2.0  # rounding of the times in a product's metadata
 FRAME = Claim("a measured frame takes at most 60 ms", below=60.0, least=1)
 DISK = Claim("the paper's campaign takes at most 10 GB", below=10.0, least=1)
 MINUTES = Claim("the paper's campaign is made within 60 minutes", below=60.0, least=1)
@@ -58,13 +55,13 @@ MINUTES = Claim("the paper's campaign is made within 60 minutes", below=60.0, le
 
 @dataclass(frozen=True)
 class Made:
-    """What one recording took: the making of what is kept, and of what features are read from.
+    """Time and size of one recording.
 
     Attributes:
-        now: whether this run made it.
+        now: whether this run simulated it.
         seconds, core_seconds, bytes: (clean, processed) each.
-        frames, traced: frames of the recording, states that were traced for it.
-        setups: of tracks and rooms, made with it; others found them.
+        frames, traced: numbers of frames and of traced states.
+        setups: number of tracks and rooms that were set up for it; other recordings found them cached.
     """
 
     domain: str
@@ -80,21 +77,24 @@ class Made:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Make what is missing and tell what it took. Raises UserError for a campaign that cannot be made."""
+    """Simulate the missing recordings and score all. Raises UserError for a campaign that cannot be simulated."""
     campaign = Campaign(config, store, progress)
     made = make(campaign, progress)
     return Result(TABLE.name, rows(config, made), {}, metrics(made), [key for one in made for key in one.keys])
 
 
 def make(campaign: Campaign, progress: Progress) -> list[Made]:
-    """Every recording of the campaign, in the order of its plan."""
+    """Simulate the missing recordings of the campaign; returns all in the order of its plan."""
     wanted = campaign.plan()
     missing = [one for one in wanted if not campaign.holds(*one)]
     gaps = truth.gaps_of(campaign.config)
     counts = [states(domain, case, campaign.log(case, domain).frames, gaps) for domain, case in missing]
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
-    told = f"{len(wanted)} recordings, {len(missing)} of them to be made: {sum(frames for frames, _ in counts):,} frames"
-    progress.say(f"campaign: {told} from {sum(traced for _, traced in counts):,} traced states, about {size / 1e9:.2g} GB")
+    frames, traced = (sum(count[k] for count in counts) for k in (0, 1))
+    progress.say(
+        f"campaign: {len(wanted)} recordings, {len(missing)} of them to be made: {frames:,} frames from {traced:,} traced states, "
+        f"about {size / 1e9:.2g} GB"
+    )
     campaign.prepare(missing, fresh=True)
     return _with_scans(
         campaign, [_made(campaign, domain, case, (domain, case) in missing) for domain, case in progress.over(wanted, "recordings")]
@@ -105,23 +105,23 @@ def _made(campaign: Campaign, domain: str, case: Case, now: bool) -> Made:
     clean = campaign.clean(domain, case)
     processed = campaign.process(domain, case)
     first, second = clean.read_json("meta"), processed.read_json("meta")
-    told = first["told"]
+    counts = first["told"]
     seconds, core_seconds = ((float(first[name]), float(second[name])) for name in ("seconds", "core_seconds"))
     return Made(
         domain, case, (clean.key, processed.key), now, seconds, core_seconds, (_size(clean), _size(processed)),
-        told["frames"], told["traced"], told.get(tally.SETUPS, 0),
+        counts["frames"], counts["traced"], counts.get(tally.SETUPS, 0),
     )  # fmt: skip
 
 
 def _with_scans(campaign: Campaign, made: list[Made]) -> list[Made]:
-    """A room's scan belongs to the first simulated recording of the room, also where it was made before it."""
+    """Add the time of each room's scan to the first simulated recording of the room, if the scan was made separately."""
     out, config, store = list(made), campaign.config, campaign.store
     strength = config.measured.gap.geometry
     if config.materials.source == VOID:
         return out  # no scan
     for room in dict.fromkeys(one.case.room for one in made if one.domain == TWIN):
         if not store.holds(virtual_scan.KIND, virtual_scan.specification(config, room, strength), virtual_scan.ROOTS):
-            continue  # nothing was scanned for it
+            continue  # no scan
         ours = [k for k, one in enumerate(made) if one.domain == TWIN and one.case.room == room]
         scan = virtual_scan.fetch(config, store, room, strength).read_json("meta")
         ended = _seconds(scan["finished"])
@@ -138,7 +138,7 @@ def _with_scans(campaign: Campaign, made: list[Made]) -> list[Made]:
 
 
 def _metas(campaign: Campaign, made: Sequence[Made], some: Sequence[int]) -> list[dict[str, Any]]:
-    """When and how long the clean recordings of these were made."""
+    """Metadata of the clean recordings of these."""
     return [campaign.clean(made[k].domain, made[k].case).read_json("meta") for k in some]
 
 
@@ -150,83 +150,75 @@ def _size(product: Product) -> int:
     return sum(path.stat().st_size for path in product.path.rglob("*") if path.is_file())
 
 
-def rows(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
-    """Per domain and motion, then of each domain, then of the paper's campaign."""
-    out: list[dict[str, Any]] = []
-    for domain in (MEASURED, TWIN):
+def rows(config: Config, made: Sequence[Made]) -> RowList:
+    """Rows per domain and motion, per domain, and of the paper's campaign."""
+    out = RowList(config)
+    for domain in COMPARED:
         own = [one for one in made if one.domain == domain]
         for motion in dict.fromkeys(one.case.motion for one in own):
-            out += _group(config, domain, motion, [one for one in own if one.case.motion == motion])
+            _add_group(out, domain, motion, [one for one in own if one.case.motion == motion])
         if own:
-            out += _group(config, domain, ALL, own)
-    return out + (_paper(config, made) if config.measured.provider == "testbed" else [])
+            _add_group(out, domain, ALL, own)
+    if config.measured.provider == "testbed":
+        _add_paper(out, made)
+    return out
 
 
-def _group(config: Config, domain: str, motion: str, some: Sequence[Made]) -> list[dict[str, Any]]:
+def _case(of: str, motion: str, some: Sequence[Made]) -> dict[str, Any]:
+    now = sum(one.now for one in some)
+    return {
+        "of": of, "motion": motion, "made": now, "found": len(some) - now, "frames": sum(one.frames for one in some),
+        "traced": sum(one.traced for one in some), "set_ups": sum(one.setups for one in some),
+    }  # fmt: skip
+
+
+def _add_group(rows: RowList, domain: str, motion: str, some: Sequence[Made]) -> None:
+    """Time per frame and disk space of the recordings of one domain and motion."""
     keys = [one.keys[0] for one in some]
     frames = np.array([one.frames for one in some], float)
     wall, core = (1e3 * np.array([sum(getattr(one, name)) for one in some]) for name in ("seconds", "core_seconds"))
-    now = sum(one.now for one in some)
-    case = {
-        "of": LABELS[domain], "motion": motion, "made": now, "found": len(some) - now, "frames": int(frames.sum()),
-        "traced": sum(one.traced for one in some), "set_ups": sum(one.setups for one in some),
-    }  # fmt: skip
-    claim = FRAME if domain == MEASURED and motion == ALL and config.measured.provider == "testbed" else NONE
-    figures = [
-        ("wall time per frame (ms)", _ratio(wall, frames, config), claim),
-        ("core time per frame (ms)", _ratio(core, frames, config), NONE),
-        ("disk (MB)", _exactly(sum(sum(one.bytes) for one in some) / 1e6, len(some)), NONE),
-    ]
-    return [row(config, case, metric, found, keys, said) for metric, found, said in figures]
+    case = _case(LABELS[domain], motion, some)
+    claim = FRAME if domain == MEASURED and motion == ALL and rows.config.measured.provider == "testbed" else NONE
+    rows.add(case, "wall time per frame (ms)", _ratio(wall, frames, rows.config), keys, claim)
+    rows.add(case, "core time per frame (ms)", _ratio(core, frames, rows.config), keys)
+    rows.add(case, "disk (MB)", exact(sum(sum(one.bytes) for one in some) / 1e6, len(some)), keys)
 
 
-def _paper(config: Config, made: Sequence[Made]) -> list[dict[str, Any]]:
-    """Time and disk of the paper's campaign: its own, or extrapolated from these recordings where every motion has some."""
-    paper = compose(["profile=paper"]).profile.campaign
+def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
+    """Time and disk space of the paper's campaign: its own, or extrapolated if every motion has some recordings."""
+    config, paper = rows.config, compose(["profile=paper"]).profile.campaign
     own = config.profile.campaign == paper
     label = "" if own else ", extrapolated"
-    cost: dict[tuple[str, str], list[Made]] = defaultdict(list)
+    recorded: dict[tuple[str, str], list[Made]] = defaultdict(list)
     for one in made:
-        cost[one.domain, one.case.motion].append(one)
+        recorded[one.domain, one.case.motion].append(one)
     wanted: dict[tuple[str, str], list[Case]] = defaultdict(list)
-    for domain in (MEASURED, TWIN):
+    for domain in COMPARED:
         for case in planned(paper, domain == MEASURED):
             wanted[domain, case.motion].append(case)
     minutes, disk = np.nan, np.nan
     if own:
         minutes, disk = sum(sum(one.seconds) for one in made) / 60, sum(sum(one.bytes) for one in made) / 1e9
-    elif all(group in cost for group in wanted):
-        minutes = sum(_extrapolated(cost[domain, motion], domain, cases, paper) for (domain, motion), cases in wanted.items()) / 60
+    elif all(group in recorded for group in wanted):
+        minutes = sum(extrapolated(recorded[domain, motion], domain, cases, paper) for (domain, motion), cases in wanted.items()) / 60
         radar = build_radar(config.radar)
         counts = [count for (domain, _), cases in wanted.items() for count in _states(domain, cases, paper)]
         disk = sum(expected_bytes(radar, *count) for count in counts) / 1e9
-    at_once = workers.worker_count(config.jobs, sum(len(cases) for cases in wanted.values()))
-    case = {
-        "of": "both", "motion": ALL, "made": sum(one.now for one in made), "found": sum(not one.now for one in made),
-        "frames": sum(one.frames for one in made), "traced": sum(one.traced for one in made), "set_ups": sum(one.setups for one in made),
-    }  # fmt: skip
+    count = workers.worker_count(config.jobs, sum(len(cases) for cases in wanted.values()))
     keys = [one.keys[0] for one in made]
-    return [
-        row(
-            config,
-            case,
-            f"time of the paper's campaign, {at_once} at once (min){label}",
-            _exactly(minutes / at_once, len(made)),
-            keys,
-            MINUTES,
-        ),
-        row(config, case, f"disk of the paper's campaign (GB){label}", _exactly(disk, len(made)), keys, DISK),
-    ]
+    case = _case("both", ALL, made)
+    rows.add(case, f"time of the paper's campaign, {count} at once (min){label}", exact(minutes / count, len(made)), keys, MINUTES)
+    rows.add(case, f"disk of the paper's campaign (GB){label}", exact(disk, len(made)), keys, DISK)
 
 
 def _states(domain: str, cases: Sequence[Case], campaign: CampaignConfig) -> list[tuple[int, int]]:
-    """(frames, states to be traced) of each planned case."""
+    """(frames, traced states) of each planned case."""
     lengths = [nominal_log(case, campaign, measured=domain == MEASURED).frames for case in cases]
     return [states(domain, case, length, Gaps()) for case, length in zip(cases, lengths, strict=True)]
 
 
-def _extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], paper: CampaignConfig) -> float:
-    """Seconds of these cases of one domain and motion, from what others of the same took."""
+def extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], paper: CampaignConfig) -> float:
+    """Seconds for cases of one domain and motion, extrapolated from the recordings `some` of the same domain and motion."""
     frames, traced = np.sum(_states(domain, cases, paper), axis=0)
     without = [one for one in some if not one.setups]
     plain = without or some
@@ -239,12 +231,12 @@ def _extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], pape
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
-    """(frames, states to be traced) of a recording of so many."""
+    """(frames, traced states) of a recording of `frames` frames."""
     return frames, min(frames, truth.aspects(case, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 
 def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
-    """Of a recording in the store: its samples as counts, or its aspects of one chirp as complex numbers, and what is processed."""
+    """Size of a recording in the store: its samples as counts, or its aspects of one chirp as complex numbers, and the processed data."""
     chirp = radar.num_tx * radar.num_rx * radar.num_samples
     bins = int(MAX_RANGE_M / radar.range_resolution_m) + 1
     read = bins * (4 + 8 * len(azimuth_row(radar)) + (4 * radar.num_chirps if traced == frames else 0))
@@ -252,35 +244,29 @@ def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
 
 
 def metrics(made: Sequence[Made]) -> dict[str, float]:
-    """Milliseconds a frame by domain and motion."""
+    """Milliseconds per frame by domain and motion."""
     cost: dict[str, list[Made]] = defaultdict(list)
     for one in made:
         cost[f"{one.domain}_{one.case.motion}_ms"].append(one)
     return {name: 1e3 * sum(sum(one.seconds) for one in some) / sum(one.frames for one in some) for name, some in cost.items()}
 
 
-def _exactly(value: float, count: int) -> Estimate:
-    return Estimate(float(value), float(value), float(value), count)
-
-
 def _ratio(above: np.ndarray, below: np.ndarray, config: Config) -> Estimate:
-    """Sum over sum, with a bootstrap over recordings."""
-    value = float(above.sum() / below.sum())
+    """Ratio of two sums, with a bootstrap over recordings."""
     chosen = np.random.default_rng(config.seed).integers(len(above), size=(config.profile.resamples, len(above)))
-    low, high = np.quantile(above[chosen].sum(axis=1) / below[chosen].sum(axis=1), [0.025, 0.975])
-    return Estimate(value, min(float(low), value), max(float(high), value), len(above))
+    return resampled(float(above.sum() / below.sum()), above[chosen].sum(axis=1) / below[chosen].sum(axis=1), len(above))
 
 
 def page(found: Iterable[dict[str, Any]]) -> str:
-    """The rows as a table for a terminal: a line per domain and motion, then what is claimed."""
+    """The rows as a text table: a line per domain and motion, then the claims."""
     found = list(found)
-    told: dict[tuple[str, ...], dict[str, Any]] = defaultdict(dict)
+    values_of: dict[tuple[str, ...], dict[str, Any]] = defaultdict(dict)
     for one in found:
         if one["of"] != "both":
-            told[tuple(_text(one[column]) for column in _COLUMNS)][one["metric"]] = one["value"]
-    metrics = list(dict.fromkeys(metric for values in told.values() for metric in values))
+            values_of[tuple(_text(one[column]) for column in _COLUMNS)][one["metric"]] = one["value"]
+    metrics = list(dict.fromkeys(metric for values in values_of.values() for metric in values))
     lines = [(*(column.replace("_", "-") for column in _COLUMNS), *metrics)]
-    lines += [(*key, *(_text(values.get(metric)) for metric in metrics)) for key, values in told.items()]
+    lines += [(*key, *(_text(values.get(metric)) for metric in metrics)) for key, values in values_of.items()]
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     text = ["  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]
     text += [f"{one['metric']}: {_text(one['value'])} ({one['claim']}: {one['verdict']}; n {one['n']})" for one in found if one["claim"]]

@@ -1,4 +1,4 @@
-"""Paths by way of what is measured and what it stands on, from a radar that drives or rests; both domains set it up alike."""
+"""Paths by way of the target and its stand, for a radar that drives or rests; both domains use the same set-up."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.paths import Paths
 
-FEW = 10  # frames, whose ways over the room are traced by themselves: there are some thirty places along a track, which all drives share
+FEW = 10  # with fewer frames than this, paths over the room are traced per frame instead of at the track's thirty shared places
 
 
 def seen(
@@ -23,28 +23,28 @@ def seen(
     apart: Sequence[Surface],
     aside: np.ndarray | None = None,
 ) -> list[Paths]:
-    """Parts of all frames or of one that holds for all.
+    """Paths of all frames, or of one frame that stands for all.
 
     Args:
-        sensor: (F, 4, 4) or (1, 4, 4) to world. rate_hz: of the frames.
-        target: in its own frame, at `poses` (F, 4, 4) or (1, 4, 4); one of the two moves.
-        disc: what it stands on, at rest in the world; before a radar on its way the two are one thing, and shadow each other.
-        apart: other things at rest, seen directly only: posts, motors, cables.
-        aside: (3,) metres from where the log has the target, before a radar on its way.
+        sensor: (F, 4, 4) or (1, 4, 4) radar poses to world. rate_hz: of the frames.
+        target: in its own frame, at `poses` (F, 4, 4) or (1, 4, 4). Either the radar or the target moves.
+        disc: the stand's disc, at rest in the world. For a moving radar, disc and target shadow each other.
+        apart: other objects at rest without paths over the room: posts, motors, cables.
+        aside: (3,) offset of the target from the log in metres, for a moving radar.
     """  # fmt: skip
     parts: list[Paths] = []
     if len(sensor) > 1:
         together = [*disc, *(s.moved(poses[0]) for s in target)]
-        for things, coupled in ((together, True), *(([one], False) for one in apart)):
+        for surfaces, coupled in ((together, True), *(([one], False) for one in apart)):
             share = coupled and len(sensor) >= FEW
-            parts += drives.moving(things, sensor, np.eye(4)[None], coupled and not share, aside)
+            parts += drives.moving(surfaces, sensor, np.eye(4)[None], coupled and not share, aside)
             if share:
-                parts += drives.over_room(things, aside).seen(sensor, rate_hz)
+                parts += drives.over_room(surfaces, aside).seen(sensor, rate_hz)
         return parts
     parts += drives.moving(target, sensor, poses)
     at_rest = np.eye(4)[None]
-    for things, coupled in ((disc, True), *(([one], False) for one in apart)):
-        parts += drives.moving(things, sensor, at_rest, coupled)
+    for surfaces, coupled in ((disc, True), *(([one], False) for one in apart)):
+        parts += drives.moving(surfaces, sensor, at_rest, coupled)
     return parts
 
 
@@ -57,11 +57,11 @@ def on_carriage(
     disc: Sequence[Surface],
     apart: Sequence[Surface],
 ) -> list[Paths]:
-    """Parts of all frames before a radar at rest: what the target stands on goes with it.
+    """Paths of all frames for a radar at rest and a target whose stand moves with it.
 
     Args:
         sensor: (1, 4, 4). target: in its own frame, at `poses` (F, 4, 4).
-        start: (4, 4) of the target where `disc` and `apart` stand as given.
+        start: (4, 4) pose of the target for which `disc` and `apart` are given.
     """
     back = np.linalg.inv(start)
     parts = drives.moving([*target, *(s.moved(back) for s in disc)], sensor, poses)

@@ -1,7 +1,7 @@
-"""The testbed's side of a campaign: clean recordings of the truth, and what one receiver makes of them.
+"""Testbed recordings of a campaign: clean recordings of the true scene, and their reception by a radar with noise.
 
-Never imports the twin's scan, labels or settings. A clean recording depends on how hard the hardware is driven only in whether there is
-any; noise, leakage and ADC are added on reading, seeded by the recording.
+This module never imports the twin's scan, labels or settings. A clean recording depends on whether the hardware gap is on, but not on its
+strength; noise, leakage and ADC are added on reading, seeded by the recording.
 """
 
 from __future__ import annotations
@@ -35,24 +35,24 @@ from radartwin.testbed import motion_errors as errors
 if TYPE_CHECKING:
     from radartwin.config.config import Config
 
-ROUND = ("can_", "drink_can")  # about their own axes
-OFF_AXIS = 3.0  # standard deviations of hand and wobble that aspects hold
-RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm while a turntable turns
-KEPT = 2  # tracks with what was scouted along them
+ROUND = ("can_", "drink_can")  # prefixes of bodies of revolution
+OFF_AXIS = 3.0  # standard deviations of placement and wobble that the aspects must resolve
+RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
+CACHED_TRACKS = 2
 
 
 def gaps_of(config: Config) -> testbed.Gaps:
-    """The configured gaps that are the testbed's; the scan's geometry is the twin's affair."""
+    """The configured gaps of the testbed, which are all but the scan's geometry."""
     return testbed.Gaps(**{k: v for k, v in asdict(config.measured.gap).items() if k != "geometry"})
 
 
 def seed_of(case: Case, config: Config) -> int:
-    """Of one recording."""
+    """Random seed of one recording."""
     return int(np.random.SeedSequence([config.seed, *case.name.encode()]).generate_state(1)[0])
 
 
 def specification(case: Case, config: Config) -> dict[str, Any]:
-    """What decides a clean recording."""
+    """Specification of a clean recording, for its store key."""
     gap = {**asdict(gaps_of(config)), "hardware": config.measured.gap.hardware > 0}
     campaign = config.profile.campaign
     course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn} if case.motion == "turntable" else {}
@@ -62,7 +62,7 @@ def specification(case: Case, config: Config) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Where one recording is made: radar as the front end leaves it, the log, and the tracer's settings."""
+    """Conditions of one recording: the radar behind its front end, the log, the gaps and the tracer's settings."""
 
     radar: Radar
     log: Log
@@ -71,23 +71,23 @@ class _Place:
 
 
 def record(case: Case, config: Config) -> Recording | Turned:
-    """The clean recording of a case: of an ideal receiver behind the IF filter. Many turns come as the aspects they are made of."""
+    """The clean recording of a case: an ideal receiver behind the IF filter. Many revolutions are returned as traced aspects."""
     gaps = gaps_of(config)
     nominal = log(case, config.profile.campaign, measured=True)
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     fine = gaps.solver > 0
     settings = TraceSettings(
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
-        # what is carried along a track is off by a few hundredths (radartwin/simulation/drives.py), more than finer tubes give
+        # interpolation along a track has errors of a few hundredths (radartwin/simulation/drives.py), more than finer tubes would gain
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
-        coupled_rays_per_wavelength2=1.0,  # against four: 0.016 of what turns, a bottle at 1 m in the lab, at a sixth of the cost
+        coupled_rays_per_wavelength2=1.0,  # against 4: an error of 0.016 of a turning bottle's signal (1 m, lab) at a sixth of the cost
         variant=config.simulator.variant,
     )
     hardware = Hardware().scaled(gaps.hardware)
     place = _Place(hardware.front_end(radar), nominal, gaps, settings)
     seed = seed_of(case, config)
-    passes = None if hardware.if_filter is None else hardware.if_filter.to_dict()
-    provenance = {"kind": "testbed, clean", "if_filter": passes}
+    if_filter = None if hardware.if_filter is None else hardware.if_filter.to_dict()
+    provenance = {"kind": "testbed, clean", "if_filter": if_filter}
     creep = _creep(case, place, seed, config.seed) if case.motion == "turntable" else None
     if case.motion == "turntable" and nominal.frames > aspects(case, gaps):
         traced, angles = _turned(case, place, seed, config.seed)
@@ -99,7 +99,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
 
 
 def aspects(case: Case, gaps: testbed.Gaps) -> int:
-    """Of a turn, that stand for all its frames, where there are more of these."""
+    """Number of traced aspects of a revolution; with more frames than this, frames are interpolated from aspects."""
     surfaces = catalogue()[case.object].surfaces()
     tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
     height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
@@ -108,31 +108,31 @@ def aspects(case: Case, gaps: testbed.Gaps) -> int:
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
-    """A clean recording as this repetition's receiver gives it."""
+    """A clean recording as the receiver of this repetition records it."""
     return testbed.received(clean, Hardware().scaled(gaps_of(config).hardware), seed_of(case, config))
 
 
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
-    """The object as it really is, in its own frame; its repetitions share it."""
+    """The true object in its own frame; all repetitions share it."""
     own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
     return testbed.truth(Scene(catalogue()[case.object].surfaces()), gaps, own)
 
 
 def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
-    """All that rests whatever is measured: room, clutter, and what holds a radar at rest."""
+    """The surroundings of every target: room, clutter, and the rig of a radar at rest."""
     full = rooms.room(case.room, detail="cluttered")
     scene = full if case.motion in ROVER else full + fixtures.radar_rig(nominal.sensor_poses[0])
     return testbed.truth(scene, gaps, seed, _small(case))
 
 
 def _small(case: Case) -> frozenset[str]:
-    """Names of a room's clutter."""
+    """Names of the clutter of a room."""
     full, bare = (rooms.room(case.room, detail=detail).names for detail in ("cluttered", "furnished"))
     return frozenset(full) - frozenset(bare)
 
 
 def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
-    """What the target stands on: the disc, and what is seen directly alone. A turntable has a motor, a gear and a cable."""
+    """(disc, other parts) of the target's stand; a turntable also has a motor, a gear and a cable."""
     top = stand_top(nominal)
     parts = rooms.support(top)
     if case.motion == "turntable":
@@ -142,12 +142,12 @@ def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[lis
 
 
 def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.ndarray:
-    """(F, C, T, R, N) of everything, where it really is."""
+    """(F, C, T, R, N) signal of the whole scene at its actual poses."""
     drives, radar = _drives(case, place, root), place.radar
     poses = there.motion[case.object]
     disc, apart = _below(case, place.log, place.gaps, root)
     aside = poses[0, :3, 3] - place.log.target_poses[0, :3, 3]
-    if case.motion in ROVER:  # put down together
+    if case.motion in ROVER:  # target and stand are placed together
         off = poses[0] @ np.linalg.inv(place.log.target_poses[0])
         disc, apart = ([s.moved(off) for s in some] for some in (disc, apart))
     target = list(_target(case, place.gaps, root))
@@ -160,18 +160,18 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.nda
 
 
 def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, np.ndarray]:
-    """Aspects of a turn, and (F, C, T) the angle that the table has at each chirp."""
+    """(aspects of a revolution, angle of the table at each chirp (F, C, T))."""
     nominal, radar, gaps = place.log, place.radar, place.gaps
     off = errors.TurntableErrors().scaled(gaps.trajectory)
     wobbling = replace(off, start_deg=0.0, rate=0.0, ripple_deg=0.0)
     clock, table, placing = (np.random.default_rng(np.random.SeedSequence([seed, *n])) for n in (b"clock", b"turntable", b"placement"))
-    state, hand = table.bit_generator.state, placing.bit_generator.state
+    state, placed = table.bit_generator.state, placing.bit_generator.state
     short = replace(place, radar=replace(radar, num_chirps=1))
 
     def chirp(angles: np.ndarray) -> np.ndarray:
         poses = np.repeat(nominal.target_poses[:1], len(angles), axis=0)
         poses[:, :3, :3] = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix() @ nominal.target_poses[0, :3, :3]
-        table.bit_generator.state, placing.bit_generator.state = state, hand  # one table, one hand, whatever the angle
+        table.bit_generator.state, placing.bit_generator.state = state, placed  # the same table and placement at every angle
         there = errors.turntable(poses, wobbling, table)
         there = errors.placed({case.object: there}, errors.PlacementErrors().scaled(gaps.placement), placing)
         return _seen(case, short, root, testbed.Actual(nominal.sensor_poses, there))[:, 0]
@@ -187,13 +187,13 @@ def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, n
 
 
 def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | None:
-    """What creeps around a turntable while it turns, and below it; the room's states are those of all its recordings."""
+    """Creep of the surroundings and of the stand while the turntable turns; all recordings of a room share the room's states."""
     creeps, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
     if not creeps.creep_m:
         return None
     around, small = list(_around(case, nominal, place.gaps, root)), _small(case)
     below = [s for s in _below(case, nominal, place.gaps, root)[1] if s.name in RUNNING]
-    # A change, not a level: three bounces hold all of it but 0.09 of its root mean square, which lies beyond 5.2 m.
+    # Three bounces are enough for a change: only 0.09 of its root mean square is missing, beyond 5.2 m.
     settings = replace(place.settings, rays_per_wavelength2=1.0, max_bounces=min(3, place.settings.max_bounces))
     short, sensor = replace(place.radar, num_chirps=1), nominal.sensor_poses
 
@@ -207,16 +207,13 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
         return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
 
     key = f"{case.room} {root} {place.gaps} {settings} {short}"
-    if key not in _creeping:
-        tally.count(tally.SETUPS)
-        _creeping.clear()
-        _creeping[key] = drift.traced(room, creeps)
+    states = tally.cached(_creeping, key, lambda: drift.traced(room, creeps), 1)
     times = np.arange(nominal.frames) / nominal.frame_rate_hz
-    return drift.Drift(_creeping[key] + drift.traced(running, creeps), drift.course(times, creeps, seed))
+    return drift.Drift(states + drift.traced(running, creeps), drift.course(times, creeps, seed))
 
 
 def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
-    """Target or radar on their actual course, every frame traced."""
+    """(F, C, T, R, N) signal with target and radar on their actual course, every frame traced."""
     nominal = place.log
     there = testbed.actual(nominal.sensor_poses, {case.object: nominal.target_poses}, nominal.frame_rate_hz, place.gaps, seed)
     iq = _seen(case, place, root, there)
@@ -224,7 +221,7 @@ def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
 
 
 def _carrier(place: _Place, root: int) -> np.ndarray | float:
-    """What the rover under its radar returns, the same in every frame."""
+    """Signal of the rover below its radar, the same in every frame."""
     body = testbed.truth(fixtures.rover(rooms.ROVER_HEIGHT_M), place.gaps, root)
     if not len(body):
         return 0.0
@@ -235,20 +232,18 @@ def _carrier(place: _Place, root: int) -> np.ndarray | float:
     ).iq  # fmt: skip
 
 
-_creeping: dict[str, np.ndarray] = {}  # of the last place
+_creeping: OrderedDict[str, np.ndarray] = OrderedDict()
 _tracks: OrderedDict[str, Drives] = OrderedDict()
 
 
 def _drives(case: Case, place: _Place, root: int) -> Drives:
-    """Of the track a case is on; the last few are kept, so that objects and repetitions share them."""
+    """The track of a case; the last few are cached, because objects and repetitions share them."""
     motion = case.motion if case.motion in ROVER else "bench"
-    here = replace(place.gaps, hardware=0.0, trajectory=0.0, placement=0.0)  # the room has no part in these but for the radar's own
+    here = replace(place.gaps, hardware=0.0, trajectory=0.0, placement=0.0)  # these gaps do not change the room
     key = f"{case.room} {motion} {root} {here} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
-    if key not in _tracks:
-        tally.count(tally.SETUPS)
+
+    def build() -> Drives:
         around = list(_around(case, place.log, place.gaps, root))
-        _tracks[key] = Drives(around, place.radar, place.log.sensor_poses, place.settings, offset=0.5 if place.gaps.solver else 0.0)
-        while len(_tracks) > KEPT:
-            _tracks.popitem(last=False)
-    _tracks.move_to_end(key)
-    return _tracks[key]
+        return Drives(around, place.radar, place.log.sensor_poses, place.settings, offset=0.5 if place.gaps.solver else 0.0)
+
+    return tally.cached(_tracks, key, build, CACHED_TRACKS)

@@ -1,6 +1,6 @@
-"""A turntable recording as what was traced of it: aspects, which of them each chirp sees, and what drifts meanwhile.
+"""A turntable recording stored as its traced aspects, the table's angle at each chirp, and the drift of its surroundings.
 
-Three hundred seconds at 10 Hz are 800 MB of samples, all of them combinations of a thousand aspects of 16 KB: these are kept.
+Three hundred seconds at 10 Hz are 800 MB of samples, but all samples are combinations of a thousand aspects of 16 KB each.
 """
 
 from __future__ import annotations
@@ -23,9 +23,12 @@ _NAME = "turned"
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """Attributes:
-    aspects: of the target with everything at rest around it. angles: (F, C, T) of the table at each chirp, radians.
-    drift: of what is around it; None where nothing does.
+    """A turntable recording.
+
+    Attributes:
+        aspects: of the target in surroundings at rest.
+        angles: (F, C, T) angle of the table at each chirp, radians.
+        drift: of the surroundings, or None.
     """
 
     aspects: Aspects
@@ -36,18 +39,18 @@ class Turned:
 
     @property
     def traced(self) -> int:
-        """States that were traced."""
+        """Number of traced states."""
         return len(self.aspects.signals)
 
     def recording(self) -> Recording:
-        """All its frames."""
+        """The recording with all frames."""
         iq = self.aspects.at(self.angles)
         if self.drift is not None:
             self.drift.add_to(iq)
         return Recording(iq, self.radar, None, provenance=self.provenance)
 
     def save(self, folder: Path) -> None:
-        """Write turned.npz and turned.json into a folder under construction."""
+        """Write turned.npz and turned.json into a folder."""
         arrays = {"signals": self.aspects.signals, "angles": self.angles}
         if self.drift is not None:
             arrays |= {"drift_states": self.drift.states, "drift_course": self.drift.course}
@@ -61,9 +64,9 @@ class Turned:
 
     @classmethod
     def load(cls, folder: Path) -> Turned:
-        """What `save` wrote."""
+        """Read a recording that `save` wrote."""
         described = untrusted_json.read(folder / f"{_NAME}.json")
-        kept = files.read_arrays(folder / f"{_NAME}.npz")
-        drift = Drift(kept["drift_states"], kept["drift_course"]) if "drift_states" in kept else None
-        aspects = Aspects(kept["signals"], described["symmetry"])
-        return cls(aspects, kept["angles"], Radar.from_dict(described["radar"]), drift, described["provenance"])
+        arrays = files.read_arrays(folder / f"{_NAME}.npz")
+        drift = Drift(arrays["drift_states"], arrays["drift_course"]) if "drift_states" in arrays else None
+        aspects = Aspects(arrays["signals"], described["symmetry"])
+        return cls(aspects, arrays["angles"], Radar.from_dict(described["radar"]), drift, described["provenance"])

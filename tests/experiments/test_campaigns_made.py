@@ -1,4 +1,4 @@
-"""What the campaign says of itself: counts of what happened, times that were taken, bytes that lie on disk. Signals are made up."""
+"""The campaign table: counts, times and disk space. Signals are synthetic."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def simulated(case: Case, nominal: Any, config: Config, *more: Any) -> Recording
 
 
 def record(case: Case, config: Config, measured: bool = True) -> Recording | Turned:
-    """Noise after a pause; the first of each motion pauses twice and says that it set something up."""
+    """Noise after a pause; the first recording of each motion pauses twice and counts a set-up."""
     rng = np.random.default_rng([*case.name.encode(), measured])
     time.sleep(PAUSE_S)
     if case.repetition == 0:
@@ -74,30 +74,30 @@ def cell(rows: list[dict[str, Any]], of: str, motion: str, metric: str) -> dict[
     return found
 
 
-def test_counts_are_of_what_happened_and_a_second_run_makes_nothing(config: Config, tmp_path: Path) -> None:
+def test_counts_match_the_simulated_recordings_and_a_second_run_simulates_none(config: Config, tmp_path: Path) -> None:
     rows = run(config, tmp_path)
     drives = cell(rows, "measured", "depth", "wall")
     assert (drives["made"], drives["found"], drives["frames"], drives["traced"], drives["set_ups"]) == (2, 0, 4, 4, 1)
     turning = cell(rows, "measured", "turntable", "wall")
     assert (turning["made"], turning["frames"], turning["traced"]) == (1, 160, 128)
-    assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the twin turns once
+    assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the twin makes one revolution
     assert cell(rows, "measured", "all", "wall")["made"] == 7
     assert drives["value"] >= 1e3 * 3 * PAUSE_S / 4  # two recordings and a set-up, over four frames
     again = run(config, tmp_path)
     for one, other in zip(rows, again, strict=True):
         assert (other["made"], other["found"]) == (0, one["made"])
         assert other["metric"] == one["metric"]
-        assert other["value"] == one["value"]  # times are those of the making
+        assert other["value"] == one["value"]  # stored times are reported again
 
 
-def test_disk_is_what_the_files_hold(config: Config, tmp_path: Path) -> None:
+def test_disk_space_is_the_size_of_the_files(config: Config, tmp_path: Path) -> None:
     rows = run(config, tmp_path)
     held = sum(path.stat().st_size for kind in ("clean", "processed") for path in (tmp_path / "cache" / kind).rglob("*") if path.is_file())
-    told = sum(cell(rows, of, "all", "disk (MB)")["value"] for of in ("measured", "simulated"))
-    assert told == pytest.approx(held / 1e6, rel=1e-6)
+    reported = sum(cell(rows, of, "all", "disk (MB)")["value"] for of in ("measured", "simulated"))
+    assert reported == pytest.approx(held / 1e6, rel=1e-6)
 
 
-def test_the_first_line_tells_what_is_to_be_made(config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_first_line_announces_the_missing_recordings(config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     progress = Progress()
     made = table.make(Campaign(config, Store(tmp_path / "cache"), progress), progress)
     first = capsys.readouterr().err.splitlines()[0]
@@ -109,7 +109,7 @@ def test_the_first_line_tells_what_is_to_be_made(config: Config, tmp_path: Path,
     assert "0 of them to be made" in capsys.readouterr().err
 
 
-def test_a_scan_that_was_made_before_counts_with_its_room(config: Config, tmp_path: Path) -> None:
+def test_a_scan_is_added_to_the_first_recording_of_its_room(config: Config, tmp_path: Path) -> None:
     store, progress = Store(tmp_path / "cache"), Progress(quiet=True)
     void = config
     config = replace(config, materials=UniformMaterials())
@@ -127,7 +127,7 @@ def test_a_scan_that_was_made_before_counts_with_its_room(config: Config, tmp_pa
     assert scanned[0] == (alone[0][0] + 1, alone[0][1] + 3)
     assert scanned[1:] == alone[1:]
     without = [one.setups for one in table.make(Campaign(void, store, progress), progress) if one.domain == "twin"]
-    assert without == [setups for setups, _ in alone]  # without a room nothing was scanned for it
+    assert without == [setups for setups, _ in alone]  # without a room there is no scan
 
 
 def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() -> None:
@@ -138,26 +138,26 @@ def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() ->
 
     paper = compose(["profile=paper"]).profile.campaign
     cases = [Case("mug", room, "depth", 1.0, r) for room in ("atrium", "squash_court") for r in range(3)]
-    seconds = table._extrapolated([made(1, 31.0), made(0, 1.0), made(0, 1.0)], "measured", cases, paper)
+    seconds = table.extrapolated([made(1, 31.0), made(0, 1.0), made(0, 1.0)], "measured", cases, paper)
     assert seconds == pytest.approx(2 * 30 + 6 * (1.0 + 0.5))  # two rooms set up, six drives
-    alone = table._extrapolated([made(1, 31.0)], "measured", cases, paper)
-    assert alone == pytest.approx(6 * 31.5)  # nothing tells the set-up apart: each pays it
+    alone = table.extrapolated([made(1, 31.0)], "measured", cases, paper)
+    assert alone == pytest.approx(6 * 31.5)  # the set-up time is unknown, so each recording includes it
 
 
-def test_targets_are_judged_and_shown_on_the_page(config: Config, tmp_path: Path) -> None:
+def test_targets_are_judged_and_printed(config: Config, tmp_path: Path) -> None:
     progress = Progress(quiet=True)
     made = table.make(Campaign(config, Store(tmp_path / "cache"), progress), progress)
     for seconds, verdict in ((0.03, "holds"), (0.2, "fails")):  # of each frame
         rows = table.rows(config, [replace(one, seconds=(seconds * one.frames, 0.0), setups=0) for one in made])
-        told = {row["claim"]: row["verdict"] for row in rows if row["claim"]}
-        assert told[table.FRAME.text] == verdict
-        assert told[table.DISK.text] == "holds"
-        assert told[table.MINUTES.text] == verdict  # of 70,000 states
+        verdicts = {row["claim"]: row["verdict"] for row in rows if row["claim"]}
+        assert verdicts[table.FRAME.text] == verdict
+        assert verdicts[table.DISK.text] == "holds"
+        assert verdicts[table.MINUTES.text] == verdict  # of 70,000 states
         assert f"frame takes at most 60 ms: {verdict}" in table.page(rows)
     assert len([line for line in table.page(rows).splitlines() if line.split()[:1] == ["measured"]]) == 6
 
 
-def test_cheap_motions_come_first_and_what_shares_a_track_together(config: Config, tmp_path: Path) -> None:
+def test_the_plan_has_cheap_motions_first_and_keeps_tracks_together(config: Config, tmp_path: Path) -> None:
     plan = Campaign(config, Store(tmp_path / "cache"), Progress(quiet=True)).plan()
     places = [(case.room, "bench" if case.motion in ("turntable", "radial", "diagonal") else case.motion) for _, case in plan]
     assert [places[k] for k in range(len(places)) if k == 0 or places[k] != places[k - 1]] == list(dict.fromkeys(places))
@@ -165,7 +165,7 @@ def test_cheap_motions_come_first_and_what_shares_a_track_together(config: Confi
     assert len(plan) == len(set(plan)) == 12
 
 
-def test_a_turned_recording_is_kept_as_its_aspects_and_read_back_to_the_bit(tmp_path: Path) -> None:
+def test_a_turntable_recording_is_stored_as_aspects_without_loss(tmp_path: Path) -> None:
     rng, radar = np.random.default_rng(0), Radar.iwr1843()
     drift = Drift(noise(rng, 3, 2, 4, 256), rng.uniform(-2, 2, 30))
     turned = Turned(Aspects(noise(rng, 16, 2, 4, 256)), rng.uniform(0, 12, (30, 16, 2)), radar, drift, {"kind": "test"})
@@ -180,7 +180,7 @@ def test_a_turned_recording_is_kept_as_its_aspects_and_read_back_to_the_bit(tmp_
     assert np.abs(whole.iq - rested.iq).max() > 1e-8
 
 
-def test_a_clean_recording_reads_alike_however_it_is_kept(config: Config, tmp_path: Path) -> None:
+def test_a_clean_recording_loads_the_same_from_aspects_and_samples(config: Config, tmp_path: Path) -> None:
     campaign = Campaign(config, Store(tmp_path / "cache"), Progress(quiet=True))
     for case in campaign.cases("measured", repetition=0):
         product = campaign.clean("measured", case)

@@ -1,4 +1,4 @@
-"""Recordings instead of the testbed: the same experiment, the same code, the same bytes, and the same figures."""
+"""A recording set instead of the testbed gives the same bytes and the same table values."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def campaign_of(config: Config) -> Campaign:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An output folder with the tiny campaign, and in it the set that was exported from it."""
+    """An output folder with a tiny campaign and its exported recording set."""
     made = tmp_path_factory.mktemp("campaign")
     export(campaign_of(configured(made)), made / "set")
     return made
@@ -59,7 +59,7 @@ def recorded(folder: Path, *more: str) -> Config:
     return configured(folder, "measured=recordings", f"measured.folder={folder / 'set'}", *more)
 
 
-def test_an_exported_campaign_is_a_good_set_of_what_a_log_would_hold(folder: Path) -> None:
+def test_an_exported_campaign_is_a_valid_set_without_the_truth(folder: Path) -> None:
     report = examine(folder / "set")
     assert [str(problem) for problem in report.problems] == []
     assert sorted((row.motion, row.repetition) for row in report.rows) == [
@@ -73,11 +73,11 @@ def test_an_exported_campaign_is_a_good_set_of_what_a_log_would_hold(folder: Pat
     turning = next(row for row in report.rows if row.motion == "turntable")
     assert turning.value("period_s") == "25"
     described = (folder / "set" / "recordings" / f"{turning.recording}.json").read_text()
-    assert "seed" in described  # of the receiver's noise; of the truth it says nothing
+    assert "seed" in described  # of the receiver's noise
     assert not [word for word in ("material", "gap", "placement") if word in described]
 
 
-def test_both_providers_go_through_the_same_code_to_the_same_bytes(folder: Path) -> None:
+def test_both_providers_give_the_same_processed_bytes(folder: Path) -> None:
     testbed, recordings = campaign_of(configured(folder)), campaign_of(recorded(folder))
     assert (testbed.domain, recordings.domain) == ("testbed", "recordings")
     cases = testbed.cases("measured")
@@ -93,8 +93,7 @@ def test_both_providers_go_through_the_same_code_to_the_same_bytes(folder: Path)
         assert (first.angle_rad is None) == (second.angle_rad is None)
 
 
-def test_gate_alignment_and_features_are_those_of_the_testbed(folder: Path) -> None:
-    """One window (0.3 to 5.5 m), one gate (three bins either side), one way to find a late start, wherever a recording comes from."""
+def test_gate_alignment_and_features_match_the_testbed(folder: Path) -> None:
     testbed, recordings = campaign_of(configured(folder)), campaign_of(recorded(folder))
     assert (NEAR_M, FAR_M, GATE_BINS) == (0.3, 5.5, 3)
     for case in testbed.cases("measured", motion="turntable"):
@@ -111,7 +110,7 @@ def test_gate_alignment_and_features_are_those_of_the_testbed(folder: Path) -> N
         assert np.allclose(vectors[0][1], vectors[1][1], rtol=1e-9)
 
 
-def test_one_experiment_gives_the_same_figures_on_either(folder: Path) -> None:
+def test_an_experiment_gives_the_same_values_for_both_providers(folder: Path) -> None:
     results = []
     for config in (configured(folder), recorded(folder)):
         results.append(environment.score(config, campaign_of(config), Progress(quiet=True)))
@@ -126,7 +125,7 @@ def test_one_experiment_gives_the_same_figures_on_either(folder: Path) -> None:
     assert all(math.isfinite(row["value"]) for row in testbed)
 
 
-def test_an_export_that_was_stopped_goes_on_and_is_the_same(folder: Path, tmp_path: Path) -> None:
+def test_an_interrupted_export_continues_with_the_same_result(folder: Path, tmp_path: Path) -> None:
     campaign = campaign_of(configured(folder))
     whole = RecordingSet.load(folder / "set")
     half = RecordingSet.create(tmp_path / "set", whole.card)
@@ -143,7 +142,7 @@ def test_an_export_that_was_stopped_goes_on_and_is_the_same(folder: Path, tmp_pa
             )
 
 
-def test_what_the_twin_cannot_simulate_is_left_out_and_told_and_a_set_of_nothing_else_refused(
+def test_recordings_that_the_twin_cannot_simulate_are_left_out_and_counted(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = RecordingSet.load(folder / "set")
@@ -153,16 +152,16 @@ def test_what_the_twin_cannot_simulate_is_left_out_and_told_and_a_set_of_nothing
     strange.add(recording, replace(row, recording="vase", object="vase"))
     strange.add(recording, replace(row, recording="cellar", room="cellar"))
     strange.add(recording, replace(row, recording="empty", object="none", motion="static", distance_m=None))
-    with pytest.raises(InputError, match="no recording of an object of the catalogue"):
+    with pytest.raises(InputError, match="no recording of a known object"):
         campaign_of(configured(folder, "measured=recordings", f"measured.folder={tmp_path / 'set'}"))
     strange.add(recording, row)
     config = configured(folder, "measured=recordings", f"measured.folder={tmp_path / 'set'}")
     campaign = Campaign(config, Store(tmp_path / "cache"), Progress())
     assert [case.name for case in campaign.cases("measured")] == [row.recording]
     assert campaign.cases("twin") == [replace(case, repetition=0) for case in campaign.cases("measured")]
-    said = capsys.readouterr().err
+    printed = capsys.readouterr().err
     for words in ("1 of object vase", "1 of room cellar", "1 of motion static"):
-        assert words in said
+        assert words in printed
 
 
 @pytest.mark.parametrize(
@@ -172,7 +171,7 @@ def test_what_the_twin_cannot_simulate_is_left_out_and_told_and_a_set_of_nothing
         (["experiment.distances_m=[3.0]"], "no turning corner_reflector at 3 m; it has 1"),
     ],
 )
-def test_a_set_that_does_not_fit_the_configuration_is_one_line(folder: Path, more: list[str], words: str) -> None:
+def test_a_set_that_does_not_fit_the_configuration_gives_a_one_line_error(folder: Path, more: list[str], words: str) -> None:
     config = recorded(folder, *more)
     with pytest.raises(UserError, match=words) as caught:
         environment.score(config, campaign_of(config), Progress(quiet=True))
@@ -186,13 +185,13 @@ def test_a_recording_set_is_not_exported_again(folder: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("override", ["scene=atrium", "scene.target=plate", "trajectory=static"])
-def test_what_the_environment_table_would_not_read_is_refused(folder: Path, override: str) -> None:
+def test_settings_that_the_environment_table_ignores_are_refused(folder: Path, override: str) -> None:
     with pytest.raises(ConfigError, match="not read by experiment=environment"):
         environment.check(configured(folder, override))
 
 
-def test_a_recorded_drive_is_logged_where_its_radar_went(folder: Path, tmp_path: Path) -> None:
-    """The rover's own trajectory, in any world, is laid at the mark where drives start."""
+def test_a_recorded_trajectory_starts_at_the_nominal_start(folder: Path, tmp_path: Path) -> None:
+    """The rover's recorded trajectory, in any world frame, is moved to the nominal start of a drive."""
     case = Case("mug", "squash_court", "depth", 1.0)
     nominal = course(case, 10.0, 20)
     elsewhere = np.eye(4)
@@ -206,7 +205,7 @@ def test_a_recorded_drive_is_logged_where_its_radar_went(folder: Path, tmp_path:
 
 
 def remade(folder: Path, tmp_path: Path, rate_hz: float, chosen: Callable[[Row], list[tuple[Row, int]]]) -> Campaign:
-    """A campaign of rows and frames chosen from the set, said to be of another rate."""
+    """A campaign of chosen rows and numbers of frames of the set, at another frame rate."""
     whole = RecordingSet.load(folder / "set")
     other = RecordingSet.create(tmp_path / "set", whole.card)
     for row in whole:
@@ -218,8 +217,8 @@ def remade(folder: Path, tmp_path: Path, rate_hz: float, chosen: Callable[[Row],
     return campaign_of(configured(tmp_path, "measured=recordings", f"measured.folder={tmp_path / 'set'}"))
 
 
-def test_the_twin_follows_the_recorded_course_and_rate(folder: Path, tmp_path: Path) -> None:
-    """A set at 20 Hz, of fewer frames than planned, on a turntable of 0.4 s a turn: the twin's frames are the recording's own."""
+def test_the_twin_has_the_recorded_motion_and_frame_rate(folder: Path, tmp_path: Path) -> None:
+    """A set at 20 Hz with few frames and a turntable period of 0.4 s: the twin has the frames of the recording."""
 
     def chosen(row: Row) -> list[tuple[Row, int]]:
         return [(replace(row, extra={"period_s": "0.4"}), 10)] if row.repetition == 0 and row.motion != "diagonal" else []
@@ -242,7 +241,7 @@ def test_the_twin_follows_the_recorded_course_and_rate(folder: Path, tmp_path: P
     assert nominal.key != campaign.clean("void", campaign.cases("twin")[0]).key
 
 
-def test_repetitions_count_from_anywhere_and_the_longest_is_simulated(folder: Path, tmp_path: Path) -> None:
+def test_the_longest_repetition_is_simulated(folder: Path, tmp_path: Path) -> None:
     def chosen(row: Row) -> list[tuple[Row, int]]:
         if row.motion != "radial":
             return []
@@ -260,7 +259,7 @@ def test_repetitions_count_from_anywhere_and_the_longest_is_simulated(folder: Pa
 
 
 @pytest.mark.parametrize(("rate_hz", "period", "frames"), [(10.0, "10.25", 103), (10.0, "25", 250), (20.0, "0.5", 10)])
-def test_the_twins_turn_is_the_one_that_features_cut(folder: Path, tmp_path: Path, rate_hz: float, period: str, frames: int) -> None:
+def test_the_twins_revolution_fits_the_features(folder: Path, tmp_path: Path, rate_hz: float, period: str, frames: int) -> None:
     def chosen(row: Row) -> list[tuple[Row, int]]:
         return [(replace(row, extra={"period_s": period}), 5)] if (row.motion, row.repetition) == ("turntable", 0) else []
 
@@ -273,7 +272,7 @@ def test_the_twins_turn_is_the_one_that_features_cut(folder: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize("period", ["25,0", "0", "nan"])
-def test_a_period_that_is_none_is_one_line(folder: Path, tmp_path: Path, period: str) -> None:
+def test_an_invalid_period_gives_a_one_line_error(folder: Path, tmp_path: Path, period: str) -> None:
     def chosen(row: Row) -> list[tuple[Row, int]]:
         return [(replace(row, extra={"period_s": period}), 5)] if (row.motion, row.repetition) == ("turntable", 0) else []
 
@@ -283,13 +282,13 @@ def test_a_period_that_is_none_is_one_line(folder: Path, tmp_path: Path, period:
 
 
 @pytest.mark.parametrize(("motion", "end_m"), [("depth", 2.0), ("radial", 1.6)])
-def test_what_goes_along_rests_at_the_end_of_its_way(motion: Motion, end_m: float) -> None:
+def test_motion_rests_at_its_end(motion: Motion, end_m: float) -> None:
     away = course(Case("mug", "lab" if motion == "radial" else "squash_court", motion, 1.0), 10.0, 200).distance_m
     assert away[0] == pytest.approx(1.0, abs=1e-9)
     assert away[-1] == away[-50] == pytest.approx(end_m, abs=1e-6)
 
 
-def test_only_drives_along_a_line_share_what_is_found_along_it() -> None:
+def test_only_straight_drives_share_a_track() -> None:
     line = course(Case("mug", "squash_court", "depth", 1.0), 10.0, 50).sensor_poses
     assert straight(line)
     assert straight(line[:1])

@@ -1,4 +1,4 @@
-"""Rotations of one measured recording differ by what differs physically, and by more than noise."""
+"""Revolutions of one measured recording differ by physical causes, and by more than noise."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GATE_M, ROOM_M = (0.87, 1.13), (2.3, 5.5)
 
 
 def changes_db(folder: Path, name: str, *more: str) -> dict[tuple[float, float], float]:
-    """Mean power of the change from one rotation to the next without a receiver, over the receiver's noise, by range window."""
+    """Mean power of the change between two revolutions without receiver, over the receiver's noise, by range window."""
     config = compose([
         "experiment=campaign", "measured.gap.solver=0", f"profile.campaign.turntable_objects=[{name}]", f"output={folder}",
         "profile.campaign.reflector_distances_m=[1.0]", f"profile.campaign.frames_per_turn={TURN}", *more,
@@ -34,17 +34,17 @@ def changes_db(folder: Path, name: str, *more: str) -> dict[tuple[float, float],
     return {bounds: float(10 * np.log10(max(change[inside].mean(), 1e-30) / noise[inside].mean())) for bounds, inside in windows.items()}
 
 
-def test_rotations_differ_by_more_than_noise(tmp_path: Path) -> None:
-    """In the lab at 1 m. Speed, ripple and jitter sample each rotation elsewhere; without them what creeps still makes a difference."""
+def test_revolutions_differ_by_more_than_noise(tmp_path: Path) -> None:
+    """Lab at 1 m. Speed, ripple and jitter shift the samples of each revolution; without them, creep still makes a difference."""
     reflector = changes_db(tmp_path, "corner_reflector")
     assert reflector[GATE_M] > 20
     assert reflector[ROOM_M] > 10
     can = changes_db(tmp_path, "can_211_400")
     assert can[ROOM_M] > 10
-    assert can[GATE_M] > 0  # what runs below the disc creeps as it warms
+    assert can[GATE_M] > 0  # the motor below the disc creeps as it warms up
     creeping = changes_db(tmp_path, "can_211_400", "measured.gap.trajectory=0")
     assert creeping[ROOM_M] > 3
     alike = changes_db(tmp_path, "can_211_400", "measured.gap.trajectory=0", "measured.gap.clutter=0")
-    assert max(alike.values()) < -6  # nothing is left to differ but how a turn later rounds, in the tracer and in 16 bits
+    assert max(alike.values()) < -6  # only rounding in the tracer and in 16 bits remains
     assert alike[ROOM_M] < creeping[ROOM_M] - 20
     print({"reflector": reflector, "can": can, "creeping alone": creeping, "nothing": alike})

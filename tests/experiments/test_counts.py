@@ -1,4 +1,4 @@
-"""What a change recomputes, by counts of what was simulated, reused and scored."""
+"""Which products a configuration change recomputes, by counts of simulated, reused and scored products."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TINY = [
 
 @pytest.fixture(scope="module")
 def counted(tmp_path_factory: pytest.TempPathFactory):
-    """Run with these overrides in one output folder; what it took."""
+    """A function that runs with overrides in one output folder and returns the run key and the counts."""
     folder = tmp_path_factory.mktemp("counts")
 
     def run(*more: str, into: Path = folder) -> tuple[str, Counts]:
@@ -28,7 +28,7 @@ def counted(tmp_path_factory: pytest.TempPathFactory):
         return result.run_key, counts
 
     first, counts = run()
-    # scan, one measured recording, the twin's room and its void, and what features are read from of each
+    # the scan, and clean and processed recordings of measured, twin and void
     assert counts.by_kind["clean built"] == 3
     assert counts.by_kind["processed built"] == 3
     assert (counts.reused, counts.scored) == (counts.by_kind["scan reused"], 1)
@@ -37,7 +37,7 @@ def counted(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.mark.parametrize("more", [["jobs=2"], ["hydra/launcher=joblib"]])
-def test_what_changes_no_figure_recomputes_nothing(counted, more: list[str]) -> None:
+def test_settings_without_influence_on_results_recompute_nothing(counted, more: list[str]) -> None:
     key, counts = counted(*more)
     assert key == counted.first
     assert (counts.simulated, counts.reused, counts.scored) == (0, 1, 0)
@@ -47,7 +47,7 @@ def test_another_output_folder_has_the_same_key(counted, tmp_path: Path) -> None
     assert run_key(compose([*TINY, f"output={tmp_path}"])) == counted.first
 
 
-def test_another_material_simulates_the_twins_room_again_and_nothing_else(counted) -> None:
+def test_another_material_simulates_only_the_twins_room_again(counted) -> None:
     key, counts = counted("materials.material=concrete")
     assert key != counted.first
     assert (counts.by_kind["clean built"], counts.by_kind["clean reused"]) == (1, 2)
@@ -56,18 +56,18 @@ def test_another_material_simulates_the_twins_room_again_and_nothing_else(counte
     assert counts.scored == 1
 
 
-def test_louder_hardware_hears_the_same_recordings_again(counted) -> None:
+def test_stronger_hardware_processes_the_same_recordings_again(counted) -> None:
     _, counts = counted("measured.gap.hardware=2")
     assert counts.by_kind["clean built"] == 0
     assert (counts.by_kind["processed built"], counts.by_kind["processed reused"]) == (1, 2)
 
 
-def test_another_bounce_simulates_the_twin_and_not_the_testbed(counted) -> None:
+def test_another_bounce_simulates_the_twin_but_not_the_testbed(counted) -> None:
     _, counts = counted("simulator.max_bounces=2")
     assert (counts.by_kind["clean built"], counts.by_kind["clean reused"]) == (2, 1)
 
 
-def test_more_resamples_score_what_is_there(counted) -> None:
+def test_more_resamples_score_stored_recordings(counted) -> None:
     _, counts = counted("profile.resamples=50")
     assert (counts.simulated, counts.scored) == (0, 1)
     assert counts.by_kind["processed reused"] == 3

@@ -1,4 +1,4 @@
-"""The gallery: which pairs it takes, and that its pictures show both domains on one scale with the target where the log has it."""
+"""The gallery: choice of pairs, and maps of both domains on one scale with the logged target."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ C = 299_792_458.0
 
 
 def recording(case: Case, amplitude: float = 1e-3) -> Recording:
-    """A point that is where the log of the case has its target, sampled by the definition of the beat signal."""
+    """A point echo at the logged target of the case, sampled by the definition of the beat signal."""
     course = log(case, CampaignConfig(frames_per_turn=20, turns=1), measured=False)
     azimuth, speed, distance = gallery.course(course, course.frames)
     time = RADAR.chirp_times()[None, :, :, None, None]
@@ -45,7 +45,7 @@ def seen(case: Case) -> tuple[gallery.View, Processed]:
 
 
 @pytest.mark.parametrize("motion", ["turntable", "diagonal", "depth", "lateral"])
-def test_the_maps_peak_where_the_log_has_the_target(motion: Motion) -> None:
+def test_the_maps_peak_at_the_logged_target(motion: Motion) -> None:
     room = "squash_court" if motion in ("depth", "lateral") else "lab"
     view, _ = seen(Case("corner_reflector", room, motion, 1.0))
     for panel, tolerance in (("time", None), ("Doppler", 0.15), ("azimuth", 3.0)):
@@ -61,10 +61,10 @@ def test_the_maps_peak_where_the_log_has_the_target(motion: Motion) -> None:
         if not np.isnan(across[0]):
             assert view.across[panel][place] == pytest.approx(across[0], abs=tolerance)
         elif panel == "Doppler":
-            assert view.across[panel][place] == 0  # it turns without a change
+            assert view.across[panel][place] == 0  # a turning point has no Doppler
 
 
-def test_the_diagonal_ends_to_the_left_and_recedes() -> None:
+def test_the_diagonal_recedes_to_the_left() -> None:
     course = log(Case("corner_reflector", "lab", "diagonal", 1.0), CampaignConfig(), measured=False)
     azimuth, speed, distance = gallery.course(course, course.frames)
     assert azimuth[0] == pytest.approx(0, abs=1e-9)
@@ -92,22 +92,22 @@ def test_both_domains_share_scale_and_marks(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("pair", "told"),
+    ("pair", "message"),
     [
         ("mug/lab/turntable", "OBJECT/ROOM/MOTION/DISTANCE_M"),
-        ("teapot/lab/turntable/1", "no object 'teapot'; choose corner_reflector"),
-        ("mug/lab/spiral/1", "no motion 'spiral'; choose turntable"),
+        ("teapot/lab/turntable/1", "unknown object 'teapot'; choose corner_reflector"),
+        ("mug/lab/spiral/1", "unknown motion 'spiral'; choose turntable"),
         ("mug/atrium/turntable/1", "turntable is recorded in lab"),
         ("mug/lab/lateral/1", "lateral is recorded in atrium and squash_court"),
-        ("mug/lab/turntable/near", "no distance"),
+        ("mug/lab/turntable/near", "not a distance"),
         ("mug/lab/turntable/9", "0.5 to 2.5 m"),
         ("mug/lab/turntable/nan", "0.5 to 2.5 m"),
     ],
 )
-def test_pairs_that_nobody_records_are_refused_in_one_line(pair: str, told: str) -> None:
+def test_unknown_pairs_give_a_one_line_error(pair: str, message: str) -> None:
     with pytest.raises(ConfigError, match=r"experiment.pairs") as error:
         gallery.parse(pair)
-    assert told in str(error.value)
+    assert message in str(error.value)
     assert "\n" not in str(error.value)
 
 

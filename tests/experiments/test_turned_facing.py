@@ -1,4 +1,4 @@
-"""A turn that is interpolated faces where the same turn faces with every frame traced: as the log says, and off it by the same errors."""
+"""Interpolated and fully traced revolutions have the same target poses: the logged ones with the same errors."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -15,12 +15,12 @@ COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
 
 @pytest.fixture
 def facing(monkeypatch):
-    """Recordings whose every sample tells the target's yaw, place and tilt: no tracing, no room."""
+    """Recordings whose samples encode the target's yaw, position and tilt, without tracing."""
 
     def seen(case, place, root, there):
         poses = there.motion[case.object]
-        told = np.exp(1j * np.arctan2(poses[:, 1, 0], poses[:, 0, 0])) + 1j * (poses[:, 0, 3] - 1.0) + 100 * poses[:, 2, 0]  # and tilt
-        return np.tile(told[:, None, None, None, None], (1, place.radar.num_chirps, 1, 1, 1)).astype(np.complex64)
+        encoded = np.exp(1j * np.arctan2(poses[:, 1, 0], poses[:, 0, 0])) + 1j * (poses[:, 0, 3] - 1.0) + 100 * poses[:, 2, 0]
+        return np.tile(encoded[:, None, None, None, None], (1, place.radar.num_chirps, 1, 1, 1)).astype(np.complex64)
 
     monkeypatch.setattr(truth, "_seen", seen)
     monkeypatch.setattr(truth, "_creep", lambda *some: None)
@@ -41,17 +41,17 @@ def _traced(monkeypatch, case, config):
 
 @pytest.mark.parametrize("name", ["mug", "can_211_400"])
 @pytest.mark.parametrize("strength", [0.0, 1.0, 2.0])
-def test_interpolated_and_traced_turns_face_alike(facing, name, strength):
+def test_interpolated_and_traced_revolutions_have_equal_poses(facing, name, strength):
     gaps = [f"measured.gap.{gap}={strength}" for gap in ("trajectory", "placement")]
     config = compose(["experiment=campaign", *COURSE, *gaps])
     case = Case(name, "lab", "turntable", 1.0)
     interpolated, traced = facing.interpolated(case, config), facing.traced(case, config)
     assert interpolated.shape == traced.shape
     assert np.abs(interpolated - traced).max() < 0.02
-    assert np.abs(traced + traced.mean()).max() > 0.5  # it does turn
+    assert np.abs(traced + traced.mean()).max() > 0.5  # the target turns
 
 
-def test_without_errors_it_starts_as_the_log_does(facing):
+def test_without_errors_the_start_is_the_logged_one(facing):
     config = compose(["experiment=campaign", *COURSE, "measured.gap.trajectory=0", "measured.gap.placement=0"])
     case = Case("mug", "lab", "turntable", 1.0)
     start = truth.log(case, config.profile.campaign, measured=True).target_poses[0]
