@@ -155,9 +155,9 @@ def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: n
     grid = tube_grid.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
     if grid is None:
         return None
-    antennas = [Antennas(end.place[rows], end.axis[rows]) for end in ends]
+    transmit, receive = (Antennas(end.place[rows], end.axis[rows]) for end in ends)
     pieces = 3 if grid.per_pose <= FEW_TUBES else 1
-    hits = tubes.trace(built, table, grid, *antennas, TraceOptions(max_bounces, prune=SCOUT_PRUNE, pieces=pieces))
+    hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(max_bounces, prune=SCOUT_PRUNE, pieces=pieces))
     return replace(hits, pose=rows[hits.pose])
 
 

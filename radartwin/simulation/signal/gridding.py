@@ -2,7 +2,8 @@
 
 A task is a range of paths of one frame with its own grid, so that no two threads write to the same cell and sums have a fixed order. Large
 frames are split into several tasks. Geometry, phases and grids have double precision; the transform and the chirps have single precision
-(1e-7 of the frame's strongest echo). Channels are ordered by transmitter, then receiver.
+(1e-7 of the frame's strongest echo). Channels are ordered by transmitter, then receiver. The kernels share one file of over 300 lines,
+because Numba does not recompile a cached function when a function in another file changes.
 """
 
 from typing import Any, NamedTuple
