@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 import radartwin as rt
 from radartwin.errors import SceneError
 from radartwin.scene import rooms
+from radartwin.scene.trajectories import trajectory
 from radartwin.testbed import fixtures, testbed
 
 BENCH = rooms.lab_bench()
@@ -59,8 +60,8 @@ def test_rover_is_below_and_behind_its_radar():
 
 def test_rover_moves_with_its_radar_in_a_simulation():
     plate = rt.Scene([rt.Surface(trimesh.creation.box((0.01, 0.1, 0.1)), "metal", "plate")])
-    poses = rt.scene.trajectory.depth_sweep(rt.scene.trajectory.pose([0, 0, 0.4]))[:2]
-    motion = {"plate": rt.scene.trajectory.static(rt.scene.trajectory.pose([1.5, 0, 0.4]), 1), fixtures.ROVER: poses}
+    poses = trajectory.depth_sweep(trajectory.pose([0, 0, 0.4]))[:2]
+    motion = {"plate": trajectory.static(trajectory.pose([1.5, 0, 0.4]), 1), fixtures.ROVER: poses}
     with_body = testbed.clean(plate + fixtures.rover(0.4), rt.Radar.iwr1843(), poses, motion, testbed.OFF)
     assert np.abs(with_body.iq).max() > 0
 

@@ -253,7 +253,7 @@ def test_fused_scan_is_close_to_its_scene(lab_scan):
         (Scene([]), {}, SceneError, "empty scene"),
         (rooms.lab(), {"strength": -1}, SceneError, "strength"),
         (rooms.lab(), {"frames": 3, "walk": Walk(clearance_m=9.0)}, SceneError, "nowhere to stand"),
-        (rooms.lab(), {"path": np.diag([1.0, 1, -1, 1])[None]}, PoseError, "mirrors"),
+        (rooms.lab(), {"walk": np.diag([1.0, 1, -1, 1])[None]}, PoseError, "mirrors"),
     ],
 )
 def test_wrong_arguments_are_refused(scene, options, error, message):

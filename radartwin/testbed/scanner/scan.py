@@ -46,8 +46,7 @@ def scan(
     seed: int = 0,
     strength: float = 1.0,
     frames: int | None = None,
-    path: np.ndarray | None = None,
-    walk: Walk = Walk(),  # noqa: B008 - frozen
+    walk: Walk | np.ndarray = Walk(),  # noqa: B008 - frozen
     sensor: Sensor = Sensor(),  # noqa: B008 - frozen
     colour_every: int = 1,
     progress: Callable[[int, int], None] | None = None,
@@ -57,8 +56,8 @@ def scan(
     Args:
         strength: factor on noise, dropouts, flying pixels and drift; 0 is an ideal sensor.
         frames: number of frames; by default from the room's size.
-        path: (N, 4, 4) true camera poses, OpenCV axes, instead of a walk.
-        walk, sensor: motion and errors of the phone.
+        walk: motion of the phone, or its true camera poses (N, 4, 4), OpenCV axes.
+        sensor: errors of the phone.
         colour_every: every n-th frame has colour; 0 for none.
         progress: called as progress(done, total) after each frame.
     Returns:
@@ -72,10 +71,7 @@ def scan(
     if not 0 <= strength <= 10 or colour_every < 0:
         raise SceneError(f"scan: strength {strength} must be 0 to 10 and colour_every {colour_every} not negative")
     motion, drift, pictures = (np.random.default_rng(s) for s in np.random.SeedSequence([seed, *b"scan"]).spawn(3))
-    if path is not None:
-        poses = check_poses(np.asarray(path, dtype=np.float64), "path", [str(i) for i in range(len(path))])
-    else:
-        poses = walked(scene, frames or _frame_count(scene), walk, motion)
+    poses = _poses(scene, walk, frames, motion)
     look = look_of(scene)
     light = light_of(look) if colour_every else None
     children = pictures.spawn(len(poses))
@@ -109,9 +105,12 @@ def scan(
     return Frames.of(shots, f"scan of {room or 'a scene'}", room), truth
 
 
-def _frame_count(scene: Scene) -> int:
-    x, y, z = np.ptp(scene.bounds, axis=0)
-    return int(np.clip(FRAMES_PER_M2 * 2 * (x * y + y * z + z * x), *FRAMES))
+def _poses(scene: Scene, walk: Walk | np.ndarray, frames: int | None, rng: np.random.Generator) -> np.ndarray:
+    """True camera poses (N, 4, 4)."""
+    if isinstance(walk, Walk):
+        x, y, z = np.ptp(scene.bounds, axis=0)
+        return walked(scene, frames or int(np.clip(FRAMES_PER_M2 * 2 * (x * y + y * z + z * x), *FRAMES)), walk, rng)
+    return check_poses(np.asarray(walk, dtype=np.float64), "walk", [str(i) for i in range(len(walk))])
 
 
 def _reflectance(look: Look) -> np.ndarray:

@@ -93,7 +93,9 @@ def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
     clear = CELL_M * np.asarray(ndimage.distance_transform_edt(~blocked))
     parts = np.asarray(label(clear >= walk.clearance_m, connectivity=1))
     if not parts.any():
-        raise SceneError(f"nowhere to stand {walk.clearance_m} m clear of all surfaces; pass a path, or a walk with a smaller clearance_m")
+        raise SceneError(
+            f"nowhere to stand {walk.clearance_m} m from all surfaces; pass camera poses, or a walk with a smaller clearance_m"
+        )
     largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
     free = parts == largest
     cells = np.argwhere(free)

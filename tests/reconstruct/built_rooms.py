@@ -1,0 +1,94 @@
+"""Meshes of rooms with small triangles, as scanners leave them, and the true scene."""
+
+import numpy as np
+import trimesh
+
+from radartwin.scene.rooms import rectangle
+from radartwin.scene.scene import Scene, Surface
+
+EDGE_M = 0.05
+SIZE = (5.0, 4.0, 2.4)
+WINDOW = (1.0, 0.9, 2.2, 1.9)  # in the wall y = 4, along it and up
+DOOR = (1.0, 0.0, 1.9, 2.0)  # in the wall x = 5
+WHITE, BROWN, GREY = (220, 220, 215), (120, 80, 50), (150, 150, 155)
+X, Y, Z = np.eye(3)
+L, W, H = SIZE
+
+
+def sheet(corner, along, up, size, hole=None):
+    """A grid of triangles facing along x up, without those inside the hole (u0, v0, u1, v1)."""
+    nu, nv = (round(s / EDGE_M) for s in size)
+    u, v = np.meshgrid(np.linspace(0, size[0], nu + 1), np.linspace(0, size[1], nv + 1), indexing="ij")
+    points = np.asarray(corner, float) + u[..., None] * np.asarray(along) + v[..., None] * np.asarray(up)
+    grid = np.arange(u.size).reshape(u.shape)
+    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+    faces = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2)
+    if hole is not None:
+        cu, cv = (u[:-1, :-1] + u[1:, 1:]) / 2, (v[:-1, :-1] + v[1:, 1:]) / 2
+        faces = faces[~((cu > hole[0]) & (cu < hole[2]) & (cv > hole[1]) & (cv < hole[3]))]
+    return trimesh.Trimesh(points.reshape(-1, 3), faces.reshape(-1, 3), process=False)
+
+
+def block(size, centre):
+    """A box of triangles about as small as those of a sheet."""
+    box = trimesh.creation.box(size).subdivide_to_size(EDGE_M)
+    assert isinstance(box, trimesh.Trimesh)
+    return box.apply_translation(centre)
+
+
+def shell(window=None):
+    return [
+        sheet([0, 0, 0], X, Y, (L, W)),
+        sheet([0, W, H], X, -Y, (L, W)),
+        sheet([0, 0, 0], Y, Z, (W, H)),
+        sheet([L, W, 0], -Y, Z, (W, H)),
+        sheet([L, 0, 0], -X, Z, (L, H)),
+        sheet([0, W, 0], X, Z, (L, H), window),
+    ]
+
+
+def scan(pieces, noise_m=0.0, seed=0):
+    """One mesh of the pieces, welded, with noise that is smooth over two edges as depth noise is."""
+    mesh = trimesh.util.concatenate(pieces)
+    assert isinstance(mesh, trimesh.Trimesh)
+    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    mesh.merge_vertices(digits_vertex=6)
+    noise = noise_m * np.random.default_rng(seed).standard_normal(mesh.vertices.shape)
+    return trimesh.Trimesh(mesh.vertices + noise, mesh.faces, process=False)
+
+
+def saved(mesh, tmp_path, name="room.ply"):
+    mesh.export(tmp_path / name)
+    return tmp_path / name
+
+
+def truth(window=False):
+    inner = [WINDOW] if window else []
+    named = [
+        ("floor", rectangle([0, 0, 0], X, Y, (L, W))),
+        ("ceiling", rectangle([0, W, H], X, -Y, (L, W))),
+        ("back", rectangle([0, 0, 0], Y, Z, (W, H))),
+        ("front", rectangle([L, W, 0], -Y, Z, (W, H))),
+        ("right", rectangle([L, 0, 0], -X, Z, (L, H))),
+        ("left", rectangle([0, W, 0], X, Z, (L, H), inner)),
+    ]
+    surfaces = [Surface(m, "plasterboard", n, role="room", provenance={"source": "true", "minc": "painted"}) for n, m in named]
+    if window:
+        pane = rectangle([0, W, 0], X, Z, (L, H), inset=WINDOW)
+        surfaces.append(Surface(pane, "glass", "window", role="room", provenance={"source": "true", "minc": "glass"}))
+    return Scene(surfaces)
+
+
+def coloured(mesh, rule, seed=0):
+    """A copy with vertex colours by rule(vertices) -> (V, 3), and some noise."""
+    rgb = np.array([rule(v) for v in mesh.vertices], dtype=float)
+    rgb += np.random.default_rng(seed).normal(0, 4, rgb.shape)
+    rgba = np.column_stack([np.clip(rgb, 0, 255), np.full(len(rgb), 255)]).astype(np.uint8)
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=rgba, process=False)
+
+
+def with_door(v):
+    u = W - v[1]
+    light = 1.0 - 0.25 * v[2] / H  # a gradient of light without an edge
+    inside = v[0] > L - 0.05 and DOOR[0] < u < DOOR[2] and v[2] < DOOR[3]
+    return np.array(BROWN if inside else WHITE) * light

@@ -1,0 +1,191 @@
+"""Polygons, panes and completed gaps of rooms that are built triangle by triangle."""
+
+import itertools
+
+import numpy as np
+import pytest
+import trimesh
+from built_rooms import SIZE, WINDOW, H, L, W, X, Y, Z, block, saved, scan, sheet, shell, truth
+from shapely import Polygon
+
+from experiments.scans.segment_score import score_scene
+from radartwin.reconstruct.build import ScanOptions, reconstruct
+from radartwin.reconstruct.outlines import outline
+from radartwin.reconstruct.outlines.complete import complete
+from radartwin.reconstruct.outlines.flatten import regular
+from radartwin.reconstruct.outlines.grid import Grid
+from radartwin.reconstruct.outlines.parts import ERROR_M, simplified
+from radartwin.reconstruct.outlines.surfaces import flattened
+from radartwin.reconstruct.outlines.visibility import Cameras, Sight
+from radartwin.reconstruct.segmentation import masks
+from radartwin.reconstruct.segmentation.segment import segmented
+from radartwin.simulation import geometry
+from radartwin.simulation.flat import panel_room, panels
+
+
+def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):
+    scene = reconstruct(saved(scan(shell(), 0.006), tmp_path))
+    assert sorted(scene.names) == ["ceiling", "floor", "wall_1", "wall_2", "wall_3", "wall_4"]
+    assert {len(s.mesh.faces) for s in scene} == {2}
+    corners = {tuple(np.round(v, 3)) for s in scene for v in s.mesh.vertices}
+    assert len(corners) == 8  # every corner is shared by three surfaces, to the millimetre
+    assert np.abs(np.ptp(np.array(sorted(corners)), axis=0) - SIZE).max() < 4e-3
+    normals = np.array([s.mesh.face_normals[0] for s in scene])
+    assert np.allclose(np.abs(normals).max(axis=1), 1, atol=1e-3)  # upright, level, square
+    inside = np.array([L, W, H]) / 2
+    assert all((inside - s.mesh.triangles_center[0]) @ s.mesh.face_normals[0] > 0 for s in scene)
+
+
+def test_tracer_finds_flat_panels_in_a_reconstructed_room(tmp_path):
+    box = block((0.6, 0.5, 0.8), [1.5, 1.2, 0.4])
+    scene = reconstruct(saved(scan([*shell(WINDOW), box], 0.004), tmp_path))
+    surfaces = list(scene)
+    built = geometry.build([s.mesh for s in surfaces])
+    found, small = panels.find(built), panel_room.small_faces(surfaces, built)
+    edges = built.corners[:, 1:] - built.corners[:, :1]
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    assert area[~small & (found.of_face >= 0)].sum() > panel_room.FLAT_SHARE * area[~small].sum()
+    assert len(found) < 150
+
+
+def test_planes_become_regular_only_within_the_noise():
+    mesh = scan(shell(), 0.003)
+    turn = trimesh.transformations.rotation_matrix(np.radians(0.8), X)
+    tilted = mesh.copy().apply_transform(turn)
+    segments = segmented(tilted)
+    straight, main = regular(tilted, segments)
+    floor = straight[0].normal
+    assert floor is not None
+    assert abs(main) < np.radians(1)
+    # 0.8 degrees over 3 m lifts the edges by 2 cm, which is more than noise.
+    assert np.degrees(np.arccos(abs(floor[2]))) == pytest.approx(0.8, abs=0.1)
+    slight = mesh.copy().apply_transform(trimesh.transformations.rotation_matrix(np.radians(0.1), X))
+    floor = regular(slight, segmented(slight))[0][0].normal
+    assert floor is not None
+    assert abs(floor[2]) == 1.0
+
+
+def test_edges_move_onto_intersection_lines_and_ragged_edges_become_straight():
+    rng = np.random.default_rng(0)
+    grid = Grid(Z, 0.0, np.eye(3)[:2], np.zeros(2), (150, 120), 0.02)
+    mask = np.zeros(grid.shape, dtype=bool)
+    mask[10:110, 10:90] = True
+    for column in range(10, 110):  # one edge frayed by up to two cells
+        mask[column, 88 : 88 + rng.integers(0, 4)] = True
+    line = outline.meeting_line(grid, X, 0.25)  # the plane x = 0.25, 5 cm from the edge at 0.2
+    assert line is not None
+    shape = outline.polygon(grid, mask, [line])
+    assert isinstance(shape, Polygon)
+    corners = np.array(shape.exterior.coords)[:-1]
+    assert len(corners) == 4
+    assert corners[:, 0].min() == pytest.approx(0.25, abs=1e-9)
+    assert corners[:, 1].max() == pytest.approx(1.8, abs=0.04)
+    mesh = outline.triangulated(grid, shape)
+    assert mesh is not None
+    assert len(mesh.faces) == 2
+    assert (mesh.face_normals[:, 2] > 0.999).all()
+
+
+def test_framed_window_without_points_becomes_a_pane(tmp_path):
+    scene = reconstruct(saved(scan(shell(WINDOW), 0.005), tmp_path))
+    panes = [s for s in scene if s.provenance["completed"]]
+    assert [s.name for s in panes] == ["pane_1"]
+    assert panes[0].mesh.area == pytest.approx(1.2, rel=0.08)
+    score = score_scene(scene, truth(window=True))
+    assert score.clear[0].name == "window"
+    assert min(score.clear[0].recall, score.clear[0].precision) > 0.9
+    assert min(score.precision, score.recall) > 0.97
+    assert score.boundary_median_m < 0.03
+
+
+def test_opening_with_points_behind_it_stays_open(tmp_path):
+    beyond = sheet([0, W + 1.0, 0], X, Z, (L, H))
+    scene = reconstruct(saved(scan([*shell(WINDOW), beyond], 0.004), tmp_path), options=ScanOptions(up="z"))
+    assert not any(s.provenance["completed"] for s in scene)
+    wall = next(s for s in scene if s.mesh.bounds[0, 1] > W - 0.05 and s.mesh.bounds[1, 1] < W + 0.05)
+    assert wall.mesh.area == pytest.approx(L * H - 1.2, rel=0.03)
+
+
+def test_wall_and_floor_are_completed_behind_and_under_a_cabinet(tmp_path):
+    low, high = np.array([1.2, 3.5, 0.0]), np.array([2.2, 4.0, 1.8])
+    room = shell((1.2, 0.0, 2.2, 1.8))
+    room[0] = sheet([0, 0, 0], X, Y, (L, W), (1.2, 3.5, 2.2, 4.0))
+    cabinet = [
+        sheet([low[0], low[1], 0], X, Z, (1.0, 1.8)),
+        sheet([low[0], high[1], 0], -Y, Z, (0.5, 1.8)),
+        sheet([high[0], low[1], 0], Y, Z, (0.5, 1.8)),
+        sheet([low[0], low[1], high[2]], X, Y, (1.0, 0.5)),
+    ]
+    scene = reconstruct(saved(scan([*room, *cabinet], 0.004), tmp_path))
+    by_name = {s.name: s for s in scene}
+    assert by_name["floor"].mesh.area == pytest.approx(L * W, rel=0.01)
+    behind = [s for s in scene if s.provenance["filled_m2"] > 1]
+    assert [round(float(s.mesh.area), 1) for s in behind] == [pytest.approx(L * H, rel=0.01)]
+    sides = [s for s in scene if s.provenance["planes"] == 4]
+    assert len(sides) == 1  # the cabinet is one object
+    assert sides[0].mesh.area == pytest.approx(1.8 + 2 * 0.9 + 0.5, rel=0.05)
+
+
+def test_window_next_to_a_hidden_part_of_the_wall_becomes_a_pane():
+    wall = trimesh.util.concatenate(shell(WINDOW))
+    assert isinstance(wall, trimesh.Trimesh)
+    at = wall.triangles_center
+    # A board 0.35 m in front of the wall hides the part from the window's lower corner to the floor.
+    wall.update_faces(~((at[:, 1] > W - 0.01) & (at[:, 0] > 0.5) & (at[:, 0] < 1.05) & (at[:, 2] < 1.2)))
+    board = block((0.75, 0.05, 1.2), [0.7, W - 0.35, 0.6])
+    mesh = scan([wall, board], 0.002)
+    poses = np.tile(np.eye(4), (6, 1, 1))
+    poses[:, :3, :3] = np.column_stack([X, -Z, Y])  # towards the wall y = 4
+    poses[:, :3, 3] = [(x, 0.5, 1.4) for x in np.linspace(0.8, 4.0, 6)]
+    cameras = Cameras(poses, np.array([[150.0, 0, 128], [0, 150.0, 96], [0, 0, 1]]), (256, 192))
+    panes = [f.mesh for f in flattened(mesh, segmented(mesh), cameras).flats if f.segment < 0]
+    assert [float(p.area) for p in panes] == [pytest.approx(1.2, rel=0.1)]
+
+
+def test_largest_rectangle_matches_exhaustive_search():
+    mask = np.random.default_rng(3).random((9, 11)) < 0.7
+    best = max(
+        (a1 - a0) * (b1 - b0)
+        for a0, a1 in itertools.combinations(range(10), 2)
+        for b0, b1 in itertools.combinations(range(12), 2)
+        if mask[a0:a1, b0:b1].all()
+    )
+    found = mask[masks.largest_rectangle(mask)]
+    assert found.all()
+    assert found.size == best
+    assert mask[masks.largest_rectangle(np.zeros_like(mask))].size == 0
+
+
+def test_gaps_of_floors_are_filled_without_panes():
+    grid = Grid(Z, 0.0, np.eye(3)[:2], np.zeros(2), (100, 100), 0.02)
+    mask = np.ones(grid.shape, dtype=bool)
+    mask[30:60, 30:60] = False
+    points = np.random.default_rng(0).uniform([0, 0, 0], [2, 2, 0.001], (4000, 3))
+    done = complete(grid, mask, points, None, None)
+    assert done.mask.all()
+    assert not done.panes
+    assert done.filled_m2 == pytest.approx(0.36)
+
+
+def test_screen_blocks_lines_of_sight():
+    wall, screen = (sheet([x, 0, 0], Y, Z, (3, 2.5)).triangles_center for x in (0.0, 1.0))
+    floor = sheet([0, 0, 0], X, Y, (4, 3)).triangles_center
+    place = np.array([[0.0, 1.5, 1.2]])
+    assert Sight.of(np.vstack([wall, floor])).seen(place, X)[0] > 5
+    hidden = Sight.of(np.vstack([wall, screen, floor]))
+    beyond = hidden.viewpoints[:, 0] > 1.1
+    assert beyond.any()
+    assert hidden.seen(place, X)[0] <= (~beyond).sum()
+
+
+def test_parts_are_simplified_within_the_stated_error():
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.4)
+    noisy = ball.vertices + 0.003 * np.random.default_rng(0).standard_normal(ball.vertices.shape)
+    mesh = trimesh.Trimesh(noisy, ball.faces, process=False)
+    made = simplified(mesh, np.arange(len(mesh.faces)))
+    assert made is not None
+    piece, error = made
+    assert len(piece.faces) < 0.1 * len(mesh.faces)
+    away = np.abs(np.linalg.norm(piece.triangles_center, axis=1) - 0.4)
+    assert error <= ERROR_M
+    assert np.quantile(away, 0.95) < ERROR_M  # measured against the sphere itself
