@@ -1,5 +1,5 @@
-"""No more modelled than a scene needs: the cheapest model whose features stay within their measured repeatability.
+"""simulator=auto: the cheapest model of a scene whose features stay within their measured repeatability.
 
-`model` says what can be left out, `limits` how far a feature may move, `probe` what a model does to the features of a thinned recording,
-`choice` leaves out, one thing after another, what the features do not need, and says why.
+`model` defines the parts of a scene that can be left out, `limits` the tolerated change of each feature, `probe` the features of a
+few frames under a model, and `choice` the greedy search.
 """

@@ -1,9 +1,9 @@
-"""The greedy choice of the cheapest sufficient model, and why.
+"""Greedy choice of the cheapest sufficient model, with the reasons.
 
-From the finest model, each dimension in the order of what it saves is taken down to the cheapest value that is enough: every feature stays
-within its limit of the finest model's. What is left out stays out. A first time round each may use half of the tolerance that is left, so
-that no one thing uses up what several others need; a second time all of it. So the choice is deterministic (it never reads a clock), meets
-the tolerance by construction, and costs a few short recordings.
+The search starts at the finest model. In the order of their savings, it lowers each dimension to the cheapest value for which every feature
+stays within its limit of the finest model. In a first round each dimension may use half of the remaining tolerance, so that one dimension
+does not use up the tolerance that several others need; in a second round it may use all of it. The choice never reads a clock, so it is
+deterministic. It meets the tolerance by construction and costs a few short recordings.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.model import FINEST, LADDER, Model, cheaper
 from radartwin.errors import InputError
 
-HALF = 0.5  # of what is left of the tolerance, that one thing may use in the first round
+HALF = 0.5  # share of the remaining tolerance that one dimension may use in the first round
 WORDS = {
     "parts": "parts of the room", "coupling": "ways between thing and room", "max_bounces": "bounces", "diffuse": "diffuse cloud",
     "rays_per_wavelength2": "tubes per square wavelength", "elements": "elements",
@@ -26,14 +26,14 @@ WORDS = {
 
 
 class Probe(Protocol):
-    """What tells the features under a model: radartwin.adaptive.probe, or one that keeps what it traced."""
+    """Source of the features under a model: radartwin.adaptive.probe, or a substitute in tests."""
 
     def features(self, model: Model) -> tuple[Sequence[str], NDArray]: ...
 
 
 @dataclass(frozen=True)
 class Step:
-    """One model tried: what was changed to which value, by how many limits the worst feature moved, and whether that was within."""
+    """One tried model: the changed dimension and value, the change of the worst feature in limits, and whether the model was taken."""
 
     dimension: str
     value: Any
@@ -49,7 +49,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Choice:
-    """A model, its worst feature's error in limits against the finest, and the steps that led there."""
+    """A model, the error of its worst feature against the finest model in limits, and the steps of the search."""
 
     model: Model
     error: float
@@ -57,9 +57,9 @@ class Choice:
     steps: tuple[Step, ...]
 
     def lines(self) -> list[str]:
-        """What was chosen, then why."""
+        """The chosen model, then the steps."""
         first = f"{self.model.told} ({self.feature} within {self.error:.2g} of its limit)"
-        return [first, *dict.fromkeys(f"  {step.told}" for step in self.steps)]  # what is refused twice is told once
+        return [first, *dict.fromkeys(f"  {step.told}" for step in self.steps)]  # a model that is refused twice has one line
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -71,19 +71,19 @@ class Choice:
 
 
 def choose(probes: Sequence[tuple[Probe, Limits]], tolerance: float = 1.0, pinned: Mapping[str, Any] | None = None) -> Choice:
-    """The cheapest model that is enough for every probe.
+    """The cheapest model that is sufficient for every probe.
 
     Args:
-        probes: one for the choice of a scene; several for one setting that is to serve them all.
-        tolerance: of the limit that a feature may move.
-        pinned: {dimension: value} that are not to be chosen; the finest model has them too.
+        probes: one for the choice of a scene, or several for one setting that must serve them all.
+        tolerance: permitted change of a feature, in limits.
+        pinned: {dimension: value} that are fixed, also in the finest model.
     Raises:
-        InputError: a tolerance that is not above zero, an unknown dimension.
+        InputError: the tolerance is not above zero, or a dimension is unknown.
     """
     if not tolerance > 0:
         raise InputError(f"tolerance must be above zero, not {tolerance:g}")
     if unknown := set(pinned or {}) - set(LADDER):
-        raise InputError(f"{min(unknown)} is no dimension of a model; choose {', '.join(LADDER)}")
+        raise InputError(f"{min(unknown)} is not a dimension of a model; choose {', '.join(LADDER)}")
     finest = replace(FINEST, **(pinned or {}))
 
     def error(model: Model) -> tuple[float, str]:

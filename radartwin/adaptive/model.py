@@ -1,4 +1,4 @@
-"""How much of a scene is modelled: parts of the room, bounces, ways between thing and room, scatter, rays, elements."""
+"""Model of a scene: parts of the room, bounces, paths between object and room, scatter, rays, antenna elements."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.simulate import simulate
 
 NONE, LARGE, WHOLE = "none", "large", "whole"
-LARGE_M = 1.0  # that a large surface measures in one direction: walls, tables and cupboards do, boxes, bins and bags do not
+LARGE_M = 1.0  # smallest extent of a large surface: walls, tables and cupboards, but not boxes, bins and bags
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,11 @@ class Model:
     """One model of a scene, for the mitsuba simulator.
 
     Attributes:
-        parts: of the room: "none", "large" (what measures LARGE_M), or "whole".
+        parts: of the room: "none", "large" (surfaces of at least LARGE_M) or "whole".
         max_bounces, coupling, diffuse, rays_per_wavelength2: as `TraceSettings`.
         elements: "planar" or "exact", as `simulate`.
-        layered: layers of walls and objects; without, each is of its outermost material, infinitely thick. It costs nothing either way, so
-            that no search leaves layers out.
+        layered: whether walls and objects have layers; without, each has its outermost material with infinite thickness. Layers cost no
+            time, so no search leaves them out.
     """
 
     parts: str = WHOLE
@@ -45,7 +45,7 @@ class Model:
 
     @property
     def told(self) -> str:
-        """In words, such as "no room, 2 bounces, 0.25 tubes, planar"."""
+        """Description such as "no room, 2 bounces, 0.25 tubes, planar"."""
         words = {NONE: "no room", LARGE: "large surfaces", WHOLE: "whole room"}[self.parts]
         bounces = f"{self.max_bounces} bounce{'s' * (self.max_bounces > 1)}"
         coupled = "" if self.coupling or self.parts == NONE or self.max_bounces == 1 else ", uncoupled"
@@ -54,16 +54,16 @@ class Model:
         return f"{words}, {bounces}{coupled}{cloud}, {self.rays_per_wavelength2:g} tubes, {self.elements}{layers}"
 
     def settings(self) -> dict[str, Any]:
-        """Of the simulator."""
+        """Options of the simulator."""
         return {name: value for name, value in asdict(self).items() if name not in ("parts", "elements", "layered")}
 
     def recording(
         self, room: Scene, kept: Scene, radar: Radar, sensor_poses: np.ndarray, motion: dict[str, np.ndarray], variant: str = "auto"
     ) -> Recording:
-        """What the radar records, with its thermal noise.
+        """The simulated recording with thermal noise.
 
         Args:
-            kept: what no model leaves out, the thing under test and what it stands on.
+            kept: surfaces that every model has: the object under test and its stand.
         """
         scene = reduced(room, self.parts) + kept
         if not self.layered:
@@ -74,7 +74,7 @@ class Model:
         )  # fmt: skip
 
 
-# In the order in which things are left out; tubes first, on which all further trials then save. In each from cheap to dear.
+# Dimensions in the order of the search, values from cheap to expensive. Tubes come first, so that all later trials are cheaper.
 LADDER: dict[str, tuple[Any, ...]] = {
     "rays_per_wavelength2": (0.25, 1.0, 4.0),
     "parts": (NONE, LARGE, WHOLE),
@@ -88,7 +88,7 @@ DEFAULT = Model()
 
 
 def cheaper(model: Model, dimension: str) -> list[Model]:
-    """The same model with less of one thing, the cheapest first; none where that makes no difference to what is traced."""
+    """The same model with lower values of one dimension, the cheapest first; empty if the dimension has no effect."""
     if dimension == "coupling" and model.parts == NONE:
         return []
     values = LADDER[dimension]
@@ -96,7 +96,7 @@ def cheaper(model: Model, dimension: str) -> list[Model]:
 
 
 def reduced(room: Scene, parts: str) -> Scene:
-    """What is left of a room: nothing, its large surfaces, or all of it."""
+    """No surface of a room, its large surfaces, or all of it."""
     if parts == NONE:
         return Scene((), room.provenance)
     if parts == WHOLE:

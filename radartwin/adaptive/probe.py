@@ -1,4 +1,4 @@
-"""What a model does to the features of a recording, told from a few of its frames: a turn at some aspects, a drive at some places."""
+"""Features of a recording under a model, from a few frames: some aspects of a revolution, or some places of a drive."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Probe:
     """A few frames of a recording, to be traced by one model after another.
 
     Attributes:
-        room: what may be left out. kept: what may not: thing under test and its stand.
+        room: surfaces that a model may leave out. kept: the object under test and its stand.
         radar, sensor_poses, motion: as `simulate`; log: of the same frames.
-        families: of features that matter (radartwin/features/sets.py).
-        traced: {model: what features are read from}; probes that differ in their families alone may share it.
+        families: of the judged features (radartwin/features/sets.py).
+        traced: {model: processed recording}; probes that differ only in their families may share it.
     """
 
     room: Scene
@@ -49,18 +49,18 @@ class Probe:
         return len(self.log.distance_m)
 
     def record(self, model: Model) -> Processed:
-        """Trace it: what features are read from, with the receiver's noise."""
+        """The traced and processed recording under a model, with receiver noise."""
         made = model.recording(self.room, self.kept, self.radar, self.sensor_poses, dict(self.motion), self.variant)
         return process(made, doppler=False)
 
     def features(self, model: Model) -> tuple[list[str], NDArray[np.floating]]:
-        """Names and values."""
+        """Names and values of the features under a model."""
         if model not in self.traced:
             self.traced[model] = self.record(model)
         return sets.read(self.traced[model], self.log, self.families, turns=self.log.angle_rad is not None)
 
     def described(self) -> dict[str, Any]:
-        """What decides its features, for a key."""
+        """Everything that decides the features, for a store key."""
         surfaces = [
             (s.name, s.kind, str(s.material), s.roughness_m, np.asarray(s.mesh.vertices), np.asarray(s.mesh.faces), part)
             for part, scene in (("room", self.room), ("kept", self.kept)) for s in scene
@@ -76,10 +76,10 @@ def thinned(
     room: Scene, kept: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], log: Log,
     families: Sequence[str], variant: str = "auto", count: int | None = None, between: bool = False,
 ) -> Probe:  # fmt: skip
-    """A probe of a recording: ASPECTS of its first turn, or PLACES of its way, evenly, or as many as `count`.
+    """A probe of a recording: `count` evenly spaced aspects of its first revolution (default ASPECTS) or places of its drive (PLACES).
 
     Args:
-        sensor_poses, motion: (F or 1, 4, 4). log: of F frames. between: half a step further on, where the usual probe does not look.
+        sensor_poses, motion: (F or 1, 4, 4). log: of F frames. between: shift by half a step, between the frames of the usual probe.
     """
     frames, turning = len(log.distance_m), log.angle_rad is not None
     at = _aspects(np.asarray(log.angle_rad), count or ASPECTS, between) if turning else _places(frames, count or PLACES, between)
@@ -94,7 +94,7 @@ def thinned(
 
 
 def _aspects(angle_rad: np.ndarray, count: int, between: bool) -> np.ndarray:
-    """Where, in frames, a turn passes evenly spaced angles; behind its last frame comes its first."""
+    """Frame positions at which a revolution passes evenly spaced angles; its first frame follows its last."""
     turned = np.unwrap(angle_rad) - angle_rad[0]
     step = float(np.median(np.abs(np.diff(turned))))
     whole = round(2 * np.pi / step)
@@ -102,14 +102,14 @@ def _aspects(angle_rad: np.ndarray, count: int, between: bool) -> np.ndarray:
 
 
 def _places(frames: int, count: int, between: bool) -> np.ndarray:
-    """Where, in frames, a drive is at evenly spaced places, from its first to its last frame."""
+    """Evenly spaced frame positions from the first to the last frame of a drive."""
     if frames <= count:
         return np.arange(frames) + 0.5 * between * (np.arange(frames) < frames - 1)
     return (np.arange(count) + 0.5) * (frames - 1) / count if between else np.linspace(0, frames - 1, count)
 
 
 def _along(poses: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Poses (F, 4, 4) at frames that need not be whole; what lies behind the last one goes on as from the first."""
+    """Poses (F, 4, 4) interpolated at frame positions; the first pose follows the last."""
     known = np.concatenate([poses, poses[:1]]) if at.max() > len(poses) - 1 else poses
     times = np.arange(len(known))
     found = np.tile(np.eye(4), (len(at), 1, 1))

@@ -1,4 +1,4 @@
-"""simulator=auto: what is left out, what stays, and how far features may move."""
+"""simulator=auto: the greedy choice, limits of features, and thinned recordings."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ LIMITS = Limits({"level_db": 1.0}, "this test")
 
 
 @dataclass
-class Told:
-    """A probe whose one feature moves by what each model is said to move it."""
+class FakeProbe:
+    """A probe whose only feature changes by the given amounts."""
 
     moves: dict[str, dict[object, float]]
 
@@ -38,63 +38,63 @@ class Told:
         return ["level_db"], np.array([sum(of.get(getattr(model, name), 0.0) for name, of in self.moves.items())])
 
 
-def test_everything_goes_that_moves_nothing() -> None:
-    found = choose([(Told({}), LIMITS)])
-    assert found.model == Model("none", 1, True, False, 0.25, "planar")  # without a room there is nothing to uncouple from
+def test_everything_without_effect_is_left_out() -> None:
+    found = choose([(FakeProbe({}), LIMITS)])
+    assert found.model == Model("none", 1, True, False, 0.25, "planar")  # coupling has no effect without a room
     assert found.error == 0
     assert all(step.taken for step in found.steps)
 
 
-def test_what_moves_a_feature_stays_and_is_told() -> None:
-    needs_room = Told({"parts": {"none": 3.0}, "max_bounces": {1: 2.0, 2: -1.5}})
+def test_parts_that_change_a_feature_stay_and_are_reported() -> None:
+    needs_room = FakeProbe({"parts": {"none": 3.0}, "max_bounces": {1: 2.0, 2: -1.5}})
     found = choose([(needs_room, LIMITS)])
     assert (found.model.parts, found.model.max_bounces) == ("large", 3)
     refused = [step for step in found.steps if not step.taken]
-    told = [(step.dimension, step.value, step.error) for step in refused]
-    assert told == 2 * [("parts", "none", 3.0), ("max_bounces", 1, 2.0), ("max_bounces", 2, 1.5)]  # asked again at the end
+    tried = [(step.dimension, step.value, step.error) for step in refused]
+    assert tried == 2 * [("parts", "none", 3.0), ("max_bounces", 1, 2.0), ("max_bounces", 2, 1.5)]  # tried again in the second round
     assert "parts of the room none: level_db moves 3 of its limit, too little" in "\n".join(found.lines())
     assert Choice.from_dict(found.to_dict()) == found
 
 
-def test_small_errors_add_up_and_are_stopped_in_time() -> None:
-    each = Told({name: dict.fromkeys(values[:-1], 0.4) for name, values in LADDER.items()})
+def test_the_sum_of_small_errors_stays_within_the_tolerance() -> None:
+    each = FakeProbe({name: dict.fromkeys(values[:-1], 0.4) for name, values in LADDER.items()})
     found = choose([(each, LIMITS)])
-    assert found.error == pytest.approx(0.8)  # two of them, a third is over
+    assert found.error == pytest.approx(0.8)  # a third would exceed the limit
     assert sum(step.taken for step in found.steps) == 2
 
 
-def test_one_thing_does_not_use_up_what_others_need() -> None:
-    """A room that takes nearly all is left in for three small things, and goes where it is the only one to take anything."""
+def test_one_dimension_does_not_use_up_the_tolerance_of_others() -> None:
+    """A room that uses nearly the whole tolerance stays if three small errors fit instead, and is left out if there are none."""
     small = {"rays_per_wavelength2": {0.25: 0.2}, "elements": {"planar": 0.1}, "coupling": {False: 0.1}}
-    assert choose([(Told({"parts": {"none": 0.9}, **small}), LIMITS)]).model == Model("large", 1, False, False, 0.25, "planar")
-    assert choose([(Told({"parts": {"none": 0.9}}), LIMITS)]).model.parts == "none"
+    assert choose([(FakeProbe({"parts": {"none": 0.9}, **small}), LIMITS)]).model == Model("large", 1, False, False, 0.25, "planar")
+    assert choose([(FakeProbe({"parts": {"none": 0.9}}), LIMITS)]).model.parts == "none"
 
 
-def test_one_setting_for_all_keeps_what_any_needs() -> None:
-    room, rays = Told({"parts": {"none": 9.0}}), Told({"rays_per_wavelength2": {0.25: 9.0}})
+def test_one_setting_for_several_probes_keeps_the_needs_of_each() -> None:
+    room, rays = FakeProbe({"parts": {"none": 9.0}}), FakeProbe({"rays_per_wavelength2": {0.25: 9.0}})
     found = choose([(room, LIMITS), (rays, LIMITS)])
     assert (found.model.parts, found.model.rays_per_wavelength2) == ("large", 1.0)
 
 
-def test_a_pinned_dimension_is_not_touched_and_tolerance_scales() -> None:
-    told = Told({"parts": {"none": 3.0}, "max_bounces": {1: 50.0}})
-    assert choose([(told, LIMITS)], pinned={"max_bounces": 1}).model.parts == "large"  # measured from one bounce
-    assert choose([(told, LIMITS)], tolerance=3.5).model.parts == "none"
+def test_a_pinned_dimension_stays_and_tolerance_scales() -> None:
+    probe = FakeProbe({"parts": {"none": 3.0}, "max_bounces": {1: 50.0}})
+    assert choose([(probe, LIMITS)], pinned={"max_bounces": 1}).model.parts == "large"  # relative to one bounce
+    assert choose([(probe, LIMITS)], tolerance=3.5).model.parts == "none"
     with pytest.raises(InputError, match="tolerance must be above zero"):
-        choose([(told, LIMITS)], tolerance=0)
-    with pytest.raises(InputError, match="rays is no dimension of a model; choose rays_per_wavelength2"):
-        choose([(told, LIMITS)], pinned={"rays": 3})
+        choose([(probe, LIMITS)], tolerance=0)
+    with pytest.raises(InputError, match="rays is not a dimension of a model; choose rays_per_wavelength2"):
+        choose([(probe, LIMITS)], pinned={"rays": 3})
 
 
 def test_greedy_never_exceeds_its_tolerance() -> None:
     rng = np.random.default_rng(0)
     for _ in range(50):
-        told = Told({name: {value: rng.uniform(-1, 1) for value in values[:-1]} for name, values in LADDER.items()})
-        found = choose([(told, LIMITS)])
-        assert abs(told.features(found.model)[1][0]) <= 1.0
+        probe = FakeProbe({name: {value: rng.uniform(-1, 1) for value in values[:-1]} for name, values in LADDER.items()})
+        found = choose([(probe, LIMITS)])
+        assert abs(probe.features(found.model)[1][0]) <= 1.0
 
 
-def test_limits_are_what_two_recordings_keep() -> None:
+def test_95_percent_of_pairs_differ_by_less_than_the_limit() -> None:
     """Of normal draws in groups of five, 95 % of pairs differ by less, in the mean over many such measurements."""
     rng = np.random.default_rng(1)
     kept = []
@@ -110,35 +110,35 @@ def test_limits_are_pooled_by_degrees_of_freedom() -> None:
     assert limit == pytest.approx(np.sqrt(2) * 3.182 * np.sqrt(2 / 3), rel=1e-3)  # t of three degrees of freedom
 
 
-def test_the_limit_of_a_profile_is_of_pairs() -> None:
+def test_the_limit_of_a_profile_comes_from_pairs() -> None:
     names = ["profile_0.30m_db", "profile_0.35m_db"]
     assert measured([(names, np.array([[0.0, 0.0], [3.0, 4.0]]))]) == {PROFILE: pytest.approx(np.sqrt(12.5))}
 
 
-def test_a_feature_that_saturates_is_no_better_known_than_a_tenth_of_all() -> None:
+def test_limits_are_at_least_a_tenth_of_the_pooled_limit() -> None:
     stored = json.loads(SHIPPED.read_text())["motions"]["depth"]
     own, pooled = stored["objects"]["corner_reflector"]["multipath_share"], stored["pooled"]["multipath_share"]
     assert own < 0.1 * pooled
     assert Limits.shipped("depth", "corner_reflector").of["multipath_share"] == pytest.approx(0.1 * pooled)
 
 
-def test_bins_of_a_profile_count_together_and_only_where_heard() -> None:
+def test_strong_bins_of_a_profile_count_as_one_feature() -> None:
     names = ["profile_0.30m_db", "profile_0.35m_db", "profile_0.40m_db", "level_db"]
     reference = np.array([0.0, -10.0, -60.0, 5.0])
     found = distances(names, reference + np.array([3.0, 4.0, 10.0, 0.5]), reference)
     assert found == {"level_db": pytest.approx(0.5), PROFILE: pytest.approx(np.sqrt(12.5))}
-    loud = distances(names, reference + np.array([3.0, 4.0, 40.0, 0.5]), reference)  # an echo that the reference does not have
+    loud = distances(names, reference + np.array([3.0, 4.0, 40.0, 0.5]), reference)  # an echo that is missing in the reference
     assert loud[PROFILE] == pytest.approx(np.sqrt((9 + 16 + 1600) / 3))
 
 
-def test_shipped_figures_are_of_each_object_and_pooled() -> None:
+def test_shipped_limits_are_per_object_and_pooled() -> None:
     config = compose(["experiment=campaign"])
     for motion in repeatability.FAMILIES:
         cases = repeatability.repeated(config, motion)
         assert {len(some) for some in cases} == {repeatability.REPEATS}
         assert {some[0].object for some in cases} == set(json.loads(SHIPPED.read_text())["motions"][motion]["objects"])
-    told = {"depth": {"mug": (["level_db"], np.array([[1.0], [3.0]])), "mustard": (["level_db"], np.array([[5.0], [5.0]]))}}
-    found = repeatability.summary(told)["motions"]["depth"]
+    values = {"depth": {"mug": (["level_db"], np.array([[1.0], [3.0]])), "mustard": (["level_db"], np.array([[5.0], [5.0]]))}}
+    found = repeatability.summary(values)["motions"]["depth"]
     assert found["objects"] == {"mug": {"level_db": 25.4}, "mustard": {"level_db": 0.0}}  # t of one degree of freedom is 12.7
     assert found["pooled"] == {"level_db": 6.08}
 
@@ -170,7 +170,7 @@ def _recording(motion: str, frames: int, between: bool = False):
 
 @pytest.mark.parametrize("between", [False, True])
 @pytest.mark.parametrize("frames", [250, 500])
-def test_a_turn_is_thinned_to_even_aspects(frames: int, between: bool) -> None:
+def test_a_revolution_is_thinned_to_even_aspects(frames: int, between: bool) -> None:
     probe = _recording("turntable", frames, between)
     assert probe.log.angle_rad is not None
     assert len(probe.log.distance_m) == ASPECTS == len(probe.motion["target"])
@@ -184,7 +184,7 @@ def test_a_turn_is_thinned_to_even_aspects(frames: int, between: bool) -> None:
 
 
 @pytest.mark.parametrize("frames", [36, 17, 24, 40, 232, 248])
-def test_a_turn_of_any_length_is_a_revolution(frames: int) -> None:
+def test_a_thinned_revolution_of_any_length_is_complete(frames: int) -> None:
     log = Nominal(frames / 25.0, np.ones(frames), 2 * np.pi * np.arange(frames) / frames)
     poses = trajectory.turntable([2.0, 0, 0], frames, frames / 25.0, 25.0)
     probe = thinned(rooms.empty(), Scene([]), Radar.iwr1843(), np.eye(4)[None], {"target": poses}, log, ())
@@ -200,13 +200,13 @@ def test_a_drive_is_thinned_to_places_from_end_to_end() -> None:
 
 
 @pytest.mark.parametrize(("motion", "frames"), [("turntable", 250), ("depth", 36), ("lateral", 36), ("radial", 30), ("diagonal", 30)])
-def test_shipped_limits_are_of_every_feature_that_is_asked(motion: str, frames: int) -> None:
+def test_every_feature_has_a_shipped_limit(motion: str, frames: int) -> None:
     names, values = _recording(motion, frames).features(Model(parts="none"))
     for thing in ("corner_reflector", "mug", "something else"):
         assert Limits.shipped(motion, thing).moved(names, values, values)[0] == 0.0
 
 
-def test_what_was_never_repeated_has_no_limits() -> None:
+def test_other_motions_have_no_limits() -> None:
     with pytest.raises(InputError, match="there is no repeatability of static recordings; there is of turntable, radial"):
         Limits.shipped("static")
 
@@ -221,13 +221,13 @@ def test_what_was_never_repeated_has_no_limits() -> None:
         (["features=depth"], "a turntable recording; choose rotation or raw"),
     ],
 )  # fmt: skip
-def test_what_auto_cannot_judge_is_refused(overrides: list[str], message: str) -> None:
+def test_unsupported_configurations_of_auto_are_refused(overrides: list[str], message: str) -> None:
     config = compose(["scene=lab", "simulator=auto", *overrides])
     with pytest.raises(ConfigError, match=message):
         build_setup(config).probe(config.features)
 
 
-def test_models_leave_out_what_they_say() -> None:
+def test_models_reduce_the_room() -> None:
     room = rooms.room("lab", detail="cluttered")
     assert len(reduced(room, "none")) == 0
     assert 0 < len(reduced(room, "large")) < len(reduced(room, "whole")) == len(room)
