@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from radartwin.config.compose import compose
+from radartwin.config.study import RecordingsConfig
 from radartwin.errors import ConfigError, InputError, MissingError, RecordingError
 from radartwin.features.align import overlap, start_offset
 from radartwin.features.gate import gate_energies, multipath_share
@@ -114,7 +115,9 @@ def test_late_start_is_found_and_removed(measured: RecordingSet, distance: float
 
 
 def test_configuration_refuses_a_folder_that_is_not_a_set(tmp_path: Path, folder: Path) -> None:
-    assert compose(["measured=recordings", f"measured.folder={folder}"]).measured.folder == str(folder)
+    measured = compose(["measured=recordings", f"measured.folder={folder}"]).measured
+    assert isinstance(measured, RecordingsConfig)
+    assert measured.folder == str(folder)
     (tmp_path / "file").write_text("x")
     for path, words in (
         (tmp_path / "nowhere", "is no folder"),

@@ -28,7 +28,7 @@ AUTO = ["simulator.parts=none", "trajectory.period_s=4"]  # simulator=auto needs
 ROOT = Path(__file__).resolve().parents[2]
 VIEWS = ["--views", "1"]
 INSIDE = {"doctor", "import", "label", "process", "reconstruct", "view"}
-# Tested elsewhere: a server (test_dashboard.py), a command that needs a trained model (test_classify.py), minutes of run time (tests/experiments).
+# Tested in test_dashboard.py, test_classify.py and tests/experiments.
 ELSEWHERE = {"dashboard", "classify", "tables"}
 CLUSTER = "hydra/launcher=slurm"  # composed in test_documents.py; make test-slurm starts a cluster of one node
 CAMPAIGN = [

@@ -421,9 +421,7 @@ def test_names_of_a_scene_are_escaped_in_its_page(tmp_path: Path) -> None:
     assert "<script>alert" not in (tmp_path / "view.html").read_text()
 
 
-def test_a_file_name_sends_no_control_characters(
-    inside: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
-) -> None:
+def test_a_file_name_sends_no_control_characters(inside: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
     done = inside("process", "\x1b]0;owned\x07\x1b[2J.bin")
     assert done.returncode == 2
     assert "\x1b" not in done.stderr

@@ -313,7 +313,7 @@ FEATURE_FAULTS = (
     *_in(
         "features/calibration",
         RANK,
-        ("fit", "measured_spread / np.where(constant, 1.0, spread)", "spread / np.where(constant, 1.0, measured_spread)", "the map is inverted"),
+        ("fit", "measured_spread / np.where(constant, 1.0, spread)", "spread / np.where(constant, 1.0, measured_spread)", "inverted map"),
     ),
     *_in(
         "features/rank",

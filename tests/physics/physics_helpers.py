@@ -1,5 +1,7 @@
 """Constants and helpers that several physics tests share."""
 
+from typing import Any
+
 import numpy as np
 
 from radartwin.scene.trajectories import trajectory
@@ -14,7 +16,7 @@ def db(power_ratio):
     return 10 * np.log10(power_ratio)
 
 
-def coherent(hits, keep=slice(None)):
+def coherent(hits, keep: Any = slice(None)):
     """Sum of the hits' fields at 77 GHz."""
     return (hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m)))[keep].sum()
 
