@@ -1,5 +1,5 @@
-"""simulator=auto: the cheapest model of a scene whose features stay within their measured repeatability.
+"""`simulator=auto`: choose the cheapest model of a scene whose features change by less than their repeatability limits.
 
-`model` defines the parts of a scene that can be left out, `limits` the tolerated change of each feature, `probe` the features of a
-few frames under a model, and `choice` the greedy search.
+`model` defines the settings of a model, such as the simulated parts of the room. `limits` holds the tolerated change of each feature.
+`probe` computes the features of a few frames under a model. `choice` runs the greedy search.
 """

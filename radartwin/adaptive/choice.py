@@ -1,9 +1,10 @@
-"""Greedy choice of the cheapest sufficient model, with the reasons.
+"""Greedy search for the cheapest sufficient model of a scene; the result lists the reasons.
 
-The search starts at the finest model. In the order of their savings, it lowers each dimension to the cheapest value for which every feature
-stays within its limit of the finest model. In a first round each dimension may use half of the remaining tolerance, so that one dimension
-does not use up the tolerance that several others need; in a second round it may use all of it. The choice never reads a clock, so it is
-deterministic. It meets the tolerance by construction and costs a few short recordings.
+The search starts at the finest model and lowers its dimensions (settings such as bounces), the dimension that saves most first. It sets
+each dimension to the cheapest value for which every feature differs from its value under the finest model by at most its repeatability
+limit. In the first round each dimension may use half of the remaining tolerance, so that one dimension does not use up the tolerance that
+several others need. In the second round each dimension may use all of the remaining tolerance. The search never reads a clock, so the
+result is deterministic. The chosen model meets the tolerance by construction. The search simulates a few short recordings.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.model import FINEST, LADDER, Model, cheaper
 from radartwin.errors import InputError
 
-HALF = 0.5  # share of the remaining tolerance that one dimension may use in the first round
+HALF = 0.5  # fraction of the remaining tolerance that one dimension may use in the first round
 WORDS = {
     "parts": "parts of the room", "coupling": "ways between thing and room", "max_bounces": "bounces", "diffuse": "diffuse cloud",
     "rays_per_wavelength2": "tubes per square wavelength", "elements": "elements",
@@ -26,14 +27,20 @@ WORDS = {
 
 
 class Probe(Protocol):
-    """Source of the features under a model: radartwin.adaptive.probe, or a substitute in tests."""
+    """Compute the features of a few frames under a model. Implemented by `radartwin.adaptive.probe.Probe` and by substitutes in tests."""
 
     def features(self, model: Model) -> tuple[Sequence[str], NDArray]: ...
 
 
 @dataclass(frozen=True)
 class Step:
-    """One tried model: the changed dimension and value, the change of the worst feature in limits, and whether the model was taken."""
+    """Describe one model that the search tried.
+
+    Attributes:
+        dimension, value: the changed setting and its new value.
+        error, feature: largest change of a feature, as a multiple of its repeatability limit, and the name of this feature.
+        taken: whether the search accepted the model.
+    """
 
     dimension: str
     value: Any
@@ -43,13 +50,18 @@ class Step:
 
     @property
     def told(self) -> str:
+        """One line of text for the user."""
         verdict = "enough" if self.taken else "too little"
         return f"{WORDS[self.dimension]} {self.value}: {self.feature} moves {self.error:.2g} of its limit, {verdict}"
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A model, the error of its worst feature against the finest model in limits, and the steps of the search."""
+    """Hold the chosen model and the steps of the search.
+
+    Attributes:
+        error, feature: largest change of a feature against the finest model, as a multiple of its limit, and the name of this feature.
+    """
 
     model: Model
     error: float
@@ -57,26 +69,26 @@ class Choice:
     steps: tuple[Step, ...]
 
     def lines(self) -> list[str]:
-        """The chosen model, then the steps."""
+        """Return one line for the chosen model, then one line per step."""
         first = f"{self.model.told} ({self.feature} within {self.error:.2g} of its limit)"
-        return [first, *dict.fromkeys(f"  {step.told}" for step in self.steps)]  # a model that is refused twice has one line
+        return [first, *dict.fromkeys(f"  {step.told}" for step in self.steps)]  # a model that both rounds refuse is listed once
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
 
     @classmethod
     def from_dict(cls, stored: Mapping[str, Any]) -> Choice:
-        steps = tuple(Step(**one) for one in stored["steps"])
+        steps = tuple(Step(**step) for step in stored["steps"])
         return cls(Model(**stored["model"]), stored["error"], stored["feature"], steps)
 
 
 def choose(probes: Sequence[tuple[Probe, Limits]], tolerance: float = 1.0, pinned: Mapping[str, Any] | None = None) -> Choice:
-    """The cheapest model that is sufficient for every probe.
+    """Return the cheapest model whose features stay within the tolerance for every probe.
 
     Args:
-        probes: one for the choice of a scene, or several for one setting that must serve them all.
-        tolerance: permitted change of a feature, in limits.
-        pinned: {dimension: value} that are fixed, also in the finest model.
+        probes: pairs of a probe and its repeatability limits. With several probes, one model must suffice for all of them.
+        tolerance: permitted change of a feature, as a multiple of its repeatability limit.
+        pinned: {dimension: value} of settings that stay fixed, also in the finest model.
     Raises:
         InputError: the tolerance is not above zero, or a dimension is unknown.
     """

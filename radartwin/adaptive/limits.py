@@ -1,11 +1,11 @@
-"""Tolerated change of each feature: the repeatability limit of the measurement.
+"""Tolerated change of each feature, which is the repeatability limit of the measurement.
 
 Two recordings of the same object, each with a new set-up, differ in a feature by less than its limit with a probability of 95 %. The limit
 is sqrt(2) t s, with s the standard deviation between such recordings and t Student's quantile for its degrees of freedom (ISO 5725-6:1994,
-4.1.4, which gives 2.8 s for very many). The limit of a whole range profile is the 95 % quantile of the root mean square difference of two
-recordings. Limits are per object, but at least MIN_SHARE of the limit pooled over all objects, because a saturated feature, such as the
-multipath share of an object much brighter than its room, seems too repeatable. The shipped limits are the testbed's
-(experiments/generators/repeatability.py writes them).
+4.1.4; the limit tends to 2.8 s for many recordings). The limit of a whole range profile is the 95 % quantile of the root mean square
+difference of two recordings. Each object has its own limits, but no limit is below MIN_SHARE times the limit pooled over all objects.
+Otherwise a saturated feature would get a limit that is too small, for example the multipath share of the power of an object much brighter
+than its room. The shipped limits come from the testbed (experiments/generators/repeatability.py writes them).
 """
 
 from __future__ import annotations
@@ -22,19 +22,20 @@ from scipy import stats
 from radartwin.errors import InputError
 
 CONFIDENCE = 0.95
-MIN_SHARE = 0.1  # of the pooled limit
-SPAN_DB = 40.0  # bins further below the strongest bin of a profile do not count
-PROFILE = "range_profile_db"  # root mean square over the bins of a range profile
+MIN_SHARE = 0.1  # smallest limit of an object, relative to the limit pooled over objects
+SPAN_DB = 40.0  # range bins weaker than the strongest bin by more than this are ignored
+PROFILE = "range_profile_db"  # feature name of the root mean square difference over the bins of a range profile
 SHIPPED = Path(__file__).parent / "repeatability.json"
 _BIN = "profile_"
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of the features of one motion and object.
+    """Hold the repeatability limits of the features for one motion and one object.
 
     Attributes:
-        of: {feature: limit}. source: of the limits, as text.
+        of: {feature: limit}.
+        source: text that names the recordings behind the limits.
     """
 
     of: Mapping[str, float]
@@ -42,13 +43,13 @@ class Limits:
 
     @classmethod
     def shipped(cls, motion: str, thing: str | None = None) -> Limits:
-        """The limits of the testbed's recordings.
+        """Read the limits that were computed from the testbed's recordings.
 
         Args:
             motion: turntable, radial, diagonal, depth or lateral.
-            thing: object under test; an object without repeated recordings has the pooled limits.
+            thing: object under test. An object without repeated recordings gets the limits pooled over all objects.
         Raises:
-            InputError: another motion.
+            InputError: there are no limits for this motion.
         """
         stored = json.loads(SHIPPED.read_text(encoding="utf-8"))
         if motion not in stored["motions"]:
@@ -58,10 +59,10 @@ class Limits:
         return cls({name: max(limit, MIN_SHARE * known["pooled"][name]) for name, limit in own.items()}, stored["source"])
 
     def moved(self, names: Sequence[str], values: np.ndarray, reference: np.ndarray) -> tuple[float, str]:
-        """(change of the worst feature in limits, its name).
+        """Return the largest change of a feature, as a multiple of its limit, and the name of this feature.
 
         Args:
-            names, values, reference: (features,) of a model and of the finest model.
+            names: of the features. values, reference: (features,) under a model and under the finest model.
         Raises:
             InputError: a feature has no limit.
         """
@@ -73,7 +74,7 @@ class Limits:
 
 
 def distances(names: Sequence[str], values: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """{feature: distance from the reference}; the bins of a range profile count as one feature, weak bins not at all."""
+    """Return {feature: absolute difference from the reference}. The strong bins of a range profile form one feature."""
     apart = np.abs(np.asarray(values) - reference)
     bins = np.array([name.startswith(_BIN) for name in names])
     found = {name: float(d) for name, d, is_bin in zip(names, apart, bins, strict=True) if not is_bin}
@@ -84,10 +85,10 @@ def distances(names: Sequence[str], values: np.ndarray, reference: np.ndarray) -
 
 
 def measured(groups: Sequence[tuple[Sequence[str], np.ndarray]]) -> dict[str, float]:
-    """{feature: limit} of repeated recordings, pooled over groups (ISO 5725-2:1994, 7.4).
+    """Return {feature: limit} from repeated recordings, pooled over groups (ISO 5725-2:1994, 7.4).
 
     Args:
-        groups: names and values (recordings, features) of two or more recordings of one object each.
+        groups: one entry per object: feature names and values (recordings, features) of at least two recordings.
     """
     freedom = sum(len(values) - 1 for _, values in groups)
     factor = np.sqrt(2) * stats.t.ppf(0.5 + CONFIDENCE / 2, freedom)

@@ -1,4 +1,4 @@
-"""Model of a scene: parts of the room, bounces, paths between object and room, scatter, rays, antenna elements."""
+"""Model of a scene: the simulation settings that the search may lower, from the parts of the room to the antenna elements."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ LARGE_M = 1.0  # smallest extent of a large surface: walls, tables and cupboards
 
 @dataclass(frozen=True)
 class Model:
-    """One model of a scene, for the mitsuba simulator.
+    """Describe how the mitsuba simulator models a scene.
 
     Attributes:
-        parts: of the room: "none", "large" (surfaces of at least LARGE_M) or "whole".
-        max_bounces, coupling, diffuse, rays_per_wavelength2: as `TraceSettings`.
-        elements: "planar" or "exact", as `simulate`.
-        layered: whether walls and objects have layers; without, each has its outermost material with infinite thickness. Layers cost no
-            time, so no search leaves them out.
+        parts: simulated parts of the room: "none", "large" (surfaces with an extent of at least LARGE_M) or "whole".
+        max_bounces, coupling, diffuse, rays_per_wavelength2: as in `TraceSettings`.
+        elements: "planar" or "exact", as in `simulate`.
+        layered: whether walls and objects have layers. If False, each surface is a half-space of its outermost material. Layers take
+            no additional time, so the search always includes them.
     """
 
     parts: str = WHOLE
@@ -45,7 +45,7 @@ class Model:
 
     @property
     def told(self) -> str:
-        """Description such as "no room, 2 bounces, 0.25 tubes, planar"."""
+        """Short description such as "no room, 2 bounces, 0.25 tubes, planar"."""
         words = {NONE: "no room", LARGE: "large surfaces", WHOLE: "whole room"}[self.parts]
         bounces = f"{self.max_bounces} bounce{'s' * (self.max_bounces > 1)}"
         coupled = "" if self.coupling or self.parts == NONE or self.max_bounces == 1 else ", uncoupled"
@@ -54,16 +54,16 @@ class Model:
         return f"{words}, {bounces}{coupled}{cloud}, {self.rays_per_wavelength2:g} tubes, {self.elements}{layers}"
 
     def settings(self) -> dict[str, Any]:
-        """Options of the simulator."""
+        """Return the fields that are settings of the mitsuba simulator."""
         return {name: value for name, value in asdict(self).items() if name not in ("parts", "elements", "layered")}
 
     def recording(
         self, room: Scene, kept: Scene, radar: Radar, sensor_poses: np.ndarray, motion: dict[str, np.ndarray], variant: str = "auto"
     ) -> Recording:
-        """The simulated recording with thermal noise.
+        """Simulate a recording with thermal noise.
 
         Args:
-            kept: surfaces that every model has: the object under test and its stand.
+            kept: surfaces that every model includes: the object under test and its stand.
         """
         scene = reduced(room, self.parts) + kept
         if not self.layered:
@@ -74,7 +74,8 @@ class Model:
         )  # fmt: skip
 
 
-# Dimensions in the order of the search, values from cheap to expensive. Tubes come first, so that all later trials are cheaper.
+# Dimensions in the order of the search, with values from cheap to expensive. The tube density comes first, because a lower density makes
+# all later trials cheaper.
 LADDER: dict[str, tuple[Any, ...]] = {
     "rays_per_wavelength2": (0.25, 1.0, 4.0),
     "parts": (NONE, LARGE, WHOLE),
@@ -88,7 +89,7 @@ DEFAULT = Model()
 
 
 def cheaper(model: Model, dimension: str) -> list[Model]:
-    """The same model with lower values of one dimension, the cheapest first; empty if the dimension has no effect."""
+    """Return copies of the model with each lower value of one dimension, cheapest first; none if the dimension has no effect."""
     if dimension == "coupling" and model.parts == NONE:
         return []
     values = LADDER[dimension]
@@ -96,7 +97,7 @@ def cheaper(model: Model, dimension: str) -> list[Model]:
 
 
 def reduced(room: Scene, parts: str) -> Scene:
-    """No surface of a room, its large surfaces, or all of it."""
+    """Return the room without surfaces, with its large surfaces only, or whole, as `parts` says (see `Model.parts`)."""
     if parts == NONE:
         return Scene((), room.provenance)
     if parts == WHOLE:

@@ -1,4 +1,4 @@
-"""Features of a recording under a model, from a few frames: some aspects of a revolution, or some places of a drive."""
+"""A probe: a few frames of a recording (angles of a revolution or places of a drive) whose features are computed under a model."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from radartwin.features.processed import Processed, process
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 
-# As many as in the recordings that repeatability was measured on (experiments/generators/repeatability.py), because some features
-# depend on their number.
-ASPECTS = 36  # of a turn
-PLACES = 17  # of a drive
+# Frame counts of the recordings from which the limits were computed (experiments/generators/repeatability.py), because some features depend
+# on the number of frames.
+ASPECTS = 36  # frames per revolution
+PLACES = 17  # frames per drive
 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """A few frames of a recording, to be traced by one model after another.
+    """Hold a few frames of a recording, which different models simulate one after another.
 
     Attributes:
-        room: surfaces that a model may leave out. kept: the object under test and its stand.
-        radar, sensor_poses, motion: as `simulate`; log: of the same frames.
-        families: of the judged features (radartwin/features/sets.py).
-        traced: {model: processed recording}; probes that differ only in their families may share it.
+        room: surfaces that a model may leave out. kept: surfaces that every model includes (the object under test and its stand).
+        radar, sensor_poses, motion: as in `simulate`. log: positions of the same frames.
+        families: names of the feature families to compare (radartwin/features/sets.py).
+        traced: {model: processed recording}, a cache that probes with different families may share.
     """
 
     room: Scene
@@ -49,18 +49,18 @@ class Probe:
         return len(self.log.distance_m)
 
     def record(self, model: Model) -> Processed:
-        """The traced and processed recording under a model, with receiver noise."""
-        made = model.recording(self.room, self.kept, self.radar, self.sensor_poses, dict(self.motion), self.variant)
-        return process(made, doppler=False)
+        """Simulate the frames under a model, with thermal noise, and process the recording."""
+        simulated = model.recording(self.room, self.kept, self.radar, self.sensor_poses, dict(self.motion), self.variant)
+        return process(simulated, doppler=False)
 
     def features(self, model: Model) -> tuple[list[str], NDArray[np.floating]]:
-        """Names and values of the features under a model."""
+        """Return the names and values of the features under a model."""
         if model not in self.traced:
             self.traced[model] = self.record(model)
         return sets.read(self.traced[model], self.log, self.families, turns=self.log.angle_rad is not None)
 
     def described(self) -> dict[str, Any]:
-        """Everything that decides the features, for a store key."""
+        """Return all inputs that affect the features, to build a store key."""
         surfaces = [
             (s.name, s.kind, str(s.material), s.roughness_m, np.asarray(s.mesh.vertices), np.asarray(s.mesh.faces), part)
             for part, scene in (("room", self.room), ("kept", self.kept)) for s in scene
@@ -76,10 +76,12 @@ def thinned(
     room: Scene, kept: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], log: Log,
     families: Sequence[str], variant: str = "auto", count: int | None = None, between: bool = False,
 ) -> Probe:  # fmt: skip
-    """A probe of a recording: `count` evenly spaced aspects of its first revolution (default ASPECTS) or places of its drive (PLACES).
+    """Build a probe from evenly spaced angles of the first revolution, or from evenly spaced places of the drive, of a recording.
 
     Args:
-        sensor_poses, motion: (F or 1, 4, 4). log: of F frames. between: shift by half a step, between the frames of the usual probe.
+        sensor_poses, motion: (F or 1, 4, 4). log: positions of F frames.
+        count: frames of the probe. None: ASPECTS for a revolution, PLACES for a drive.
+        between: shift all frames by half a step, so that they lie between the frames of the default probe.
     """
     frames, turning = len(log.distance_m), log.angle_rad is not None
     at = _aspects(np.asarray(log.angle_rad), count or ASPECTS, between) if turning else _places(frames, count or PLACES, between)
@@ -94,7 +96,7 @@ def thinned(
 
 
 def _aspects(angle_rad: np.ndarray, count: int, between: bool) -> np.ndarray:
-    """Frame positions at which a revolution passes evenly spaced angles; its first frame follows its last."""
+    """Return fractional frame indices (count,) of evenly spaced angles in one revolution."""
     turned = np.unwrap(angle_rad) - angle_rad[0]
     step = float(np.median(np.abs(np.diff(turned))))
     whole = round(2 * np.pi / step)
@@ -102,14 +104,14 @@ def _aspects(angle_rad: np.ndarray, count: int, between: bool) -> np.ndarray:
 
 
 def _places(frames: int, count: int, between: bool) -> np.ndarray:
-    """Evenly spaced frame positions from the first to the last frame of a drive."""
+    """Return fractional frame indices, evenly spaced from the first to the last frame of a drive."""
     if frames <= count:
         return np.arange(frames) + 0.5 * between * (np.arange(frames) < frames - 1)
     return (np.arange(count) + 0.5) * (frames - 1) / count if between else np.linspace(0, frames - 1, count)
 
 
 def _along(poses: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Poses (F, 4, 4) interpolated at frame positions; the first pose follows the last."""
+    """Interpolate poses (F, 4, 4) at fractional frame indices. Beyond the last pose, the first pose follows."""
     known = np.concatenate([poses, poses[:1]]) if at.max() > len(poses) - 1 else poses
     times = np.arange(len(known))
     found = np.tile(np.eye(4), (len(at), 1, 1))
