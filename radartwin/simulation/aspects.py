@@ -1,20 +1,21 @@
-"""Recording of a turning target from a set of aspects, each traced once with the target at rest.
+"""Signal of a turning target, interpolated between aspects. Each aspect is one angle, traced once with the target at rest.
 
-The field of a target that extends R from its axis has angular harmonics up to 2 k R, so 4 k R aspects determine a whole turn: 600 for
-R = 9 cm at 77 GHz. A windowed sinc interpolates between aspects (error 0.01 of a point target at that R). Each chirp is interpolated
-separately, so that any turn, however fast or uneven, uses the same aspects. The remaining error is the step of physical optics where a face
-becomes visible. Measured errors, relative to the root mean square over a turn:
+The field of a target that extends to a distance R from the axis has angular harmonics up to 2 k R, where k is the wavenumber. A whole
+revolution therefore needs 4 k R aspects, for example 600 for R = 9 cm at 77 GHz. A windowed sinc interpolates between aspects (error: 0.01
+of the signal of a point target at this R). Each chirp is interpolated separately, so that fast and uneven rotations use the same aspects.
+The largest remaining error occurs where a face becomes visible, because physical optics makes the field jump there. The table gives
+measured errors of the signal, relative to its root mean square over a revolution. Reach is the largest distance from the axis.
 
 | target | aspects | error |
 |---|---|---|
-| 0.09 m reach, free space | 1024 | 0.02 to 0.07 (0.1 to 0.14 of a weak aspect) |
+| 0.09 m reach, free space | 1024 | 0.02 to 0.07 (0.1 to 0.14 of the signal at weak aspects) |
 | bottle, 0.04 m reach, lab | 512 | 0.01 |
 | bottle, 0.05 m reach, lab | 512 | 0.005 |
 | mug, 0.075 m reach, lab | 512 | 0.07 |
 | body of revolution 6 mm off the turntable's axis | 64 | 0.005 |
 | body of revolution 8 mm off the turntable's axis | 64 | 0.09 |
 
-A body of revolution varies only because its axis is offset from the axis of the turntable.
+The signal of a body of revolution varies only because its axis is offset from the axis of the turntable.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,20 +27,21 @@ from radartwin.compiled import compiled, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene.scene import Surface
 
-ASPECTS = 1024  # per turn
-MIN_ASPECTS = 512  # per turn of a target that is not round: facets cause up to 128 ripples per turn
+ASPECTS = 1024  # default number of aspects per revolution
+MIN_ASPECTS = 512  # per revolution of a target that is no body of revolution, because facets cause up to 128 ripples per revolution
 TAPS = 8
-_OVERSAMPLING = 1.6  # design value of the window's width
-_BATCH = 64  # aspects traced together
+_OVERSAMPLING = 1.6  # of the aspects; it sets the width of the interpolation window
+_BATCH = 64  # number of aspects traced together
 
 
 @dataclass(frozen=True, eq=False)
 class Aspects:
-    """One chirp per aspect of a target.
+    """Store one chirp per aspect of a target.
 
     Attributes:
-        signals: (A, T, R, N) complex64, chirps at angles 2 pi a/(A symmetry), amplitude units.
-        symmetry: order of the rotational symmetry about the axis.
+        signals: (A, T, R, N) complex64 in amplitude units: A aspects, T transmitters, R receivers, N samples. Aspect a is the angle
+            2 pi a/(A symmetry).
+        symmetry: order of the rotational symmetry about the axis, 1 for none.
     """
 
     signals: np.ndarray
@@ -47,13 +49,13 @@ class Aspects:
 
     @staticmethod
     def traced(chirp: Callable[[np.ndarray], np.ndarray], count: int = ASPECTS, symmetry: int = 1) -> "Aspects":
-        """Trace `count` aspects (1 for a body of revolution); `chirp` returns (F, T, R, N) for angles (F,) in radians."""
+        """Trace `count` aspects (1 for a body of revolution). `chirp` returns signals (F, T, R, N) at angles (F,) in radians."""
         angles = 2 * np.pi / symmetry * np.arange(count) / count
         parts = [chirp(angles[first : first + _BATCH]) for first in range(0, count, _BATCH)]
         return Aspects(np.concatenate(parts).astype(np.complex64), symmetry)
 
     def at(self, angles: np.ndarray) -> np.ndarray:
-        """Interpolated chirps, complex64 (F, C, T, R, N), at the angle (F, C, T) of each chirp in radians."""
+        """Return the chirps (F, C, T, R, N) complex64, interpolated at the angles (F, C, T) in radians of F frames with C chirps."""
         count, _, receivers, samples = self.signals.shape
         place = np.asarray(angles, float) * (self.symmetry * count / (2 * np.pi))
         out = np.empty((*place.shape, receivers, samples), np.complex64)
@@ -67,12 +69,12 @@ class Aspects:
 
 
 def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis: bool = False, frequency_hz: float = 79e9) -> int:
-    """Number of aspects for a whole turn about z, a multiple of the batch size.
+    """Return the number of aspects that a whole revolution about z needs, a multiple of the batch size.
 
     Args:
-        surfaces: in the frame of the turntable.
-        beyond_m: largest additional offset from the axis.
-        round_about_axis: whether the target is a body of revolution, which varies only through its offset.
+        surfaces: of the target, in the frame of the turntable.
+        beyond_m: largest additional offset of the target from the axis.
+        round_about_axis: whether the target is a body of revolution, whose signal varies only because of its offset.
         frequency_hz: highest frequency.
     """
     reach = beyond_m
@@ -83,7 +85,7 @@ def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis:
 
 
 def _window(fraction: np.ndarray) -> np.ndarray:
-    """(..., TAPS) weights of the aspects from TAPS/2 - 1 before an angle to TAPS/2 after it; their sum is one."""
+    """Return weights (..., TAPS) with sum 1 of the aspects around an angle, from TAPS/2 - 1 aspects before it to TAPS/2 after it."""
     distance = fraction[..., None] - np.arange(1 - TAPS // 2, 1 + TAPS // 2)
     beta = np.pi * TAPS * (1 - 1 / _OVERSAMPLING) / 2
     inside = np.sqrt(np.clip(1 - (2 * distance / TAPS) ** 2, 0, None))
@@ -93,7 +95,7 @@ def _window(fraction: np.ndarray) -> np.ndarray:
 
 @compiled
 def _combine(low, high, signals, first, weights, out):
-    """Weighted sums of aspects for frames low..high."""
+    """Write the weighted sums of aspects for frames `low` to `high` to `out`."""
     count = len(signals)
     for f in range(low, high):
         for c in range(out.shape[1]):

@@ -1,29 +1,32 @@
-"""Diffuse scattering from a cloud of points on rough surfaces, with the power that roughness removes from mirror reflections.
+"""Diffuse scattering from a cloud of points on rough surfaces. Its power is what roughness removes from the mirror reflections.
 
-A patch of area A at distance r_i from the transmitter (power P_t, incidence theta_i) and r_s from the receiver (theta_s) returns, between
-isotropic antennas,
+A patch of area A lies at distance r_i from the transmitter, seen at the angle theta_i from its normal, and at r_s and theta_s from the
+receiver. Between isotropic antennas, the ratio of received to transmitted power is
 
     |a|^2 = A cos theta_i / (4 pi r_i^2) * D(theta_i) cos theta_s / pi * lambda^2 / (4 pi r_s^2)
     D = (1 - rho_s^2) (|E_s|^2 |Gamma_TE|^2 + |E_p|^2 |Gamma_TM|^2)
 
-rho_s is Ament's factor. Tubes and images apply it, so that their rho_s^2 |Gamma|^2 and D add up to |Gamma|^2. The lobe is Lambertian; its
-integral over the half-space is D times the incident power. This is the effective-roughness model of V. Degli-Esposti, F. Fuschini,
-E. Vitucci, G. Falciasecca, IEEE Trans. AP 55 (2007) 143, with S^2 = 1 - rho_s^2 from physics instead of a fit.
+rho_s is Ament's roughness factor, and E_s and E_p are the field's parts perpendicular and parallel to the plane of incidence. Tubes and
+images reflect the power rho_s^2 |Gamma|^2, so that mirror and diffuse power add up to |Gamma|^2. The lobe is Lambertian; its integral over
+the half-space is D times the incident power. This is the effective-roughness model of V. Degli-Esposti, F. Fuschini,
+E. Vitucci, G. Falciasecca, IEEE Trans. AP 55 (2007) 143, with a computed S^2 = 1 - rho_s^2 instead of a fitted value.
 
 Polarisation: a slightly rough surface scatters once, from a facet that faces the radar, and preserves the polarisation (first-order
-perturbation theory and Kirchhoff's approximation agree). Antennas of equal polarisation therefore receive all of the power.
+perturbation theory and Kirchhoff's approximation agree). If both antennas have the same polarisation, the receiver therefore gets all of
+the power.
 
-Speckle: a point represents a cell of hundreds of square wavelengths, the sum of many independent facets. Its field is a complex circular
-Gaussian of unit mean power, drawn once. Every resolution cell then has the statistics of full speckle with any number of points; unit
-phasors would need a dozen points per cell.
+Speckle: a point represents hundreds of square wavelengths of surface with many independent facets. Its field factor is drawn once from a
+complex circular Gaussian distribution of unit mean power. Every resolution cell of the radar then has fully developed speckle with any
+number of points. With phasors of unit magnitude, a cell would need a dozen points.
 
-Near field: close to the sensor, r^-4 of a point would exceed the return of its cell. The power is multiplied by q = (1 + x/2)/(1 + x)^2,
-x = A/(pi r_i r_s), the exact ratio for a disc at normal incidence. At the default density, the mean power of a wall is accurate to 0.1 dB
-beyond 1 m, 0.2 dB low at 0.5 m and 1 dB low at 0.15 m.
+Near field: close to the sensor, the factor r^-4 would make the echo of a point stronger than that of the area that it represents. The power
+is multiplied by q = (1 + x/2)/(1 + x)^2, x = A/(pi r_i r_s), the exact ratio for a disc at normal incidence. At the default density, the
+error of a wall's mean power is at most 0.1 dB beyond 1 m. The power is 0.2 dB too low at 0.5 m and 1 dB too low at 0.15 m.
 
 Limits: the Lambertian lobe has no correlation length. A surface that undulates over more than a wavelength scatters about the mirror
-direction instead, so the return of oblique walls is an upper limit here, with the correct total power. Points depend only on the surfaces
-and a seed. There is one bounce; paths between points or with mirror reflections, and shadows of moving objects, are not modelled.
+direction instead, so the echo of oblique walls is an upper limit here, with the correct total power. The points depend only on the surfaces
+and a seed. Every path has one bounce. Paths between points, paths that also have mirror reflections, and shadows of moving objects are not
+modelled.
 """
 
 from collections.abc import Sequence
@@ -45,21 +48,21 @@ from radartwin.simulation.paths import Paths
 
 DENSITY_PER_M2 = 60.0  # 8,400 points in a furnished room of 140 m^2, about fifty per range bin of a wall at 3 m
 MIN_POINTS, MAX_POINTS = 200, 50_000
-PRUNED_POWER = 1e-4  # largest share of a pose's diffuse power in dropped points: 1 % of its signal
-COS_GRAZING = 0.02  # at smaller cosines of incidence, a patch returns under 1e-3 of its power at normal incidence
+PRUNED_POWER = 1e-4  # largest fraction of a pose's diffuse power that may be dropped (error: 1 % of the diffuse signal)
+COS_GRAZING = 0.02  # patches with a smaller cosine of incidence are ignored; they return less than 1e-3 of the power at normal incidence
 COSINES = 1024
-LANES = 200_000  # pairs of point and pose in memory, about 30 MB
-_SAMPLING_HZ = 77e9  # frequency of the scattered shares by which points are distributed over surfaces
+LANES = 200_000  # pairs of a point and a pose computed at once, about 30 MB
+_SAMPLING_HZ = 77e9  # frequency of the scattered power fractions that determine how points are distributed over surfaces
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Scatterers on the rough surfaces of a scene.
+    """Hold P scatterers on the rough surfaces of a scene.
 
     Attributes:
-        points: (P, 3) metres, world. normals: (P, 3) unit, on either side.
-        area: (P,) square metres per point.
-        field: (P,) complex, circular Gaussian of unit mean power.
+        points: (P, 3) metres, world. normals: (P, 3) unit vectors, on either side of the surface.
+        area: (P,) square metres that each point represents.
+        field: (P,) complex factor of the field, from a circular Gaussian distribution of unit mean power.
         surface: (P,) index of the surface.
     """
 
@@ -75,10 +78,10 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Strengths:
-    """Scattered share D of the incident power, by surface and cosine of incidence.
+    """Hold the fraction D of the incident power that each of S surfaces scatters, by cosine of incidence.
 
     Attributes:
-        te, tm: (S, COSINES), averaged over the sweep; column c is the cosine c/(COSINES - 1).
+        te, tm: (S, COSINES) for each polarisation, averaged over the sweep. Column c holds the cosine c/(COSINES - 1).
         frequency_hz: middle of the sweep.
     """
 
@@ -88,18 +91,18 @@ class Strengths:
 
 
 def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) -> Cloud:
-    """Scatterers on the rough surfaces; an empty cloud if all surfaces are smooth.
+    """Place scatterers on the rough surfaces. The cloud is empty if all surfaces are smooth.
 
-    The number of points on a triangle is proportional to its area times its scattered share at 77 GHz and normal incidence, so that all
-    points have about the same power. Points on a triangle follow a low-discrepancy sequence (M. Roberts' R2), which keeps the mean power of
-    sparse clouds close to the integral.
+    The number of points on a triangle is proportional to its area times the power fraction that it scatters at 77 GHz and normal
+    incidence, so that all points have about the same power. Points on a triangle follow a low-discrepancy sequence (M. Roberts' R2), which
+    keeps the mean power of sparse clouds close to that of the surface.
 
     Args:
         surfaces: static surfaces in the world.
-        count: total number of points; None: DENSITY_PER_M2, from MIN_POINTS to MAX_POINTS.
-        seed: of positions and fields; it belongs to the scene, not to a run or a frame.
+        count: total number of points. None: DENSITY_PER_M2 times the rough area, limited to MIN_POINTS to MAX_POINTS.
+        seed: random seed of positions and field factors. The cloud is part of the scene, so all runs and frames use the same seed.
     Raises:
-        InputError: a count below one.
+        InputError: the count is below one.
     """
     if count is not None and count < 1:
         raise InputError(f"count must be at least one scatterer, not {count!r}")
@@ -129,7 +132,7 @@ def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) 
 
 
 def strengths(surfaces: Sequence[Surface], radar: Radar) -> Strengths:
-    """Scattered shares of the surfaces in the radar's sweep; zero for smooth surfaces."""
+    """Compute the power fractions that the surfaces scatter in the radar's sweep; zero for smooth surfaces."""
     frequency = radar.start_frequency_hz + radar.sampled_bandwidth_hz * np.linspace(0, 1, 5)
     cosine = np.linspace(0, 1, COSINES)
     cosine[0] = 1e-6
@@ -145,17 +148,18 @@ def strengths(surfaces: Sequence[Surface], radar: Radar) -> Strengths:
 
 
 def scattered_share(material: str | Layered, roughness_m: float, cosine: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray:
-    """(2, C) D for TE and TM at C cosines, averaged over frequencies: smooth minus rough power reflection."""
+    """Return D (2, C) for TE and TM at C cosines: the power reflection of the smooth minus the rough surface, averaged over frequencies."""
     coherent = ament(roughness_m, cosine[:, None], 2 * np.pi * frequency_hz / SPEED_OF_LIGHT)
     return np.stack([((1 - coherent**2) * np.abs(c) ** 2).mean(axis=1) for c in reflection(material, cosine[:, None], frequency_hz)])
 
 
 @compiled
 def scattered_power(area, strength, cos_in, cos_out, distance_in, distance_out, wavelength_m):
-    """Received over transmitted power of patches between isotropic antennas, over both polarisations. All arguments broadcast.
+    """Return the received over the transmitted power of patches, between isotropic antennas. All arguments broadcast.
 
     Args:
-        area: square metres. strength: D. cos_in, cos_out: from the normal on the lit side; zero power if not positive. distances: metres.
+        area: square metres. strength: D. distance_in, distance_out: metres.
+        cos_in, cos_out: cosines of the angles from the normal on the lit side. The power is zero if either is not positive.
     """
     product = distance_in * distance_out
     x = area / (np.pi * product)
@@ -167,16 +171,16 @@ def scattered_power(area, strength, cos_in, cos_out, distance_in, distance_out, 
 def paths(
     scatterers: Cloud, strength: Strengths, geometry: Geometry, radar: Radar, poses: np.ndarray, velocity: np.ndarray | None = None
 ) -> Paths:
-    """Single-bounce paths over the cloud, for all poses. A Mitsuba variant must be active.
+    """Return the single-bounce paths from the sensor to the points of a cloud and back. A Mitsuba variant must be active.
 
     Args:
-        scatterers: the cloud. strength: of the same surfaces.
+        scatterers: the cloud. strength: scattered power fractions of the same surfaces.
         geometry: blocking surfaces in the world.
-        radar: element pattern, used only to drop weak points; amplitudes exclude its gain.
-        poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor, m/s, world; None: at rest.
+        radar: its element pattern is used only to drop weak points; amplitudes exclude the element gain.
+        poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor in the world, m/s. None: the sensor is at rest.
     Returns:
-        Paths of F poses at one frequency node. Points are dropped if their power (with the pattern) is below PRUNED_POWER of the pose's
-        power divided by the number of points, so that at most PRUNED_POWER is lost.
+        Paths of F poses at one frequency node. A point is dropped if its power (with the element gain) is below PRUNED_POWER times the mean
+        power of a point at this pose, so that a pose loses at most the fraction PRUNED_POWER of its power.
     """
     frames = len(poses)
     velocity = np.zeros((frames, 3)) if velocity is None else velocity
@@ -194,7 +198,7 @@ def paths(
 def _block(
     scatterers: Cloud, strength: Strengths, geometry: Geometry, radar: Radar, poses: np.ndarray, velocity: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Pose, amplitude, distance, direction in the sensor frame, and rate of the paths of some poses."""
+    """Return pose, amplitude, distance, direction in the sensor frame, and rate of change of the length of the paths of some poses."""
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
     pose, point, distance, direction, power, start = _returns(
         CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm,
@@ -213,7 +217,7 @@ def _block(
 
 
 class CloudArrays(NamedTuple):
-    """The arrays of a Cloud for the compiled kernel."""
+    """Hold the arrays of a Cloud that the compiled kernel reads."""
 
     points: Any
     normals: Any
@@ -223,10 +227,11 @@ class CloudArrays(NamedTuple):
 
 @compiled
 def _returns(cloud, te, tm, poses, wavelength_m, forward, lift):
-    """Pairs of pose and point with positive power, without occlusion.
+    """List the N pairs of a pose and a point with positive power, without testing occlusion.
 
     Returns:
-        pose, point, distance (N,); direction (3, N) from the sensor; power (N,); start (3, N) float32, `lift` above the lit side.
+        Indices pose and point (N,), distance (N,), direction (3, N) from the sensor, power (N,), and start (3, N) float32, which is the
+        point moved by `lift` off the surface towards the sensor.
     """
     points, normals, area, surface = cloud.points, cloud.normals, cloud.area, cloud.surface
     most = len(poses) * len(points)
@@ -250,7 +255,7 @@ def _returns(cloud, te, tm, poses, wavelength_m, forward, lift):
             cosine = min(abs(facing), 1.0)
             if cosine < COS_GRAZING:
                 continue
-            # share of the field (the sensor's z projected across the ray) that is perpendicular to the plane of incidence
+            # power fraction of the field (along the sensor's z axis projected across the ray) perpendicular to the plane of incidence
             ux, uy, uz = rotation[0, 2], rotation[1, 2], rotation[2, 2]
             across = ux * (y * nz - z * ny) + uy * (z * nx - x * nz) + uz * (x * ny - y * nx)
             size = (1 - cosine * cosine) * (1 - (ux * x + uy * y + uz * z) ** 2)
@@ -269,12 +274,12 @@ def _returns(cloud, te, tm, poses, wavelength_m, forward, lift):
 
 
 def _lift(geometry: Geometry) -> float:
-    """Height in metres at which float32 rays start clear of a surface."""
+    """Return a height in metres above a surface at which float32 rays can start without hitting this surface."""
     return max(2e-6 * geometry.extent_m, 1e-7)
 
 
 def _visible(geometry: Geometry, start: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """(N,) whether the lines from `start` (3, N) against `direction` (3, N) to the sensor are free."""
+    """Return a mask (N,) of unblocked lines from `start` (3, N) to the sensor, opposite to `direction` (3, N)."""
     import mitsuba as mi
 
     if not len(distance):

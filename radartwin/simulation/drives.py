@@ -1,11 +1,11 @@
-"""Paths of many drives along one track: a sensor moves through a resting room, past a resting object.
+"""Paths of many drives along one track, on which the sensor moves past a resting object in a resting room.
 
-Drives after the same log differ by centimetres and their echoes by radians of phase, so they cannot share traced paths unchanged. They
-share two results. First, the panel sequences that matter along the track are found once and evaluated exactly at every pose of every drive.
-Second, paths of clutter, and paths of an object over the room, are traced at places along the track and moved from the nearest place to
-each sensor pose: lengths, directions and rates exactly for the first and last points of the path, amplitudes unchanged. Panel images
-and direct echoes of a target are not moved, because the edge waves of an object change phase against the specular flash within millimetres
-(error 0.23 of the signal).
+Repeated drives along one nominal drive differ by centimetres, which changes the phase of echoes by radians. The drives can therefore not
+share traced paths unchanged, but they share two results. First, the panel sequences that matter along the track are searched once, then
+evaluated exactly at every pose of every drive. Second, some paths are traced only at places along the track and moved from the nearest
+place to each sensor pose: the paths of clutter, and the paths between an object and the room. The move keeps amplitudes; lengths,
+directions and rates of change are exact for the first and last points of the path. Panel images and direct echoes of a target are not moved
+but traced at every pose, because the phase between edge waves and specular echo changes within millimetres (error: 0.23 of the signal).
 """
 
 from collections.abc import Callable, Sequence
@@ -24,29 +24,33 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import PRUNE
 from radartwin.simulation.paths import Paths
 
-SPACING_M = 0.04  # between places along a track
-OVER_ROOM = 0.25  # tubes per square wavelength for an object's paths over the room: error 0.03 of its return (0.06 with half as many)
-CLUTTER_OVER_ROOM = 0.125  # ... for clutter: error 0.03 of a metal umbrella stand's return, 0.10 of a litter bin's
-PAIRS = 0.1  # ten times the threshold of a resting radar for clutter's paths over the room
-BEYOND_M = 0.04  # extension at both ends of the nominal drive, because the actual drive starts early or rolls on
-CLUTTER_PRUNE = 1e-2  # of the strongest path of a clutter object: changes its direct signal by 0.003, its signal over the room by 0.01
-THING_PRUNE = 3e-3  # of the strongest path of an object; a third of this value changes its signal by 0.006
-SCOUT_SHARE = 0.3  # of the final prune, because a sequence that is weak at one place may be strong at the next
-TOGETHER = 8  # places traced at once, which limits memory
-TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths were pruned with the element pattern at the start's heading
+SPACING_M = 0.04  # distance between places along a track
+OVER_ROOM = (
+    0.25  # tubes per square wavelength on an object for its paths with the room (error: 0.03 of these paths' signal; half as many: 0.06)
+)
+CLUTTER_OVER_ROOM = 0.125  # the same for clutter (errors: 0.03 of the signal of a metal umbrella stand, 0.10 of that of a litter bin)
+PAIRS = 0.1  # paths between clutter and room weaker than this times the strongest room path are dropped; a resting radar uses a tenth
+BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, because an actual drive may start earlier or end later
+# Paths weaker than this times the strongest path of a clutter object are dropped (errors: 0.003 of its direct signal, 0.01 of its signal
+# with the room).
+CLUTTER_PRUNE = 1e-2
+THING_PRUNE = 3e-3  # the same for an object under test; a third of this threshold changes the object's signal by 0.006
+SCOUT_SHARE = 0.3  # threshold of the sequence search over the final one, because a sequence weak at one place may be strong at the next
+TOGETHER = 8  # number of places traced at once; limits memory
+TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at the first heading
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
-BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls for which legs are found, and the ratio of successive radii
+BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls around objects for which legs are searched, and ratio of successive radii
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Paths at sensor places (P, 4, 4), equally spaced on a line."""
+    """Hold the paths traced at sensor places (P, 4, 4), which are equally spaced on a line."""
 
     places: np.ndarray
     parts: Sequence[Paths]
 
     def seen(self, poses: np.ndarray, frame_rate_hz: float) -> list[Paths]:
-        """Parts of F poses for a sensor that drives through `poses` (F, 4, 4)."""
+        """Return the paths for a sensor that drives through `poses` (F, 4, 4), as parts of F poses each."""
         velocity = np.einsum("fji,fj->fi", poses[:, :3, :3], poses_module.relative(poses, None, frame_rate_hz)[1])
         along = self.places[-1, :3, 3] - self.places[0, :3, 3]
         where = (poses[:, :3, 3] - self.places[0, :3, 3]) @ along / (along @ along) * (len(self.places) - 1)
@@ -56,11 +60,12 @@ class Track:
         return [self._carried(part, place, shift, np.swapaxes(frame, 1, 2) @ there, velocity) for part in self.parts]
 
     def _carried(self, part: Paths, place: np.ndarray, shift: np.ndarray, turn: np.ndarray, velocity: np.ndarray) -> Paths:
-        """Paths of the nearest place (F,) moved to each pose.
+        """Move the paths of the nearest place (F,) to each pose.
 
         Args:
-            shift: (F, 3) from place to pose, in the sensor frame at the place. turn: (F, 3, 3) from this frame to the frame at the pose.
-            velocity: (F, 3) in the sensor frame at the pose.
+            shift: (F, 3) from place to pose, in the sensor frame at the place. turn: (F, 3, 3) from this frame to the sensor frame at the
+                pose.
+            velocity: (F, 3) of the sensor in the sensor frame at the pose.
         """
         assert part.mirror is None
         first = np.searchsorted(part.pose, np.arange(len(self.places) + 1))
@@ -81,7 +86,7 @@ def _carry(
     low, high, start, first, shift, turn, velocity, amplitude, bounces, length_in, length_out, departure, arrival,
     amplitude_to, bounces_to, length_to, way_to, rate_to,
 ):  # fmt: skip
-    """Paths of poses low..high, moved from their nearest places."""
+    """Write the paths of poses `low` to `high`, moved from their nearest places, to the arrays `*_to`."""
     moved = np.empty(3)
     for f in range(low, high):
         for row in range(start[f], start[f + 1]):
@@ -106,7 +111,7 @@ def _carry(
 
 
 def straight(poses: np.ndarray) -> bool:
-    """Whether a drive (F, 4, 4) follows one line in one direction with constant heading, so that tracks can be shared."""
+    """Return whether a drive (F, 4, 4) keeps to one line, direction and heading, so that a track can represent it."""
     at, way = poses[:, :3, 3] - poses[0, :3, 3], poses[-1, :3, 3] - poses[0, :3, 3]
     length = float(np.linalg.norm(way))
     along = at @ (way / length) if length > 0 else np.zeros(len(at))
@@ -117,7 +122,7 @@ def straight(poses: np.ndarray) -> bool:
 
 
 def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np.ndarray:
-    """(P, 4, 4) places along a straight nominal drive (F, 4, 4), beyond both ends, with the heading of its start.
+    """Return places (P, 4, 4) along a straight nominal drive (F, 4, 4) and beyond both ends, all with the first heading.
 
     All places are shifted forward by `offset` times the spacing.
     """
@@ -131,20 +136,20 @@ def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np
 
 
 def _in_turn(parts: Sequence[Paths | None], poses: int) -> Paths:
-    """Consecutive parts of TOGETHER poses each, joined to one part of all poses."""
+    """Join consecutive parts of TOGETHER poses each to one part of all poses."""
     shifted = [replace(part, poses=poses, pose=part.pose + k * TOGETHER) for k, part in enumerate(parts) if part is not None]
     return Paths.concatenate(shifted)
 
 
 class Drives:
-    """Drives along one track through one room.
+    """Trace drives along one track through one room.
 
     Args:
-        surfaces: static surfaces of the room; none: free space.
+        surfaces: static surfaces of the room; empty for free space.
         radar: waveform, frame rate and element pattern.
-        nominal: (F, 4, 4) the straight drive of the log.
-        settings: of the tracer, without `rays` and with a room of panels.
-        offset: shift of the places in spacings, so that two drives along one track have independent errors.
+        nominal: (F, 4, 4) sensor poses of the straight nominal drive.
+        settings: of the tracer. `rays` must be None, and the room is traced by panels.
+        offset: shift of the places as a fraction of their spacing. Different offsets give independent tracing errors.
     """
 
     def __init__(self, surfaces: Sequence[Surface], radar: Radar, nominal: np.ndarray, settings: TraceSettings, offset: float = 0.0):
@@ -157,7 +162,7 @@ class Drives:
         self._still = StaticScene.build(list(surfaces), radar) if len(surfaces) else None
 
     def room(self, poses: np.ndarray) -> list[Paths]:
-        """Paths of the room alone for a drive through `poses` (F, 4, 4)."""
+        """Return the paths of the room without the object, for a drive through `poses` (F, 4, 4)."""
         if self._still is None:
             return []
         if (poses == poses[0]).all():
@@ -192,12 +197,12 @@ class Drives:
         return None if self._still is None else self._still.room.beside()
 
     def over_room(self, surfaces: Sequence[Surface], aside: np.ndarray | None = None) -> Track:
-        """Paths over both a compact resting object and the room, along the track; `aside` as in `moving`."""
+        """Trace the paths that include both a compact resting object and the room, along the track; `aside` as in `moving`."""
         at_rest = np.eye(4)[None]
-        return self._track(lambda places: self._moving(self._things, surfaces, places, at_rest, True, aside)[1:])  # without the direct echo
+        return self._track(lambda places: self._moving(self._things, surfaces, places, at_rest, True, aside)[1:])  # 0: direct echo
 
     def _track(self, traced: Callable[[np.ndarray], list[Paths]]) -> Track:
-        """The paths that `traced` returns for the places along the track."""
+        """Call `traced` for the places along the track and return its paths as a Track."""
         places = self._places
         some = [traced(places[low : low + TOGETHER]) for low in range(0, len(places), TOGETHER)]
         longest = max(len(parts) for parts in some)
@@ -206,11 +211,12 @@ class Drives:
     def moving(
         self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True, aside: np.ndarray | None = None
     ) -> list[Paths]:
-        """Paths of a compact object at `poses` (F, 4, 4) for the sensor poses `sensor` (F, 4, 4); a single pose holds for all frames.
+        """Trace a compact object at `poses` (F, 4, 4) from sensor poses `sensor` (F, 4, 4). A single pose holds for all frames.
 
         Args:
-            aside: (3,) metres from the logged to the actual position. Legs over the room are found for a ball around the logged position,
-                so that all objects placed there share them.
+            coupled: whether to include paths between the object and the room.
+            aside: (3,) metres from the nominal to the actual object position. Legs that reflect at room panels are searched for a ball
+                around the nominal position, so that all objects placed there share these legs.
         """
         return self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
 

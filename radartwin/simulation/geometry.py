@@ -18,14 +18,15 @@ SMOOTH_EDGE_RAD = np.radians(30.0)
 
 @dataclass
 class Geometry:
-    """Merged triangles of several surfaces.
+    """Hold the merged triangles of several surfaces.
 
     Attributes:
         corners: (F, 3, 3) float64, corners of each face, metres.
         normals: (F, 3, 3) float64, unit vertex normals at the corners.
         surface: (F,) int, index of the surface of each face.
-        patch: (F,) int, number of the smooth patch of each face; by default every face is a patch.
-        hollow_m: (F,) mean width 2 V/A of the mesh if it is closed and faces outwards; zero for open meshes, rooms and by default.
+        patch: (F,) int, index of the smooth patch of each face; by default every face is its own patch.
+        hollow_m: (F,) mean width 2 V/A in metres of the face's mesh (volume V, area A) if the mesh is closed and faces outwards. Zero for
+            other meshes, for rooms and by default.
     """
 
     corners: np.ndarray
@@ -46,19 +47,19 @@ class Geometry:
 
     @property
     def extent_m(self) -> float:
-        """Largest absolute coordinate, metres; it decides the float32 resolution of a hit."""
+        """Return the largest absolute coordinate in metres, which determines the float32 resolution of a hit."""
         return float(np.abs(self.corners).max(initial=1e-3))
 
     @property
     def curved(self) -> bool:
-        """Whether the vertex normals of any facet differ."""
+        """Return whether any facet has different vertex normals."""
         if self._curved is None:
             self._curved = bool(np.ptp(self.normals, axis=1).max(initial=0.0) > 1e-6)
         return self._curved
 
     @property
     def convex(self) -> bool:
-        """Whether the geometry is one closed convex body."""
+        """Return whether the geometry is one closed convex body."""
         if not len(self.corners) or not (self.hollow_m > 0).all() or np.ptp(self.surface):
             return False
         if self._convex is None:
@@ -71,21 +72,22 @@ class Geometry:
 
     @property
     def grid_shift(self) -> tuple[float, float]:
-        """Offset of a tube grid in cells: 0 on flat targets, so that their edges fall between tubes; 0.25 on curved targets.
+        """Return the offset of a tube grid in cells: 0 for flat targets, so that edges fall between tubes, and 0.25 for curved targets.
 
-        On a curved target the error repeats from tube to tube, and its first harmonic varies as cos(2 pi offset) about the specular point.
-        Spheres of 1.5 to 10 cm have errors up to 0.22 dB at one tube per square wavelength; offset 0 gives 0.35 dB and 0.5 gives 0.43 dB.
+        On a curved target the error is periodic in the offset, and its first harmonic is proportional to cos(2 pi offset), which is 0 at
+        0.25. At one tube per square wavelength, the echo of spheres of 1.5 to 10 cm has these largest errors: 0.22 dB with offset 0.25,
+        0.35 dB with offset 0 and 0.43 dB with offset 0.5.
         """
         return (0.25, 0.25) if self.curved else (0.0, 0.0)
 
     @property
     def centre(self) -> np.ndarray:
-        """(3,) centre of the bounding box."""
+        """Return the centre (3,) of the bounding box."""
         points = self.corners.reshape(-1, 3)
         return (points.min(0) + points.max(0)) / 2
 
     def hull_points(self) -> np.ndarray:
-        """(V, 3) points whose bounding box in any view contains the whole geometry."""
+        """Return points (V, 3) whose bounding box in any view contains the whole geometry."""
         if self._hull is None:
             self._hull = self._hull_points()
         return self._hull
@@ -102,7 +104,7 @@ class Geometry:
             return points[:: max(1, len(points) // limit)] if len(points) > 10 * limit else points
 
     def scene(self) -> Any:
-        """The Mitsuba scene of these triangles, built on first use."""
+        """Return the Mitsuba scene of these triangles, built on first use."""
         if self._scene is None:
             import mitsuba as mi
 
@@ -112,14 +114,14 @@ class Geometry:
             parameters["vertex_positions"] = self.corners.astype(np.float32).ravel()
             parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
             parameters.update()
-            # without the option, rays pass Embree along shared edges of triangles; OptiX is watertight
+            # without this option, rays slip through Embree meshes along shared edges of triangles; OptiX is watertight
             watertight = {} if "cuda" in (mi.variant() or "") else {"embree_use_robust_intersections": True}
             self._scene = mi.load_dict({"type": "scene", **watertight, "geometry": mesh})
         return self._scene
 
 
 def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
-    """(F, 3, 3) corner normals, averaged over smooth edges with the corner angle as weight, so that slivers count little."""
+    """Return corner normals (F, 3, 3), averaged over smooth edges. The weights are corner angles, so that slivers have little weight."""
     faces = np.asarray(mesh.faces)
     face_normals = np.asarray(mesh.face_normals)
     count = len(faces)
@@ -130,7 +132,7 @@ def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
         pairs, edges = pairs[smooth], np.asarray(mesh.face_adjacency_edges)[smooth]
         links = []
         for end in range(2):
-            # in each of the two faces, the corner at this end of the shared edge
+            # the corner of each of the two faces at this end of the shared edge
             corner = [3 * pairs[:, side] + np.argmax(faces[pairs[:, side]] == edges[:, end : end + 1], axis=1) for side in range(2)]
             links.append(np.stack(corner, axis=1))
         link = np.concatenate(links)
@@ -145,7 +147,7 @@ def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
-    """(F,) number of the smooth patch of each face."""
+    """Return the index (F,) of the smooth patch of each face."""
     pairs, count = np.asarray(mesh.face_adjacency), len(mesh.faces)
     if not len(pairs):
         return np.arange(count)
@@ -155,12 +157,12 @@ def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def subset(geometry: Geometry, keep: np.ndarray) -> Geometry:
-    """The faces selected by a mask (F,)."""
+    """Return the faces selected by a mask (F,)."""
     return Geometry(geometry.corners[keep], geometry.normals[keep], geometry.surface[keep], hollow_m=geometry.hollow_m[keep])
 
 
 def _hollow_m(mesh: trimesh.Trimesh) -> float:
-    """Mean width of a closed mesh that faces outwards, metres; otherwise zero."""
+    """Return the mean width in metres of a closed mesh that faces outwards, and zero for other meshes."""
     if not mesh.is_watertight:
         return 0.0
     corners = np.asarray(mesh.triangles, float)
@@ -172,10 +174,10 @@ def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
     """Merge surfaces into one geometry without changing the meshes.
 
     Faces without area and duplicate faces of a mesh are dropped; vertices closer than 0.1 um are merged. Open meshes reflect on both sides.
-    The tracer resolves coordinates to float32, 8 um at 100 m from the origin.
+    The tracer uses float32 coordinates, with a resolution of 8 um at 100 m from the origin.
 
     Args:
-        meshes: one per surface, in one common frame, metres.
+        meshes: one mesh per surface, all in one frame, in metres.
     """
     corners, normals, surface, patch, hollow = [], [], [], [], []
     for index, mesh in enumerate(meshes):

@@ -1,4 +1,4 @@
-"""Traced paths in the shared array cache (radartwin/store/array_cache.py), so that the same room is traced once."""
+"""Store traced paths in the shared array cache (radartwin/store/array_cache.py), so that each room is traced only once."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from radartwin.store.digest import array_digest, source_digest, spec_digest
 
 
 def traced_once(spec: Mapping[str, Any], arrays: Mapping[str, np.ndarray], trace: Callable[[], list[Paths]]) -> list[Paths]:
-    """The paths from the cache, or those that `trace` returns now. They are shared: do not write to them.
+    """Return the cached paths, or call `trace` and cache its paths. Do not write to the returned arrays, because callers share them.
 
     Args:
-        spec: settings that decide the paths. arrays: geometry, reflection and poses that decide the paths.
+        spec: settings that affect the paths. arrays: geometry, reflection tables and poses that affect the paths.
     """
     digests = {name: array_digest(array) for name, array in arrays.items()}
     key = spec_digest({"spec": spec, "arrays": digests, "source": source_digest(["radartwin.simulation"])})
@@ -31,7 +31,7 @@ def traced_once(spec: Mapping[str, Any], arrays: Mapping[str, np.ndarray], trace
 
 
 def to_arrays(parts: Sequence[Paths]) -> dict[str, np.ndarray]:
-    """The fields of all parts as named arrays."""
+    """Return the fields of all parts as named arrays."""
     arrays = {"parts": np.array(len(parts))}
     for i, part in enumerate(parts):
         values = {field.name: getattr(part, field.name) for field in dataclasses.fields(Paths)}
@@ -40,7 +40,7 @@ def to_arrays(parts: Sequence[Paths]) -> dict[str, np.ndarray]:
 
 
 def from_arrays(arrays: Arrays) -> list[Paths]:
-    """The parts that `to_arrays` wrote. Raises ValueError, LookupError or TypeError for arrays that do not fit together."""
+    """Rebuild the parts from the arrays of `to_arrays`. Raises ValueError, LookupError or TypeError for arrays that do not fit together."""
     parts = []
     for i in range(int(arrays["parts"])):
         values: dict[str, Any] = {f.name: arrays[f"{i}.{f.name}"] for f in dataclasses.fields(Paths) if f"{i}.{f.name}" in arrays}

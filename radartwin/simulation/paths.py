@@ -8,20 +8,21 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Propagation paths of F poses in the sensor frame. Do not write to the arrays, because caches share them.
+    """Hold the propagation paths of F poses in the sensor frame. Do not write to the arrays, because caches share them.
 
     Attributes:
-        poses: F.
+        poses: number of poses, F.
         pose: (N,) index of the pose, ascending.
         bounces: (N,) number of reflections.
         amplitude: (N, Q) complex at Q frequency nodes, without the propagation phase. Between isotropic antennas the path adds
             amplitude(f) exp(+j 2 pi f L/c); |amplitude|^2 is received over transmitted power.
-        frequencies_hz: (Q,) nodes; between them the amplitude follows the interpolating polynomial.
+        frequencies_hz: (Q,) nodes; between the nodes the amplitude is the interpolating polynomial.
         length_in_m, length_out_m: (N,) metres from the transmitter to the last hit (unfolded), and from there to the receiver.
         departure, arrival: (N, 3) unit vectors in the sensor frame from the sensor towards first and last hit.
-        rate_mps: (N,) rate of change of length_in + length_out, m/s.
-        mirror: (N, 3, 3) in the sensor frame, or None. With a mirror, the path is a straight line from the transmitter's image, and its
-            length between elements at t and r is |L arrival + mirror t - r| with the total length L. Without, the hits are fixed points.
+        rate_mps: (N,) rate of change of length_in_m + length_out_m, m/s.
+        mirror: (N, 3, 3) in the sensor frame, or None. With a mirror, the path is a straight line from the transmitter's image. Its length
+            between antenna elements at t and r is then |L arrival + mirror t - r|, where L is the total length. Without a mirror, the hits
+            are fixed points.
     """
 
     poses: int
@@ -41,11 +42,11 @@ class Paths:
 
     @property
     def length_m(self) -> np.ndarray:
-        """(N,) total path length."""
+        """Return the total lengths (N,) of the paths in metres."""
         return self.length_in_m + self.length_out_m
 
     def where(self, keep: np.ndarray | slice) -> "Paths":
-        """The paths selected by mask, indices or slice."""
+        """Return the paths selected by a mask, indices or a slice."""
         chosen = {f.name: getattr(self, f.name) for f in fields(self)}
         for name, value in chosen.items():
             if name not in ("poses", "frequencies_hz") and value is not None:
@@ -53,14 +54,14 @@ class Paths:
         return Paths(**chosen)
 
     def frames(self, start: int, stop: int) -> "Paths":
-        """The paths of poses from `start` to before `stop`, renumbered from zero."""
+        """Return the paths of poses `start` to `stop` - 1, with poses renumbered from zero."""
         low, high = np.searchsorted(self.pose, (start, stop))
         chosen = self.where(slice(low, high))
         return replace(chosen, poses=stop - start, pose=chosen.pose - start)
 
     @staticmethod
     def concatenate(parts: Sequence["Paths"]) -> "Paths":
-        """Paths of the same poses and frequency nodes, ordered by pose."""
+        """Join paths that have the same poses and frequency nodes, and order them by pose."""
         first = parts[0]
         names = [f.name for f in fields(first) if f.name not in ("poses", "frequencies_hz") and getattr(first, f.name) is not None]
         joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}

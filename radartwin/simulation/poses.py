@@ -1,4 +1,4 @@
-"""Rigid poses: checks, relative motion and velocity within a frame."""
+"""Rigid poses: checks, and relative motion and velocity at the start of each frame."""
 
 from collections.abc import Mapping
 
@@ -7,16 +7,16 @@ from scipy.spatial.transform import Rotation
 
 from radartwin.errors import PoseError
 
-MOMENT = 1e-4  # of a frame, time step of velocities
+MOMENT = 1e-4  # time step for the finite difference of a velocity, in frame periods
 AT_REST = 1e-12  # largest change of a pose that counts as no motion
 _RIGID = 1e-4  # tolerated deviation of R R^T from the identity, for poses rounded to float32 or text
 
 
 def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
-    """(F, 4, 4) float64 rigid poses; a single (4, 4) becomes one frame.
+    """Return checked rigid poses (F, 4, 4) float64; a single pose (4, 4) becomes one frame.
 
     Raises:
-        PoseError: wrong shape, zero frames, not finite, not rigid; the message names `what` and the frame.
+        PoseError: the shape is wrong, there are no frames, or a pose is not finite or not rigid. The message names `what` and the frame.
     """
     try:
         poses = np.asarray(poses, float)
@@ -28,7 +28,7 @@ def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
         raise PoseError(f"{what} must have shape (F, 4, 4), not {poses.shape}")
     if len(poses) == 0:
         raise PoseError(f"{what} holds zero frames; give at least one pose")
-    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; entries beyond 1 are no rotation
+    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; entries beyond 1 cannot belong to a rotation
     off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
     wrong = (off > _RIGID) | (np.linalg.det(rotation) < 0) | (np.abs(poses[:, 3] - (0, 0, 0, 1)) > 1e-9).any(axis=1)
     if (bad := np.flatnonzero(wrong | ~np.isfinite(poses).all(axis=(1, 2)))).size:
@@ -40,12 +40,12 @@ def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
 
 
 def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frames: int) -> tuple[dict[str, np.ndarray], int]:
-    """Checked object poses by surface name, repeated to the number of frames, and this number.
+    """Return checked object poses by surface name, repeated for all frames, and the number of frames.
 
     Args:
-        names: surfaces of the scene. frames: number of sensor poses. A single pose of the sensor or of an object holds for all frames.
+        names: of the scene's surfaces. frames: number of sensor poses. A single pose of the sensor or of an object holds for all frames.
     Raises:
-        PoseError: wrong poses, an unknown surface, or different numbers of frames.
+        PoseError: a pose is wrong, a surface is unknown, or the numbers of frames differ.
     """
     if motion is not None and not isinstance(motion, Mapping):
         raise PoseError(f"motion must map surface names to poses (F, 4, 4), not be a {type(motion).__name__}")
@@ -61,17 +61,17 @@ def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frame
 
 
 def repeated(poses: np.ndarray, frames: int) -> np.ndarray:
-    """The poses; a single pose is repeated for every frame."""
+    """Repeat a single pose for all frames, and return several poses unchanged."""
     return poses if len(poses) == frames else np.repeat(poses, frames, axis=0)
 
 
 def at_rest(*poses: np.ndarray) -> bool:
-    """Whether none of the pose sequences (F, 4, 4) moves."""
+    """Return whether no pose sequence (F, 4, 4) moves."""
     return all(bool((np.abs(sequence - sequence[:1]) < AT_REST).all()) for sequence in poses)
 
 
 def inverse(poses: np.ndarray) -> np.ndarray:
-    """Inverse of rigid poses (F, 4, 4)."""
+    """Return the inverses of rigid poses (F, 4, 4)."""
     rotation = np.swapaxes(poses[:, :3, :3], 1, 2)
     out = np.zeros_like(poses)
     out[:, :3, :3] = rotation
@@ -81,7 +81,7 @@ def inverse(poses: np.ndarray) -> np.ndarray:
 
 
 def _advanced(poses: np.ndarray, share: float) -> np.ndarray:
-    """Poses after a share of the frame period, rotated along the geodesic. The last frame moves like the frame before."""
+    """Return the poses a fraction `share` of a frame period later, along the geodesic. The last frame moves like the one before."""
     if len(poses) == 1:
         return poses
     following = np.concatenate([poses[1:], poses[-1:]])
@@ -95,14 +95,14 @@ def _advanced(poses: np.ndarray, share: float) -> np.ndarray:
 
 
 def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sensor poses in the frame of a moving group, and the velocity of the sensor's origin there.
+    """Return sensor poses in the frame of a moving group of surfaces, and the velocity of the sensor in this frame.
 
-    In this frame the group rests, so that only the sensor's motion changes a path.
+    The group is at rest in its own frame, so that only the sensor's motion changes a path.
 
     Args:
-        sensor, group: (F, 4, 4) to world; None for a group at rest in the world.
+        sensor, group: poses (F, 4, 4) to the world. group=None: the group is at rest in the world.
     Returns:
-        poses (F, 4, 4) and velocity (F, 3) m/s, at frame starts.
+        Sensor poses (F, 4, 4) and velocities (F, 3) in m/s, at frame starts.
     """
     (sensor, group_now), (sensor_later, group_later) = moments(sensor, np.eye(4)[None] if group is None else group)
     now, later = inverse(group_now) @ sensor, inverse(group_later) @ sensor_later
@@ -110,12 +110,12 @@ def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float)
 
 
 def moments(*poses: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """Several pose sequences (F, 4, 4) at frame starts, and MOMENT of a frame later."""
+    """Return the pose sequences (F, 4, 4) at frame starts, and the same sequences MOMENT frame periods later."""
     return poses, tuple(_advanced(one, MOMENT) for one in poses)
 
 
 def rigid_groups(motion: Mapping[str, np.ndarray]) -> list[list[str]]:
-    """Names of surfaces that move alike and therefore keep their relative positions."""
+    """Group the names of surfaces that have equal poses and therefore keep their relative positions."""
     groups: list[list[str]] = []
     for name, poses in motion.items():
         for group in groups:

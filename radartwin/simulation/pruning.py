@@ -10,16 +10,16 @@ from radartwin.simulation.paths import Paths
 
 
 def level(paths: Paths, radar: Radar) -> np.ndarray:
-    """(N,) largest amplitude over the sweep, including the gain of the radar's elements."""
+    """Return the largest amplitude (N,) of each path over the sweep, including the gain of the radar's elements."""
     gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
     return np.abs(paths.amplitude).max(axis=1, initial=0.0) * gain
 
 
 class Pruner:
-    """Keeps paths of at least `share` of the strongest path of their pose, among all parts added so far.
+    """Keep paths with at least `share` times the amplitude of the strongest path of their pose in all parts added so far.
 
     Attributes:
-        strongest: (F,) level of the strongest path of each pose.
+        strongest: (F,) amplitude of the strongest path of each pose.
     """
 
     def __init__(self, radar: Radar, share: float, poses: int):
@@ -27,18 +27,18 @@ class Pruner:
         self.strongest = np.zeros(poses)
 
     def add(self, paths: Paths) -> Paths:
-        """The paths that are strong enough."""
+        """Add a part and return its paths that are strong enough."""
         return paths.where(self.mask(paths))
 
     def mask(self, paths: Paths) -> np.ndarray:
-        """(N,) whether each path is strong enough."""
+        """Add a part and return a mask (N,) of its paths that are strong enough."""
         levels = level(paths, self._radar)
         np.maximum.at(self.strongest, paths.pose, levels)
         return (levels >= self._share * self.strongest[paths.pose]) & (levels > 0)
 
 
 def strong_masks(parts: Sequence[Paths], radar: Radar, share: float) -> list[np.ndarray]:
-    """For each part of the same poses, the mask of paths with at least `share` of the strongest path of their pose in all parts."""
+    """Return, for each part, a mask of the paths with at least `share` times the amplitude of their pose's strongest path in all parts."""
     levels = [level(part, radar) for part in parts]
     strongest = np.zeros(parts[0].poses if parts else 0)
     for part, part_levels in zip(parts, levels, strict=True):
@@ -47,5 +47,5 @@ def strong_masks(parts: Sequence[Paths], radar: Radar, share: float) -> list[np.
 
 
 def pruned(part: Paths, radar: Radar, share: float) -> Paths:
-    """The paths with at least `share` of the strongest path of their pose."""
+    """Return the paths with at least `share` times the amplitude of the strongest path of their pose."""
     return part.where(strong_masks([part], radar, share)[0])

@@ -14,8 +14,8 @@ from radartwin.simulation.checks import check_option, check_positive, check_whol
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
-PIECES = 3  # per grid axis, of a tube that straddles an edge
-MAX_TUBES = 200_000_000  # some minutes of tracing
+PIECES = 3  # a tube that straddles an edge is divided into this many pieces along each grid axis
+MAX_TUBES = 200_000_000  # tracing this many takes some minutes
 
 
 def rcs(
@@ -30,25 +30,25 @@ def rcs(
     max_bounces: int = 4,
     seed: int = 0,
 ) -> float:
-    """Monostatic radar cross-section in square metres.
+    """Compute the monostatic radar cross-section of a mesh in square metres.
 
     Args:
         mesh: surface in metres. Edges sharper than 30 degrees stay sharp; across other edges the surface is curved.
         direction: (3,) from the mesh origin towards the radar, of any length.
         distance: metres from the mesh origin to the radar; the result is then (4 pi)^3 R^4 Pr/(Pt lambda^2). None: far field.
         frequency: Hz.
-        material: a name (half-space) or a Layered stack.
+        material: the name of a material (a half-space of it), or a Layered stack.
         polarization: transmit then receive, each V or H. V is the component of mesh +z across `direction` (of +x if they are parallel),
-            H is direction x V.
-        rays_per_wavelength2: tubes per square wavelength of the aperture across `direction` at the target.
+            H is the cross product direction x V.
+        rays_per_wavelength2: ray tubes per square wavelength at the target, in the plane perpendicular to `direction`.
         max_bounces: paths with 1 to this many reflections are summed.
-        seed: 0 fits the grid of tubes to the target; another seed shifts the whole grid by a part of a cell.
+        seed: 0 aligns the grid of tubes with the target; another seed shifts the whole grid by a part of a cell.
     Returns:
         Cross-section in m^2.
     Raises:
         SceneError: the radar is inside the mesh.
         MeshError: the mesh has NaN, no faces or an implausible size. MaterialError: unknown material, or no values at this frequency.
-        InputError: another argument has the wrong type or is out of range, or needs too many tubes.
+        InputError: another argument has the wrong type or is out of range, or the settings need too many tubes.
     """
     check_mesh(mesh, "rcs mesh")
     check_positive("rcs: rays_per_wavelength2", rays_per_wavelength2)
@@ -67,7 +67,7 @@ def rcs(
     wavenumber = 2 * np.pi / wavelength
     target = geometry_module.build([mesh])
     table = reflection_table.build([(material, 0.0)], frequency)
-    if not len(target.corners):  # no face has an area
+    if not len(target.corners):  # all faces have zero area
         return 0.0
     far = distance is None
     stand_off = 2 * target.extent_m + 1.0 if far else distance
@@ -101,7 +101,7 @@ def _unit_direction(direction: ArrayLike) -> np.ndarray:
 def _grids(
     target: geometry_module.Geometry, position: np.ndarray, cell_m: float, shift: tuple[float, float], far: bool
 ) -> list[tube_grid.TubeGrid]:
-    """Tubes over the target; over the whole sphere if the target is too close for a planar grid."""
+    """Return grids of tubes over the target, or over the whole sphere if the target is too close for a planar grid."""
     grid = tube_grid.towards(target.hull_points(), position, target.centre, cell_m, shift, plane=far)
     if grid is None:
         reach = float(np.linalg.norm(target.hull_points() - position, axis=1).max())

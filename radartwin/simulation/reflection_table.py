@@ -1,8 +1,8 @@
 """Reflection coefficients of a scene's materials, tabulated over the angle of incidence for the tracer's kernels.
 
 A table has a few frequency nodes (Chebyshev nodes of the sweep); between them, coefficients follow the interpolating polynomial. The
-number of nodes is the smallest that brings the interpolation error below TOLERANCE. A half-space or a metal needs one node; 12 mm
-plasterboard, whose reflection changes by 4 dB within the sweep, needs several.
+number of nodes is the smallest that brings the interpolation error below TOLERANCE. A half-space or a metal needs one node. A
+plasterboard of 12 mm needs several nodes, because its reflection changes by 4 dB within the sweep.
 """
 
 from collections.abc import Sequence
@@ -13,17 +13,17 @@ import numpy as np
 from radartwin.materials import Layered, reflection
 
 COSINES = 1024
-TOLERANCE = 3e-3  # of the incident field; -50 dB, below every other error of the tracer
+TOLERANCE = 3e-3  # largest interpolation error relative to the incident field: -50 dB, smaller than all other errors of the tracer
 _NODE_COUNTS = (1, 3, 5, 8, 12)
 
 
 @dataclass(frozen=True)
 class ReflectionTable:
-    """Reflection of S surfaces at Q frequencies.
+    """Hold reflection coefficients of S surfaces at Q frequencies.
 
     Attributes:
-        te, tm: (S, COSINES, Q) complex, by cosine of incidence from 0 to 1.
-        frequencies_hz: (Q,) nodes.
+        te, tm: (S, COSINES, Q) complex coefficients on a grid of cosines of incidence from 0 to 1.
+        frequencies_hz: (Q,) frequency nodes.
         surfaces: (material, roughness_m) of each surface, which the tracer needs to recognise shells.
     """
 
@@ -33,19 +33,19 @@ class ReflectionTable:
     surfaces: tuple[tuple[str | Layered, float], ...] = ()
 
     def envelope(self) -> "ReflectionTable":
-        """The largest magnitudes over the sweep at a single node, to find tubes that can matter."""
+        """Return a table with the largest magnitudes over the sweep at a single node, to find the tubes that can matter."""
         te, tm = (np.abs(c).max(axis=2, keepdims=True).astype(complex) for c in (self.te, self.tm))
         return ReflectionTable(-te, tm, self.frequencies_hz.mean(keepdims=True))
 
 
 def chebyshev_nodes(low_hz: float, high_hz: float, count: int) -> np.ndarray:
-    """(count,) Chebyshev nodes of an interval, ascending; a single node is the middle."""
+    """Return the Chebyshev nodes (count,) of an interval, ascending. A single node lies in the middle."""
     angle = (2 * np.arange(count)[::-1] + 1) * np.pi / (2 * count)
     return (low_hz + high_hz) / 2 + (high_hz - low_hz) / 2 * np.cos(angle)
 
 
 def lagrange_basis(nodes_hz: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray:
-    """(Q, N) Lagrange polynomials of the nodes at N frequencies.
+    """Return the Lagrange polynomials (Q, N) of Q nodes at N frequencies.
 
     >>> np.round(lagrange_basis(np.array([1.0, 2.0]), np.array([1.0, 1.5])), 3)
     array([[1. , 0.5],
@@ -61,7 +61,7 @@ def lagrange_basis(nodes_hz: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray
 
 
 def grid_of_cosines() -> np.ndarray:
-    """(COSINES,) cosines of incidence of a table."""
+    """Return the cosines of incidence (COSINES,) at which a table has values."""
     cosines = np.linspace(0, 1, COSINES)
     cosines[0] = 1e-6  # grazing limit, where TM reflection changes sign
     return cosines
@@ -72,9 +72,9 @@ def build(surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_h
 
     Args:
         surfaces: (material, roughness_m) per surface of a geometry.
-        low_hz, high_hz: the sweep; without `high_hz`, a single frequency.
+        low_hz, high_hz: limits of the sweep. high_hz=None: the single frequency low_hz.
     Raises:
-        MaterialError: unknown material, or no values at these frequencies.
+        MaterialError: a material is unknown, or has no values at these frequencies.
     """
     cosines = grid_of_cosines()
     distinct = list(dict.fromkeys(surfaces))
@@ -91,7 +91,7 @@ def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np
 
 
 def _nodes(distinct: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float) -> np.ndarray:
-    """The smallest set of nodes with an interpolation error below TOLERANCE for every material, at sixteen angles."""
+    """Return the fewest nodes whose interpolation error is below TOLERANCE for every material at sixteen angles."""
     fine = np.linspace(low_hz, high_hz, 48)
     cosines = np.linspace(0.06, 1, 16)
     truth = [np.stack(_evaluate(entry, cosines, fine)) for entry in distinct]

@@ -17,9 +17,9 @@ from radartwin.simulation.checks import check_positive, check_whole
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import FRAMES_PER_BLOCK, check_elements, received, thermal_noise
 
-MAX_RAYS = 200_000_000  # per pose: some minutes of tracing
+MAX_RAYS = 200_000_000  # tubes per pose; tracing this many takes some minutes
 MAX_DENSITY = 10_000  # tubes per square wavelength: seven million tubes on a 10 cm plate
-MIN_AREA_M2 = 1e-14  # faces with less area do not reflect
+MIN_AREA_M2 = 1e-14  # a surface whose faces all have less area is left out
 
 
 def simulate(
@@ -37,25 +37,28 @@ def simulate(
     simulator: str | Backend = "mitsuba",
     elements: str = "exact",
 ) -> Recording:
-    """Raw FMCW samples of a scene, as the radar would record them.
+    """Simulate the raw FMCW samples that a radar would record of a scene.
 
     Args:
-        scene: surfaces in world coordinates; surfaces named in `motion` in their own frames.
+        scene: surfaces in world coordinates, except surfaces named in `motion`, which are in their own frames.
         radar: waveform, array, element pattern and noise figure.
         sensor_poses: (F, 4, 4) sensor-to-world at frame starts, or one pose for all frames.
         motion: object-to-world poses (F, 4, 4) by surface name.
         max_bounces: reflections per path, at least 1.
-        rays: tubes per pose over the sphere (over the object if there is no room); None: the tracer's width rule.
-        noise: add thermal noise by the radar's noise figure and transmit power, and phase noise if the radar has it.
+        rays: number of ray tubes per pose over the sphere (over the object if there is no room). None: chosen from the tube width that the
+            tracer needs.
+        noise: whether to add thermal noise (from the radar's noise figure and transmit power), and phase noise if the radar has any.
         seed: root seed of the noise; the same seed gives the same bytes.
-        rays_per_wavelength2: tubes per square wavelength on objects.
+        rays_per_wavelength2: ray tubes per square wavelength on objects.
         variant: "auto", "llvm" or "cuda".
-        simulator: a name, or a configured `backend(name, ...)`. Only "mitsuba" reads max_bounces, rays, rays_per_wavelength2 and variant.
-        elements: "exact" distances to each antenna element, "planar" waves across the array, or "auto": planar if its error is small.
+        simulator: the name of a simulator, or the result of `backend(name, ...)`. Only "mitsuba" reads max_bounces, rays,
+            rays_per_wavelength2 and variant.
+        elements: "exact" uses the distance to each antenna element. "planar" assumes plane waves across the array. "auto" uses planar waves
+            if their phase error is small.
     Returns:
-        A Recording, iq (F, chirps, tx, rx, samples) in amplitude units.
+        A Recording with iq (F, chirps, tx, rx, samples) in amplitude units.
     Raises:
-        PoseError, SceneError, MaterialError, InputError, BackendError: the argument, what is wrong with it, and the remedy.
+        PoseError, SceneError, MaterialError, InputError, BackendError: an argument is wrong; the message names it and the remedy.
 
     >>> import trimesh
     >>> from radartwin.scene.scene import Surface
@@ -96,14 +99,14 @@ def trace_paths(
     settings: TraceSettings,
     tracer: Backend | None = None,
 ) -> tuple[list[Paths], np.ndarray]:
-    """Check the input and trace it.
+    """Check the arguments of `simulate` and trace the paths.
 
     Args:
-        tracer: None: Mitsuba with `settings`.
+        tracer: the simulator. None: Mitsuba with `settings`.
     Returns:
-        parts, each of all poses or of one pose, and the sensor poses (F, 4, 4).
+        The parts whose signals add up, each with F poses or with one pose that holds for all frames; and the sensor poses (F, 4, 4).
     Raises:
-        as `simulate`.
+        The errors of `simulate`.
     """
     for name, value, kind in (("scene", scene, Scene), ("radar", radar, Radar)):
         if not isinstance(value, kind):

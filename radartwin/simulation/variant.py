@@ -1,7 +1,7 @@
 """Choice of the Mitsuba variant and of the LLVM library for CPU variants.
 
-Dr.Jit compiles CPU kernels with the system's LLVM. It refuses version 14, and versions 15 and 16 abort the whole process (no instruction
-selection for fmaximum). This module therefore chooses the library before Dr.Jit loads one.
+Dr.Jit compiles CPU kernels with the system's LLVM. It refuses version 14, and versions 15 and 16 abort the whole process (they
+cannot compile fmaximum). This module therefore chooses the library before Dr.Jit loads one.
 """
 
 import argparse
@@ -30,7 +30,7 @@ REMEDY = "install LLVM 17 or newer (Debian/Ubuntu: apt-get install libllvm19) or
 
 
 def llvm_version(library: Path) -> int | None:
-    """Major version from the file name (libLLVM-19.so, libLLVM.so.19.1), or from the library itself; None if unreadable."""
+    """Return the major version of an LLVM library, from its file name (libLLVM-19.so) or from the library; None if unreadable."""
     match = re.search(r"libLLVM(?:-|\.so\.)(\d+)", library.resolve().name) or re.search(r"libLLVM(?:-|\.so\.)(\d+)", library.name)
     if match:
         return int(match.group(1))
@@ -44,7 +44,7 @@ def llvm_version(library: Path) -> int | None:
 
 
 def find_llvm() -> Path | None:
-    """The newest usable LLVM library on this machine, or None. If DRJIT_LIBLLVM_PATH is set, only this library counts."""
+    """Return the newest usable LLVM library, or None. If DRJIT_LIBLLVM_PATH is set, only the library at this path is considered."""
     explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
     if explicit:
         candidates = [Path(explicit)]
@@ -56,7 +56,7 @@ def find_llvm() -> Path | None:
 
 
 def has_cuda() -> bool:
-    """Whether nvidia-smi lists a GPU."""
+    """Return whether nvidia-smi lists a GPU."""
     if shutil.which("nvidia-smi") is None:
         return False
     answer = subprocess.run(["nvidia-smi", "-L"], capture_output=True, text=True, check=False)
@@ -71,7 +71,7 @@ def activate(preference: str = "auto", color: str = "rgb") -> str:
         preference: "auto" (CUDA if a GPU is found, else LLVM), "llvm" or "cuda".
         color: colour mode of the variant, e.g. "rgb".
     Raises:
-        BackendError: no GPU for "cuda"; no LLVM of at least version 17 for the CPU; another variant is already active.
+        BackendError: there is no GPU for "cuda", the CPU variant finds no LLVM 17 or newer, or another variant is already active.
     """
     if preference not in ("auto", "llvm", "cuda"):
         raise BackendError(f"simulator variant {preference!r} is not one of auto, llvm, cuda")
@@ -96,7 +96,7 @@ def activate(preference: str = "auto", color: str = "rgb") -> str:
 
 
 def ensure_llvm() -> int:
-    """Install LLVM if this needs no password, else print the command to type. Returns an exit status."""
+    """Install LLVM if sudo needs no password; otherwise print the command to type. Returns an exit status."""
     if has_cuda() or find_llvm() is not None:
         return 0
     prefix = [] if os.geteuid() == 0 else ["sudo", "-n"]
