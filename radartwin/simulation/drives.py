@@ -25,9 +25,7 @@ from radartwin.simulation.backends.tube_paths import PRUNE
 from radartwin.simulation.paths import Paths
 
 SPACING_M = 0.04  # distance between places along a track
-OVER_ROOM = (
-    0.25  # tubes per square wavelength on an object for its paths with the room (error: 0.03 of these paths' signal; half as many: 0.06)
-)
+OVER_ROOM = 0.25  # tubes per square wavelength for paths between object and room (error: 0.03 of their signal; half as many tubes: 0.06)
 CLUTTER_OVER_ROOM = 0.125  # the same for clutter (errors: 0.03 of the signal of a metal umbrella stand, 0.10 of that of a litter bin)
 PAIRS = 0.1  # paths between clutter and room weaker than this times the strongest room path are dropped; a resting radar uses a tenth
 BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, because an actual drive may start earlier or end later
