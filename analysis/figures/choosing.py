@@ -44,7 +44,7 @@ KINDS = {
 
 
 def read(name: str, folder: Path = RESULTS) -> list[dict[str, Any]]:
-    """Rows of a committed table, with numbers as numbers and empty cells as None, except in text columns."""
+    """Read the rows of a committed table. Numbers become floats and empty cells None, except in text columns."""
     with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as stream:
         return [{key: _value(key, text) for key, text in row.items()} for row in csv.DictReader(stream)]
 
@@ -61,41 +61,59 @@ def _value(key: str, text: str) -> Any:
 
 
 def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Row]) -> str:
-    """The page."""
+    """Return the page docs/choosing.md as Markdown, from the rows of the three tables."""
     measured = [row for row in speed if not row["claim"] and row["profile_error_db"] is not None]
     parts = [
         "# Choosing a method and its settings",
         _paragraph(
             "`python -m analysis.figures.choosing` writes this page from `speed_accuracy.csv`, `stability.csv` and `complexity.csv` in "
             "`docs/results/`. Every value comes from these tables. Times are processor seconds of "
-            f"{measured[0]['machine'].replace('; ', ', ')}. They change with the load of the machine, so compare ratios."
+            f"{measured[0]['machine'].replace('; ', ', ')}. Times change with the load of the machine, so compare ratios of times."
         ),
-        "## What accuracy costs",
+        "## Run time against accuracy",
         "![Seconds per frame against error of the range profile, one panel per problem](figures/speed_accuracy.png)",
         _paragraph(
-            "Left is fast, low is accurate. The table gives the cheapest setting that keeps an error within a tolerance, with its "
-            "error and its time relative to the default. The profile error is the rms of the range profile over 40 dB; the signal "
-            "error is relative to the norm of the signal. Exact references are left out, because they work for one scene only. "
-            "Where the reference is this tracer's own finer run, an error is the distance from that run."
+            "In the figure, methods on the left are fast and methods at the bottom are accurate. For each tolerance, the table gives "
+            "the fastest setting whose error stays within the tolerance, then its error, then its time divided by the default's time "
+            "(x). The profile error is the rms difference of the range profiles in dB, down to 40 dB below the peak. The signal error "
+            "is the norm of the difference of the samples, divided by the norm of the reference. Simulators that know the exact "
+            "answer are left out, because they work for one scene only. The problems in furnished rooms have no exact reference: there, "
+            "an error is the difference from a run of this tracer with finer settings."
         ),
         _goals(measured),
-        "Options of the settings:",
+        _paragraph(
+            "The command-line options of these settings follow. A tube is a ray together with the part of the wavefront that it represents."
+        ),
         _options(measured),
-        "## How much model the features need",
+        "## Which model parts the features need",
         "![Models that simulator=auto chose, and their run times](figures/complexity.png)",
         _paragraph(
-            "`simulator=auto` leaves out the parts of the model that the features in `features` do not need. A feature may move by "
-            "as much as recordings of the same object differ after a new set-up; `simulator.tolerance=0.5` halves that. The choice "
-            "is made on a few frames, reports its reasons and is kept. Settings that you give stay unchanged (for instance "
-            "`simulator.max_bounces=3`). The table shows the chosen models, and how much cheaper each is than the cheapest single "
-            "setting that works for all cases."
+            "`simulator=auto` leaves out the parts of the model that the features in `features` do not need. The error that this adds "
+            "to a feature must stay below the feature's repeatability limit: the difference between recordings of the same object "
+            "after a new set-up. `simulator.tolerance=0.5` halves the allowed error. `simulator=auto` chooses the model on a few "
+            "frames, prints its reasons and stores the choice. It does not change settings that you give (for instance "
+            "`simulator.max_bounces=3`). The table shows the chosen models. The held-out error is that of the worst feature, divided "
+            "by its repeatability limit, on frames that the choice did not use. The next column is the run time of the cheapest "
+            "single setting that works for all cases (the fixed default), divided by the run time of the chosen model. Layers are "
+            "needed if the shipped default without layered materials has an error above 1. In the column of the chosen model, `uncoupled` "
+            "means without paths between object and room, `no cloud` without diffuse scatter, `0.25 tubes` with 0.25 tubes per square "
+            "wavelength, and `planar` with plane waves across the array."
         ),
         _needed(complexity),
         "## The default",
+        _paragraph(
+            "The table gives the run time and the errors of the default on each problem. The factor from the Pareto front says by how "
+            "much another method beats the default in both time and error: 1 means that no method does. The claim is a factor of at "
+            "most 1.1. The last two columns are of RF-Genesis with the signal generator of its published program. Its time is divided by "
+            "the default's time (x). The claim is a ratio of at least 500, with a larger error of RF-Genesis."
+        ),
         _default(speed),
         "## Where methods fail",
         "![Error of each method along each sweep](figures/stability.png)",
-        "A safe region contains the values before the first error above 3 dB, easiest values first.",
+        _paragraph(
+            "Each sweep makes a scene harder, or a setting coarser, from value to value. The safe region of a method starts at the easiest "
+            "value and ends before the first value with an error above 3 dB."
+        ),
         _safe(stability),
         "## Kinds of failure",
         _kinds(stability),
@@ -123,7 +141,7 @@ def _goals(measured: Sequence[Row]) -> str:
 
 def _needed(complexity: Sequence[Row]) -> str:
     lines = [
-        "| case | features | model | held-out error, in limits | times cheaper | layers needed |",
+        "| case | feature set | chosen model | held-out error (repeatability limits) | fixed default's time over its own | layers needed |",
         "|---|---|---|---|---|---|",
     ]
     for row in complexity:
@@ -133,9 +151,14 @@ def _needed(complexity: Sequence[Row]) -> str:
             lines.append(f"| {' | '.join(cells)} |")
     overall = [row for row in complexity if row["case"] == "all"]
     claims = [
-        f"- {row['metric']}: {row['value']:.2g}; {row['claim']}: {row['verdict']} ({row['model'] or 'all cases'})." for row in overall
+        f'- {row["metric"]}: {row["value"]:.2g} ({row["model"] or "all cases"}). The claim "{row["claim"]}" {row["verdict"]}.'
+        for row in overall
     ]
-    return "\n".join([*lines, "", *claims])
+    names = _paragraph(
+        "The results over all cases follow. The shipped default is `simulator=mitsuba` without other options. Errors are in repeatability "
+        "limits, for the worst feature of the worst case, on the held-out frames, which lie between the frames of the choice."
+    )
+    return "\n".join([*lines, "", names, "", *claims])
 
 
 def _method(row: Row, error: str, unit: str) -> str:
@@ -148,7 +171,7 @@ def _options(measured: Sequence[Row]) -> str:
 
 
 def options(setting: str) -> str:
-    """The command-line options of a setting of this tracer."""
+    """Return the command-line options that select a setting of this tracer."""
     return next(re.sub(pattern, option, setting) for pattern, option in OPTIONS.items() if re.fullmatch(pattern, setting))
 
 
@@ -156,11 +179,11 @@ def _default(speed: Sequence[Row]) -> str:
     heads = (
         "problem",
         "processor seconds per frame",
-        "range profile",
-        "signal",
-        "distance from the front",
-        "RF-Genesis as published",
-        "error of RF-Genesis",
+        "profile error",
+        "signal error",
+        "factor from the Pareto front",
+        "time of RF-Genesis as published",
+        "profile error of RF-Genesis",
     )
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     scored = [row for row in speed if row["profile_error_db"] is not None]
@@ -170,15 +193,16 @@ def _default(speed: Sequence[Row]) -> str:
         naive = next((row for row in mine if row["claim"] and row["family"] == RFGENESIS), None)
         cells = [own["title"], f"{own['seconds_frame']:.2g}", f"{own['profile_error_db']:.2g} dB", f"{own['signal_error']:.2g}"]
         claims = [row for row in mine if row["claim"] and "front" in row["metric"]]
-        cells.append("; ".join(f"{row['value']:.2f} by the {row['metric'].rpartition(' of the ')[2]}, {row['verdict']}" for row in claims))
-        cells.append(f"{naive['value']:.3g} times its time; 500 times {naive['verdict']}" if naive else "not run")
-        cells.append(f"{naive['profile_error_db']:.2g} dB, {naive['free_error_db']:.2g} dB after one gain" if naive else "")
+        words = (f"{row['value']:.2f} by the {row['metric'].rpartition(' of the ')[2]} error, claim {row['verdict']}" for row in claims)
+        cells.append("; ".join(words))
+        cells.append(f"{naive['value']:.3g} x, claim {naive['verdict']}" if naive else "not run")
+        cells.append(f"{naive['profile_error_db']:.2g} dB, {naive['free_error_db']:.2g} dB after the best gain" if naive else "")
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
 def _safe(stability: Sequence[Row]) -> str:
-    lines = ["| sweep | this tracer is safe at | fails at | safe regions of other methods |", "|---|---|---|---|"]
+    lines = ["| sweep | safe region of this tracer | this tracer fails at | safe regions of other methods |", "|---|---|---|---|"]
     for mine in _sweeps(stability).values():
         own = next(row for row in mine if row["family"] == OURS)
         others = [f"{_family(row)}: {row['safe']}" for row in mine if row is not own and row["value"]]
@@ -206,7 +230,7 @@ def _kinds(stability: Sequence[Row]) -> str:
 
 
 def _shared(own: Row, mine: Sequence[Row]) -> str:
-    """A sentence on whether other methods fail on the sweep too."""
+    """Return a sentence that says whether other methods fail on the sweep too."""
     others = [row for row in mine if row is not own and row["value"]]
     if not own["fails at"]:
         return " This tracer does not fail in this range."

@@ -1,10 +1,11 @@
-"""How much model a scene needs: the cheapest model whose features stay within their repeatability, by scene, object and feature set.
+"""The cheapest model whose features stay within their repeatability limits, for each scene, object and feature set.
 
-This is the choice of simulator=auto (radartwin/adaptive), case by case. It starts from the finest model and leaves out one part after
-another that the features do not need. The fixed default is one setting for all cases: the cheaper of the shipped default and the choice
-for all cases at once, as far as both are sufficient. The error is that of the worst feature against the finest model, in units of its
-repeatability limit. It is reported on the frames of the choice, and judged on an equal number of frames between them. Run times are of
-whole recordings (`timing`). Rooms are the procedural ones without scan errors, and a scan if the configuration has one.
+This is the choice of simulator=auto (radartwin/adaptive), case by case. The choice starts from the finest model and leaves out one part
+after another that the features do not need. The fixed default is one setting for all cases: the choice for all cases together, or the
+shipped default if that is cheaper and sufficient. The error is the difference of the worst feature from the finest model, in units of the
+feature's repeatability limit. The error is reported on the frames of the choice, and judged on an equal number of held-out frames between
+them. Run times are of whole recordings (`timing`). Rooms are the procedural ones without scan errors, and a scan if the configuration has
+one.
 """
 
 from __future__ import annotations
@@ -53,16 +54,16 @@ TABLE = Table(
     caption="simulator=auto chooses the cheapest model whose features stay within their repeatability limit of the finest model's "
     "features, on a few frames of a recording. The finest model traces the whole room with five bounces and four tubes per "
     "square wavelength. The repeatability limit is the difference that 95 % of repeated set-ups of the same object at 1 m stay "
-    "below, in the testbed. The error is that of the worst feature, in units of its limit, and is judged on an equal number of "
-    "held-out frames. The fixed default is the cheapest setting known to work for all cases. A value is its processor time per "
-    "frame divided by that of auto, as the median and the range over n rounds. The time of the choice is a column of its own, "
-    "with the number of frames after which the choice has saved that time. The median over cases uses the feature set of each "
-    "case; its interval is a bootstrap over cases. The quick profile has one case.",
+    "below, in the testbed. The error is that of the worst feature, in units of its repeatability limit, and is judged on an equal "
+    "number of held-out frames. The fixed default is the cheapest single setting known to work for all cases. A value is the "
+    "processor time per frame of the fixed default divided by that of the chosen model: the median and the range over n rounds. "
+    "Two columns give the time of the choice, and the number of frames after which the choice has saved that time. The median over "
+    "cases uses one feature set per case, that of its motion; its interval is a bootstrap over cases. The quick profile has one case.",
 )
 
-PROBED = ("radartwin.adaptive.probe",)  # modules that decide the content of a probe's recording
-ROUNDS = 2  # of timing; the quick profile has one
-# Feature sets of each motion: those of claims, the motion's own set, and all of its features.
+PROBED = ("radartwin.adaptive.probe",)  # the cache keys of recordings depend on the code of these modules
+ROUNDS = 2  # rounds of timing; the quick profile has one
+# Feature sets of each motion: those of claims, the set named after the motion, and all features of the motion.
 _DRIVEN = {"track": ("track",), "depth": SETS["depth"], EVERYTHING: MOTION_FAMILIES["depth"]}
 ASKED: dict[str, dict[str, tuple[str, ...]]] = {
     "turntable": {
@@ -83,13 +84,14 @@ CASES = {
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """A probe with recordings in the store; `cost` holds the core seconds of each."""
+    """A probe (the frames on which models are compared) whose recordings are in the store; `cost` holds the core seconds of each."""
 
     probe: Probe
     store: Store
     cost: dict[Model, float] = field(default_factory=dict)
 
     def features(self, model: Model) -> tuple[list[str], np.ndarray]:
+        """Return the names and values of a model's features; simulate the recording if the store lacks it."""
         if model not in self.probe.traced:
             spec = {**self.probe.described(), "families": None, "model": model}
 
@@ -102,15 +104,24 @@ class Kept:
         return self.probe.features(model)
 
     def asked(self, families: tuple[str, ...]) -> Kept:
+        """Return the same probe with other feature families."""
         return replace(self, probe=replace(self.probe, families=families))
 
 
-ProbeOf = Callable[[int | None, bool], Probe]  # (number of frames or None for a probe's, whether between the probe's frames)
+ProbeOf = Callable[[int | None, bool], Probe]  # (number of frames or None for the default, whether to take held-out frames) -> probe
 
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A feature set of a case: the probe of the choice, the probe of the frames between, and the limits."""
+    """A feature set of a case.
+
+    Attributes:
+        name: name of the case.
+        words: name of the feature set.
+        kept: frames on which the model is chosen.
+        between: held-out frames between these.
+        limits: repeatability limits of the features.
+    """
 
     name: str
     words: str
@@ -120,14 +131,14 @@ class Asked:
     probe_of: ProbeOf
 
     def error(self, model: Model, between: bool = False, finest: Model = FINEST) -> tuple[float, str]:
-        """(error, name) of the feature with the largest difference from the finest model, in limits."""
+        """Return (error, name) of the feature with the largest difference from the finest model, in units of its repeatability limit."""
         kept = self.between if between else self.kept
         names, values = kept.features(model)
         return self.limits.moved(names, values, kept.features(finest)[1])
 
 
 def identity() -> dict[str, Any]:
-    """Additional parts of the run key: the machine, because it decides the timings, and the file of the limits."""
+    """Return additional parts of the run key: the machine, because run times depend on it, and the file of the repeatability limits."""
     return {"machine": machine(), "limits": path_digest(limits_module.SHIPPED)}
 
 
@@ -135,7 +146,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """Choose a model for every case alone and for all cases together, then time the chosen models.
 
     Raises:
-        ConfigError: a scan without an object under test, or with a motion of unknown repeatability.
+        ConfigError: the scan has no object under test, or a motion without repeatability limits.
     """
     cases = CASES.get(config.profile.name, CASES["paper"])
     if workers.worker_count(config.jobs, len(cases)) > 1:
@@ -169,7 +180,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _recorded(case: Case, config: Config) -> None:
-    """Store the recordings that the choice for one case and its errors need."""
+    """Simulate and store the recordings that one case needs for its choice and its errors."""
     with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):
         for one in _of_case(case, config, Store(Path(config.output) / "cache")):
             chosen = choose([(one.kept, one.limits)]).model
@@ -179,7 +190,7 @@ def _recorded(case: Case, config: Config) -> None:
 
 
 def _plain(name: str) -> str:
-    """Remove characters that metric names must not have."""
+    """Remove the characters that metric names must not contain."""
     return re.sub(r"[^\w .:/-]", "", name)
 
 
@@ -200,7 +211,7 @@ def _asked(name: str, probe_of: ProbeOf, motion: str, thing: str, store: Store) 
 
 
 def staged_case(case: Case, config: Config) -> ProbeOf:
-    """A case of the campaign in the room without scan errors: a function that returns a probe of some or all frames."""
+    """Set up a case of the campaign in the room without scan errors. Return a function that returns a probe of some of its frames."""
     frames = timing.FRAMES[case.motion != "turntable"]
     nominal: Log = log(case, CampaignConfig(frames_per_turn=frames, rover_every=1), measured=False)
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
@@ -223,7 +234,7 @@ def _found(one: Asked, choice: Choice, fixed: Model, seconds: Mapping[Model, lis
 
 
 def examined(choice: Choice) -> Iterable[Model]:
-    """Every model that a choice examined."""
+    """Yield every model that a choice examined."""
     model = FINEST
     for step in choice.steps:
         candidate = replace(model, **{step.dimension: step.value})

@@ -1,4 +1,4 @@
-"""The chosen model of each case as a map, beside what it saves; drawn from the rows of the table only."""
+"""The chosen model of each case as a map, beside the run time that it saves; drawn from the rows of the complexity table."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ WORDS = {True: "yes", False: "no"}
 
 
 def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """One row per case and feature set, one column per dimension of the model; dark is expensive. Bars: run time of the fixed default over
-    auto."""
+    """Draw a map with one row per case and feature set and one column per setting of the model; dark cells take more run time.
+
+    The bars beside the map are the run times of auto and of the shipped default, divided by that of the fixed default.
+    """
     cases = [row for row in rows if row["metric"] == "cost of the fixed default over auto's"]
     level = np.array([[_level(row, name) for name in HEADS] for row in cases])
     drawing, (table, bars) = figure(
@@ -56,7 +58,7 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _level(row: Mapping[str, Any], name: str) -> float:
-    """0 for the cheapest value, 1 for the most expensive; settings of an absent room cost nothing."""
+    """Return 0 for the cheapest value of a setting and 1 for the most expensive. Without a room, paths between object and room count 0."""
     if name == "coupling" and row["parts"] == "none":
         return 0.0
     values = LADDER[name]

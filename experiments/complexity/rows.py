@@ -1,4 +1,4 @@
-"""Rows of the complexity table: what each case needs and saves, and the claims about all cases."""
+"""Rows of the complexity table: the chosen model of each case, the run time it saves, and the claims about all cases."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from radartwin.adaptive.model import LADDER, Model
 from radartwin.config.config import Config
 from radartwin.features.families import SETS
 
-CHEAPER = 3.0  # required ratio of run times, fixed default to auto, in the median
+CHEAPER = 3.0  # claimed median of the run time of the fixed default over that of auto
 SHAPE, MULTIPATH, EVERYTHING = "shape", "multipath share", "everything"
-OWN = tuple(name for name in SETS if name != "raw")  # feature sets named after motions; the median takes one per case
+OWN = tuple(name for name in SETS if name != "raw")  # feature sets named after motions; the median over cases uses these
 REFLECTOR = Case("corner_reflector", "lab", "turntable", 2.0)
 AUTO, FIXED, SHIPPED = "auto", "fixed", "shipped"
 SAVED = "cost of the fixed default over auto's"
@@ -32,12 +32,12 @@ class Found:
 
     Attributes:
         name, asked: names of the case and of the feature set.
-        choice: of auto.
-        models: by AUTO, FIXED and SHIPPED.
-        errors: (limits, feature) of each model on the frames of the choice.
-        between: (limits, feature) of each model on the frames between.
-        layers: error of the shipped default without layers.
-        seconds: core seconds per frame of each model, round by round.
+        choice: the choice of simulator=auto.
+        models: models by the names AUTO, FIXED and SHIPPED.
+        errors: (error in repeatability limits, worst feature) of each model, on the frames of the choice.
+        between: the same on the held-out frames.
+        layers: error of the shipped default without layered materials, on the frames of the choice.
+        seconds: core seconds per frame of each model, one value per round.
         choosing_s: core seconds of all recordings that the choice needed.
     """
 
@@ -53,12 +53,12 @@ class Found:
 
     @property
     def saved(self) -> float:
-        """Run time of the fixed default relative to auto."""
+        """Return the run time of the fixed default divided by that of auto."""
         return timing.ratio(self.seconds[FIXED], self.seconds[AUTO])
 
 
 def table(config: Config, found: Sequence[Found], fixed: Choice) -> list[dict[str, Any]]:
-    """The need of each case, its savings and its error between the frames of the choice; then the claims about all cases."""
+    """Return rows with the chosen model, saved run time and held-out error of each case, then the claims about all cases."""
     rows = []
     for one in found:
         case = {"case": one.name, "features": one.asked} | columns_of(one)
@@ -94,7 +94,7 @@ ROOM_CLAIMS = {
 
 
 def columns_of(one: Found) -> dict[str, Any]:
-    """The columns that describe a case: its models, errors, run times and reasons."""
+    """Return the columns that describe a case: its models, errors, run times and reasons."""
     model = one.choice.model
     auto_s, fixed_s, shipped_s = (float(np.median(one.seconds[who])) for who in (AUTO, FIXED, SHIPPED))
     return {
@@ -108,7 +108,7 @@ def columns_of(one: Found) -> dict[str, Any]:
 
 
 def _why(choice: Choice) -> str:
-    """The reductions that were refused, which show what a scene needs."""
+    """Return the simplifications that the choice rejected, as text; they show which parts of the model the features need."""
     refused = {(step.dimension, step.value): step.told for step in choice.steps if not step.taken}
     taken = {(step.dimension, step.value) for step in choice.steps if step.taken}
     return "; ".join(told for what, told in refused.items() if what not in taken)
@@ -119,7 +119,7 @@ def _alone(value: float) -> tuple[float, float, float]:
 
 
 def _median(values: Sequence[float], config: Config) -> tuple[float, float, float]:
-    """Median with its interval, a bootstrap over cases."""
+    """Return the median over cases with its 95 % interval from a bootstrap over cases."""
     drawn = np.median(np.random.default_rng(config.seed).choice(values, (config.profile.resamples, len(values))), axis=1)
     low, high = np.quantile(drawn, [0.025, 0.975])
     return float(np.median(values)), float(low), float(high)
@@ -128,7 +128,11 @@ def _median(values: Sequence[float], config: Config) -> tuple[float, float, floa
 def _row(
     config: Config, case: Mapping[str, Any], metric: str, value: tuple[float, float, float], n: int, claim: Claim = NONE
 ) -> dict[str, Any]:
-    """A row; value with least and greatest."""
+    """Return a row of the table.
+
+    Args:
+        value: (value, low, high).
+    """
     return row(config, case, metric, Estimate(float(value[0]), float(value[1]), float(value[2]), n), [], claim) | {
         "domain": "this tracer, finest"
     }

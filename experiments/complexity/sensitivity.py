@@ -3,9 +3,9 @@
 Each setting is the default with one parameter changed; only the finest setting changes two, rays and bounces. The feature error of a
 recording is the root mean square, over the features of its motion, of the difference from the finest twin, in units of the feature's
 standard deviation over the finest twin's recordings of that motion. For comparison, recordings of different objects, distances and rooms
-differ by 1.4. The measured side stays the same. Quantities that drives reuse along a track are as coarse in the finest setting as in the
-others, so the error is an underestimate. Run times are those of recordings that found the set-up of their track; set-up times are given
-apart. docs/sweeps.md shows the same as a sweep.
+differ by 1.4 of these units. The measured recordings stay the same. A drive computes some quantities only at steps along its track. These
+steps are equally coarse in the finest setting, so the feature error is underestimated. Run times are those of recordings that reused the
+set-up of their track; set-up times are given separately. docs/sweeps.md shows the same comparison as a parameter sweep.
 """
 
 from __future__ import annotations
@@ -44,27 +44,33 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="sensitivity",
-    title="What each simulator setting is worth",
+    title="Effect and run time of each simulator setting",
     caption="Each setting is the default with one parameter changed; the finest setting has four times the rays and a fifth bounce. The "
     "feature error is the root mean square, over the features of a recording, of the difference from the finest twin, in units "
-    "of the feature's standard deviation over the finest twin's recordings of that motion. The coarse steps of quantities that "
-    "drives reuse along a track are the same in the finest setting. Recording times exclude the set-up of the track; set-up "
-    "times are given apart. The rows below give every main result of the fidelity tables and its change from the default.",
+    "of the feature's standard deviation over the finest twin's recordings of that motion. A drive computes some quantities only at "
+    "steps along its track, and these steps are equally coarse in the finest setting. Recording times exclude the set-up of the "
+    "track; set-up times are given separately. The rows below give every main result of the fidelity tables and its change from "
+    "the default.",
 )
 
 FIDELITY = (
     turntable_shape, turntable_material, turntable_size, linear_rail, environment, rover_fidelity, rover_disentangle,
     corner_reflector_calibration,
 )  # fmt: skip
-FEATURES = {"turntable": "rotation", "depth": "depth", "lateral": "lateral"}  # by motion
+FEATURES = {"turntable": "rotation", "depth": "depth", "lateral": "lateral"}  # motion -> feature set
 FINEST, DEFAULT = "finest", "default"
 ERROR, COST, SETUP = "feature error", "core time per frame (ms)", "core time of a set-up (s)"
-MIN_RECORDINGS = 3  # of a motion; fewer give no standard deviation of the features
+MIN_RECORDINGS = 3  # per motion; fewer do not give a usable standard deviation of the features
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A name, the changed fields of the simulator, and another source of the twin's materials if it has one."""
+    """One setting.
+
+    Attributes:
+        simulator: changed fields of the simulator's configuration.
+        materials: source of the twin's materials, if it differs from the default.
+    """
 
     name: str
     simulator: dict[str, Any] = field(default_factory=dict)
@@ -94,8 +100,8 @@ class Twin:
         values: {motion: (recordings, features)}.
         keys: {motion: keys of the recordings}.
         frame_s: {motion: (recordings,) core seconds per frame}.
-        setups: {motion: (recordings,) set-ups made with each}.
-        frames: {motion: frames of one recording}.
+        setups: {motion: (recordings,) number of set-ups that each recording computed}.
+        frames: {motion: number of frames of one recording}.
         figures: {(table, metric): (value, keys of the recordings)} of the fidelity tables.
     """
 
@@ -108,7 +114,7 @@ class Twin:
 
 
 def identity() -> dict[str, Any]:
-    """Additional parts of the run key: the configurations of the fidelity tables, and the machine."""
+    """Return additional parts of the run key: the configurations of the fidelity tables, and the machine."""
     return {"tables": {_name(module): semantic(_own(module)) for module in FIDELITY}, "machine": machine()}
 
 
@@ -121,7 +127,7 @@ def _own(module: ModuleType) -> Config:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the twin's side of the campaign with every setting.
+    """Simulate the twin's recordings of the campaign with every setting.
 
     Raises:
         ConfigError: the configured twin equals one of the settings.
@@ -146,12 +152,13 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def configured(config: Config, setting: Setting) -> Config:
+    """Return the configuration with the changes of a setting."""
     materials = default_materials(setting.materials) if setting.materials else config.materials
     return replace(config, simulator=replace(config.simulator, **setting.simulator), materials=materials)
 
 
 def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
-    """Features and run times of the twin's recordings, and the fidelity results, under one setting."""
+    """Return the features and run times of the twin's recordings, and the fidelity results, under one setting."""
     found = Twin({}, {}, {}, {}, {}, {})
     cases = {motion: some for motion in FEATURES if len(some := campaign.cases("twin", motion=motion)) >= MIN_RECORDINGS}
     campaign.prepare([("twin", case) for some in cases.values() for case in some])
@@ -175,7 +182,7 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
 
 
 def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, int]:
-    """(features, key, core seconds per frame, set-ups made with it, frames) of a twin's recording."""
+    """Return (features, key, core seconds per frame, number of set-ups computed, number of frames) of a twin's recording."""
     key, processed = campaign.processed("twin", case)
     made = campaign.clean("twin", case).read_json("meta")
     told = made["told"]
@@ -184,7 +191,7 @@ def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, i
 
 
 def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
-    """Error and run time by setting and motion, and each fidelity result beside that of the default."""
+    """Return rows with the feature error and run time by setting and motion, and each fidelity result with its change from the default."""
     finest, default = twins[FINEST], twins[DEFAULT]
     seeds = config.profile.resamples, config.seed
     rows = []
@@ -208,10 +215,12 @@ def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
 
 
 def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
-    """(recordings,) root mean square over features of the difference in standard deviations; constant features do not count.
+    """Return the feature error (recordings,): the root mean square over features of the difference, in standard deviations.
+
+    Features that are constant over the finest twin's recordings do not count.
 
     Args:
-        values, finest: (recordings, features).
+        values, finest: feature values (recordings, features) of a setting and of the finest setting.
     """
     spread = finest.std(axis=0)
     tells = spread > 1e-9 * np.abs(finest).max(axis=0, initial=0.0)
@@ -219,7 +228,7 @@ def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
 
 
 def chart(rows: Sequence[dict[str, Any]]) -> Figure:
-    """Run time against feature error, one panel per motion, one mark per setting; the finest setting has no error."""
+    """Draw run time against feature error: one panel per motion, one marker per setting except the finest, which is the reference."""
     motions = list(dict.fromkeys(r["motion"] for r in rows if r["metric"] == ERROR))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, squeeze=False)
     names = [one.name for one in SETTINGS if one.name != FINEST]

@@ -1,8 +1,8 @@
-"""Run time of models per frame of a whole recording, estimated from a short recording and a longer one.
+"""Run time of models per frame of a whole recording, estimated from a short and a longer simulated recording.
 
 The run time of a recording has a fixed part, such as the room that is traced once for a radar at rest, and a part per frame. Both are
-estimated from recordings of a probe's frames and of half as many. The models take turns, several times. A few frames are recorded first,
-so that all kernels are compiled. Cached paths are dropped before each first recording.
+estimated from a recording of all frames of a `Probe` (the frames on which simulator=auto compares models) and one of half as many. The
+models take turns, several times. A few frames are simulated first, so that all kernels are compiled. Each model starts with an empty cache.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from radartwin.store import array_cache
 from radartwin.store.products import Store, save_json
 
 ROOTS = ("experiments.complexity.timing",)
-FRAMES = 250, 50  # of a revolution, of a drive
+FRAMES = 250, 50  # number of frames of a revolution, and of a drive
 FIRST = 4  # frames that are recorded to compile the kernels
 
 
 def whole(probe: Probe) -> int:
-    """Number of frames of the recording behind a probe."""
+    """Return the number of frames of the whole recording from which a probe's frames are taken."""
     return FRAMES[0] if probe.log.angle_rad is not None else FRAMES[1]
 
 
 def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store) -> dict[Model, list[float]]:
-    """Core seconds per frame of a whole recording, by model and round.
+    """Return the core seconds per frame of a whole recording: for each model, a list with one value per round.
 
     Args:
-        probe_of: (number of frames, or None for those of a probe) -> probe.
+        probe_of: function (number of frames or None for the default number, whether between the probe's frames) -> probe.
     """
     many = probe_of(None, False)
     few = probe_of((many.frames + 1) // 2, False)
@@ -46,7 +46,7 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
         first = probe_of(FIRST, False)
         for model in ordered:
             first.record(model)
-        few.record(DEFAULT)  # so that memory that stays allocated is not counted for the first model
+        few.record(DEFAULT)  # allocates memory that later recordings reuse, so that the first model's time does not include this
         found = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
         save_json(folder, "seconds", found)
 
@@ -71,5 +71,5 @@ def _clocked(probe: Probe, model: Model) -> float:
 
 
 def ratio(one: Sequence[float], other: Sequence[float]) -> float:
-    """Ratio of two models' run times, the median over rounds."""
+    """Return the ratio of two models' run times, as the median over rounds."""
     return float(np.median(np.array(one) / np.array(other)))

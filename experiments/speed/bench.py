@@ -4,9 +4,10 @@
         [--json FILE] [--history]
 
 Methods take turns, so that a machine that slows down slows all of them. Medians and ranges are printed; only the ratios can be compared
-between machines. `--history` adds the ratios as a line to bench_history.csv beside this file. The direct sum is timed on a share of the
-paths and multiplied, because its time is proportional to their number; its error is computed on the same share. Without `--variant`, the
-tracing benchmarks are repeated in a process of their own on a GPU if there is one.
+between machines. `--history` adds the ratios as a line to bench_history.csv beside this file. The direct sum is timed on DIRECT_PATHS
+instead of PATHS paths and its time is scaled up, because it is proportional to the number of paths. The error of gridding is computed on
+the same DIRECT_PATHS paths. Without `--variant`, the tracing benchmarks run on the processor, and then in another process on a GPU if
+there is one.
 """
 
 import argparse
@@ -42,14 +43,14 @@ from radartwin.simulation.signal.synthesis import planar_phase, synthesize
 PATHS, DIRECT_PATHS = 100_000, 1_000
 FRAMES = 100
 ROOM_FRAMES = 20  # with a room around the object
-MOVING_FRAMES = {"panels": 50, "tubes": 5}  # of a sensor that moves 2 cm per frame; by tubes every frame takes the same time
+MOVING_FRAMES = {"panels": 50, "tubes": 5}  # by method, for a sensor that moves 2 cm per frame; with tubes, frames share no work
 MEMORY_RAYS = 3_000_000
 BENCHMARKS = ("synthesis", "frames", "rfgenesis", "memory", "scan")
 Rows = dict[str, object]
 
 
 def random_paths(count: int, rate_mps: float) -> Paths:
-    """Paths of one pose with the lengths of a room, all directions, and speeds up to `rate_mps`."""
+    """Return random paths of one sensor pose: lengths as in a room, all directions, and path length rates up to `rate_mps`."""
     rng = np.random.default_rng(0)
     unit = [d / np.linalg.norm(d, axis=1, keepdims=True) for d in rng.normal(size=(2, count, 3))]
     amplitude = rng.normal(size=(count, 1)) + 1j * rng.normal(size=(count, 1))
@@ -60,7 +61,7 @@ def random_paths(count: int, rate_mps: float) -> Paths:
 
 
 def direct_sum(paths: Paths, radar: Radar) -> np.ndarray:
-    """The definition of the signal in NumPy: one exponential per path, chirp, channel and sample."""
+    """Compute the signal by its definition in NumPy: one exponential per path, chirp, channel and sample."""
     t = np.arange(radar.num_samples) / radar.sample_rate_hz
     f = radar.start_frequency_hz + radar.slope_hz_per_s * t
     out = np.zeros((1, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), complex)
@@ -76,7 +77,7 @@ def direct_sum(paths: Paths, radar: Radar) -> np.ndarray:
 
 
 def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, np.ndarray]:
-    """Seconds of each repetition, methods in turn; one unmeasured round first compiles the kernels."""
+    """Return the seconds of each method's repetitions. Methods take turns, after a first round without timing that compiles the kernels."""
     for method in methods.values():
         method()
     seconds: dict[str, list[float]] = {name: [] for name in methods}
@@ -89,7 +90,7 @@ def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
 
 
 def show(rows: Rows, name: str, seconds: np.ndarray, note: str) -> float:
-    """Print and store a row of a table; its median in seconds."""
+    """Print the run time of a method, store it in `rows`, and return its median in seconds."""
     median = float(np.median(seconds))
     print(f"  {name:44s} {median * 1e3:9.2f} ms  ({seconds.min() * 1e3:.2f} to {seconds.max() * 1e3:.2f})  {note}")
     rows[name] = {"median_s": median, "least_s": float(seconds.min()), "most_s": float(seconds.max())}
@@ -102,7 +103,7 @@ def ratio(rows: Rows, name: str, value: float) -> None:
 
 
 def synthesis(repeats: int, rows: Rows) -> None:
-    """Gridding against the direct sum, and planar against exact elements."""
+    """Compare the synthesis by gridding with the direct sum, and planar with exact antenna elements."""
     radar = rt.Radar.iwr1843(element="isotropic")
     for rate in (0.0, 0.5):
         paths, few = random_paths(PATHS, rate), random_paths(DIRECT_PATHS, rate)
@@ -132,7 +133,7 @@ def synthesis(repeats: int, rows: Rows) -> None:
 
 
 def frames(repeats: int, rows: Rows, variant: str) -> None:
-    """Whole frames, from poses to IQ."""
+    """Time whole frames, from poses to IQ samples."""
     radar, bench = rt.Radar.iwr1843(), rooms.lab_bench()
     turning = trajectory.turntable(bench.target_position(1.5), FRAMES, radar.frame_rate_hz)
     target = rt.Scene([rt.Surface(objects.trihedral(0.1), "metal", "reflector")])
@@ -142,7 +143,7 @@ def frames(repeats: int, rows: Rows, variant: str) -> None:
     calls = itertools.count()
 
     def moving(room: str) -> None:
-        """Sensor and object move; elsewhere at each call, or the static part would come from the cache."""
+        """Simulate a moving sensor and object. Each call shifts the sensor, because otherwise the cache would supply the room's paths."""
         frames = MOVING_FRAMES[room]
         sensor = np.repeat(pose, frames, axis=0)
         sensor[:, 1, 3] += 0.02 * (np.arange(frames) - frames / 2) + 1e-3 * next(calls)
@@ -171,7 +172,7 @@ def frames(repeats: int, rows: Rows, variant: str) -> None:
 
 
 def rfgenesis(repeats: int, rows: Rows, variant: str) -> None:
-    """One frame of RF-Genesis with its own signal synthesis against our frames of the same scene."""
+    """Compare the time of one frame of RF-Genesis, with its own signal synthesis, with our time per frame of the same scene."""
     radar, bench = rt.Radar.iwr1843(), rooms.lab_bench()
     turning = trajectory.turntable(bench.target_position(1.5), FRAMES, radar.frame_rate_hz)
     pose, target = bench.sensor_pose[None], rt.Scene([rt.Surface(objects.trihedral(0.1), "metal", "reflector")])
@@ -187,7 +188,7 @@ def rfgenesis(repeats: int, rows: Rows, variant: str) -> None:
 
 
 def memory(rows: Rows, variant: str) -> None:
-    """Peak resident memory of a new process that traces a furnished room with many rays."""
+    """Measure the peak resident memory of a new process that traces a furnished room with many rays."""
     code = (
         "import resource, numpy as np, radartwin as rt; from radartwin.scene import rooms\n"
         f"rt.simulate(rooms.lab(), rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays={MEMORY_RAYS}, variant={variant!r})\n"
@@ -200,7 +201,7 @@ def memory(rows: Rows, variant: str) -> None:
 
 
 def scan(rows: Rows) -> None:
-    """Reconstruction of a scan of half a million triangles."""
+    """Time the reconstruction of a scan of half a million triangles."""
     from bench_scan import line, measure
 
     found = measure()
@@ -212,8 +213,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Benchmarks, as ratios within one run.")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
-    parser.add_argument("--variant", choices=("llvm", "cuda"), help="trace with this one alone")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures")
+    parser.add_argument("--variant", choices=("llvm", "cuda"), help="trace with this Mitsuba variant only")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the measured values to this file")
     parser.add_argument("--history", action="store_true", help="add the ratios as a line to bench_history.csv")
     chosen = parser.parse_args()
     variant, load = chosen.variant or "llvm", f"{os.getloadavg()[0]:.1f}"
@@ -249,7 +250,7 @@ def main() -> None:
 
 
 def _ratios(rows: object) -> dict[str, float]:
-    """The ratios by name."""
+    """Return the ratios among the measured values, by name."""
     assert isinstance(rows, dict)
     return {name.removeprefix("ratio "): value for name, value in rows.items() if name.startswith("ratio ")}
 

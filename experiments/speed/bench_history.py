@@ -1,7 +1,7 @@
 """The history of benchmarks: one CSV with a line of commit, machine and ratios per run.
 
-Seconds depend on the machine; ratios within one run can be compared between machines and commits. A ratio that a run did not measure stays
-empty; a new ratio gets a column at the end.
+Seconds depend on the machine, but ratios within one run can be compared between machines and commits. The cell of a ratio that a run did
+not measure is empty. A new ratio adds a column at the end.
 """
 
 import csv
@@ -18,11 +18,11 @@ FIXED = ("date", "commit", "changed", "processor", "cores", "load", "python", "r
 
 
 def append(machine: Mapping[str, object], ratios: Mapping[str, float], history: Path = HISTORY) -> Path:
-    """Add a line to the history.
+    """Add a line to the history and return the path of the file.
 
     Args:
-        machine: processor, cores, load of other programs at the start, python, repeats and variant.
-        ratios: by name.
+        machine: values of the columns processor, cores, load (of other programs at the start), python, repeats and variant.
+        ratios: measured ratios by name.
         history: the file, created if absent and replaced as a whole.
     """
     head, changed = commit.commit()
@@ -38,7 +38,7 @@ def append(machine: Mapping[str, object], ratios: Mapping[str, float], history: 
 
 
 def read(history: Path = HISTORY) -> list[dict[str, str]]:
-    """Lines of the history, oldest first; none if the file does not exist."""
+    """Return the lines of the history, oldest first; an empty list if the file does not exist."""
     if not history.is_file():
         return []
     with history.open(encoding="utf-8", newline="") as stream:

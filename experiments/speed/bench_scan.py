@@ -2,8 +2,8 @@
 
     python experiments/speed/bench_scan.py [--faces 500000]
 
-The scan has the true surfaces of a furnished room as equal triangles, with colours and the depth noise of a phone. The parent process
-makes and saves it, so that the child's memory is that of `radartwin reconstruct` only.
+The scan consists of the true surfaces of a furnished room, cut into equal triangles, with colours and the depth noise of a phone. The
+parent process writes the scan, so that the child process's memory is that of `radartwin reconstruct` only.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 FACES = 500_000
-NOISE_M = 0.005  # of each vertex, as of a fused phone LiDAR
+NOISE_M = 0.005  # standard deviation of each vertex coordinate, as in the fused mesh of a phone LiDAR
 CHILD = """
 import json, resource, sys, time
 from radartwin.reconstruct.build import reconstruct
@@ -32,14 +32,14 @@ print(json.dumps({"seconds": time.perf_counter() - began, "core_seconds": usage.
 
 
 def write_scan(path: Path, faces: int, seed: int = 0) -> int:
-    """Write a furnished laboratory as a coloured mesh of about `faces` equal triangles; their number."""
+    """Write a furnished laboratory as a coloured mesh of about `faces` equal triangles, and return the actual number of triangles."""
     import trimesh
 
     from radartwin.scene import rooms
 
     pieces = [s.mesh for s in rooms.lab()]
     area = sum(float(m.area) for m in pieces)
-    edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / faces))  # halved edges are between a half and the whole of the longest allowed
+    edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / faces))  # splitting leaves edges of half to the whole allowed length
     rng = np.random.default_rng(seed)
     fine, colours = [], []
     for k, piece in enumerate(pieces):
@@ -55,7 +55,7 @@ def write_scan(path: Path, faces: int, seed: int = 0) -> int:
 
 
 def measure(faces: int = FACES) -> dict[str, float]:
-    """Faces, seconds, core_seconds and peak_gib of a reconstruction, with reading the scan and writing the scene."""
+    """Return faces, seconds, core_seconds and peak_gib of a reconstruction; the seconds include reading the scan and writing the scene."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scan.ply"
         count = write_scan(path, faces)
@@ -65,7 +65,7 @@ def measure(faces: int = FACES) -> dict[str, float]:
 
 
 def line(found: dict[str, float]) -> str:
-    """The values of `measure` as one line of text."""
+    """Return the values of `measure` as one line of text."""
     return (
         f"Reconstruction of a scan of {found['faces']:,.0f} faces: {found['seconds']:.0f} s ({found['core_seconds']:.0f} core-seconds), "
         f"peak {found['peak_gib']:.2f} GiB, {found['surfaces']:.0f} surfaces"

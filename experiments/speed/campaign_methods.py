@@ -1,14 +1,14 @@
-"""Run time, feature error and recognition error of methods on the campaign: the twin's turntable recordings of every object by each method.
+"""Run time, feature error and recognition error of methods on the campaign: each method simulates the twin's turntable recordings.
 
-Feature error: root mean square over the rotation features of the difference between a simulated revolution and the mean of the measured
-ones, in standard deviations of each feature over the measured recordings. Brightness is compared after one common gain, as one corner
-reflector would give it, so that methods without an absolute level are judged by the other features.
+Feature error: the difference between a simulated revolution's rotation features and the mean over the measured revolutions of the same
+object, as a root mean square over features, in standard deviations of each feature over the measured recordings. Brightness is compared
+after one common gain (which a measured corner reflector would give), so that methods without an absolute level are not at a disadvantage.
 
-Recognition error: a linear probe on ranks, trained on the simulated revolutions only, separates symmetric from asymmetric objects (as
-turntable_label_free does, without an encoder).
+Recognition error: a linear classifier on feature ranks, trained on the simulated revolutions only, separates symmetric from asymmetric
+objects. The error is the share of measured revolutions that it gets wrong (as in turntable_label_free, without an encoder).
 
-Run times are processor seconds, measured when each recording was made: the median over the recordings that found their set-up ready, plus
-a share of the shortest set-up. Each method runs in fresh processes. Every profile uses the quick campaign.
+Run times are processor seconds of the simulations. The value is the median over the recordings that reused a finished set-up (the traced
+room), plus the shortest set-up time divided among all frames. Each method runs in fresh processes. Every profile uses the quick campaign.
 """
 
 from __future__ import annotations
@@ -44,7 +44,13 @@ BRIGHTNESS = "brightness_db"
 
 @dataclass(frozen=True)
 class Twin:
-    """How one method simulates the twin: overrides of the command line, or replaced parts of the configuration."""
+    """How one method simulates the twin.
+
+    Attributes:
+        family, setting: names of the method and of its setting.
+        simulator: command-line options that select the simulator.
+        changed: parts of the configuration that are replaced.
+    """
 
     family: str
     setting: str
@@ -53,7 +59,7 @@ class Twin:
 
 
 def twins(full: bool) -> list[Twin]:
-    """The methods, the default first; `full` adds settings."""
+    """Return the methods, the default first; `full` adds settings."""
     few = [
         Twin(OURS, DEFAULT),
         Twin(OURS, "no room", changed={"materials": VoidMaterials()}),
@@ -74,7 +80,7 @@ def twins(full: bool) -> list[Twin]:
 
 
 def measure(config: Config, store: Store, progress: Progress, full: bool) -> list[dict[str, Any]]:
-    """One row per method. The scan that all methods share is made first."""
+    """Simulate the twin with every method and return one row per method. The scan that all methods use is prepared first."""
     virtual_scan.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
     rows = []
     for method in progress.over(twins(full), "methods on the campaign"):
@@ -93,14 +99,17 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
 
 
 def _configured(config: Config, method: Twin) -> Config:
-    """The twin of the recognition tables, simulated by this method."""
+    """Return the configuration of the recognition tables, with this method as the simulator."""
     own = compose(["experiment=labelled_probe", "profile=quick", *method.simulator])
     same = {name: getattr(config, name) for name in ("measured", "radar", "seed", "output", "jobs")}
     return replace(own, **same, **method.changed)
 
 
 def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
-    """Processor seconds per frame of each recording that found its room set up, with its share of the set-up time."""
+    """Return processor seconds per frame over the recordings that reused a set-up: the median, and each recording's value.
+
+    All values include the shortest set-up time, divided among all frames.
+    """
     made = [campaign.clean("twin", case).read_json("meta") for case in cases]
     frames = [one["told"]["frames"] for one in made]
     setups = [int(one["told"].get(tally.SETUPS, 0)) for one in made]
@@ -114,7 +123,10 @@ def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
 
 
 def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
-    """(error in standard deviations of the measured features, standard error over recordings); constant features do not count."""
+    """Return the feature error in standard deviations of the measured features, and its standard error over recordings.
+
+    Features that are constant over the measured recordings do not count.
+    """
     spread = measured.values.std(axis=0)
     tells = spread > 1e-9 * np.abs(measured.values).max(axis=0)
     apart = np.stack([
@@ -129,6 +141,6 @@ def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
 
 
 def recognition_error(simulated: Samples, measured: Samples) -> float:
-    """Share of measured revolutions whose symmetry class a probe trained on simulated ones gets wrong."""
+    """Return the share of measured revolutions whose symmetry class a classifier trained on simulated revolutions gets wrong."""
     split = label_free(ranked(simulated).relabelled(GEOMETRY), ranked(measured).relabelled(GEOMETRY))
     return float(np.mean(transferred_probe(split) != split.test.label))

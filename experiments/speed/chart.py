@@ -31,14 +31,14 @@ SHORT = {
 
 
 def short(setting: str) -> str:
-    """The label of a setting on the chart."""
+    """Return the label of a setting on the chart."""
     for words, shorter in SHORT.items():
         setting = setting.replace(words, shorter)
     return setting
 
 
 def chart(rows: Sequence[Row], error: str) -> Figure:
-    """Seconds per frame against error, one panel per problem. A line joins the front, a star marks the default."""
+    """Draw seconds per frame against error, one panel per problem. A line joins the Pareto front, and a star marks the default."""
     measured = [row for row in rows if not row["claim"] and row[error] is not None]
     names = list(dict.fromkeys(row["problem"] for row in measured))
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=5.6, sharex=True, sharey=True)
@@ -71,7 +71,7 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
 
 
 def _named(mine: Sequence[Row], error: str) -> list[Row]:
-    """The rows with a label: those on the front, the default, the published pipeline and the most accurate of each family."""
+    """Return the rows that get a label: on the front, the default, RF-Genesis as published, and the most accurate of each family."""
     front = "front" if error == "profile_error_db" else "front of the signal"
     named = [row for row in mine if row[front] or row["setting"] in (DEFAULT, "as published")]
     families = dict.fromkeys(row["family"] for row in mine)
@@ -79,7 +79,7 @@ def _named(mine: Sequence[Row], error: str) -> list[Row]:
 
 
 def campaign(rows: Sequence[Row]) -> Figure:
-    """Seconds per frame on the campaign against feature error and against recognition error."""
+    """Draw seconds per frame on the campaign against feature error and against recognition error."""
     mine = [row for row in rows if not row["claim"] and row["feature_error"] is not None]
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.0, sharex=True)
     shown = (
@@ -111,7 +111,7 @@ def _answer(truth: str) -> str:
 
 
 def _label(row: Row) -> str:
-    """The label of a point; the published pipeline's label also gives its time relative to the default."""
+    """Return the label of a point. The label of RF-Genesis as published includes its time relative to the default."""
     if row["setting"] == "as published":
         return f"published ({row['value']:.0f} x)"
     return short(row["setting"])

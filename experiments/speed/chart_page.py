@@ -1,4 +1,4 @@
-"""The chart of speed against accuracy as one interactive page: choose both axes, zoom, read every value of a point. It works offline."""
+"""The chart of speed against accuracy as one interactive HTML page that works offline: choose both axes, zoom, read each point's values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PLOT_ID = "chart"
 
 
 def page(rows: Sequence[Row]) -> str:
-    """The page, from the rows of the table."""
+    """Return the HTML page, drawn from the rows of the table."""
     measured = [row for row in rows if not row["claim"]]
     figure, series = _figure(measured)
     views = {f"{cost} {error}": _view(series, cost, error) for cost in COSTS for error in ERRORS}
@@ -46,7 +46,7 @@ def page(rows: Sequence[Row]) -> str:
 
 
 def _figure(measured: Sequence[Row]) -> tuple[Any, list[list[list[Row]]]]:
-    """The figure without data, and the rows of its traces: per problem those of the front, then those of each family."""
+    """Return the figure and the rows of its traces: for each problem all rows (for the line of the front), then the rows of each family."""
     from plotly.subplots import make_subplots
 
     problems = list(dict.fromkeys(row["problem"] for row in measured))
@@ -76,7 +76,7 @@ def _figure(measured: Sequence[Row]) -> tuple[Any, list[list[list[Row]]]]:
 
 
 def _view(series: Sequence[Sequence[Sequence[Row]]], cost: str, error: str) -> list[Any]:
-    """What Plotly.update takes to show one pair of axes: the coordinates of every trace, and the titles of the axes."""
+    """Return the arguments of Plotly.update that show one pair of axes: the coordinates of every trace, and the titles of the axes."""
     coordinates = []
     for mine, *families in series:
         compared = sorted((row for row in mine if not row["exact"] and row[cost] and row[error] is not None), key=lambda row: row[cost])
@@ -98,7 +98,7 @@ def _is_default(row: Row) -> bool:
 
 
 def _details(row: Row) -> str:
-    """Every value of a point, as text for its label."""
+    """Return every value of a point, as HTML text for its label."""
     lines = [f"<b>{html.escape(row['family'])}, {html.escape(row['setting'])}</b>"]
     for name, words in (COSTS | ERRORS | DETAILS).items():
         lines.append(f"{words}: {'not measured' if row[name] is None else format(row[name], '.3g')}")

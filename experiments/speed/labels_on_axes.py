@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-OFFSETS = (  # in points, the preferred ones first
+OFFSETS = (  # (right, up) of the label from its point, in units of 1/72 inch; preferred offsets come first
     (5, 0), (5, 6), (5, -6), (-5, 0), (-5, 6), (-5, -6), (0, 8), (0, -8), (5, 13), (5, -13), (-5, 13), (-5, -13), (0, 16), (0, -16),
 )  # fmt: skip
-SIZE = 5.5  # of the text, points
+SIZE = 5.5  # font size
 
 
 def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str], colours: Sequence[Any]) -> None:
-    """Write `texts` beside `points` (data coordinates) at the best of OFFSETS; an empty text gets no label.
+    """Write `texts` beside `points` (data coordinates) at the best of OFFSETS; an empty text writes nothing.
 
-    The limits of the axes must be final.
+    Set the limits of the axes before the call, because label sizes are compared in pixels.
     """
     from matplotlib.patheffects import withStroke
 

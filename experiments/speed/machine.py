@@ -11,7 +11,7 @@ from pathlib import Path
 
 @functools.cache
 def machine() -> dict[str, str]:
-    """Processor, memory, operating system and the versions that decide run times, as text by name."""
+    """Return processor, memory, operating system and package versions of this machine, as text by name."""
     versions = {name: importlib.metadata.version(name) for name in ("numpy", "mitsuba", "drjit")}
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30 if hasattr(os, "sysconf") else 0.0
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
@@ -23,7 +23,7 @@ def machine() -> dict[str, str]:
 
 
 def processor() -> str:
-    """Name of the processor."""
+    """Return the name of the processor."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").is_file() else []
     named = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return named[0] if named else platform.processor() or platform.machine()

@@ -1,10 +1,11 @@
 """Run time and memory of methods on this machine, from interleaved repetitions.
 
-Recordings are timed after compilation; a radar at rest also finds its room already traced. The extra time of the first recording over a
-later one is `setup_s`, and the `Problem.frames` frames of a whole recording share it. A moving radar is timed as if no room were cached.
-Seconds per frame are the set-up's share plus the median time of the later recordings. Methods take turns, so that a machine that slows
-down slows all of them. Seconds are processor seconds of all threads and of the processes of other simulators, because these depend little
-on the load; wall-clock seconds stand beside them, and replace them where a GPU traces the rays.
+Recordings are timed after all kernels are compiled. If the radar is at rest, the timed recordings reuse the room that the first recording
+traced. The extra time of the first recording is the set-up time `setup_s`; it is divided among the `Problem.frames` frames of a whole
+recording. Seconds per frame are this part of the set-up plus the median time per frame of the later recordings. A moving radar is timed
+without cached rooms. Methods take turns, so that a machine that slows down slows all of them. Seconds are processor seconds of all threads
+and of the processes of other simulators, because processor time depends little on the load. The table also gives wall-clock seconds; where
+a GPU traces the rays, these replace processor seconds.
 """
 
 from __future__ import annotations
@@ -29,13 +30,14 @@ ASIDE_M = 1e-6  # shift of the radar between calls that must not reuse cached pa
 
 
 class Peak:
-    """Peak resident memory above the starting value, in MiB, of this process and of other simulators' processes; None if unknown."""
+    """Measures the peak resident memory of this process and of other simulators' processes since the object was created."""
 
     def __init__(self) -> None:
         gc.collect()
         self._before = {pid: _reset(pid) for pid in ("self", *map(str, worker_pids()))}
 
     def mib(self) -> float | None:
+        """Return the peak memory above the starting value in MiB, or None outside Linux."""
         if None in self._before.values():
             return None
         total = 0
@@ -45,7 +47,7 @@ class Peak:
 
 
 def clock() -> float:
-    """Processor seconds of this process and of other simulators' processes, all threads; wall-clock seconds if a GPU does the work."""
+    """Return the processor seconds of all threads of this process and of other simulators; wall-clock seconds if a GPU traces the rays."""
     if variant.activate("auto").startswith("cuda"):
         return time.perf_counter()
     total = time.process_time()
@@ -56,7 +58,7 @@ def clock() -> float:
 
 
 def _reset(pid: str) -> int | None:
-    """Reset the high-water mark of a process; its resident memory in KiB, or None outside Linux."""
+    """Reset the peak memory counter of a process. Return its resident memory in KiB, or None outside Linux."""
     try:
         Path(f"/proc/{pid}/clear_refs").write_text("5")
     except OSError:
@@ -73,7 +75,7 @@ def _status(pid: str, name: str) -> int | None:
 
 
 class Timed:
-    """One method on one problem."""
+    """Errors, run times and memory of one method on one problem."""
 
     def __init__(self, problem: Problem, method: Method, count: Callable[[], int]) -> None:
         self.problem, self.method, self._count = problem, method, count
@@ -86,16 +88,16 @@ class Timed:
         self.rays: float | None = None
 
     def score(self) -> signal_error.Errors:
-        """Errors of the scored frames."""
+        """Return the errors over the frames that have a reference."""
         pairs = [(self.method.iq(part, part.scored, part.radar), self.problem.reference(part)) for part in self.problem.parts]
         return signal_error.compare(pairs, self.problem.parts[0].radar)
 
     def once(self, moved: bool = False) -> float:
-        """Seconds per frame of all recordings, run once. `moved`: nothing cached can be reused."""
+        """Simulate all recordings once and return the seconds per frame. `moved` shifts the radar so that no cached path is reused."""
         if self.method.published:
             settings = self.method.simulator.settings
-            found = [published_seconds(part, settings, RADAR, clock) for part in self.problem.parts]
-            self._last_wall = float(np.mean(found))  # of one thread
+            seconds = [published_seconds(part, settings, RADAR, clock) for part in self.problem.parts]
+            self._last_wall = float(np.mean(seconds))  # one thread does the work, so processor time is close to wall-clock time
             return self._last_wall
         aside = ASIDE_M * self._count() if moved or not self.problem.resting else 0.0
         began, wall = clock(), time.perf_counter()
@@ -106,10 +108,14 @@ class Timed:
         return (clock() - began) / frames
 
     def prepare(self, budget_s: float, most: int) -> None:
-        """Run the first recordings, with their memory and rays, and choose the number of frames of a repetition.
+        """Simulate the first recordings, measure their memory and rays, and choose the number of frames of a repetition.
 
-        This tracer takes all frames, because it shares work among them. The frames of other methods take the same time each, so they take
-        as many as the budget allows.
+        This tracer simulates all frames, because its frames share work. Each frame of another method takes the same time, so a repetition
+        has as many frames as fit into `budget_s`.
+
+        Args:
+            budget_s: time of one repetition.
+            most: number of frames that the problem has.
         """
         own = self.method.family == OURS
         if own and not self.problem.resting:
@@ -130,11 +136,16 @@ class Timed:
         self.frames = most if own else int(np.clip(budget_s / max(warm * len(self.problem.parts), 1e-9), self.frames, most))
 
     def _rays(self, each: float, once: float) -> float:
-        """Rays per frame: those launched for the frame plus its share of those for all frames, or the number in a peer's settings."""
-        told = rays_of(self.method.simulator)
-        return each + once / self.problem.frames if told is None else float(told)
+        """Return the rays per frame.
+
+        For this tracer, add the rays launched for each frame (`each`) and the rays launched `once`, divided by the number of frames. For
+        other simulators, return the number in their settings.
+        """
+        from_settings = rays_of(self.method.simulator)
+        return each + once / self.problem.frames if from_settings is None else float(from_settings)
 
     def again(self) -> None:
+        """Time one more repetition."""
         self._note(self.once())
 
     def _note(self, frame_s: float) -> None:
@@ -142,7 +153,7 @@ class Timed:
         self.wall.append(self._last_wall)
 
     def row(self) -> dict[str, Any]:
-        """Errors, run time and its spread."""
+        """Return the errors, the run time and its repetitions as a row."""
         shared = self.setup_s / self.problem.frames
         seconds = np.array(self.seconds) + shared
         errors = self.score()
@@ -168,12 +179,15 @@ class Timed:
 def measure(
     problem: Problem, methods: Sequence[Method], rounds: int, budget_s: float, slow_s: float, say: Callable[[str], None]
 ) -> list[dict[str, Any]]:
-    """All methods on a problem, in turns. The first method runs once more beforehand, so that shared kernels are compiled.
+    """Time all methods on a problem, in turns, and return one row per method.
+
+    The first method runs once beforehand without timing, so that the kernels that methods share are compiled.
 
     Args:
         rounds: repetitions after the first two.
-        budget_s: time of one repetition, if it may hold more frames.
-        slow_s: time of a repetition above which a method is timed only once.
+        budget_s: time that a repetition may take; it holds as many frames as fit.
+        slow_s: a method whose repetition takes longer than this is timed only once.
+        say: prints a line of progress.
     """
     calls = iter(range(1, 1_000_000))
 

@@ -1,8 +1,8 @@
 """The methods compared in speed, accuracy and stability: this tracer at several settings, and every other simulator that runs here.
 
 RF-Genesis appears twice: with this project's synthesis, as all other methods, and with the signal generator of its published program
-(`published`), which adds echoes one by one. Of that generator's sums one is timed and multiplied by their number, because all take the
-same time.
+(`published`), which adds echoes one by one. One of that generator's sums is timed and its time is multiplied by the number of sums, because
+all sums take the same time.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ class Method:
     """One setting of one method.
 
     Attributes:
-        family, setting: names.
-        backend: of radartwin, with its settings; "" for the exact images of a box.
+        family, setting: names of the method and of its setting.
+        backend, settings: name of a simulator of radartwin and its settings; "" selects the exact image sources of a box (`ExactImages`).
         elements: as in `simulate`.
-        published: synthesised by the published signal generator.
+        published: RF-Genesis's published signal generator computes the samples.
     """
 
     family: str
@@ -59,17 +59,18 @@ class Method:
         return ExactImages() if not self.backend else backend(self.backend, **dict(self.settings))
 
     def iq(self, part: Part, frames: int, radar: Radar, aside_m: float = 0.0) -> np.ndarray:
-        """Samples of the first frames of a recording."""
+        """Simulate the first `frames` frames of a recording and return their samples."""
         with quiet():
             return part.iq(frames, radar, self.simulator, self.elements, aside_m)
 
 
 def ours(setting: str, elements: str = "exact", **settings: Any) -> Method:
+    """Return this tracer with the given settings, as a method called `setting`."""
     return Method(OURS, setting, "mitsuba", tuple(settings.items()), elements)
 
 
 def of_problem(problem: Problem, full: bool) -> list[Method]:
-    """The methods that run on a problem, this project's default first; `full` takes all settings."""
+    """Return the methods that run on a problem, this project's default first. `full` includes all settings, not a selection."""
     images = [Method(IMAGES, "all of four bounces", "")] if problem.name == "empty room" else []
     return [ours(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
 
@@ -81,7 +82,7 @@ def _targets(full: bool) -> list[Method]:
 
 
 def _room(problem: Problem, full: bool) -> list[Method]:
-    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]  # the reference has few more
+    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]  # the reference has five bounces
     if problem.exact:
         rays = (100_000, 300_000, 1_200_000, 2_900_000) if full else (300_000,)
         return mine + [ours(f"tubes, {n / 1e6:g} million", room="tubes", rays=n) for n in rays]
@@ -111,7 +112,7 @@ def _peers(full: bool) -> list[Method]:
 
 @dataclass(frozen=True)
 class ExactImages:
-    """Every image source of the bare office as a simulator: it traces nothing and knows no other room."""
+    """A simulator that returns the exact image sources of the bare office. It traces nothing and ignores the scene."""
 
     bounces: int = 4
     name = "images"
@@ -121,7 +122,7 @@ class ExactImages:
         return self
 
     def paths(self, scene: Any, radar: Radar, sensor_poses: np.ndarray, motion: Any = None) -> list[Paths]:
-        """Paths between isotropic antennas; the synthesis applies the radar's own pattern."""
+        """Return the paths between isotropic antennas. The synthesis applies the radar's antenna pattern later."""
         reflection, frequency = rooms.wall_reflection("concrete"), radar.center_frequency_hz
         found: list[tuple[int, complex, float, np.ndarray, np.ndarray, int]] = []
         for number, pose in enumerate(sensor_poses):
@@ -141,7 +142,7 @@ class ExactImages:
 
 
 def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: Radar, clock: Callable[[], float]) -> float:
-    """Seconds per frame of RF-Genesis with its own signal generator: its trace, and one of its sums times their number."""
+    """Return seconds per frame of RF-Genesis with its own signal generator: trace time plus time of one sum times the number of sums."""
     poses, motion = part.sensor[:1], {name: pose[:1] for name, pose in part.motion.items()}
     began = clock()
     hits = rfgenesis.trace(part.scene, radar, poses, motion, settings)
@@ -180,7 +181,7 @@ def counted_rays() -> Iterator[list[int]]:
 
 
 def rays_of(simulator: Any) -> int | None:
-    """Rays per frame by the settings of another simulator; None for this tracer."""
+    """Return the rays per frame that another simulator's settings give; None for this tracer, whose rays `counted_rays` counts."""
     if isinstance(simulator, rfgenesis.RFGenesisBackend):
         return simulator.settings.grid**2
     if isinstance(simulator, SionnaBackend):
@@ -190,14 +191,14 @@ def rays_of(simulator: Any) -> int | None:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress Sionna's warnings about paths that it cannot return; the tables show these and other tests check the warnings."""
+    """Suppress Sionna's warnings about paths that it cannot return. The tables show such paths, and other tests check the warnings."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "sionna:")
         yield
 
 
 def worker_pids() -> list[int]:
-    """Ids of the processes that run other simulators."""
+    """Return the ids of the processes that run other simulators."""
     from radartwin.simulation.backends import sionna_process
 
     return sionna_process.process_ids()

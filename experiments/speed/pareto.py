@@ -10,7 +10,7 @@ Point = tuple[float, float]
 
 
 def front(points: Sequence[Point]) -> list[bool]:
-    """Whether no other point is at least as good in both coordinates and better in one.
+    """Return for each point whether it is on the front: no other point is at least as good in both coordinates and better in one.
 
     >>> front([(1, 3), (2, 2), (2, 3), (3, 1)])
     [True, True, False, True]
@@ -19,7 +19,7 @@ def front(points: Sequence[Point]) -> list[bool]:
 
 
 def shortfall(one: Point, others: Sequence[Point]) -> float:
-    """The largest factor by which some other point is better in both coordinates: 1 on the front, 1.1 if one is 10 % better in both.
+    """Return the largest factor by which another point is better in both coordinates: 1 on the front, 1.1 if another is 10 % better.
 
     >>> shortfall((2.0, 2.0), [(1.0, 1.9), (4.0, 0.1)])
     1.0526315789473684

@@ -1,13 +1,14 @@
 """Problems on which methods are compared: a scene, its motion, and an exact or converged reference.
 
 canonical    plate, sphere, cylinder and trihedral of metal at 1 m against quadrature and series.
-near         a 15 cm trihedral at 0.5 m, 25 dB below its far field, against quadrature.
+near         a 15 cm trihedral at 0.5 m, where its echo is 25 dB below the far-field value, against quadrature.
 empty room   a bare concrete office with a moving radar, against all its image sources of four bounces.
 object       a filled bottle on a turntable in the furnished laboratory, against this tracer at finer settings and one more bounce.
 rover        a radar driving towards a can in the furnished squash court, against the same finer settings.
 
-Exact references exist for one isotropic element that transmits and receives. Methods are therefore scored with that element and timed with
-the whole array. A converged reference shows the distance to this tracer's own limit, not the physics that the tracer leaves out.
+Exact references exist for one isotropic element that transmits and receives. Errors are therefore computed with that element, and run times
+are measured with the whole array. A reference from this tracer's finer settings shows how far a run is from convergence. It does not show
+the error from physics that the tracer leaves out.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from radartwin.simulation.simulate import simulate
 
 RADAR = Radar.iwr1843()
 TURN, DRIVE = 250, 50  # frames of a revolution and of a drive
-NODES = 9  # frequencies at which an echo is integrated; without the phase of its path it is a polynomial between them
+NODES = 9  # frequencies at which an echo is integrated; between them, a polynomial interpolates the echo without its path's phase
 OFFICE, OFFICE_SENSOR = rooms.ROOMS["office"][1], np.array(rooms.ROOMS["office"][2])
 CONVERGED = TraceSettings(max_bounces=5, rays_per_wavelength2=16.0)
 
@@ -59,7 +60,7 @@ class Part:
     reference: Callable[[], np.ndarray]
 
     def iq(self, frames: int, radar: Radar, simulator: object, elements: str = "exact", aside_m: float = 0.0) -> np.ndarray:
-        """Samples of the first frames; `aside_m` moves the radar, so that no cached path is reused."""
+        """Simulate the first `frames` frames and return their samples. `aside_m` moves the radar so that no cached path is reused."""
         sensor = self.sensor[: frames if len(self.sensor) > 1 else 1].copy()
         sensor[:, 1, 3] += aside_m
         motion = {name: poses[:frames] for name, poses in self.motion.items()}
@@ -68,12 +69,12 @@ class Part:
 
 @dataclass(frozen=True)
 class Problem:
-    """Recordings that are scored together.
+    """Recordings whose errors are averaged.
 
     Attributes:
-        truth: what the reference is.
-        frames: length of a whole recording.
-        resting: the radar is at rest, so a room is traced once for all frames.
+        truth: description of the reference.
+        frames: number of frames of a whole recording.
+        resting: the radar does not move, so a room is traced once for all frames.
         room: the scene has a room.
         exact: the reference does not come from this tracer.
     """
@@ -95,7 +96,11 @@ class Problem:
 
 
 def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.ndarray:
-    """(1, 1, 1, samples) of an echo (F,) over frequency whose path is about twice a distance long."""
+    """Return samples (1, 1, 1, samples) of an echo; its path is about twice `distance_m` long.
+
+    Args:
+        echo: maps frequencies (F,) to the echo's complex amplitudes (F,).
+    """
     frequencies = traced.frequencies(traced.MONOSTATIC)
     middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2
     nodes = middle + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
@@ -108,7 +113,7 @@ def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.nda
 
 
 def corner_echo(faces: Sequence[np.ndarray], pose: np.ndarray) -> np.ndarray:
-    """Samples of a plate or upright corner at a pose (4, 4) in front of an antenna at the origin."""
+    """Return samples of a plate or upright trihedral at a pose (4, 4), seen by an antenna at the origin."""
     here = -pose[:3, :3].T @ pose[:3, 3]
     return swept(
         lambda f: np.array([corner_quadrature(faces, here, SPEED_OF_LIGHT / one) for one in f]), float(np.linalg.norm(pose[:3, 3]))
@@ -116,13 +121,13 @@ def corner_echo(faces: Sequence[np.ndarray], pose: np.ndarray) -> np.ndarray:
 
 
 def turntable_poses(distance_m: float, frames: int, start_deg: float) -> np.ndarray:
-    """(F, 4, 4) poses of an object that faces the radar from a distance and turns as on a turntable."""
+    """Return the poses (F, 4, 4) of an object that turns on a turntable at `distance_m` in front of the radar."""
     return trajectory.turntable([distance_m, 0, 0], frames, RADAR.frame_rate_hz, 25.0, np.pi + np.radians(start_deg))
 
 
 @cache
 def canonical(frames: int, scored: int, distance_m: float = 1.0) -> Problem:
-    """Four metal targets; plate and trihedral turn."""
+    """Return the problem of four metal targets. The plate and the trihedral turn; sphere and cylinder echo the same in every frame."""
     parts = []
     for name, mesh, start_deg in (("plate", objects.plate(0.1, 0.1), 0.0), ("trihedral", objects.trihedral(0.1), 5.0)):
         parts.append(_corner_part(name, mesh, turntable_poses(distance_m, frames, start_deg), scored))
@@ -142,6 +147,7 @@ def canonical(frames: int, scored: int, distance_m: float = 1.0) -> Problem:
 
 @cache
 def near(frames: int, scored: int, distance_m: float = 0.5) -> Problem:
+    """Return the problem of a large trihedral in the near field."""
     part = _corner_part("trihedral 15 cm", objects.trihedral(0.15), turntable_poses(distance_m, frames, 5.0), scored)
     title = f"15 cm reflector in the near field, {distance_m:g} m"
     return Problem("near", title, "near-field quadrature", [part], TURN, True, False, True)
@@ -162,7 +168,7 @@ def _corner_part(name: str, mesh: object, poses: np.ndarray, scored: int) -> Par
 
 @cache
 def empty_room(frames: int, scored: int, bounces: int = 4) -> Problem:
-    """A radar that moves 2 cm per frame, tilted so that no image lies on its antennas' axis."""
+    """Return the problem of a bare room. The radar moves 2 cm per frame and is tilted so that no image lies on its antennas' axis."""
     poses = np.stack([traced.pose(OFFICE_SENSOR + np.array([0.02 * n, 0, 0]), rooms.rotation()) for n in range(frames)])
     part = Part(
         "office", rooms.room_scene(OFFICE, "concrete"), poses, {}, scored, traced.MONOSTATIC,
@@ -173,7 +179,7 @@ def empty_room(frames: int, scored: int, bounces: int = 4) -> Problem:
 
 
 def office_images(pose: np.ndarray, bounces: int = 4) -> np.ndarray:
-    """(1, 1, 1, samples) by image sources."""
+    """Return samples (1, 1, 1, samples) of the bare office from image sources."""
     reflection = rooms.wall_reflection("concrete")
     frequencies = traced.frequencies(traced.MONOSTATIC)
     return box.image_sum(np.array(OFFICE), pose[:3, 3], pose[:3, 2], reflection, bounces, frequencies)[None, None, None]
@@ -181,6 +187,7 @@ def office_images(pose: np.ndarray, bounces: int = 4) -> np.ndarray:
 
 @cache
 def object_in_room(frames: int, scored: int) -> Problem:
+    """Return the problem of a bottle on a turntable in the furnished laboratory."""
     bench = furnished.lab_bench()
     turning = trajectory.turntable(bench.target_position(1.5), frames, RADAR.frame_rate_hz, 25.0, np.pi)
     entry = objects.catalogue()["mustard"]
@@ -192,6 +199,7 @@ def object_in_room(frames: int, scored: int) -> Problem:
 
 @cache
 def rover(frames: int, scored: int) -> Problem:
+    """Return the problem of a radar that drives towards a can in the furnished squash court."""
     bench = furnished.bench("squash_court")
     entry = objects.catalogue()["drink_can_355"]
     place = bench.target_position(2.0) - [0, 0, entry.aim_m]
@@ -210,7 +218,7 @@ def _converged(name: str, scene: Scene, sensor: np.ndarray, motion: Mapping[str,
 
 
 def problems(full: bool) -> tuple[Problem, ...]:
-    """All problems, in the order of the chart; `full` times and scores more frames."""
+    """Return all problems in the order of the chart. `full` uses more frames for run times and errors."""
     turning, driven, exact, converged = (30, 25, 11, 3) if full else (16, 6, 4, 2)
     return (
         canonical(turning, exact), near(turning, exact), empty_room(driven, converged), object_in_room(turning, converged),

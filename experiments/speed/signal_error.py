@@ -1,9 +1,9 @@
 """Errors of a method's samples against a reference: of the signal, of the range profile, and of the profile after one common gain.
 
-Symbols: a -> samples of a method, b -> samples of the reference, P -> range profile: power with a Hann window, chirps added coherently,
-channels averaged in power. Profiles are compared in decibels over the ranges that the study uses (radartwin/features/profile.py), where
-the reference is within DYNAMIC_DB of its strongest bin. Lower levels are raised to that floor, so a method that returns nothing is wrong
-by DYNAMIC_DB at the peak. The error of the signal covers all samples.
+Symbols: a -> samples of a method, b -> samples of the reference. A range profile is the power over range with a Hann window; chirps are
+added coherently, and channels are averaged in power. Profiles are compared in decibels over the ranges that the study uses
+(radartwin/features/profile.py), in the bins where the reference is within DYNAMIC_DB of its strongest bin. Lower levels are raised to that
+floor, so a method that returns nothing has an error of DYNAMIC_DB at the peak. The error of the signal covers all samples.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ class Errors:
     """Errors over all recordings.
 
     Attributes:
-        signal: |a - b|/|b|.
-        profile_db: rms difference of the profiles.
-        offset_db: mean level relative to the reference.
-        free_db: rms difference after the best gain, `gain_db`.
+        signal: norm of the difference over norm of the reference, |a - b|/|b|.
+        profile_db: rms difference of the range profiles.
+        offset_db: mean level of the profiles relative to the reference.
+        free_db: rms difference of the profiles after the gain that minimises it.
+        gain_db: that gain.
     """
 
     signal: float
@@ -41,13 +42,15 @@ class Errors:
 
 
 def profiles(iq: np.ndarray, radar: Radar) -> np.ndarray:
-    """(F, bins) power of samples (F, chirps, tx, rx, samples), from NEAR_M to FAR_M."""
+    """Return range profiles (F, bins) in power from samples (F, chirps, tx, rx, samples), between NEAR_M and FAR_M."""
     spectrum, range_m = range_fft(iq.mean(axis=1), radar)
     return (np.abs(spectrum) ** 2).mean(axis=(1, 2))[:, (range_m >= NEAR_M) & (range_m <= FAR_M)]
 
 
 def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_db: float = 0.0) -> Errors:
-    """Errors over pairs (samples of the method, samples of the reference), with equal weight; `gain_db` is applied to the method first.
+    """Return the errors over pairs (samples of the method, samples of the reference). All pairs have equal weight.
+
+    `gain_db` is first applied to the method's samples.
 
     >>> one = np.exp(2j * np.pi * 20 * np.arange(256) / 256)[None, None, None, None]
     >>> found = compare([(0.5 * one, one)], Radar.iwr1843())

@@ -2,8 +2,9 @@
 
 `problems` holds the problems with their references, `methods` the methods, `measuring` the timing and `signal_error` the errors. A method
 is on the Pareto front of a problem if no other method is at least as fast and as accurate, and better in one of the two. Methods that only
-know the exact answer of one problem are not on the front. The default passes if no other setting is better by more than the factor NEAR in
-both. Run times depend on the machine and its load, so methods take turns and the table gives ratios within one run.
+know the exact answer of one problem are not on the front. The claim about the default holds if no other method is both faster and more
+accurate by more than the factor NEAR. Run times depend on the machine and its load, so methods take turns and the table gives ratios within
+one run.
 
 A further problem, the campaign (`campaign_methods`), compares run time with feature error and recognition error.
 """
@@ -34,14 +35,14 @@ TABLE = Table(
     name="speed_accuracy",
     title="Speed against accuracy",
     caption="Every simulation method that runs on this machine, on five problems. Columns: processor time and wall time per frame, "
-    "memory above idle, rays, and the errors of the signal and of the range profile within 40 dB of its peak. Processor time "
-    "counts all threads, without kernel compilation; the set-up of a radar at rest is divided among the frames of its "
-    "recording. The methods take turns for n rounds. A value is a method's time divided by the default's time, as the median "
-    "and the range over the rounds. Exact references stand beside the Pareto front. RF-Genesis as published is timed on one of "
-    "its 128 sums per frame and scaled. On the campaign problem, each method simulates the twin's turntables of all objects. "
-    "Its errors are the feature error in standard deviations of the measured features, and the share of measured revolutions "
-    "whose symmetry a linear probe, trained on the simulation, gets wrong; n counts recordings there. All times belong to the "
-    "machine in the row.",
+    "memory above idle, rays per frame, and the errors of the signal and of the range profile within 40 dB of its peak. Processor "
+    "time counts all threads, without kernel compilation. If the radar is at rest, the set-up time is divided among the frames of "
+    "the recording. The methods take turns for n rounds. A value is a method's time divided by the default's time: the median "
+    "and the range over the rounds. Methods that know the exact answer of one problem are listed but are not on the Pareto front. "
+    "For RF-Genesis as published, one of the 128 sums per frame is timed and its time multiplied by 128. On a sixth problem, "
+    "the campaign, each method simulates the twin's turntable recordings of all objects, and n counts recordings. The feature error "
+    "is in standard deviations of the measured features. The recognition error is the share of measured revolutions whose symmetry "
+    "class a linear classifier, trained on the simulation, gets wrong. All times belong to the machine in the row.",
     chart=chart_page.page,
 )
 
@@ -54,17 +55,17 @@ MEASURED = (  # columns that are empty on the campaign
 )  # fmt: skip
 UNSCORED = dict.fromkeys(("feature_error", "recognition_error", "front of features", "front of recognition"))  # columns of the campaign
 SOURCES = ("experiments.speed.measuring", "experiments.speed.problems", "experiments.speed.methods")
-# rounds after the first two; seconds that a repetition may fill with frames; seconds above which a method is not repeated
+# `rounds`, `budget_s` and `slow_s` of `measuring.measure`
 QUICK, PAPER = (2, 0.2, 1.0), (2, 2.0, 8.0)
 
 
 def identity() -> dict[str, Any]:
-    """Additional parts of the run key: the machine, because it decides the timings."""
+    """Return additional parts of the run key: the machine, because run times depend on it."""
     return {"machine": machine()}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Measure the problems that this machine has not measured yet, and mark the fronts."""
+    """Measure the problems whose results for this machine are not in the store yet, and mark the methods on the Pareto fronts."""
     full = config.profile.name != "quick"
     measured, keys = [], []
     for problem in progress.over(problems(full), "problems"):
@@ -73,10 +74,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         )
         measured += product.read_json("rows")
         keys.append(product.key)
-    told = campaign_methods.measure(config, store, progress, full)
-    keys += [key for one in told for key in one["keys"]]
+    on_campaign = campaign_methods.measure(config, store, progress, full)
+    keys += [key for one in on_campaign for key in one["keys"]]
     rows = table(measured, machine(), {problem.name: problem for problem in problems(full)})
-    rows += campaign_rows(told, machine(), config.measured.provider)
+    rows += campaign_rows(on_campaign, machine(), config.measured.provider)
     metrics = {
         f"{row['problem']} {row['metric']}".replace(",", ""): float(row["value"])
         for row in rows
@@ -105,7 +106,7 @@ def _measurement(problem: Problem, full: bool, progress: Progress) -> Callable[[
 
 
 def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], known: Mapping[str, Problem]) -> list[dict[str, Any]]:
-    """Rows of the table: run time of each method on each problem relative to the default, then the claims."""
+    """Return the rows of the table: each method's run time relative to the default on each problem, then the claims."""
     rows: list[dict[str, Any]] = []
     for name in dict.fromkeys(one["problem"] for one in measured):
         mine = [one for one in measured if one["problem"] == name]
@@ -130,7 +131,7 @@ def _case(one: Mapping[str, Any], machine: Mapping[str, str], problem: Problem) 
 
 
 def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str], domain: str) -> list[dict[str, Any]]:
-    """Run time relative to the default, feature error and recognition error of each method; then claims about cheaper methods."""
+    """Return rows with each method's run time relative to the default and its two errors, then the claims about faster methods."""
     default = told[0]
     rows: list[dict[str, Any]] = []
 
@@ -167,19 +168,20 @@ def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str],
 
 
 def _share_error(share: float, answers: int) -> float:
-    """Standard error of a share, by Laplace's rule of succession, which is above zero even if all or none are wrong."""
+    """Return the standard error of a share of wrong answers. Laplace's rule of succession keeps it above zero if all or none are wrong."""
     fair = (share * answers + 1) / (answers + 2)
     return float(np.sqrt(fair * (1 - fair) / answers))
 
 
 def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> tuple[float, float, float]:
-    """(least, median, greatest) ratio of two methods' repetitions, round by round from the last, for the rounds that both have."""
+    """Return the (least, median, greatest) ratio of two methods' seconds in the same round, over the last rounds that both have."""
     n = min(len(seconds), len(default_s))
     ratio = np.array(seconds[-n:]) / np.array(default_s[-n:])
     return float(ratio.min()), float(np.median(ratio)), float(ratio.max())
 
 
 def points(rows: Sequence[Mapping[str, Any]], error: str) -> list[tuple[float, float]]:
+    """Return (seconds per frame, error) of each row."""
     return [(row["seconds_frame"], row[error]) for row in rows]
 
 
@@ -192,7 +194,7 @@ def _on_front(mine: Sequence[Mapping[str, Any]], error: str) -> list[bool]:
 def _claims(
     name: str, mine: Sequence[Mapping[str, Any]], default: Mapping[str, Any], machine: Mapping[str, str], problem: Problem
 ) -> list[dict[str, Any]]:
-    """The default's distance from the front by both errors, and run time and error of the published pipeline relative to the default."""
+    """Return the rows of two claims: the default is on the front by both errors, and it is faster than RF-Genesis as published."""
     rows = []
 
     def add(one: Mapping[str, Any], metric: str, claim: str, value: tuple[float, float, float], n: int, holds: bool) -> None:

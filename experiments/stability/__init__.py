@@ -1,1 +1,1 @@
-"""Where each method fails, along sweeps of increasing difficulty."""
+"""Sweeps of increasing difficulty that show where each simulation method fails."""

@@ -1,4 +1,4 @@
-"""The map of where methods fail, drawn from the rows of its table only: one block per sweep, one line per method, one cell per value."""
+"""The map of where methods fail, drawn from the rows of its table: one block per sweep, one line per method, one cell per value."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 Row = Mapping[str, Any]
 COLUMNS = 2
 STEPS_DB = (0.0, 0.5, 1.0, 3.0, 6.0, 12.0, 40.0)
-COLOURS = ("#08519c", "#4292c6", "#9ecae1", "#fdd0a2", "#fd8d3c", "#a63603")  # blue is safe and brown is not, also without colour vision
+COLOURS = ("#08519c", "#4292c6", "#9ecae1", "#fdd0a2", "#fd8d3c", "#a63603")  # blue is safe, brown is not; readable with colour blindness
 NAMES = {"this tracer": "this tracer", "points": "points, RCS table", "Sionna RT": "Sionna RT"}
 
 
 def map_of(rows: Sequence[Row]) -> Figure:
-    """Errors of every method at every value, with its safe region on the right."""
+    """Draw the error of every method at every value, with the first unsafe value on the right."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     rows = [row for row in rows if row["family"]]
@@ -62,7 +62,7 @@ def _block(panel: Any, mine: Sequence[Row], colours: Any, norm: Any) -> None:
 
 
 def verdict(row: Row) -> str:
-    """Where a method fails, as text."""
+    """Return where a method fails, as text."""
     return "safe throughout" if not row["fails at"] else "never safe" if not row["value"] else f"fails at {row['fails at']}"
 
 

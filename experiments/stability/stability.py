@@ -1,7 +1,7 @@
 """Where methods fail: the error of every method along sweeps of increasing difficulty (experiments/stability/sweeps.py), shown as a map.
 
-The safe region of a method on a sweep starts at the easiest value and ends before the first error above LIMIT_DB. The value of a row is
-the number of swept values in that region.
+The safe region of a method on a sweep starts at the easiest value and ends before the first value with an error above LIMIT_DB. The value
+of a row is the number of swept values in that region.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ TABLE = Table(
     name="stability",
     title="Where methods fail",
     caption="The error of every method along sweeps of increasing difficulty, against closed forms, series, quadrature and image "
-    "sources. A value is the number of swept values, easiest first, before the error exceeds 3 dB. Methods without an absolute "
-    "level are calibrated on a metal sphere at 1 m. Methods with equally large safe regions share the first rank.",
+    "sources. A row's value is the size of the method's safe region: the number of swept values, easiest first, before the error "
+    "exceeds 3 dB. Methods without an absolute level are calibrated on a metal sphere at 1 m. The claim of the largest safe region "
+    "also holds if another method's region is equally large.",
 )
 
 LIMIT_DB = 3.0
@@ -35,7 +36,7 @@ FINITE = "no method crashes or returns what is no number"
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Run all sweeps; both profiles compute the same."""
+    """Run all sweeps. The quick and the paper profile compute the same sweeps."""
     rows: list[dict[str, Any]] = []
     parts = [(number, method) for number in range(len(SWEEPS)) for method in METHODS]
     with progress.task("sweeps by method", len(parts)) as done:
@@ -63,12 +64,12 @@ def _figures(rows: list[dict[str, Any]]) -> dict[str, Callable[[], Figure]]:
 
 
 def _errors(number: int, method: Method) -> list[float]:
-    """Errors along one sweep."""
+    """Return the errors of a method at all values of one sweep, in dB."""
     return [error(SWEEPS[number], method, value) for value in SWEEPS[number].values]
 
 
 def error(sweep: Sweep, method: Method, value: float) -> float:
-    """Error in dB; NaN if the method returns samples that are not finite."""
+    """Return the error of a method at one value in dB; NaN if the method returns samples that are not finite."""
     try:
         return sweep.error_db(method, value)
     except FloatingPointError:
@@ -76,7 +77,7 @@ def error(sweep: Sweep, method: Method, value: float) -> float:
 
 
 def safe(errors_db: Sequence[float]) -> int:
-    """Number of values before the first error above the limit.
+    """Return the number of values before the first error above LIMIT_DB.
 
     >>> safe([0.1, 2.9, 3.1, 0.2])
     2
@@ -85,7 +86,7 @@ def safe(errors_db: Sequence[float]) -> int:
 
 
 def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) -> list[dict[str, Any]]:
-    """Rows of one sweep, one per method; this tracer's row claims the largest safe region."""
+    """Return the rows of one sweep, one per method. The row of this tracer has the claim that its safe region is the largest."""
     best = max(safe(errors) for _, errors in found)
     rows = []
     for method, errors in found:
@@ -108,7 +109,7 @@ def _verdict(count: int, best: int) -> str:
 
 
 def safe_words(sweep: Sweep, count: int) -> str:
-    """The safe region as text."""
+    """Return the safe region, the first `count` values, as text."""
     if not count:
         return "none"
     first, last = sweep.values[0], sweep.values[count - 1]

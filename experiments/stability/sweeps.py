@@ -1,8 +1,8 @@
-"""Sweeps along which methods fail: a scene becomes harder, or a setting coarser, from value to value, with the true answer at each.
+"""Sweeps along which methods fail: a scene becomes harder, or a setting coarser, from value to value. Each value has a true answer.
 
-Levels of whole samples are compared with closed forms, series and quadrature; rooms are compared by range profile (`signal_error`). No
-error exceeds DYNAMIC_DB, which is also the error of a method that returns nothing. Methods without an absolute level get the gain that
-makes their level of a metal sphere at 1 m correct.
+For objects, the mean power of a frame's samples is compared with closed forms, series and quadrature. For rooms, range profiles are
+compared (`signal_error`). Errors are cut at DYNAMIC_DB, which is also the error of a method that returns nothing. Methods without an
+absolute level get the gain that makes their level of a metal sphere at 1 m correct.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ METHODS = (
 
 @dataclass(frozen=True)
 class Sweep:
-    """One row of the map.
+    """One sweep, which is one block of the map.
 
     Attributes:
-        title, unit: for readers.
-        kind: of the failure: "physical", "numerical", "a setting" or "knowledge".
-        values: easiest first.
-        error_db: error of a method at a value.
-        why: the reason of the failure, one sentence.
+        title, unit: shown in tables and figures.
+        kind: kind of the failure: "physical", "numerical", "a setting" or "knowledge".
+        values: values of the sweep, easiest first.
+        error_db: function (method, value) -> error in dB.
+        why: reason of the failure, one sentence.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Sweep:
 
 
 def samples(method: Method, scene: Scene, pose: np.ndarray | None = None, motion: Any = None, **settings: Any) -> np.ndarray:
-    """One frame of a method, with those of the settings that it has.
+    """Simulate one frame with a method and return its samples; `settings` are passed to the simulator.
 
     Raises:
         FloatingPointError: the samples are not finite.
@@ -82,33 +82,33 @@ def samples(method: Method, scene: Scene, pose: np.ndarray | None = None, motion
 
 
 def level_db(iq: np.ndarray) -> float:
-    """Mean power of a frame's samples; for a single echo this is its level."""
+    """Return the mean power of a frame's samples in dB; for a single echo this is its level."""
     return float(10 * np.log10(np.mean(np.abs(iq) ** 2) + 1e-30))
 
 
 @cache
 def gain_db(method: Method) -> float:
-    """Gain that makes a method's level of a metal sphere at 1 m correct; 0 for methods with an absolute level."""
+    """Return the gain that makes a method's level of a metal sphere at 1 m correct; 0 for methods with an absolute level."""
     if method.backend != "rfgenesis":
         return 0.0
     return 20 * np.log10(abs(sphere_echo(BALL_M, 1.0, MIDDLE_HZ)[0])) - level_db(samples(method, *alone(objects.sphere(BALL_M, 4), 1.0)))
 
 
 def off(method: Method, iq: np.ndarray, truth: complex | float) -> float:
-    """Level error of a frame against a true amplitude, dB."""
+    """Return the absolute error of a frame's level against a true amplitude in dB, at most DYNAMIC_DB."""
     return float(min(abs(level_db(iq) + gain_db(method) - 20 * np.log10(abs(truth))), DYNAMIC_DB))
 
 
 def alone(
     mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0, aside_m: float = 0.0, material: Any = "metal"
 ) -> tuple[Any, ...]:
-    """Scene, sensor and motion of an object that faces the radar on its axis."""
+    """Return (scene, sensor poses, motion) of a single object that faces the radar on its axis, turned and moved sideways as asked."""
     pose = trajectory.turntable([distance_m, aside_m, 0], 1, 10.0, 25.0, np.pi + np.radians(turn_deg))
     return Scene([Surface(mesh, material, "target", role="object")]), None, {"target": pose}
 
 
 def facing(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0) -> complex:
-    """True amplitude of a plate or corner in the middle of the frequency sweep."""
+    """Return the true amplitude of a plate or trihedral in the middle of the frequency sweep."""
     turn = np.radians(turn_deg)
     here = distance_m * np.array([np.cos(turn), -np.sin(turn), 0.0])
     return corner_quadrature(corner_faces(mesh), here, WAVELENGTH_M)
@@ -133,7 +133,7 @@ def _facets(method: Method, value: float) -> float:
 
 
 def sheet(side_m: float, cells: int) -> trimesh.Trimesh:
-    """A plate as a scan gives it: cells x cells squares of two triangles with flat normals."""
+    """Return a plate as in a scan: `cells` x `cells` squares of two triangles, without vertex normals."""
     across = np.linspace(-side_m / 2, side_m / 2, cells + 1)
     z, y = np.meshgrid(across, across, indexing="ij")
     vertices = np.stack([np.zeros(y.size), y.ravel(), z.ravel()], axis=1)
@@ -163,7 +163,7 @@ def _noise(method: Method, value: float) -> float:
 
 
 def _tilt(method: Method, value: float) -> float:
-    """Mean powers over one degree, so that no single null decides."""
+    """Return the level error of a tilted plate. Powers are averaged over one degree, so that a single null does not decide the error."""
     mesh, turns = objects.plate(0.1, 0.1), value + np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
     found = np.mean([10 ** (level_db(samples(method, *alone(mesh, 1.0, turn))) / 10) for turn in turns])
     true = np.mean([abs(facing(mesh, 1.0, turn)) ** 2 for turn in turns])
@@ -200,7 +200,7 @@ def _bounces(method: Method, value: float) -> float:
 
 
 def _missing(method: Method, value: float) -> float:
-    """Walls are removed in this order: x high, ceiling, y low, x low, floor."""
+    """Return the profile error if the scene lacks `value` room surfaces, removed in this order: x high, ceiling, y low, x low, floor."""
     mesh = rooms.room_scene(OFFICE, "concrete").surfaces[0].mesh
     centre, size = mesh.triangles_center, np.array(OFFICE)
     gone = [
@@ -212,7 +212,7 @@ def _missing(method: Method, value: float) -> float:
 
 
 def _far(method: Method, value: float) -> float:
-    """Level in the range gate of the ball; beyond the unambiguous range no such gate exists."""
+    """Return the level error of a ball. Beyond the unambiguous range no range bin holds the ball, so the error is DYNAMIC_DB."""
     if value > RADAR.unambiguous_range_m:
         return DYNAMIC_DB
     return off(method, samples(method, *alone(objects.sphere(BALL_M, 4), value)), sphere_echo(BALL_M, value, MIDDLE_HZ)[0])
@@ -225,7 +225,7 @@ def _speed(method: Method, value: float) -> float:
 
 
 def _thickness(method: Method, value: float) -> float:
-    """A plasterboard wall that is simulated too thick by `value` millimetres."""
+    """Return the level error of a plasterboard wall that is simulated too thick by `value` millimetres."""
     te, _ = stack.stack([("plasterboard", BOARD_M)], "air", 0.0, MIDDLE_HZ)
     wall = objects.plate(6.0, 6.0).apply_translation((1.5, 0, 0))
     scene = Scene([Surface(wall, Layered([("plasterboard", BOARD_M + value / 1e3)]), "wall", role="room")])
@@ -238,7 +238,7 @@ def _thickness(method: Method, value: float) -> float:
 
 
 def _gap(method: Method, value: float) -> float:
-    """A metal plate hidden behind a concrete plate."""
+    """Return the level error of a concrete plate with a metal plate hidden `value` millimetres behind it."""
     front, behind = objects.plate(0.2, 0.2), objects.plate(0.2, 0.2).apply_translation((-value / 1e3, 0, 0))
     scene = Scene([Surface(front, "concrete", "front", role="object"), Surface(behind, "metal", "behind", role="object")])
     pose = alone(front, 2.0)[2]["target"]
@@ -247,7 +247,7 @@ def _gap(method: Method, value: float) -> float:
 
 
 def _snr(method: Method, value: float) -> float:
-    """Mean power in the target's bin with receiver noise `value` dB below the true echo in that bin; no noise is subtracted."""
+    """Return the error of the mean power in the target's bin. Receiver noise is `value` dB below the true echo and is not subtracted."""
     level = np.abs(samples(method, *alone(objects.sphere(BALL_M, 4), 1.0))).mean() * 10 ** (gain_db(method) / 20)
     truth = abs(sphere_echo(BALL_M, 1.0, MIDDLE_HZ)[0])
     noise = np.random.default_rng(1).normal(size=(DRAWS, 2)) @ [1, 1j] * truth * 10 ** (-value / 20) / np.sqrt(2)
