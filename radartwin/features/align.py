@@ -1,9 +1,10 @@
-"""Start offset: the number of frames by which another recording of the same motion is late.
+"""Estimate the start offset between two recordings of the same motion: the number of frames by which the second recording is late.
 
-A turntable starts at an unknown angle and a rover is started by hand. Before a comparison frame by frame, the target-gate energies E(f) of
-two recordings are therefore cross-correlated (paper, signal fidelity along trajectories). The correlation is Pearson's over the overlapping
-frames of the amplitudes. The square root of E weights noise equally at every level: for a pass at 20 dB, the error was 0.2 frames with the
-root, 0.3 frames with E and 1.0 frame with its logarithm. A turntable is periodic, so its correlation is circular.
+A turntable starts at an unknown angle and a rover is started by hand. Two recordings must therefore be aligned before a comparison frame by
+frame. The offset maximises the Pearson correlation of sqrt(E(f)) over the overlapping frames, where E(f) is the energy in the target gate
+(paper, signal fidelity along trajectories). The square root has equal noise at every signal level. For a pass at 20 dB
+signal-to-noise ratio, the offset error was 0.2 frames with sqrt(E), 0.3 frames with E and 1.0 frame with log(E). A turntable is periodic,
+so its correlation is circular.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import numpy as np
 
 from radartwin.errors import InputError
 
-MIN_OVERLAP = 0.5  # share of the shorter recording
-_TIE = 1e-9  # difference of two equal correlations
+MIN_OVERLAP = 0.5  # smallest overlap, as a fraction of the frames of the shorter recording
+_TIE = 1e-9  # correlations that differ by less count as equal
 
 
 @dataclass(frozen=True)
@@ -24,8 +25,8 @@ class Offset:
 
     Attributes:
         frames: whole number of frames by which the other recording is late; negative if it is early.
-        exact: estimate between frames from a parabola.
-        correlation: correlation at `frames`, -1 to 1.
+        exact: offset in fractions of a frame, from a parabola through the correlation peak.
+        correlation: Pearson correlation at the offset `frames`, -1 to 1.
     """
 
     frames: int
@@ -34,13 +35,13 @@ class Offset:
 
 
 def start_offset(reference: np.ndarray, other: np.ndarray, max_frames: int | None = None, period: int | None = None) -> Offset:
-    """The delay of `other`, from target-gate energies per frame.
+    """Estimate the delay of the recording `other` against `reference` from their target-gate energies per frame.
 
     Args:
         reference, other: (F,) and (G,), linear energies, at least zero.
-        max_frames: largest offset in either direction; None tries all that leave MIN_OVERLAP of the shorter recording.
-        period: frames of one revolution. The offset is then circular, at most half a revolution in either direction, and whole
-            revolutions are averaged.
+        max_frames: largest offset in either direction; None tries all offsets with an overlap of at least MIN_OVERLAP.
+        period: frames per revolution, for a turntable. The function then averages whole revolutions, and the offset is circular: at most
+            half a revolution in either direction.
     Raises:
         InputError: energies are negative, not finite, too few, or constant.
 
@@ -68,7 +69,7 @@ def start_offset(reference: np.ndarray, other: np.ndarray, max_frames: int | Non
 
 
 def overlap(reference: np.ndarray, other: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """The overlapping frames of both recordings if `other` is late by `frames`; along the first axis.
+    """Return the overlapping frames (first axis) of both recordings, if `other` is late by `frames` frames.
 
     >>> overlap(np.arange(5), np.arange(5), 2)
     (array([0, 1, 2]), array([2, 3, 4]))
@@ -79,7 +80,7 @@ def overlap(reference: np.ndarray, other: np.ndarray, frames: int) -> tuple[np.n
 
 
 def _amplitude(energy: np.ndarray) -> np.ndarray:
-    """Square root of the energy; the scale has no effect on a correlation."""
+    """Return the square root of the energy, scaled; the scale has no effect on a correlation."""
     energy = np.asarray(energy, dtype=np.float64)
     if energy.ndim != 1 or len(energy) < 3 or not (np.isfinite(energy).all() and (energy >= 0).all()):
         raise InputError("start offset: give the energies of three frames or more, finite and not negative")
@@ -89,7 +90,7 @@ def _amplitude(energy: np.ndarray) -> np.ndarray:
 
 
 def _revolution(amplitude: np.ndarray, period: int) -> np.ndarray:
-    """Mean over whole revolutions, (period,)."""
+    """Average the amplitude over whole revolutions, (period,)."""
     if not 3 <= period <= len(amplitude):
         raise InputError(f"start offset: a revolution of {period} frames does not fit a recording of {len(amplitude)} frames")
     return amplitude[: len(amplitude) // period * period].reshape(-1, period).mean(axis=0)
@@ -102,7 +103,10 @@ def _pearson(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def _vertex(scores: np.ndarray, best: int, circular: bool) -> float:
-    """Maximum of the parabola through the best score and its neighbours, in frames from the best score, -0.5 to 0.5."""
+    """Return the position of the parabola's maximum through the largest correlation and its two neighbours.
+
+    The position is in frames from the largest correlation, -0.5 to 0.5.
+    """
     if not circular and not 0 < best < len(scores) - 1:
         return 0.0
     left, middle, right = scores[best - 1], scores[best], scores[(best + 1) % len(scores)]

@@ -1,9 +1,9 @@
-"""Corner-reflector calibration: one affine map per feature from simulated to measured values, from recordings of a trihedral.
+"""Calibrate features with a corner reflector: map simulated to measured values by a slope and an offset per feature.
 
-y = a x + b with a = sd(measured) / sd(simulated) and b = mean(measured) - a mean(simulated), over the frames of the reflector in both
-domains (paper, corner-reflector radiometric calibration: a per-feature affine map between simulated and measured energy-dependent
-features, more than a scalar gain, without a label of any evaluated class). The map uses moments and no regression, so the frames need not
-be aligned and noise does not reduce the slope. A feature that is constant in the simulation of the reflector is only shifted, with a = 1.
+y = a x + b with a = sd(measured) / sd(simulated) and b = mean(measured) - a mean(simulated). Means and standard deviations are over the
+frames of a trihedral, once simulated and once measured. Ref: paper, corner-reflector radiometric calibration, a per-feature affine map of
+energy-dependent features that uses no label of any evaluated class. The map uses means and standard deviations instead of a regression.
+The frames therefore need no alignment, and noise does not reduce the slope. If a feature is constant in the simulation, a = 1.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from numpy.typing import NDArray
 
 from radartwin.errors import InputError
 
-_CONSTANT = 1e-9  # spread over value below which a feature is constant up to rounding
+_CONSTANT = 1e-9  # a feature whose spread divided by its value is smaller counts as constant
 
 
 @dataclass(frozen=True, eq=False)
 class AffineMap:
-    """Slope and offset per feature, (features,)."""
+    """Hold the slope and the offset of each feature, (features,)."""
 
     slope: NDArray[np.float64]
     offset: NDArray[np.float64]
 
     def apply(self, matrix: NDArray) -> NDArray[np.float64]:
-        """Simulated values (..., features) on the scale of the measured domain."""
+        """Convert simulated values (..., features) to the scale of the measurement."""
         return np.asarray(matrix, dtype=np.float64) * self.slope + self.offset
 
 
 def fit(simulated: NDArray, measured: NDArray) -> AffineMap:
-    """The map from the frames of the reflector in both domains.
+    """Fit the map to simulated and measured frames of the reflector.
 
     Args:
-        simulated, measured: (F, features) and (G, features); one row each gives only a shift.
+        simulated, measured: (F, features) and (G, features); with one row each, the slope is 1.
     Raises:
         InputError: the matrices have different features, no rows, or values that are not finite.
 

@@ -1,14 +1,15 @@
-"""Energy of the target over a motion, and shape features of its modulation.
+"""Compute the target's energy over a motion, and features of its modulation, which depends on the target's shape.
 
-Symbols: E(f) -> energy, linear target-gate power of frame f minus the noise floor; E(theta) -> envelope, the mean of E over whole
-revolutions (N,) or over a pass (F,); P_m = sum_n E_n exp(-j 2 pi m n / N), m >= 0, the one-sided DFT without doubling.
+Symbols: E(f) -> energy, linear target-gate power of frame f minus the noise floor; envelope: E averaged over whole revolutions, (N,), or
+E over the frames of a lateral pass, (F,); P_m = sum_n E_n exp(-j 2 pi m n / N), m >= 0, the DFT of the envelope at positive frequencies.
 
 - Harmonics |P_m| / |P_0|, m = 1..6, and the angular harmonic ratio sum_{m=1..6} |P_m|^2 / |P_0|^2 (paper, disentangled fidelity, shape:
-  the 1-6 cycles per rotation band normalised by DC; the paper does not define whether amplitudes or powers are summed). The ratio is 0 for
-  a body of revolution and 6 for a single glint. It does not depend on scale, start angle and, in the far field, distance.
-- The same over a pass (paper, motion-specific feature design, lateral), where m counts cycles over the aspects of the pass.
+  the band of 1-6 cycles per rotation, normalised by DC; the paper does not state whether amplitudes or powers are summed). The ratio is 0
+  for a body of revolution and 6 for a single glint. The ratio depends neither on signal level nor on start angle nor, in the far field, on
+  distance.
+- The same harmonics and ratio over a lateral pass (paper, motion-specific feature design, lateral); m then counts cycles per pass.
 - Crest factor max(E) / rms(E), and entropy -sum p ln p / ln N with p = E / sum E. Both are 1 for a flat envelope. Both depend on the number
-  of frames in a revolution, so compare equal numbers.
+  of frames in the envelope, so compare only envelopes of equal length.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ from radartwin.features.gate import gate_energies
 from radartwin.features.processed import Processed
 from radartwin.features.profile import GATE_BINS
 
-HARMONICS = 6  # the band of the paper; higher harmonics contain the ripple of facets
+HARMONICS = 6  # highest harmonic of the paper; higher harmonics contain ripple from the facets of the mesh
 Real = NDArray[np.floating]
 
 
 def target_energy(processed: Processed, target_m: ArrayLike, bins: int = GATE_BINS) -> Real:
-    """E(f), (F,): power in the target gate minus the noise power in it, so that pure noise has the mean zero.
+    """Compute the target's energy E(f), (F,): power in the target gate minus the noise power there. The mean of E is 0 for pure noise.
 
     Args:
-        target_m: range of the centre of the gate, one value or (F,).
+        target_m: range of the centre of the gate in metres, one value or (F,).
     """
     target_m = np.asarray(target_m, dtype=np.float64)
     inside, _ = gate_energies(processed.power, processed.range_m, target_m, bins)
@@ -38,7 +39,11 @@ def target_energy(processed: Processed, target_m: ArrayLike, bins: int = GATE_BI
 
 
 def frames_per_revolution(angle_rad: Real) -> int:
-    """Frames per revolution at constant nominal speed. Raises InputError below three frames, or below one revolution."""
+    """Count the frames per revolution from the nominal angles (F,) at constant speed.
+
+    Raises:
+        InputError: fewer than three frames per revolution, or a recording of less than one revolution.
+    """
     step = np.abs(np.diff(angle_rad))
     period = round(2 * np.pi / float(np.median(step))) if len(step) and np.median(step) > 0 else 0
     if not 3 <= period <= len(angle_rad):
@@ -47,22 +52,22 @@ def frames_per_revolution(angle_rad: Real) -> int:
 
 
 def revolution(energy: Real, angle_rad: Real) -> Real:
-    """E(theta), (N,): mean over whole revolutions at equal steps of angle from the first frame, interpolated between frames."""
+    """Average the energy over whole revolutions: the envelope (N,) at equal steps of angle, interpolated between frames."""
     period = frames_per_revolution(angle_rad)
     turned = np.abs(angle_rad - angle_rad[0])
     if (np.diff(turned) <= 0).any():
         raise InputError("the turntable must turn in one direction; give the nominal angle without wrapping it at 360 degrees")
-    # The last frame of a revolution is one step before the first frame of the next.
+    # A revolution includes the step from its last frame to the first frame of the next revolution, hence + 1.
     count = int(np.floor((turned[-1] / (2 * np.pi) * period + 1) / period + 1e-6))
     angles = 2 * np.pi * np.arange(max(count, 1) * period) / period
     return np.interp(angles, turned, energy).reshape(-1, period).mean(axis=0)
 
 
 def harmonics(envelope: Real, count: int = HARMONICS) -> Real:
-    """|P_m| / |P_0| for m = 1..count, (count,).
+    """Compute the harmonics |P_m| / |P_0| of an envelope for m = 1..count, (count,).
 
     Raises:
-        InputError: the envelope is too short for `count` cycles, or has no energy above the noise.
+        InputError: the envelope is too short for `count` cycles, or its mean is not above zero.
 
     >>> np.round(harmonics(1 + np.cos(2 * np.pi * 3 * np.arange(64) / 64)), 6).tolist()
     [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]
@@ -74,12 +79,12 @@ def harmonics(envelope: Real, count: int = HARMONICS) -> Real:
 
 
 def harmonic_ratio(envelope: Real, low: int = 1, high: int = HARMONICS) -> float:
-    """Sum over m = low..high of |P_m|^2 / |P_0|^2; higher bands contain the facet ripple."""
+    """Compute the angular harmonic ratio: the sum over m = low..high of |P_m|^2 / |P_0|^2."""
     return float(np.sum(harmonics(envelope, high)[low - 1 :] ** 2))
 
 
 def crest_factor(envelope: Real) -> float:
-    """max(E) / rms(E).
+    """Compute the crest factor max(E) / rms(E) of an envelope.
 
     >>> crest_factor(np.ones(10))
     1.0
@@ -89,7 +94,7 @@ def crest_factor(envelope: Real) -> float:
 
 
 def entropy(envelope: Real) -> float:
-    """-sum p ln p / ln N with p = E / sum E; frames at or below the noise count as zero.
+    """Compute the entropy -sum p ln p / ln N of an envelope, with p = E / sum E; negative energies count as zero.
 
     >>> round(entropy(np.ones(10)), 9), entropy(np.eye(1, 10)[0])
     (1.0, 0.0)

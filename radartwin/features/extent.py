@@ -1,9 +1,9 @@
-"""Angular extent of the target from the Bartlett spectrum of the azimuth row.
+"""Compute the angular extent of the target: the standard deviation of the azimuth spectrum in the target gate.
 
-S(f, phi) is the sum over the target gate of |w(phi)^H A(f, r)|^2 minus the noise, phi in -90..90 degrees. The extent in radians is
-sqrt(sum S (phi - m)^2 / sum S) with m = sum S phi / sum S (paper, signal fidelity along trajectories: angular extent is among the most
-consistent families). A point has the spread of the beam with its sidelobes, 0.25 rad for 8 elements at half a wavelength on boresight. The
-extent does not depend on scale and range.
+The azimuth spectrum S(f, phi) is the sum over the target gate of |w(phi)^H A(f, r)|^2 minus the noise, phi in -90..90 degrees (Bartlett
+beamformer over the azimuth row of the array). The extent in radians is sqrt(sum S (phi - m)^2 / sum S) with m = sum S phi / sum S (paper,
+signal fidelity along trajectories: angular extent is among the most consistent families). A point target has the extent of the beam with
+its sidelobes: 0.25 rad on boresight for 8 elements at half a wavelength. The extent depends neither on signal level nor on range.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from radartwin.features.profile import GATE_BINS
 from radartwin.radar.processing import steering
 
 AZIMUTH_RAD = np.deg2rad(np.arange(-90.0, 91.0))
-_BLOCK = 256  # frames at a time
+_BLOCK = 256  # frames per block
 
 
 def gate_spectrum(processed: Processed, target_m: ArrayLike, bins: int = GATE_BINS) -> NDArray[np.float64]:
-    """S(f, phi), (F, len(AZIMUTH_RAD)), at least zero."""
+    """Compute the azimuth spectrum S(f, phi) of the target gate, (F, len(AZIMUTH_RAD)), at least zero."""
     weights = steering(processed.radar, AZIMUTH_RAD).astype(np.complex64)
     target_m = np.broadcast_to(target_m, processed.num_frames)
     centre = np.abs(processed.range_m - target_m[:, None]).argmin(axis=1)
@@ -35,10 +35,12 @@ def gate_spectrum(processed: Processed, target_m: ArrayLike, bins: int = GATE_BI
 
 
 def angular_extent(processed: Processed, target_m: ArrayLike, bins: int = GATE_BINS) -> NDArray[np.float64]:
-    """Extent per frame in radians, (F,).
+    """Compute the angular extent of each frame in radians, (F,).
+
+    If the target gate has no energy above the noise, the result is the extent of noise.
 
     Args:
-        target_m: centre of the target gate, one value or (F,). A gate without energy above the noise has the extent of noise.
+        target_m: range of the centre of the target gate in metres, one value or (F,).
     """
     spectrum = gate_spectrum(processed, target_m, bins)
     total = spectrum.sum(axis=1, keepdims=True)

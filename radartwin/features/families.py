@@ -1,7 +1,8 @@
-"""Names of the feature sets and their families; imports no NumPy, so that the configuration can use it.
+"""Define the names of the feature sets and of their families. The module imports no NumPy, so that the configuration can import it.
 
-A family is a few features that are computed together (radartwin/features/sets.py). Paper, motion-specific feature design: rotation exposes
-the shape over a whole turn, depth exposes range and multipath, lateral exposes a slice of aspects. Brightness carries the material.
+A family is a group of features that are computed together (radartwin/features/sets.py). The sets follow the paper (motion-specific feature
+design). A rotation shows the target's shape from all sides, a drive towards the target shows range and multipath, and a lateral drive shows
+the target over a limited span of aspect angles. Brightness depends on the material.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Sequence
 
 from radartwin.errors import ConfigError
 
-# The order is that of the feature values.
+# The feature vector has the families in this order.
 SETS: dict[str, tuple[str, ...]] = {
     "rotation": ("harmonics", "envelope", "extent", "brightness"),
     "depth": ("track", "multipath", "window", "extent", "brightness"),
@@ -20,7 +21,7 @@ SETS: dict[str, tuple[str, ...]] = {
 
 
 def families(name: str, without: Sequence[str] = ()) -> tuple[str, ...]:
-    """The families of a set without the excluded families.
+    """Return the families of a set, without the excluded families.
 
     Raises:
         ConfigError: the set or a family is unknown, or no family remains.

@@ -1,8 +1,8 @@
-"""Energy in and around the target gate.
+"""Compute the energy inside the target gate, and the energy share of multipath outside of it.
 
-Symbols: P(f, r) -> power, (F, bins), from `profile.range_time`. The gate is GATE_BINS range bins to either side of the target. All
-energies are between NEAR_M and FAR_M. Multipath share (paper, motion-specific features): energy outside the target gate over all energy,
-sum_{r outside gate} P / sum P, in 0.3 to 5.5 m, gate +-3 bins (0.13 m).
+Symbols: P(f, r) -> power, (F, bins), from `profile.range_time`. The gate holds the range bin of the target and GATE_BINS bins (0.13 m) on
+either side. All sums are over ranges from NEAR_M to FAR_M. The multipath share (paper, motion-specific features) is the energy outside the
+gate divided by all energy: sum_{r outside gate} P / sum P.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
 
 
 def gate_energies(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike, bins: int = GATE_BINS) -> tuple[np.ndarray, np.ndarray]:
-    """Energy in the target gate, and all energy, per frame.
+    """Compute the energy inside the target gate and the energy at all ranges from NEAR_M to FAR_M, for each frame.
 
     Args:
         power: (F, bins), or (bins,) for one profile.
         range_m: (bins,) in metres.
-        target_m: range of the target, one value or one per frame (F,).
+        target_m: range of the target in metres, one value or one per frame (F,).
     Returns:
-        (inside, all), each (F,), or two scalars for one profile.
+        inside: energy inside the gate, (F,), or a scalar for one profile.
+        all: energy at all ranges, of the same shape.
     Raises:
         InputError: shapes do not fit, or the target is outside NEAR_M to FAR_M.
     """
@@ -40,7 +41,7 @@ def gate_energies(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike, b
 
 
 def multipath_share(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike, bins: int = GATE_BINS) -> float:
-    """Energy outside the target gate over all energy of a recording, 0 to 1; arguments as `gate_energies`.
+    """Compute the multipath share of a recording, 0 to 1. The arguments are those of `gate_energies`.
 
     Raises:
         InputError: as `gate_energies`, or the recording has no energy.

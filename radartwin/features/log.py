@@ -1,4 +1,7 @@
-"""The log of a recording: the nominal motion per frame, which measurement and twin share. Features use it and never the true motion."""
+"""Define the motion log of a recording: the nominal distance and angle in each frame.
+
+A measurement and its simulation have the same log. Features use the log and never the true motion, which a real experiment does not know.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from radartwin.errors import InputError
 
 
 class Log(Protocol):
-    """Nominal motion of F frames.
+    """Describe the nominal motion of F frames.
 
     Attributes:
         distance_m: (F,) from the radar to the axis of the target.
@@ -29,7 +32,7 @@ class Log(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Nominal:
-    """A log from given values."""
+    """Hold a motion log as arrays."""
 
     frame_rate_hz: float
     distance_m: NDArray[np.float64]
@@ -37,7 +40,11 @@ class Nominal:
 
 
 def distances(log: Log, frames: int) -> NDArray[np.float64]:
-    """Nominal distance of each frame, (F,). Raises InputError for a log of another length or an invalid distance."""
+    """Return the nominal distance of each frame in metres, (F,).
+
+    Raises:
+        InputError: the log has another number of frames, or a distance that is not above zero.
+    """
     distance_m = np.asarray(log.distance_m, dtype=np.float64)
     if distance_m.shape != (frames,):
         raise InputError(f"the log has distances {distance_m.shape} and the recording has {frames} frames; give one distance per frame")
@@ -47,7 +54,11 @@ def distances(log: Log, frames: int) -> NDArray[np.float64]:
 
 
 def angles(log: Log, frames: int) -> NDArray[np.float64]:
-    """Nominal turntable angle of each frame, (F,). Raises InputError for a log of another length or without finite angles."""
+    """Return the nominal turntable angle of each frame in radians, (F,).
+
+    Raises:
+        InputError: the log has no angles, another number of frames, or an angle that is not finite.
+    """
     if log.angle_rad is None:
         raise InputError("the log has no turntable angle; use turntable recordings for rotation features")
     angle_rad = np.asarray(log.angle_rad, dtype=np.float64)

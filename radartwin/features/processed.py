@@ -1,13 +1,13 @@
-"""Processed recordings, the input of every feature: range profiles, azimuth channels and Doppler spectra of each frame.
+"""Process recordings into the input of every feature: range profiles, azimuth channels and Doppler spectra of each frame.
 
 Symbols: s_fcv(r) -> range profile of frame f, chirp c and virtual channel v (Hann window over the samples).
-- Power P(f, r) = mean_v |mean_c s_fcv(r)|^2 adds chirps coherently and channels in power.
-- Channels A_fv(r) = mean_c s_fcv(r) are those of the azimuth row.
+- Power P(f, r) = mean_v |mean_c s_fcv(r)|^2 is coherent over chirps and incoherent over channels.
+- Channels A_fv(r) = mean_c s_fcv(r) exist for the channels v of the azimuth row only.
 - Doppler D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2 has a Hann window w over the chirps.
-- Noise N(r) is the value of P without echoes. It is the mean over frames of D at the highest speed, where nothing indoors moves, scaled to
-  the bandwidth of P: N = D / (C sum_c w_c^2). The leakage of a slow echo to this speed is below -60 dB.
-An echo of amplitude a on the centre of its bins has the value a^2 in P and D, and a in A. An echo that moves at 0.2 m/s loses 0.7 dB in P
-and A. Range bins end at MAX_RANGE_M, because no feature uses larger ranges.
+- Noise N(r) is the power P without echoes. It is estimated from the Doppler bin of the highest speed, because nothing indoors moves so
+  fast: N = mean_f D / (C sum_c w_c^2), where the divisor converts from D to P. A slow echo leaks less than -60 dB into this bin.
+An echo of amplitude a in the centre of its bins gives P = D = a^2 and A = a. An echo that moves at 0.2 m/s loses 0.7 dB in P and A. Range
+bins end at MAX_RANGE_M, because no feature uses larger ranges.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from radartwin.radar.processing import azimuth_row, doppler_fft, range_fft, velo
 from radartwin.radar.recording import Recording
 
 MAX_RANGE_M = 6.0
-MIN_CHIRPS = 8  # with fewer chirps, the highest Doppler bin contains echoes at rest
+MIN_CHIRPS = 8  # with fewer chirps, echoes at rest leak into the Doppler bin of the highest speed
 _ARRAYS, _RADAR = "processed.npz", "processed.json"
 
 
 @dataclass(frozen=True, eq=False)
 class Processed:
-    """Range, azimuth and Doppler of F frames in B range bins.
+    """Hold power, azimuth channels and Doppler spectra of F frames in B range bins.
 
     Attributes:
-        range_m: (B,) bin centres.
+        range_m: (B,) bin centres in metres.
         power: (F, B) float32, in squared amplitude units.
         channels: (F, A, B) complex64, the A channels of `azimuth_row` in its order.
         doppler: (F, C, B) float32 over `velocity_mps` (C,), ascending and receding positive; None if not requested.
-        noise: (B,) float32, noise in `power`; None if unknown (fewer than MIN_CHIRPS chirps), and then taken as zero.
+        noise: (B,) float32, noise power in `power`; None with fewer than MIN_CHIRPS chirps, and features then assume zero noise.
     """
 
     radar: Radar
@@ -72,17 +72,17 @@ class Processed:
 
     @property
     def noise_floor(self) -> NDArray[np.float64]:
-        """`noise`, or zeros if it is unknown, (B,)."""
+        """Return the noise power (B,), or zeros if `noise` is None."""
         return np.zeros(len(self.range_m)) if self.noise is None else self.noise.astype(np.float64)
 
     def frames(self, chosen: slice | NDArray) -> Processed:
-        """The chosen frames, as a view if `chosen` is a slice."""
+        """Select frames; the arrays of the result are views if `chosen` is a slice."""
         doppler = None if self.doppler is None else self.doppler[chosen]
         return Processed(self.radar, self.range_m, self.power[chosen], self.channels[chosen], doppler, self.velocity_mps, self.noise)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Processed]) -> Processed:
-        """The parts of one recording in order. Raises InputError without parts, or for parts of different radars or contents."""
+        """Join the parts of one recording in order. Raises InputError without parts, or if radar, ranges or arrays of the parts differ."""
         if not parts:
             raise InputError("processed recording: there are no parts to concatenate; give at least one")
         first = parts[0]
@@ -103,7 +103,7 @@ class Processed:
         )
 
     def save(self, folder: str | Path) -> None:
-        """Write the recording into a folder, the arrays last, so that an interrupted save cannot be loaded."""
+        """Write the recording into a folder. The arrays are written last, so that `load` refuses an interrupted save."""
         folder = Path(folder)
         arrays = {"range_m": self.range_m, "power": self.power, "channels": self.channels, "velocity_mps": self.velocity_mps}
         arrays |= {name: value for name in ("doppler", "noise") if (value := getattr(self, name)) is not None}
@@ -114,7 +114,7 @@ class Processed:
 
     @classmethod
     def load(cls, folder: str | Path) -> Processed:
-        """Read a recording that `save` wrote.
+        """Read a processed recording from a folder that `save` wrote.
 
         Raises:
             MissingError: either file is missing.
@@ -134,16 +134,16 @@ class Processed:
 
 
 def process(recording: Recording, doppler: bool = True) -> Processed:
-    """Process a recording in blocks, so that memory has no second copy of its samples.
+    """Compute power, channels and Doppler of a recording. Blocks of frames limit the memory.
 
     Args:
-        doppler: compute the range-Doppler power too, which has C times the size of `power`.
+        doppler: also compute the range-Doppler power, which is as large as C (the number of chirps) times `power`.
     Raises:
         RecordingError: samples are NaN or infinite.
     """
     radar, row = recording.radar, azimuth_row(recording.radar)
     taps = window_weights("hann", radar.num_chirps)
-    fastest = (taps * (-1.0) ** np.arange(radar.num_chirps)).astype(np.float32)  # Doppler bin of the highest speed
+    fastest = (taps * (-1.0) ** np.arange(radar.num_chirps)).astype(np.float32)  # window for the Doppler bin of the highest speed
     power, channels, cubes, noise = [], [], [], []
     range_m = np.zeros(0)
     for block in recording.frame_blocks():
@@ -171,7 +171,7 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
 
 
 def _profiles(iq: NDArray[np.complexfloating], radar: Radar) -> tuple[NDArray[np.complexfloating], NDArray[np.float64]]:
-    """Range profiles up to MAX_RANGE_M, and their axis."""
+    """Compute range profiles up to MAX_RANGE_M, and their range axis in metres."""
     profiles, range_m = range_fft(iq, radar)
     near = range_m <= MAX_RANGE_M
     return profiles[..., near], range_m[near]

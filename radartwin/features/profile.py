@@ -1,7 +1,7 @@
-"""Range profiles of a recording, their target gate and their comparison.
+"""Compute range profiles of a recording, select the target gate, and compare profiles.
 
-Symbols: P(f, r) -> range_time, power per frame and range bin, chirps added coherently and virtual channels averaged in power. Paper:
-environment ablation (void against reconstructed scene) and the multipath share.
+Symbols: P(f, r) -> range_time, power per frame and range bin; coherent over chirps, averaged in power over virtual channels. The paper uses
+range profiles for the environment ablation (simulation in free space against simulation in the scene) and for the multipath share.
 """
 
 import numpy as np
@@ -10,15 +10,16 @@ from radartwin.errors import InputError
 from radartwin.radar.processing import range_fft
 from radartwin.radar.recording import Recording
 
-NEAR_M, FAR_M = 0.3, 5.5  # range of all comparisons: beyond the antenna coupling, before the weakest walls
-GATE_BINS = 3  # range bins of the target gate to either side
+NEAR_M, FAR_M = 0.3, 5.5  # limits of all range sums: beyond the leakage between the antennas, before the walls with the weakest echoes
+GATE_BINS = 3  # range bins of the target gate on either side of the target's bin
 
 
 def range_time(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Power per frame and range bin.
+    """Compute the power in each frame and range bin of a recording.
 
     Returns:
-        power (F, bins), in squared amplitude units, and range (bins,) in metres.
+        power: (F, bins), in squared amplitude units.
+        range: (bins,) in metres.
     """
     power = []
     axis = np.zeros(0)
@@ -29,7 +30,7 @@ def range_time(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gate(range_m: np.ndarray, target_m: float, bins: int = GATE_BINS) -> np.ndarray:
-    """Mask of the target gate, (bins,): `bins` to either side of the bin nearest to the target.
+    """Return the mask (bins,) of the target gate: the bin nearest to the target and `bins` bins on either side.
 
     >>> gate(np.arange(5.0), 2.1, 1)
     array([False,  True,  True,  True, False])
@@ -39,19 +40,19 @@ def gate(range_m: np.ndarray, target_m: float, bins: int = GATE_BINS) -> np.ndar
 
 
 def beyond_target_share(profile: np.ndarray, range_m: np.ndarray, target_m: float) -> float:
-    """Energy behind the target gate over all energy between NEAR_M and FAR_M: sum_{r > gate} P / sum P, between 0 and 1."""
+    """Compute the fraction of the energy from NEAR_M to FAR_M that lies behind the target gate: sum_{r > gate} P / sum P."""
     inside = (range_m >= NEAR_M) & (range_m <= FAR_M)
     beyond = inside & (range_m > target_m) & ~gate(range_m, target_m)
     return float(profile[beyond].sum() / profile[inside].sum())
 
 
 def profile_correlation(first: np.ndarray, second: np.ndarray, range_m: np.ndarray, scale: str = "amplitude") -> float:
-    """Pearson correlation of two mean range profiles between NEAR_M and FAR_M.
+    """Compute the Pearson correlation of two mean range profiles between NEAR_M and FAR_M.
 
     Args:
         first, second: power (bins,).
-        scale: "amplitude" correlates the square roots of the powers, where the strongest peak dominates; "db" correlates the
-            logarithms, where all bins above the noise have similar weight.
+        scale: "amplitude" correlates the square roots of the powers, so the strongest peak dominates. "db" correlates the logarithms, so
+            all bins above the noise have similar weight.
     """
     inside = (range_m >= NEAR_M) & (range_m <= FAR_M)
     if scale not in ("amplitude", "db"):

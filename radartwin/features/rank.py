@@ -1,8 +1,8 @@
-"""Unsupervised rank normalisation: each value of a feature is replaced by its rank within its domain.
+"""Normalise features by ranks: replace each value by its rank among the recordings of its domain (simulation or measurement).
 
-u_i = (rank_i - 1/2) / n per feature; equal values have their mean rank. The result does not change under an increasing function of a
-feature, which may differ between the domains (paper, scene-level recognition, label-free: per-feature rank normalisation that sees the
-unlabelled recordings and no label).
+u_i = (rank_i - 1/2) / n per feature; equal values have their mean rank. An increasing function of a feature does not change its ranks, so
+that any such difference between the two domains disappears. The method uses no labels (paper, scene-level recognition, label-free:
+per-feature rank normalisation).
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from radartwin.errors import InputError
 
 
 def rank_normalise(matrix: NDArray, groups: NDArray | None = None) -> NDArray[np.float64]:
-    """Ranks of each column, above 0 and below 1.
+    """Replace each value by its normalised rank in its column, above 0 and below 1.
 
     Args:
         matrix: (n, features), rows of one domain.
-        groups: (n,) labels, such as distances; each group is ranked separately. None is one group.
+        groups: (n,) group of each row, such as its distance; each group is ranked separately. None ranks all rows together.
     Raises:
         InputError: values are not finite, or groups has another length.
 

@@ -1,12 +1,12 @@
-"""Feature sets of the motions, as one vector per recording or one row per frame.
+"""Compute the feature set of a motion, as one vector per recording or one row per frame.
 
 A set is a list of families (paper, motion-specific feature design):
-- rotation, the distance-controlled rotation vector: harmonics, envelope, extent, brightness
-- depth: track, multipath, window, extent, brightness
-- lateral: harmonics and envelope of the pass, multipath, window, extent, brightness
-- raw: profile, the unprocessed range profile as a baseline
-For claims about shape, `without=["brightness"]` excludes the feature that depends on level. In rows per frame, families of a whole motion
-(harmonics, envelope) repeat their values.
+- rotation (on a turntable at fixed distance): harmonics, envelope, extent, brightness
+- depth (a drive towards the target): track, multipath, window, extent, brightness
+- lateral (a drive past the target): harmonics and envelope of the pass, multipath, window, extent, brightness
+- raw (a baseline for any motion): profile, the unprocessed range profile
+To test the shape alone, exclude the signal level with `without=["brightness"]`. The families harmonics and envelope describe a whole
+motion, so all rows per frame repeat their values.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M
 
 Real = NDArray[np.floating]
-_TURNTABLE = "rotation"  # the set with the target at its nominal range; the other sets track the target
+_TURNTABLE = "rotation"  # this set takes the target at its nominal range; the other sets track the target
 
 
 class _Recording:
-    """One recording with the values that several families share."""
+    """Hold one recording with the intermediate results that several families need."""
 
     def __init__(self, processed: Processed, motion_log: log.Log, turntable: bool) -> None:
         self.processed, self.log, self.turntable = processed, motion_log, turntable
@@ -43,20 +43,20 @@ class _Recording:
 
     @cached_property
     def energy(self) -> Real:
-        """Energy minus noise. A target below the noise has the energy of the noise, so that every recording has features."""
+        """Target energy minus noise, (F,). If its mean is not above zero, the noise is not subtracted, so that all features exist."""
         energy = envelope.target_energy(self.processed, self.target_m)
         return energy if energy.mean() > 0 else energy + self.gate_floor
 
     @cached_property
     def envelope(self) -> Real:
-        """Envelope over a revolution, or over a pass without the range law."""
+        """Envelope over one revolution, or over a pass with the loss by distance removed."""
         if self.turntable:
             return envelope.revolution(self.energy, log.angles(self.log, self.processed.num_frames))
         return brightness.without_range_law(self.energy, self.nominal_m)
 
     @cached_property
     def gate_floor(self) -> Real:
-        """Noise energy in the gate, (F,), the lower limit of the brightness of a frame."""
+        """Noise energy in the target gate, (F,); it limits the brightness of a frame from below."""
         floor = np.broadcast_to(self.processed.noise_floor, self.processed.power.shape)
         return gate.gate_energies(floor, self.processed.range_m, self.target_m)[0]
 
@@ -75,7 +75,7 @@ def _envelope(recording: _Recording, per_frame: bool) -> NamedValues:
 
 
 def _track(recording: _Recording, per_frame: bool) -> NamedValues:
-    """Tracked against nominal range: it shows the depth of the object, slip, and other echoes near the peak."""
+    """Return the difference of tracked and nominal range, which shows the object's depth, wheel slip, and other echoes near the peak."""
     offset = recording.track_m - recording.nominal_m
     if per_frame:
         return ["track_offset_m"], offset[:, None]
@@ -122,14 +122,15 @@ _FAMILIES: dict[str, Callable[[_Recording, bool], NamedValues]] = {
 
 
 def vector(processed: Processed, motion_log: log.Log, name: str, without: Sequence[str] = ()) -> tuple[list[str], Real]:
-    """The features of one recording.
+    """Compute the features of one recording.
 
     Args:
         motion_log: nominal motion of the recording.
         name: name of the set.
         without: excluded families.
     Returns:
-        names, and values (features,), all finite.
+        names: the feature names.
+        values: (features,), all finite.
     Raises:
         ConfigError: the set or a family is unknown.
         InputError: the log does not fit the recording, or the target is outside the range window.
@@ -138,10 +139,10 @@ def vector(processed: Processed, motion_log: log.Log, name: str, without: Sequen
 
 
 def read(processed: Processed, motion_log: log.Log, families_read: Sequence[str], turns: bool) -> tuple[list[str], Real]:
-    """The features of one recording from any families; results and errors as for `vector`.
+    """Compute the features of one recording from a list of families. Results and errors are those of `vector`.
 
     Args:
-        turns: use the nominal range of a turning target instead of tracking it.
+        turns: whether the target is on a turntable; its nominal range then replaces the tracked range.
     """
     recording = _Recording(processed, motion_log, turns)
     parts = [_FAMILIES[family](recording, False) for family in families_read]
@@ -150,7 +151,12 @@ def read(processed: Processed, motion_log: log.Log, families_read: Sequence[str]
 
 
 def frames(processed: Processed, motion_log: log.Log, name: str, without: Sequence[str] = ()) -> tuple[list[str], Real]:
-    """The features of each frame: names, and a matrix (F, features); arguments and errors as for `vector`."""
+    """Compute the features of each frame. Arguments and errors are those of `vector`.
+
+    Returns:
+        names: the feature names.
+        values: (F, features).
+    """
     recording = _Recording(processed, motion_log, name == _TURNTABLE)
     parts = [_FAMILIES[family](recording, True) for family in families(name, without)]
     blocks = [np.broadcast_to(values, (processed.num_frames, len(names))) for names, values in parts]

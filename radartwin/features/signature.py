@@ -1,9 +1,9 @@
-"""Range-Doppler signature of a revolution: power over range and slow-time Doppler frequency.
+"""Compute the range-Doppler signature of a turntable revolution: power over range and over the Doppler frequency from frame to frame.
 
-G(u, r) = mean over channels and whole revolutions of |FFT over the N frames of a revolution of A(f, r)|^2 (paper, turntable fidelity:
-range-Doppler signatures of simulation and measurement are compared by SSIM). The frames of a whole revolution need no window, and the
-start angle has no effect. At 10 frames per second the Doppler band is +-5 Hz or 9.5 mm/s, so the rim of a turning object folds, in the same
-way in both domains. Echoes at rest are at 0 Hz.
+G(u, r) = |FFT of A(f, r) over the N frames of a revolution|^2, averaged over channels and whole revolutions. The paper compares the
+signatures of simulation and measurement by their structural similarity (SSIM; turntable fidelity). A whole revolution needs no window, and
+its start angle has no effect. At 10 frames per second the Doppler band is +-5 Hz, which is +-9.5 mm/s. The rim of a turning object is
+faster, so its Doppler frequency folds, both in simulation and in measurement. Echoes at rest are at 0 Hz.
 """
 
 from __future__ import annotations
@@ -18,12 +18,15 @@ from radartwin.features.envelope import frames_per_revolution
 from radartwin.features.processed import Processed
 
 SPAN_M = 1.0  # width of the range window around the target
-FLOOR_DB = 40.0  # dynamic range below the strongest cell; weaker cells have the level 0
+FLOOR_DB = 40.0  # dynamic range; cells weaker than the strongest cell by more have the level 0
 
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """Level (N, R) from 0 (FLOOR_DB below the strongest cell) to 1, over doppler_hz (N,), ascending and receding positive, and range_m."""
+    """Hold the level (N, R), from 0 (FLOOR_DB below the strongest cell) to 1 (strongest cell), with its axes.
+
+    `doppler_hz` (N,) ascends, and receding echoes have positive frequencies. `range_m` is (R,).
+    """
 
     level: NDArray[np.float64]
     doppler_hz: NDArray[np.float64]
@@ -31,16 +34,16 @@ class Signature:
 
 
 def signature(processed: Processed, angle_rad: NDArray, frame_rate_hz: float, target_m: float, span_m: float = SPAN_M) -> Signature:
-    """The signature of a turntable recording within span_m / 2 of the target.
+    """Compute the signature of a turntable recording at ranges within span_m / 2 of the target.
 
     Args:
-        angle_rad: (F,) nominal angle in one direction.
+        angle_rad: (F,) nominal turntable angle, rising or falling throughout.
     Raises:
         InputError: the recording is shorter than a revolution, or has no energy near the target.
     """
     period = frames_per_revolution(angle_rad)
     near = np.abs(processed.range_m - target_m) <= span_m / 2
-    # A revolution may be a fraction of a frame longer; each starts at the nearest frame.
+    # A revolution need not be a whole number of frames, so each starts at the nearest frame.
     step = 2 * np.pi / float(np.median(np.abs(np.diff(angle_rad))))
     starts = [round(k * step) for k in range(int(len(angle_rad) / step + 1e-6) or 1)]
     power = np.zeros((period, int(near.sum())))

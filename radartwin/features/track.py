@@ -1,10 +1,10 @@
-"""Range of the target's peak in each frame: the power-weighted range around the strongest continuous path through the range bins.
+"""Track the range of the target's peak over the frames of a recording.
 
-Symbols: P(f, r) -> power; b(f) -> bins, the path that maximises sum_f ln P(f, b(f)) with |b(f+1) - b(f)| <= step within the search window
-(dynamic programming; Y. Barniv, Dynamic programming solution for detecting dim moving targets, IEEE Trans. AES 21(1), 1985); track
-r(f) = sum P+ r / sum P+ over b(f) +- GATE_BINS, P+ the power above the noise floor (paper, linear transformations: power-weighted
-peak-range trajectory; motion-specific feature design, depth: tracked peak-range trajectory). The track does not depend on scale.
-`brightest` uses the strongest bin of each frame instead of the path.
+The tracker selects one range bin b(f) per frame: the sequence that maximises sum_f ln P(f, b(f)) inside the search window, with
+|b(f+1) - b(f)| <= step (dynamic programming; Y. Barniv, Dynamic programming solution for detecting dim moving targets, IEEE Trans. AES
+21(1), 1985). The tracked range is r(f) = sum P+ r / sum P+ over b(f) +- GATE_BINS, with P+ the power above the noise floor (paper, linear
+transformations: power-weighted peak-range trajectory; motion-specific feature design, depth: tracked peak-range trajectory). The track
+does not depend on the signal level. `brightest` uses the strongest bin of each frame instead of the sequence.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from radartwin.errors import InputError
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
 
-SEARCH_M = 0.3  # to either side of the nominal range, for slip, start offset and the depth of the object
+SEARCH_M = 0.3  # half width of the search window around the nominal range; covers wheel slip, start offset and the object's depth
 MAX_SPEED_MPS = 0.5  # twice the highest speed of the study, 0.24 m/s
 Real = NDArray[np.floating]
 
 
 def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_hz: float, max_speed_mps: float = MAX_SPEED_MPS) -> Real:
-    """Power-weighted range of the target's peak per frame, (F,).
+    """Track the power-weighted range of the target's peak in each frame, metres, (F,).
 
     Args:
         low_m, high_m: limits of the search window in metres, one value or one per frame (F,); clipped to NEAR_M..FAR_M.
         max_speed_mps: highest speed of the peak; a step of one bin per frame is always allowed.
     Raises:
-        InputError: the window contains no bin.
+        InputError: the search window of a frame contains no range bin.
     """
     searched = _searched(processed, low_m, high_m)
     step = max(1, int(np.ceil(max_speed_mps / frame_rate_hz / np.diff(processed.range_m).mean())))
@@ -36,13 +36,16 @@ def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_
 
 
 def brightest(processed: Processed, low_m: ArrayLike, high_m: ArrayLike) -> Real:
-    """As `track`, around the strongest bin of each frame; it jumps to an echo of the room that is stronger than the target."""
+    """Return the range around the strongest bin of each frame, (F,); arguments as for `track`.
+
+    Unlike `track`, the result jumps to an echo of the room wherever that echo is stronger than the target.
+    """
     searched = _searched(processed, low_m, high_m)
     return _weighted(processed, np.where(searched, processed.power, -1.0).argmax(axis=1))
 
 
 def _searched(processed: Processed, low_m: ArrayLike, high_m: ArrayLike) -> NDArray[np.bool_]:
-    """Mask of the bins in the window of each frame, (F, B)."""
+    """Return the mask (F, B) of the range bins inside the search window of each frame."""
     range_m, frames = processed.range_m, processed.num_frames
     low = np.maximum(np.broadcast_to(low_m, frames), NEAR_M)[:, None]
     high = np.minimum(np.broadcast_to(high_m, frames), FAR_M)[:, None]
@@ -57,7 +60,7 @@ def _searched(processed: Processed, low_m: ArrayLike, high_m: ArrayLike) -> NDAr
 
 
 def _weighted(processed: Processed, path: NDArray[np.intp]) -> Real:
-    """Power-weighted range around the bins of the path."""
+    """Compute the power-weighted range around the selected bin of each frame, (F,)."""
     range_m = processed.range_m
     near = np.abs(np.arange(len(range_m)) - path[:, None]) <= GATE_BINS
     weight = np.maximum(processed.power - processed.noise_floor, 0.0) * near
@@ -66,25 +69,25 @@ def _weighted(processed: Processed, path: NDArray[np.intp]) -> Real:
 
 
 def around(processed: Processed, distance_m: Real, frame_rate_hz: float, search_m: float = SEARCH_M) -> Real:
-    """`track` within `search_m` of the nominal distance of each frame."""
+    """Track the target within `search_m` of its nominal distance in each frame, (F,)."""
     return track(processed, distance_m - search_m, distance_m + search_m, frame_rate_hz)
 
 
 def excursion(track_m: Real) -> float:
-    """Largest minus smallest range, metres."""
+    """Compute the largest minus the smallest tracked range, metres."""
     return float(np.ptp(track_m))
 
 
 def _strongest_path(power: Real, searched: NDArray[np.bool_], step: int) -> NDArray[np.intp]:
-    """Bins of the strongest path, (F,). Bins outside the window have a low score and are allowed, so that windows may jump."""
+    """Select the strongest sequence of bins, (F,). Bins outside the window stay allowed at low power, so that the window may jump."""
     tiny = np.finfo(np.float64).tiny
     level = np.log(np.maximum(power, tiny))
     level -= level.max()
-    outside = 10 * (level.min() - 1.0)  # lower than the sum of the weakest bins of many frames
+    outside = 10 * (level.min() - 1.0)  # lower than the sum of the smallest levels of ten frames
     level = np.where(searched, level, outside)
     frames, bins = level.shape
     score, previous = level[0].copy(), np.zeros((frames, bins), dtype=np.intp)
-    shifts = np.array(sorted(range(-step, step + 1), key=abs))  # the smallest of equal steps
+    shifts = np.array(sorted(range(-step, step + 1), key=abs))  # of equally good steps, take the smallest
     source = np.arange(bins)[None] + shifts[:, None]
     allowed = (source >= 0) & (source < bins)
     source = np.clip(source, 0, bins - 1)

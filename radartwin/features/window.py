@@ -1,10 +1,10 @@
-"""Range-profile window: the logarithm of the energy in bins over the two metres around the target.
+"""Compute the range-profile window: the energy, in decibels, in cells of 0.1 m over the two metres around the target.
 
-E_k(f) is the integral of P(f, r) over the k-th of BINS bins of 0.1 m, centred on the tracked peak; the energy of a range bin is uniform
-over its width. The feature is 10 log10 E_k (paper, signal fidelity along trajectories: the range-profile window is among the most
-consistent families). Ranges below NEAR_M, where the antennas couple, and beyond the processed range count as empty. The lower limit of a
-bin is the noise of its width and FLOOR_DB below the energy of the whole window, because weaker energy is an artefact of the receiver that
-only one domain has.
+E_k(f) is the integral of P(f, r) over cell k of BINS cells, which are centred on the tracked peak. The energy of a range bin is assumed
+uniform over its width. The feature is 10 log10 E_k (paper, signal fidelity along trajectories: the range-profile window is among the most
+consistent families). Cells are empty below NEAR_M, where antenna leakage dominates, and beyond the processed range. E_k is at least the
+noise energy of its cell and at least the energy of the whole window minus FLOOR_DB. Weaker energy is an effect of the measuring receiver
+that the simulation does not have.
 """
 
 from __future__ import annotations
@@ -17,17 +17,16 @@ from radartwin.features.profile import NEAR_M
 
 SPAN_M, WIDTH_M = 2.0, 0.1
 BINS = round(SPAN_M / WIDTH_M)
-FLOOR_DB = 60.0  # about the dynamic range of 16 bits with phase noise
-CENTRES_M = WIDTH_M * (np.arange(BINS) - (BINS - 1) / 2)  # relative to the target
+FLOOR_DB = 60.0  # about the dynamic range of a 16-bit receiver with phase noise
+CENTRES_M = WIDTH_M * (np.arange(BINS) - (BINS - 1) / 2)  # cell centres relative to the target
 
 
 def energies(power: NDArray, range_m: NDArray, centre_m: NDArray) -> NDArray[np.float64]:
-    """Energy per bin of WIDTH_M around the centre of each frame.
+    """Compute the energy (F, BINS) in the cells around the centre of each frame.
 
     Args:
-        power: (F, B). centre_m: (F,).
-    Returns:
-        (F, BINS).
+        power: (F, B).
+        centre_m: (F,), range of the window's centre in metres.
     """
     width = float(np.diff(range_m).mean())
     edges = np.concatenate([range_m - width / 2, range_m[-1:] + width / 2])
@@ -42,7 +41,7 @@ def energies(power: NDArray, range_m: NDArray, centre_m: NDArray) -> NDArray[np.
 
 
 def window_db(processed: Processed, centre_m: NDArray) -> NDArray[np.float64]:
-    """10 log10 E_k, (F, BINS), in decibels of received over transmitted power."""
+    """Compute the feature 10 log10 E_k, (F, BINS), in decibels of received over transmitted power."""
     energy = energies(processed.power, processed.range_m, centre_m)
     floor = float(np.median(processed.noise_floor)) * WIDTH_M / float(np.diff(processed.range_m).mean())
     lower_limit = np.maximum(floor, 10 ** (-FLOOR_DB / 10) * energy.sum(axis=1, keepdims=True))

@@ -1,6 +1,7 @@
-"""Electromagnetics of surfaces: permittivity, layered reflection and transmission, roughness. This package imports no scene.
+"""Compute the electromagnetics of surfaces: permittivity, reflection and transmission of layers, roughness.
 
-A material is a plain name (a half-space), a name with factors (see `varied`) or a `Layered` stack.
+A material is a plain name (a half-space), a name with factors (see `varied`) or a `Layered` stack. This package does not import
+`radartwin.scene`.
 """
 
 from radartwin.materials.layers import Layered, reflection, transmission

@@ -1,12 +1,12 @@
-"""Electromagnetic distance between two materials: mean difference of their reflectivity in decibels over incidence.
+"""Compute the electromagnetic distance d of two materials: the mean difference of their reflectivity L over incidence angles, in dB.
 
-    L(theta) = 10 log10 mean over the sweep of (|te|^2 + |tm|^2)/2          reflectivity, at least FLOOR_DB
+    L(theta) = 10 log10 mean over the sweep of (|te|^2 + |tm|^2)/2          reflectivity, limited to FLOOR_DB from below
     d(A, B)  = mean over theta = 0, 2, ..., 80 degrees of |L_A - L_B|
 
 The field is unpolarised because the surfaces of a room have all orientations. The power is averaged over the sweep of the
-default radar, 77 to 80.4 GHz, because an echo contains the whole sweep; a single frequency would show interference fringes that
-change with a millimetre of wall thickness. Roughness is left out because it redistributes power and does not absorb it. d is a
-metric, except that it is 0 between different materials of equal reflectivity.
+default radar, 77 to 80.4 GHz, because an echo contains the whole sweep. At a single frequency, the interference of the reflections from
+both faces of a wall would change with a millimetre of wall thickness. Roughness is not included because it redistributes power and does
+not absorb it. d is a metric, except that d is also 0 between different materials of equal reflectivity.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from radartwin.materials.varied import split
 
 INCIDENCE_DEG = np.arange(0.0, 81.0, 2.0)
 SWEEP_HZ = np.linspace(77e9, 80.44e9, 33)
-FLOOR_DB = -40.0  # weaker surfaces count as absent: about 30 dB below plaster, the level of a room's diffuse echoes
+FLOOR_DB = -40.0  # weaker reflections do not count: this level is about 30 dB below plaster, as are the diffuse echoes of a room
 
 
 def reflectivity_db(
     material: str | Layered, frequency_hz: np.ndarray | float = SWEEP_HZ, incidence_deg: np.ndarray = INCIDENCE_DEG
 ) -> np.ndarray:
-    """Unpolarised reflectivity averaged over the frequencies, dB, at least FLOOR_DB, shape of `incidence_deg`.
+    """Compute the unpolarised reflectivity, averaged over the frequencies, in dB, at least FLOOR_DB, shape of `incidence_deg`.
 
     Raises:
         MaterialError: unknown material, or a material without values at these frequencies.
@@ -39,7 +39,7 @@ def reflectivity_db(
 
 
 def distance_db(first: str | Layered, second: str | Layered, frequency_hz: np.ndarray | float = SWEEP_HZ) -> float:
-    """Electromagnetic distance of two materials, dB, as defined at the top of this module.
+    """Compute the electromagnetic distance of two materials in dB, as defined at the top of this module.
 
     >>> distance_db("glass", "glass")
     0.0
@@ -48,11 +48,14 @@ def distance_db(first: str | Layered, second: str | Layered, frequency_hz: np.nd
 
 
 def closest(target: complex, among: tuple[str, ...], frequency_hz: np.ndarray | float = SWEEP_HZ) -> tuple[str, float]:
-    """The material whose half-space reflects most like a half-space of a given permittivity, and their distance in dB.
+    """Find the material whose half-space reflects most like a half-space of a given permittivity.
 
     Args:
         target: permittivity eta' - j eta'', constant over the frequencies.
-        among: names of materials; of equally close materials the first is returned.
+        among: names of candidate materials; of equally close materials the function returns the first.
+    Returns:
+        name: the closest material.
+        distance: its electromagnetic distance from the half-space of permittivity `target`, dB.
     """
     cosine, frequency = _grid(frequency_hz, INCIDENCE_DEG)
     level = _level(*stack_reflection([], [], np.full(frequency.shape, target), cosine, frequency))
@@ -62,10 +65,10 @@ def closest(target: complex, among: tuple[str, ...], frequency_hz: np.ndarray | 
 
 
 def in_range(name: str, frequency_hz: float = 77e9) -> bool:
-    """Whether a plain material has measured values at a frequency, so that no stand-in replaces it.
+    """Return whether a plain material has its own values at a frequency, so that no substitute material replaces it.
 
     Raises:
-        MaterialError: a plastic or liquid without values at this frequency.
+        MaterialError: the material is a plastic or liquid without values at this frequency.
     """
     base = split(name)[0]
     if base in P2040:

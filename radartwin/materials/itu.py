@@ -1,9 +1,9 @@
-"""Building materials and ground of ITU-R P.2040-4: real permittivity and conductivity against frequency.
+"""Compute the permittivity of building materials and ground from the fits of ITU-R P.2040-4.
 
 Symbols: eta' = a f^b -> real permittivity, sigma = c f^d -> conductivity (S/m), f in GHz.
-Ref: ITU-R P.2040-4 (09/2025), table 3: fits to published measurements, each valid between two frequencies. Where rows of one material
-overlap, the first row listed counts. No fit is extrapolated: outside its fits a material is replaced by its stand-in of STAND_INS, with a
-warning, or refused if it has none.
+Ref: ITU-R P.2040-4 (09/2025), table 3: fits to published measurements, each valid between two frequencies. Where two fits of one material
+overlap, the first row of the table applies. No fit is extrapolated. At a frequency outside its fits, a material is replaced by a
+substitute material of STAND_INS, with a warning. A material without a substitute is refused.
 """
 
 import warnings
@@ -17,7 +17,7 @@ from radartwin.errors import MaterialError
 
 @dataclass(frozen=True)
 class Fit:
-    """One row of the table: coefficients and the frequency range of the fit (GHz)."""
+    """Hold one row of the table: the coefficients a, b, c, d and the frequency range of the fit (GHz)."""
 
     a: float
     b: float
@@ -59,11 +59,13 @@ P2040 = {
     "wet_ground": (Fit(30.0, -0.4, 0.15, 1.30, 1, 10),),
 }  # fmt: skip
 
-# Each stand-in is the row with values at 77 GHz whose reflection at normal incidence is closest to the material's own reflection at the
-# ends of its fits, interpolated in log frequency if fits end on both sides. The differences in dB are: brick -0.6, clear acrylic 0.0 (with
-# more loss), plywood 1.0, marble -0.8, vinyl tile 0.1, carpet tile -0.5, asphalt 0.3. The fits of ground end at 10 GHz, far below the
-# relaxation of water. Very dry ground keeps its value at 10 GHz (-0.7 dB). Medium dry and wet ground are grains (3.0) with 15 and 30 %
-# water by volume, averaged in refractive index at 77 GHz (4.0 - j 1.3 and 4.9 - j 3.0; 0.9 and -0.1 dB).
+# Substitute materials at 77 GHz. Each substitute has a fit at 77 GHz, and its reflection at normal incidence is closest to that of the
+# material. The reflection of the material is taken at the end of its fit, or interpolated in log frequency between two fits below and above
+# 77 GHz. Differences in reflection (substitute minus material, dB): brick -0.6, clear acrylic 0.0 (with more loss), plywood 1.0,
+# marble -0.8, vinyl tile 0.1, carpet tile -0.5, asphalt 0.3, very dry ground -0.7, medium dry ground 0.9, wet ground -0.1.
+# The fits of ground end at 10 GHz, far below the relaxation of water. Very dry ground is therefore compared at 10 GHz. Medium dry and wet
+# ground are compared at 77 GHz as grains (permittivity 3.0) with 15 and 30 % water by volume; the refractive indices are averaged
+# (4.0 - j 1.3 and 4.9 - j 3.0).
 STAND_INS = {
     "brick": "floorboard",
     "clear_acrylic": "chipboard",
@@ -81,11 +83,11 @@ _warned: set[tuple[str, str]] = set()
 
 
 class StandInWarning(UserWarning):
-    """Another material replaces this one because its own fit does not reach the frequency."""
+    """Warn that a substitute replaces a material because no fit of the material includes the frequency."""
 
 
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
-    """Complex relative permittivity eta' - j eta'' (time convention exp(+j omega t)).
+    """Compute the complex relative permittivity eta' - j eta'' of a material (time convention exp(+j omega t)).
 
     Args:
         name: a row of P2040.
@@ -93,9 +95,9 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     Returns:
         complex, shape (...,).
     Raises:
-        MaterialError: unknown name, or a frequency outside the material's fits and those of its stand-in.
+        MaterialError: the name is unknown, or neither the material nor its substitute has a fit at a frequency.
     Warns:
-        StandInWarning: a stand-in replaces the material; once per material and process, unless a warning filter asks for all.
+        StandInWarning: a substitute replaces the material; once per material and process, unless a warning filter requests every warning.
 
     >>> complex(np.round(permittivity("glass", 77e9), 3))
     (6.31-0.283j)
@@ -120,7 +122,7 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
 
 
 def _fit(name: str, frequency_ghz: np.ndarray) -> Fit | None:
-    """The first row that is valid at all these frequencies."""
+    """Return the first row of the table that is valid at all these frequencies, or None."""
     low, high = float(frequency_ghz.min()), float(frequency_ghz.max())
     return next((fit for fit in P2040[name] if fit.low_ghz <= low and high <= fit.high_ghz), None)
 
@@ -130,7 +132,7 @@ def _ranges(name: str) -> str:
 
 
 def _warn(name: str, stand_in: str) -> None:
-    """Warn once per process. Python's "once" filter repeats after any change of the filters, and per calling line."""
+    """Warn once per process, because Python's own "once" filter repeats the warning after a change of filters and per calling line."""
     action = next(
         (
             action

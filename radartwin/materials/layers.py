@@ -1,10 +1,10 @@
-"""Reflection and transmission of layered walls and bottles for plane waves. Ref: ITU-R P.2040-4, section 2.2.2.
+"""Compute the reflection and transmission of layered walls and bottles for plane waves. Ref: ITU-R P.2040-4, section 2.2.2.
 
 Symbols: R_e, R_m, T_e, T_m -> te, tm (electric field perpendicular / parallel to the plane of incidence), theta_0 -> incidence,
-eta -> permittivity. The time convention is exp(+j omega t), so a lossy medium has eta' - j eta''. The sign of tm refers to the
-component of the electric field along the unit vector e_r = k_r x s of the reflected wave, with e_i = k_i x s for the incident
-wave: a perfect conductor has te = -1 and tm = +1, and at normal incidence tm = -te. Transmitted fields keep their unit vectors:
-without a stack both coefficients are 1.
+eta -> permittivity. The time convention is exp(+j omega t), so a lossy medium has eta' - j eta''. The coefficient tm relates the electric
+field along e_r = k_r x s of the reflected wave to the field along e_i = k_i x s of the incident wave (k: direction of the wave, s: unit
+vector perpendicular to the plane of incidence). A perfect conductor therefore has te = -1 and tm = +1, and at normal incidence tm = -te.
+For transmission, both fields are along e_i, so that without a stack both coefficients are 1.
 """
 
 import numbers
@@ -23,7 +23,7 @@ from radartwin.materials.roughness import ament, ament_transmitted
 
 @dataclass(frozen=True)
 class Layered:
-    """A stack of homogeneous layers seen from air.
+    """Describe a stack of homogeneous layers that a wave meets from air.
 
     Attributes:
         layers: (material name, thickness in metres), the outermost first.
@@ -51,13 +51,15 @@ class Layered:
 def reflection(
     material: str | Layered, cos_incidence: np.ndarray, frequency_hz: np.ndarray, roughness_m: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Complex (te, tm) reflection seen from air, under exp(+j omega t).
+    """Compute the complex reflection coefficients (te, tm) of a material for a wave from air.
 
     Args:
         material: a name (half-space) or a stack.
         cos_incidence: cosine of the angle from the normal, broadcastable with `frequency_hz`.
         frequency_hz: frequencies at which the materials are evaluated.
-        roughness_m: rms height; multiplies both coefficients by Ament's factor.
+        roughness_m: rms height of the surface; Ament's factor multiplies both coefficients.
+    Returns:
+        te, tm: complex, of the broadcast shape.
     Raises:
         MaterialError: unknown material, or a material without values at these frequencies.
     """
@@ -79,18 +81,18 @@ def reflection(
 def transmission(
     material: str | Layered, cos_incidence: np.ndarray, frequency_hz: np.ndarray, roughness_m: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Complex (te, tm) of one passage through a wall between air and air: field behind the wall over field in front of it.
+    """Compute the complex transmission coefficients (te, tm) of one passage through a wall in air: field behind over field in front.
 
-    Both fields refer to the same point of the wall's plane: where the ray enters, and straight behind that point along the
-    normal. A wall of thickness d therefore adds the phase of the coefficient and removes k d cos_incidence from the air path.
+    The field in front is taken where the ray enters the wall. The field behind is taken at the opposite point along the normal.
+    For a wall of thickness d, the phase of the coefficient therefore replaces the phase k d cos_incidence of the path in air.
 
     Args:
-        material: a stack, of which only the layers count because air is behind it, or a plain name. A half-space transmits
-            nothing, except air and vacuum.
+        material: a stack or a plain name. Of a stack only the layers matter, because air replaces the backing. A plain name is a
+            half-space, which transmits nothing unless the material is air or vacuum.
         cos_incidence, frequency_hz: as for `reflection`.
-        roughness_m: rms height of each of the two faces, which are independent; see `roughness.ament_transmitted`.
+        roughness_m: rms height of each of the two faces, whose heights are independent; see `roughness.ament_transmitted`.
     Returns:
-        (te, tm), complex, of the broadcast shape; at normal incidence they are equal.
+        te, tm: complex, of the broadcast shape; equal at normal incidence.
     Raises:
         MaterialError: unknown material, or a material without values at these frequencies.
 
@@ -121,7 +123,7 @@ def stack_reflection(
     cos_incidence: np.ndarray,
     frequency_hz: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Complex (te, tm) reflection of a stack, seen from air.
+    """Compute the complex reflection coefficients (te, tm) of a stack for a wave from air.
 
     Args:
         permittivities: one complex array per layer, outermost first, broadcastable with `cos_incidence`.
@@ -148,10 +150,10 @@ def stack_transmission(
     cos_incidence: np.ndarray,
     frequency_hz: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Complex (te, tm) transmission of a stack between air and air: field just behind the stack over field just before it.
+    """Compute the complex transmission coefficients (te, tm) of a stack in air: field just behind the stack over field just in front.
 
-    Arguments and errors are those of `stack_reflection`. A wave that crosses a stack of thickness d on a path of length L has
-    the phase k (L - d cos_incidence) plus the coefficient's phase; without layers the coefficient is 1.
+    Arguments and errors are those of `stack_reflection`. If a path of length L crosses a stack of thickness d, its phase is
+    k (L - d cos_incidence) plus the phase of the coefficient. Without layers the coefficient is 1.
 
     >>> te, _ = stack_transmission([np.array(4.0 + 0j)], [299792458 / 77e9 / 4], np.array(1.0), np.array(77e9))  # half a wave thick
     >>> complex(np.round(te, 6) + 0)
@@ -162,7 +164,7 @@ def stack_transmission(
 
 
 class _Coefficients(NamedTuple):
-    """Coefficients of a stack; TM as ratios of the electric field's parallel component."""
+    """Hold the coefficients of a stack; TM coefficients are ratios of the electric field in the plane of incidence."""
 
     reflected_te: np.ndarray
     reflected_tm: np.ndarray
@@ -177,9 +179,9 @@ def _stack(
     cos_incidence: np.ndarray,
     frequency_hz: np.ndarray,
 ) -> _Coefficients:
-    """Coefficients of a stack, built up from the backing outwards, one interface after the other.
+    """Compute the coefficients of a stack, interface by interface from the backing outwards.
 
-    Only decaying exponentials occur, so a lossy wall of any thickness neither overflows nor loses digits.
+    The recursion contains decaying exponentials only, so a thick lossy wall causes neither overflow nor loss of precision.
     """
     k0 = 2 * np.pi * np.asarray(frequency_hz, float) / SPEED_OF_LIGHT
     sin2 = 1 - np.asarray(cos_incidence, float) ** 2

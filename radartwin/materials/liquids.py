@@ -1,14 +1,15 @@
-"""Complex permittivity of the liquids in bottles, time convention exp(+j omega t).
+"""Compute the complex permittivity of the liquids in bottles, time convention exp(+j omega t).
 
 Water follows the double-Debye model of H. Liebe, G. Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659, with the
 relaxation frequencies gamma in GHz: eps = eps_0 - f [(eps_0 - eps_1)/(f - j gamma_1) + (eps_1 - eps_2)/(f - j gamma_2)].
 Ethanol follows the triple-Debye fit of J. Kindt, C. Schmuttenmaer, J. Phys. Chem. 100 (1996) 10373, at 25 C.
 
 All other liquids are mixtures by the law of H. Looyenga, Physica 31 (1965) 401: the cube root of the permittivity is the average of the
-cube roots over the volume fractions. The law is symmetric in its phases and exact to second order in their contrast. For oil drops in
-water, up to a quarter of oil, the reflection of the surface differs from Hanai's law by less than 0.2 dB. The fractions are the rounded
-composition of an ordinary product; dissolved and suspended solids count as a dry dielectric of 2.7. Salt is left out: its conduction
-at 77 GHz (1.0 in eps'' for 3 %) changes the reflection by 0.1 to 0.3 dB, no more than the uncertainty of the recipe, about 10 % of eps.
+cube roots, weighted by the volume fractions. The law treats all components alike and is exact to second order in their contrast. For oil
+drops in water, up to a quarter of oil, its surface reflection differs from that of Hanai's law by less than 0.2 dB. The fractions are the
+rounded composition of an ordinary product. Dissolved and suspended solids have the permittivity SOLIDS. Salt is left out: 3 % of salt adds
+1.0 to eps'' at 77 GHz, which changes the reflection by at most 0.3 dB. The composition of a product is uncertain by as much, about 10 % of
+eps.
 """
 
 import numpy as np
@@ -30,9 +31,9 @@ NAMES = ("water", "ethanol", *RECIPES)
 
 
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
-    """Complex relative permittivity eta' - j eta'' of a liquid of NAMES, shape of `frequency_hz`.
+    """Compute the complex relative permittivity eta' - j eta'' of a liquid of NAMES, shape of `frequency_hz`.
 
-    Water has 20 C; ethanol and oil have their values at room temperature.
+    Water is at 20 C, ethanol and oil at room temperature.
 
     Raises:
         MaterialError: a frequency outside the range of a model.
@@ -58,12 +59,12 @@ def _part(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
 
 
 def looyenga(phases: list[tuple[float, np.ndarray]]) -> np.ndarray:
-    """Permittivity of a mixture of (volume fraction, permittivity)."""
+    """Compute the permittivity of a mixture by Looyenga's law from a list of (volume fraction, permittivity)."""
     return sum((fraction * np.asarray(eps) ** (1 / 3) for fraction, eps in phases), np.zeros((), complex)) ** 3
 
 
 def water(frequency_hz: np.ndarray | float, temperature_c: float = TEMPERATURE_C) -> np.ndarray:
-    """Complex relative permittivity of pure water, eta' - j eta'', up to 1 THz.
+    """Compute the complex relative permittivity of pure water, eta' - j eta'', up to 1 THz.
 
     Raises:
         MaterialError: a frequency above 1 THz, or a temperature outside 0 to 100 C.
@@ -84,7 +85,7 @@ def water(frequency_hz: np.ndarray | float, temperature_c: float = TEMPERATURE_C
 
 
 def ethanol(frequency_hz: np.ndarray | float) -> np.ndarray:
-    """Complex relative permittivity of ethanol at 25 C, up to 1 THz.
+    """Compute the complex relative permittivity of ethanol at 25 C, up to 1 THz.
 
     >>> complex(np.round(ethanol(77e9), 1))
     (3.1-1j)

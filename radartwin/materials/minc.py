@@ -1,13 +1,14 @@
-"""The table `MINC`: from each of the 23 categories of MINC to a material at 77 GHz.
+"""Map each of the 23 categories of the MINC data set to a material at 77 GHz, in the table `MINC`.
 
 Categories: S. Bell, P. Upchurch, N. Snavely, K. Bala, Material Recognition in the Wild with the Materials in Context Database, CVPR 2015.
-Materials: rows of ITU-R P.2040-4 and the plastics and liquids of this package, as half-spaces or as the common build-up of such a surface.
-Where common build-ups differ, the table has the one nearest to the others in `distance_db`, and the note gives their distances.
+Materials: rows of ITU-R P.2040-4 and the plastics and liquids of this package, as half-spaces or as the usual layers of such a surface
+(its build-up). If several build-ups are common, the table has the build-up with the smallest `distance_db` to the others, and the note
+gives their distances in dB.
 
 Frequencies: a P.2040 row is used inside its fitted range only (concrete, plasterboard, wood, glass, ceiling board, chipboard and metal
-from 1 to 100 GHz, floorboard from 50). The fits of brick, marble and carpet tile end at 40 to 60 GHz. These categories keep their own
-material here, so that a radar at a lower frequency uses the material's own fit; at 77 GHz `itu.STAND_INS` replaces it with a
-StandInWarning. Above 100 GHz only rows with a second fit have values. Plastics and oil have values from 10 to 100 GHz.
+from 1 to 100 GHz, floorboard from 50). The fits of brick, marble and carpet tile end at 40 to 60 GHz. The table still names these three
+materials, so that a radar at a lower frequency uses their own fits. At 77 GHz `itu.STAND_INS` replaces them by substitute materials, with a
+StandInWarning. Above 100 GHz only materials with a second fit have values. Plastics and oil have values from 10 to 100 GHz.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ FREQUENCY_HZ = 77e9
 
 @dataclass(frozen=True)
 class Row:
-    """One category.
+    """Describe the material of one category.
 
     Attributes:
         material: half-space or stack.
-        proxy: the material is a substitute at every frequency, because no row describes the category itself.
-        source: of the build-up or the permittivity.
-        note: the remaining uncertainty.
-        texture: the class of `radartwin.materials.roughness.CLASSES` that gives the roughness.
-        uncertain: the category does not determine the build-up (under the paint, thickness of the plastic), and common build-ups differ
-            by more than 2.5 dB.
+        proxy: whether the material is a substitute at every frequency, because no material describes the category itself.
+        source: source of the build-up or of the permittivity.
+        note: remaining uncertainty.
+        texture: class of `radartwin.materials.roughness.CLASSES` that defines the roughness.
+        uncertain: whether common build-ups of the category differ by more than 2.5 dB of `distance_db`; for example, the category does not
+            determine the wall under a paint or the thickness of a plastic.
     """
 
     material: str | Layered
@@ -45,34 +46,34 @@ class Row:
 
     @property
     def roughness_m(self) -> float:
-        """Rms height, metres."""
+        """Return the rms surface height in metres."""
         return roughness_m(self.texture)
 
     def stand_in(self, frequency_hz: float = FREQUENCY_HZ, exact: bool = False) -> bool:
-        """Whether the material is a substitute: by choice, because a fit ends below this frequency, or because the build-up is uncertain.
+        """Return whether the material is a substitute: `proxy` is set, it has no fit at this frequency, or the build-up is uncertain.
 
         Args:
-            exact: the build-up is known, so it is not uncertain.
+            exact: whether the build-up is known from elsewhere; `uncertain` then has no effect.
         """
         unknown = self.uncertain and not exact
         return self.proxy or unknown or not all(in_range(name, frequency_hz) for name in names_in(self.material))
 
 
 def names_in(material: str | Layered) -> tuple[str, ...]:
-    """The plain materials of a half-space or stack, outermost first, the backing last."""
+    """Return the names of all plain materials of a half-space or stack, outermost first, the backing last."""
     return (material,) if isinstance(material, str) else (*(name for name, _ in material.layers), material.backing)
 
 
 _BOARD_ON_STUDS = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
 _BUILDING = "building practice (EN 520 board of 12.5 mm, studs of 75 mm)"
-# The common build-up of a plain material, for labels that name the material instead of a category.
+# The usual layers of a plain material, for labels that name a material instead of a category.
 BUILD_UPS: dict[str, Layered] = {
     "plasterboard": _BOARD_ON_STUDS,
     "ceiling_board": Layered([("ceiling_board", 0.015)]),  # EN 13964 mineral tiles of 15 to 19 mm, a void above
     "chipboard": Layered([("chipboard", 0.018)]),  # EN 312 furniture board
     "floorboard": Layered([("floorboard", 0.008)], backing="concrete"),  # EN 13329 laminate on a slab
 }
-COVERED = ("painted", "wallpaper")  # categories of the finish of a wall, not of its build-up
+COVERED = ("painted", "wallpaper")  # these categories describe the finish of a wall, not the layers below it
 _ACCONEER = "60 GHz values of docs/pcr_tech/radar_principles, Acconeer (Clear BSD)"
 
 MINC: dict[str, Row] = {
@@ -125,10 +126,10 @@ ROOM = tuple(category for category in CATEGORIES if category not in NOT_OF_A_ROO
 
 
 def row(category: str) -> Row:
-    """The row of a category.
+    """Return the row of a category.
 
     Raises:
-        MaterialError: not one of the 23 categories; `radartwin.materials.names.resolve` takes other names.
+        MaterialError: the name is not one of the 23 categories; `radartwin.materials.names.resolve` accepts other names.
     """
     if category not in MINC:
         raise MaterialError(f"{category!r} is not a MINC category; choose from {', '.join(CATEGORIES)}")

@@ -1,8 +1,8 @@
-"""Names of materials outside MINC and P.2040: each resolves to the electromagnetically closest row, and no name gets a default.
+"""Resolve names of materials outside MINC and P.2040 to the known material with the most similar reflection.
 
-Two tables exist. SYNONYMS lists other words for a row (drywall, steel). PERMITTIVITY lists further materials; each resolves to the P.2040
-row in range, or air, whose half-space reflects most alike (`distance.closest`). Porcelain, for example, becomes glass because its
-permittivity is 6.0. A name in neither table is refused.
+Two tables exist. SYNONYMS lists other words for a known material (drywall, steel). PERMITTIVITY lists further materials. Each of them
+resolves to air or to a P.2040 material with a fit at 77 GHz, whichever half-space reflects most alike (`distance.closest`). Porcelain, for
+example, resolves to glass because its permittivity is 6.0. There is no default material: a name in neither table is refused.
 
 Sources of PERMITTIVITY, real part and loss tangent at 60 to 100 GHz: [L] J. Lamb, Int. J. Infrared and Millimeter Waves 17 (1996) 1997;
 [A] 60 GHz values of docs/pcr_tech/radar_principles, Acconeer; [D] data sheets and handbooks at microwave frequencies. The loss tangents of
@@ -78,13 +78,13 @@ _SPELLINGS = {"fiberglass": "fibreglass", "teflon": "ptfe", "styrofoam": "foam",
 
 @dataclass(frozen=True)
 class Resolved:
-    """The material of a name.
+    """Hold the material that a name resolves to.
 
     Attributes:
-        name: as given, in lower case with underscores.
+        name: the requested name, in lower case with underscores.
         material: half-space or stack.
         category: the MINC category of the name; None for a plain material.
-        stand_in: the material is a substitute at 77 GHz.
+        stand_in: whether the material is a substitute at 77 GHz.
     """
 
     name: str
@@ -94,7 +94,7 @@ class Resolved:
 
 
 def resolve(name: str) -> Resolved:
-    """The material of a name, in any spelling with spaces, hyphens or capitals.
+    """Resolve a name to its material. Capitals are ignored; spaces and hyphens count as underscores.
 
     Raises:
         MaterialError: an unknown name; the message lists the known names.
@@ -118,10 +118,10 @@ def resolve(name: str) -> Resolved:
 
 
 def mentioned(words: str) -> Resolved | None:
-    """The known material that a free text mentions, or None.
+    """Return the known material that a free text mentions, or None.
 
-    Of several materials, a plain material comes before a category, then the longest name, then the last name, because an English compound
-    ends with its head noun.
+    If the text mentions several materials, plain materials come before categories, then longer names before shorter names, then later names
+    before earlier names, because the main noun of an English compound is its last word.
 
     >>> mentioned("white acoustic ceiling tiles").material, mentioned("lacquered sheet steel").category, mentioned("unobtainium")
     ('ceiling_board', 'metal', None)
@@ -144,5 +144,5 @@ def _is_known(name: str) -> bool:
 
 
 def known_names() -> tuple[str, ...]:
-    """Every name that `resolve` accepts, MINC categories first."""
+    """Return every name that `resolve` accepts, MINC categories first."""
     return (*CATEGORIES, *sorted({*MATERIAL_NAMES, *_ROW_OF, *PERMITTIVITY, *_SPELLINGS} - set(CATEGORIES)))

@@ -1,4 +1,4 @@
-"""Permittivity of a material given by its name: P.2040 rows, plastics and liquids, each with optional factors (see `varied`)."""
+"""Compute the permittivity of a named material: P.2040 materials, plastics and liquids, each with optional factors (see `varied`)."""
 
 import difflib
 
@@ -11,7 +11,7 @@ from radartwin.materials.varied import split
 
 MATERIAL_NAMES = tuple(sorted({*itu.P2040, *plastics.PERMITTIVITY, *liquids.NAMES}))
 
-# Thickness in metres of each plain name that means a slab instead of a half-space. No name does.
+# Thickness in metres of each plain name that means a slab instead of a half-space; empty, because every plain name is a half-space.
 MATERIAL_THICKNESS: dict[str, float] = {}
 
 
@@ -24,7 +24,7 @@ def check_name(name: str) -> None:
 
 
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> NDArray[np.complex128]:
-    """Complex relative permittivity eta' - j eta'' of a named material, shape of `frequency_hz`."""
+    """Compute the complex relative permittivity eta' - j eta'' of a named material, shape of `frequency_hz`."""
     check_name(name)
     name, real, loss = split(name)
     if real != 1 or loss != 1:

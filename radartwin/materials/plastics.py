@@ -1,4 +1,4 @@
-"""Air, container plastics and oil: nearly lossless dielectrics with a constant permittivity between 10 and 100 GHz.
+"""Give the permittivity of air, container plastics and oil, which is nearly lossless and constant between 10 and 100 GHz.
 
 Refs: J. W. Lamb, Int. J. Infrared and Millimeter Waves 17 (1996) 1997 (HDPE 2.31, PET 2.9 at millimetre waves, loss
 tangents of 0.0003 and 0.01); vegetable oils 2.4 to 2.5 with loss tangents of 0.03 to 0.05 (free-space measurements at W band).
@@ -21,7 +21,7 @@ EMPTY = ("air", "vacuum")
 
 
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
-    """Complex relative permittivity eta' - j eta'', constant over frequency, shape of `frequency_hz`.
+    """Return the complex relative permittivity eta' - j eta'', constant over frequency, shape of `frequency_hz`.
 
     Raises:
         MaterialError: a frequency outside RANGE_HZ; air and vacuum have no such limit.

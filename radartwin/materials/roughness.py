@@ -1,13 +1,13 @@
-"""Rough surfaces: the loss of the coherent field, and the rms height of each class of surface.
+"""Compute the loss of the coherent field at rough surfaces, and list the rms height of each class of surface.
 
-Symbols: sigma_h -> rms height, theta -> angle of incidence; rho_s = exp(-2 (k sigma_h cos theta)^2) on the field.
+Symbols: sigma_h -> rms height, theta -> angle of incidence. Ament's factor rho_s = exp(-2 (k sigma_h cos theta)^2) multiplies the field.
 Ref: W. S. Ament, Proc. IRE 41 (1953) 142: the mean of exp(2 j k h cos theta) over Gaussian heights h.
 
 The factor is valid for gentle slopes (correlation length above a wavelength), without shadowing (away from grazing incidence), and for
-Gaussian heights. Up to an rms height of lambda/(16 cos theta), 0.24 mm at 77 GHz and normal incidence, other height distributions give
-the same loss to 0.25 dB. At the Rayleigh criterion, lambda/(8 cos theta) or 0.49 mm, the loss is 10.7 dB and the distributions differ by
-several dB. Beyond the criterion the coherent part is negligible and the power is diffuse; measured surfaces keep more coherent power
-than the factor (A. Miller, R. Brown, E. Vegh, IEE Proc. H 131 (1984) 114).
+Gaussian heights. Up to an rms height of lambda/(16 cos theta), 0.24 mm at 77 GHz and normal incidence, the loss with other height
+distributions differs by at most 0.25 dB. At the Rayleigh criterion, lambda/(8 cos theta) or 0.49 mm, the loss is 10.7 dB, and the losses
+with other distributions differ by several dB. For higher surfaces nearly all power is diffuse. There, measured surfaces reflect more
+coherent power than the factor predicts (A. Miller, R. Brown, E. Vegh, IEE Proc. H 131 (1984) 114).
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from radartwin.errors import MaterialError
 
 
 class Roughness(NamedTuple):
-    """Rms height and correlation length of a surface, metres, and their source."""
+    """Hold the rms height and the correlation length of a surface in metres, and their source."""
 
     height_m: float
     correlation_m: float
@@ -78,10 +78,12 @@ CLASSES = {
 
 
 def roughness_m(name: str) -> float:
-    """Rms height, metres, of a class of surfaces. Catalogue objects and labels use it; a plain material name alone is smooth.
+    """Return the rms height of a class of surfaces in metres.
+
+    Catalogue objects and labelled scenes have these heights. A surface with only a material name is smooth.
 
     Raises:
-        MaterialError: no such class.
+        MaterialError: the class does not exist.
 
     >>> roughness_m("metal")
     0.0001
@@ -92,7 +94,7 @@ def roughness_m(name: str) -> float:
 
 
 def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray) -> np.ndarray:
-    """Factor on the coherent reflected field, shape of `cos_incidence`.
+    """Compute Ament's factor on the coherent reflected field, shape of `cos_incidence`.
 
     >>> float(np.round(20 * np.log10(ament(0.05e-3, np.array(1.0), 2 * np.pi / 3.8934e-3)), 4))
     -0.1131
@@ -103,10 +105,10 @@ def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.
 def ament_transmitted(
     roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray, permittivity: np.ndarray | complex
 ) -> np.ndarray:
-    """Factor on the coherent field that crosses one rough face into or out of a medium, shape of `cos_incidence`.
+    """Compute the factor on the coherent field that crosses one rough face of a medium, shape of `cos_incidence`.
 
-    A height h shifts the phase by h (k_z inside - k_z outside), where reflection shifts it by 2 h k_z. Ament's factor therefore becomes
-    exp(-(1/2) (sigma_h (k_z' - k_z))^2), a much smaller loss.
+    A surface height h shifts the phase of a reflected wave by 2 h k_z, but that of a transmitted wave only by h (k_z' - k_z), with k_z'
+    inside the medium and k_z outside. Ament's factor therefore becomes exp(-(1/2) (sigma_h (k_z' - k_z))^2), a much smaller loss.
     """
     cosine = np.asarray(cos_incidence, float)
     inside = np.real(np.sqrt(np.asarray(permittivity) + 0j - (1 - cosine**2)))

@@ -1,7 +1,7 @@
-"""Names of materials with factors on their permittivity, for the spread between samples of one material.
+"""Build and split material names with factors on the permittivity, which model the spread between samples of one material.
 
-`plasterboard~1.0500~0.8000` has 1.05 times the real part and 0.8 times the loss of plasterboard. The factors are part of the
-name, so a varied material can stand wherever a material name can.
+`plasterboard~1.0500~0.8000` has 1.05 times the real permittivity and 0.8 times the loss of plasterboard. The factors are part of the
+name, so every function that accepts a material name accepts a varied material.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _MARK = "~"
 
 
 def varied(name: str, real: float, loss: float) -> str:
-    """The name of a material with factors on its real permittivity and its loss, to four decimals; factors of `name` multiply.
+    """Return the material name with factors on real permittivity and loss, to four decimals. Factors that `name` already has multiply.
 
     >>> varied("glass", 1.05, 0.8)
     'glass~1.0500~0.8000'
@@ -24,10 +24,12 @@ def varied(name: str, real: float, loss: float) -> str:
 
 
 def split(name: str) -> tuple[str, float, float]:
-    """Name, factor on the real part and factor on the loss; both are 1 for a plain name.
+    """Split a material name into the plain name, the factor on the real permittivity and the factor on the loss.
+
+    Both factors are 1 for a plain name.
 
     Raises:
-        MaterialError: not two numbers, a factor on the real part that is not positive, or a negative factor on the loss.
+        MaterialError: the name does not end with two numbers, the first factor is not positive, or the second factor is negative.
     """
     base, *factors = str(name).split(_MARK)
     if not factors:

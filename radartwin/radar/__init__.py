@@ -1,1 +1,1 @@
-"""The radar: waveform and array, TI files, DCA1000 recordings, range/Doppler/angle processing, detection, pictures."""
+"""Model the radar: waveform and array, TI files, DCA1000 recordings, range/Doppler/angle processing, detection, pictures."""

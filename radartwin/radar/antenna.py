@@ -1,4 +1,4 @@
-"""Far-field pattern of one antenna of the radar.
+"""Compute the far-field pattern of one antenna of the radar.
 
 Reference: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B), antenna section: peak gain above 10.5 dBi from
 76 to 81 GHz; one-way beamwidths in azimuth +-28 degrees (3 dB) and +-50 degrees (6 dB), in elevation +-14 degrees
@@ -6,8 +6,8 @@ Reference: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B), antenna sec
 
 The pattern is the product of an azimuth and an elevation cut. With psi the azimuth atan2(y, x) or the elevation
 asin(z), each cut loses a (sqrt(1 + (s/b)^2) - 1) dB, s = 2 sin(psi/2). This hyperbola passes through both published
-points, is smooth, and is quadratic on boresight. The ground plane of the board takes the gain to zero at and behind the
-board through the factor 1 - (1 - cos psi)^16 on the azimuth cut, which costs under 0.01 dB inside 50 degrees.
+points, is smooth, and is quadratic near boresight. The factor 1 - (1 - cos psi)^16 on the azimuth cut models the ground plane:
+the gain falls to zero in the plane of the board. The factor changes the gain by less than 0.01 dB inside 50 degrees.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _ELEVATION_DEG = (14.0, 20.0)
 
 
 def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
-    """Amplitude gain (square root of power gain) of one antenna.
+    """Compute the amplitude gain (square root of the power gain) of one antenna.
 
     Args:
         element: "iwr1843" or "isotropic".
-        directions: vectors in the sensor frame away from the radar, any length above zero, shape (..., 3).
+        directions: vectors in the sensor frame away from the radar, of any length above zero, shape (..., 3).
     Returns:
-        gain, shape (...,); 1 everywhere for "isotropic", zero at and behind the board for "iwr1843".
+        gain, shape (...,). "isotropic" gives 1 in all directions; "iwr1843" gives 0 in and behind the plane of the board.
     Raises:
         InputError: an unknown element, or directions that are not (..., 3).
 
@@ -58,7 +58,10 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
 
 
 def _loss_db(cosine: NDArray[np.float64], half_power_deg: float, quarter_power_deg: float) -> NDArray[np.float64]:
-    """Power loss in dB over the cosine of an angle: 3 dB at the first angle and 6 dB at the second, less than twice as large."""
+    """Compute the power loss in dB from the cosine of an angle. The loss is 3 dB at the first given angle and 6 dB at the second.
+
+    The second angle must be less than twice the first.
+    """
     near, far = (2 * (1 - np.cos(np.radians(degrees))) for degrees in (half_power_deg, quarter_power_deg))  # (2 sin(psi/2))^2
     # The loss doubles from near to far if sqrt(1 + near/b^2) = k / (4 - k), with k = far/near.
     ratio = far / near

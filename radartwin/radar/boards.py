@@ -1,14 +1,14 @@
-"""Antenna positions on the evaluation boards, and the element pattern of each board.
+"""Define the antenna positions and the element pattern of the evaluation boards.
 
 References: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B) and IWR6843ISK in the mmWave EVM user's guide
 (TI SWRU546): receivers half a wavelength apart, transmitters one wavelength apart in azimuth, TX2 raised by half a
 wavelength. TX1 and TX3 with four receivers therefore form eight half-wavelength channels in azimuth.
 xWR1642BOOST user's guide (TI SWRU521): two transmitters two wavelengths apart.
 
-Channels run towards +y, because in the mmWave SDK demo the phase grows with the channel number for a target on the
-right. The guides do not give the distance between the transmitter group and the receiver group, which lie side by side
-a few wavelengths apart. Here both groups are centred at the origin of the sensor frame. At 0.5 m this shortens the
-two-way path by about 0.1 mm, nearly the same on all channels.
+The channel number grows towards +y, because in the mmWave SDK demo the phase grows with the channel number for a target on
+the right. On the board, the transmitters and the receivers form two groups, side by side and a few wavelengths apart. The
+guides do not give the distance between the groups, so here both groups are centred at the origin of the sensor frame. For a
+target at 0.5 m this shortens the two-way path by about 0.1 mm, nearly the same on all channels.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Position = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Board:
-    """Antenna positions in metres, transmitters in the numbering of the board (TX1 first), and the element pattern."""
+    """Hold the antenna positions in metres, in the numbering of the board (TX1 first), and the element pattern."""
 
     name: str
     tx_positions_m: tuple[Position, ...]
@@ -31,7 +31,7 @@ class Board:
 
 
 def _board(name: str, design_frequency_hz: float, tx: tuple[tuple[float, float], ...], element: str) -> Board:
-    """A board from (azimuth, elevation) transmitter offsets in wavelengths; four receivers half a wavelength apart."""
+    """Build a board with four receivers half a wavelength apart, from (azimuth, elevation) offsets of transmitters in wavelengths."""
     wavelength = SPEED_OF_LIGHT / design_frequency_hz
     tx_width, rx_width = max(y for y, _ in tx), 1.5
     return Board(

@@ -1,12 +1,12 @@
-"""Constant false-alarm-rate detection: cell averaging (CA) and ordered statistic (OS) in one or two dimensions.
+"""Detect targets at a constant false-alarm rate (CFAR): cell averaging (CA) and ordered statistic (OS).
 
 Symbols: N training cells, K looks averaged in each cell (channels times frames), P_fa -> false_alarm, alpha -> factor,
 Y -> the estimate of the noise power. A cell is detected where its power exceeds alpha * Y.
 
 A mean of K looks of exponentially distributed noise power is gamma distributed. CA-CFAR then compares two gamma
 variables, whose ratio is F(2K, 2KN) distributed; K = 1 gives the textbook alpha = N (P_fa^(-1/N) - 1). OS-CFAR
-integrates over the distribution of its order statistic. A window correlates neighbouring cells, so the true false-alarm
-rate is slightly higher than P_fa.
+integrates over the distribution of its order statistic. An FFT window correlates neighbouring cells, so the true
+false-alarm rate is slightly higher than P_fa.
 
 References: H. Rohling, Radar CFAR thresholding in clutter and multiple target situations, IEEE Trans. AES-19 (1983);
 M. Richards, Fundamentals of Radar Signal Processing, 2nd ed., ch. 6.
@@ -27,7 +27,7 @@ Cells = int | tuple[int, ...]
 
 
 def ca_factor(training: int, false_alarm: float, looks: int = 1) -> float:
-    """Threshold over the mean of `training` cells, each the mean of `looks` independent looks.
+    """Compute the CA-CFAR factor alpha: threshold over the mean of `training` cells, each averaged over `looks` independent looks.
 
     >>> round(ca_factor(16, 1e-4), 6) == round(16 * (1e-4 ** (-1 / 16) - 1), 6)
     True
@@ -40,14 +40,17 @@ def ca_factor(training: int, false_alarm: float, looks: int = 1) -> float:
 
 @lru_cache(maxsize=64)
 def os_factor(training: int, rank: int, false_alarm: float, looks: int = 1) -> float:
-    """Threshold over the rank-th smallest (from 1) of `training` cells, each the mean of `looks` looks."""
+    """Compute the OS-CFAR factor alpha: threshold over the cell of rank `rank` (1 is the smallest) of the `training` cells.
+
+    Each cell is averaged over `looks` independent looks.
+    """
     from scipy.optimize import brentq
     from scipy.stats import beta, gamma
 
     _check_rate(false_alarm, looks)
     if not 1 <= rank <= training:
         raise InputError(f"OS-CFAR: rank {rank} must be from 1 to the {training} training cells")
-    # Midpoints of equal probability of the order statistic. The integrand is smooth, so 4000 suffice.
+    # Integrate over the distribution of the order statistic at 4000 quantiles, which suffice for a smooth integrand.
     levels = beta(rank, training - rank + 1).ppf((np.arange(4000) + 0.5) / 4000)
     noise = gamma(looks, scale=1 / looks).ppf(levels)
     cell = gamma(looks, scale=1 / looks)
@@ -69,19 +72,20 @@ def ca_cfar(
     min_factor: float = 0.0,
     wrap: tuple[bool, ...] = (),
 ) -> tuple[NDArray[np.bool_], Real]:
-    """Cell-averaging CFAR.
+    """Detect cells by cell-averaging CFAR.
 
     Args:
         power: linear power, one or more dimensions.
         guard: cells ignored on each side of the cell under test, per axis or one number for all axes.
         training: cells averaged beyond the guard cells on each side, per axis or one number for all axes.
         looks: independent looks averaged in each cell.
-        min_factor: lower limit of threshold over noise, because many looks bring this factor close to 1.
-        wrap: per axis, whether it is circular; other axes are continued by reflection.
+        min_factor: lower limit of the threshold factor alpha, which would approach 1 with many looks.
+        wrap: for each axis, whether the axis is circular; all other axes are continued by reflection.
     Returns:
-        detections and threshold, both of the shape of power.
+        detections: boolean, of the shape of power.
+        threshold: of the shape of power.
     Raises:
-        InputError: the window does not fit the map, or the rate is outside (0, 1).
+        InputError: the window does not fit the map, or false_alarm is not between 0 and 1.
 
     >>> noise = np.random.default_rng(0).exponential(size=4096)
     >>> hits, _ = ca_cfar(noise, guard=2, training=16, false_alarm=1e-2)
@@ -96,7 +100,7 @@ def ca_cfar(
         total = uniform_filter1d(total, 2 * o + 1, axis=axis, mode=mode) * (2 * o + 1)
         inner = uniform_filter1d(inner, 2 * g + 1, axis=axis, mode=mode) * (2 * g + 1)
     cells = _training_cells(guards, outer)
-    # Beside a strong cell, rounding may bring the difference of the running sums below zero.
+    # Near a strong cell, the difference of the two running sums may fall below zero by rounding.
     noise = np.maximum(total - inner, 0.0) / cells
     threshold = max(ca_factor(cells, false_alarm, looks), min_factor) * noise
     return power > threshold, threshold
@@ -113,11 +117,12 @@ def os_cfar(
     quantile: float = 0.75,
     wrap: tuple[bool, ...] = (),
 ) -> tuple[NDArray[np.bool_], Real]:
-    """Ordered-statistic CFAR, in which neighbouring targets do not mask each other.
+    """Detect cells by ordered-statistic CFAR, in which neighbouring targets do not mask each other.
+
+    The other arguments, the results and the errors are those of ca_cfar.
 
     Args:
-        quantile: quantile of the training cells that estimates the noise (Rohling: 3/4).
-    The other arguments, the results and the errors are those of ca_cfar.
+        quantile: the quantile of the training cells that serves as the noise estimate (Rohling: 3/4).
     """
     from scipy.ndimage import rank_filter
 

@@ -1,4 +1,4 @@
-"""Waveform, array and timing of a TDM-MIMO FMCW radar, and the quantities derived from them.
+"""Describe the waveform, array and timing of a TDM-MIMO FMCW radar, and derive its resolution and limits.
 
 Symbols: f0 -> start_frequency_hz, S -> slope_hz_per_s, fs -> sample_rate_hz, N -> num_samples, Tc -> chirp_interval,
 B = S N / fs -> sampled_bandwidth_hz, lambda at f0 -> wavelength_m, f0 + B/2 -> center_frequency_hz.
@@ -29,22 +29,22 @@ from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 
 _PARTS: dict[str, Any] = {"if_filter": IfFilter, "phase_noise": PhaseNoise}
-_MAX_COUNT = 1_000_000  # far above any real chirp or frame, so that a typing error does not fill the memory
+_MAX_COUNT = 1_000_000  # refuses a count that is far above any real chirp or frame, before a typing error fills the memory
 
 
 @dataclass(frozen=True)
 class Radar:
-    """One radar configuration; frozen, hashable and comparable.
+    """Describe one radar configuration. Instances are immutable, hashable and comparable.
 
     Attributes:
-        num_chirps: chirp loops per frame, which equals chirps per transmitter and frame.
-        tx_positions_m, rx_positions_m: phase centres, transmitters in firing order.
-        chirp_interval: seconds between successive chirp starts, transmitters interleaved: loop c of transmitter t
-            starts (c * num_tx + t) * chirp_interval after the frame.
+        num_chirps: number of chirp loops per frame; in each loop every transmitter sends one chirp.
+        tx_positions_m, rx_positions_m: phase centres in metres, transmitters in firing order.
+        chirp_interval: seconds between the starts of successive chirps. The transmitters alternate: in loop c, the chirp of
+            transmitter t starts (c * num_tx + t) * chirp_interval after the start of the frame.
         element: antenna pattern, "iwr1843" or "isotropic" (radartwin.radar.antenna).
-        real_sampling: the ADC keeps one real channel, which halves the unambiguous range.
-        if_filter: gain of the receiver over the beat frequency; None passes all frequencies, and far echoes fold.
-        phase_noise: phase noise of the oscillator; None is an ideal oscillator.
+        real_sampling: whether the ADC samples one real channel only, which halves the unambiguous range.
+        if_filter: gain of the receiver over beat frequency; None passes all frequencies, so that far echoes fold.
+        phase_noise: phase noise of the oscillator; None for an ideal oscillator.
 
     >>> round(Radar.iwr1843().range_resolution_m, 4)
     0.0436
@@ -93,7 +93,7 @@ class Radar:
 
     def _check_timing(self) -> None:
         sampling = self.num_samples / self.sample_rate_hz
-        # The tolerance is one part in a million because configuration files round times to nanoseconds.
+        # The tolerance is 1e-6 of the time, because configuration files round times to nanoseconds.
         if sampling > self.chirp_interval * (1 + 1e-6):
             raise InputError(
                 f"radar {self.name}: sampling takes {sampling * 1e6:.2f} us but chirps start every "
@@ -125,7 +125,7 @@ class Radar:
 
     @property
     def virtual_positions(self) -> NDArray[np.float64]:
-        """Transmit plus receive position of every channel, transmitter-major, metres, shape (num_tx * num_rx, 3)."""
+        """Sum of transmit and receive position of every channel, transmitter-major, metres, shape (num_tx * num_rx, 3)."""
         return (self.tx_positions[:, None] + self.rx_positions[None]).reshape(-1, 3)
 
     @property
@@ -153,7 +153,7 @@ class Radar:
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Range at which the beat frequency folds: fs for complex sampling, fs/2 for real sampling."""
+        """Range at which the beat frequency folds, that is at fs for complex sampling and at fs/2 for real sampling."""
         return self.band_hz * SPEED_OF_LIGHT / (2 * self.slope_hz_per_s)
 
     @property
@@ -177,16 +177,16 @@ class Radar:
         return 2 * self.max_velocity_mps / self.num_chirps
 
     def chirp_times(self) -> NDArray[np.float64]:
-        """Start of every chirp, seconds from the start of its frame, shape (num_chirps, num_tx)."""
+        """Return the start of every chirp in seconds from the start of its frame, shape (num_chirps, num_tx)."""
         loop, tx = np.arange(self.num_chirps)[:, None], np.arange(self.num_tx)[None]
         return (loop * self.num_tx + tx).astype(np.float64) * self.chirp_interval
 
     @classmethod
     def iwr1843(cls, element: str = "iwr1843") -> Radar:
-        """The paper's IWR1843BOOST: two azimuth transmitters fired in turn, four receivers.
+        """Return the paper's IWR1843BOOST: two alternating azimuth transmitters and four receivers.
 
-        The 64 us chirp interval is an assumption of this project. The 15 dB noise figure and the 12 dBm transmit power
-        are typical values of the IWR1843 data sheet (TI SWRS228, RF specification).
+        The chirp interval of 64 us is an assumption of this project. The noise figure of 15 dB and the transmit power of
+        12 dBm are typical values of the IWR1843 data sheet (TI SWRS228, RF specification).
         """
         return cls(
             name="iwr1843",
@@ -210,7 +210,7 @@ class Radar:
 
         Raises:
             MissingError: the file does not exist.
-            RecordingError: the file is malformed or unsupported; the message names the line where possible.
+            RecordingError: the file is malformed or unsupported; if the format allows, the message names the line.
         """
         path = Path(path)
         if not path.is_file():
@@ -222,7 +222,7 @@ class Radar:
             raise RecordingError(f"{path}: {error}") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """Fields as plain values for JSON or YAML; a filter or phase noise that is None is left out."""
+        """Return the fields as plain values for JSON or YAML, without if_filter or phase_noise if they are None."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("tx_positions_m", "rx_positions_m"):
             values[name] = [list(position) for position in values[name]]
@@ -233,7 +233,7 @@ class Radar:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Radar:
-        """The inverse of to_dict. Raises InputError for an unknown, missing or invalid field."""
+        """Build a radar from the result of to_dict. Raises InputError for an unknown, missing or invalid field."""
         return from_mapping(cls, "radar description", values)
 
 

@@ -1,8 +1,8 @@
-"""Converts between complex samples and the DCA1000 raw layout of the xWR16xx, xWR18xx and xWR68xx with two LVDS lanes.
+"""Convert between complex samples and the DCA1000 raw layout of the xWR16xx, xWR18xx and xWR68xx with two LVDS lanes.
 
-The layout is little-endian int16 without headers: a frame holds its chirps in TDM order, a chirp its receivers, a
-receiver its samples. Complex samples come in pairs, two of I and two of Q: I0 I1 Q0 Q1, I2 I3 Q2 Q3, ... Firmware with
-the sample swap writes Q first: Q0 Q1 I0 I1. Real sampling has no Q and no pairs.
+The layout is little-endian int16 without headers, in the order frame, chirp (TDM order), receiver, sample. Complex samples
+come in pairs, first two I values, then two Q values: I0 I1 Q0 Q1, I2 I3 Q2 Q3, ... Firmware with the sample swap writes Q
+first: Q0 Q1 I0 I1. Real samples follow each other without Q.
 
 Reference: Mmwave Radar Device ADC Raw Data Capture (TI SWRA581B), sections on two-lane devices.
 """
@@ -20,22 +20,25 @@ _SAMPLE = np.dtype("<i2")
 
 
 def frame_shape(radar: Radar) -> tuple[int, int, int, int]:
-    """Shape of one frame, (chirp, tx, rx, sample)."""
+    """Return the shape of one frame, (chirp, tx, rx, sample)."""
     return radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples
 
 
 def frame_bytes(radar: Radar) -> int:
-    """Bytes of one frame on disk."""
+    """Return the size of one frame on disk in bytes."""
     samples = radar.num_chirps * radar.num_tx * radar.num_rx * radar.num_samples
     return samples * _SAMPLE.itemsize * (1 if radar.real_sampling else 2)
 
 
 def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = False, real_sampling: bool = False) -> tuple[bytes, int]:
-    """The bytes of some frames, and the number of int16 values that were clipped.
+    """Convert frames to bytes.
 
     Args:
         iq: [frame, chirp, tx, rx, sample], amplitude.
         scale: amplitude per count, above zero.
+    Returns:
+        data: the bytes of the frames.
+        clipped: number of int16 values that were clipped.
     Raises:
         RecordingError: samples are NaN or infinite, or a chirp has an odd number of samples, which cannot form pairs.
 
@@ -58,7 +61,7 @@ def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = 
 
 
 def decode(data: bytes | memoryview, radar: Radar, *, iq_swapped: bool = False) -> NDArray[np.complex64]:
-    """Counts as complex numbers, shape [frame, chirp, tx, rx, sample]; exact, because float32 holds every int16.
+    """Convert bytes to complex counts [frame, chirp, tx, rx, sample]. The conversion is exact, because float32 represents every int16.
 
     Raises:
         RecordingError: the data are not a whole number of frames, or a chirp has an odd number of samples.

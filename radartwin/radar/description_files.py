@@ -1,4 +1,4 @@
-"""Reads the text files that describe radars, recordings and recording sets as plain values.
+"""Read the text files that describe radars, recordings and recording sets, as plain values.
 
 A radar description is one of TI's two formats, or a .yaml or .json with the fields of `radartwin.radar.chirp.Radar`.
 """
@@ -16,10 +16,10 @@ from radartwin.radar.ti_files import fields_from_cfg, fields_from_studio
 
 
 def read_fields(path: Path) -> dict[str, Any]:
-    """The fields of `Radar` from a radar description, whose format follows from its suffix.
+    """Read the fields of `Radar` from a radar description. The suffix of the file name determines the format.
 
     Raises:
-        RecordingError: a malformed or unsupported file, or a mode other than time-division chirps of one profile.
+        RecordingError: the file is malformed or unsupported, or has a mode other than time-division chirps of one profile.
     """
     match path.suffix:
         case ".cfg":
@@ -41,7 +41,7 @@ def read_fields(path: Path) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object. Raises RecordingError, with the line of a syntax error."""
+    """Read a JSON object. Raises RecordingError, with the line of a syntax error."""
     try:
         values = untrusted_json.read(path)
     except json.JSONDecodeError as error:
@@ -56,7 +56,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_yaml(path: Path, content: str) -> dict[str, Any]:
-    """A YAML mapping of `content`, which the error message names. Raises RecordingError, with the line of a syntax error."""
+    """Read a YAML mapping. Raises RecordingError, with the line of a syntax error. `content` names what the mapping describes."""
     import yaml
 
     try:
@@ -80,7 +80,7 @@ def _read_text(path: Path) -> str:
 
 
 def _with_numbers(value: Any) -> Any:
-    """Text such as 77e9 as a number, because YAML 1.1 reads an exponent without a sign as text."""
+    """Convert text such as 77e9 to a number, because YAML 1.1 reads an exponent without a sign as text."""
     if isinstance(value, dict):
         return {key: _with_numbers(item) for key, item in value.items()}
     if isinstance(value, list):

@@ -1,9 +1,9 @@
-"""Detects the point cloud of a recording: CFAR in range and Doppler, local maxima, sub-bin positions and azimuths.
+"""Detect the point cloud of a recording: CFAR in range and Doppler, local maxima, sub-bin positions and azimuths.
 
-Powers are averaged over channels and frames before detection. A local maximum is dropped if the window sidelobes of a
-stronger peak explain it. A parabola through the decibels of three neighbours refines range, Doppler and azimuth. With
-complex sampling, range is circular like Doppler: energy just below zero range, such as the skirt of the leakage from
-transmitter to receiver, appears at the unambiguous range.
+Powers are averaged over channels and frames before detection. A local maximum is dropped if it may be a window sidelobe of a
+stronger peak. A parabola through the levels (dB) of three neighbouring bins refines range, Doppler and azimuth. With complex
+sampling, range is circular like Doppler: energy just below zero range, such as the edge of the leakage from transmitter to
+receiver, appears at the unambiguous range.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
 
 _AZIMUTH_RAD = np.radians(np.arange(-90.0, 90.5, 0.5))
-_SIDELOBE_MARGIN = 4.0  # 6 dB, because noise and other sidelobes add to a sidelobe
+_SIDELOBE_MARGIN = 4.0  # power factor (6 dB) above the window's sidelobe, because noise and other sidelobes add to a sidelobe
 
 
 @dataclass(frozen=True)
 class Detector:
-    """Settings of the detection. Cells are unpadded bins, one range or velocity resolution wide.
+    """Hold the settings of the detection. A cell is an unpadded bin, one range or velocity resolution wide.
 
     Attributes:
         method: CFAR method, "ca" or "os".
-        guard, training: cells on each side along (Doppler, range); fewer if a frame has too few chirps.
-        false_alarm: probability per cell; 1e-7 gives one false peak in about a hundred frames.
-        min_contrast_db: least power over the mean of the training cells. The noise estimate of many frames is so exact
-            that false_alarm alone would pass every unevenness of the clutter.
-        dynamic_range_db: weaker peaks, relative to the strongest cell, may be rounding errors and are ignored. Single
-            precision holds 140 dB, minus the level of the removed static echoes.
-        min_range_m: nearer peaks are leakage from transmitter to receiver and are ignored.
+        guard, training: number of cells on each side along (Doppler, range); reduced if a frame has too few chirps.
+        false_alarm: false-alarm probability per cell; 1e-7 gives one false peak in about a hundred frames.
+        min_contrast_db: minimum ratio of a peak to the mean of its training cells. With many frames the noise estimate is so
+            exact that `false_alarm` alone would detect every small variation of the clutter.
+        dynamic_range_db: peaks weaker than the strongest cell by more are ignored, because they may be rounding errors. Single
+            precision covers 140 dB below the strongest echo, which may be a static echo that was removed before the detection.
+        min_range_m: peaks at shorter range are ignored, because they are leakage from transmitter to receiver.
     """
 
     method: str = "ca"
@@ -61,10 +61,10 @@ class Detector:
 
 @dataclass(frozen=True)
 class Peaks:
-    """Detected echoes, strongest first; arrays of one length.
+    """Hold detected echoes, strongest first, as arrays (N,).
 
-    Azimuth is atan2(y, x), positive to the left, and NaN for a single channel. Velocity is positive when receding, and
-    NaN for one chirp per frame. Power is in the square of the unit of the samples.
+    Azimuth is atan2(y, x), positive to the left, and NaN if the radar has a single channel. Velocity is positive for receding
+    echoes, and NaN if a frame has one chirp. Power is in the square of the unit of the samples.
     """
 
     range_m: Real
@@ -76,7 +76,7 @@ class Peaks:
         return len(self.range_m)
 
     def table(self) -> pd.DataFrame:
-        """Columns range_m, doppler_mps, azimuth_deg, power_db."""
+        """Return a table with the columns range_m, doppler_mps, azimuth_deg, power_db."""
         import pandas as pd
 
         return pd.DataFrame(
@@ -92,11 +92,11 @@ class Peaks:
 def detect(
     iq: Complex, radar: Radar, detector: Detector | None = None, settings: FftSettings | None = None, *, maps: PowerMaps | None = None
 ) -> Peaks:
-    """Peaks of a recording.
+    """Detect the peaks of a recording.
 
     Args:
         iq: (frame, chirp, tx, rx, sample); powers are averaged over frames.
-        maps: result of power_maps for the same iq and settings, which saves its computation.
+        maps: the result of power_maps for the same iq and settings, if it is already computed.
     """
     detector, settings = detector or Detector(), settings or FftSettings()
     maps = maps or power_maps(iq, radar, settings)
@@ -125,7 +125,7 @@ def detect(
 
 
 def _candidates(power: Real, radar: Radar, detector: Detector, settings: FftSettings, frames: int) -> NDArray[np.intp]:
-    """(doppler, range) indices of local maxima above the CFAR threshold, (N, 2)."""
+    """Return the (doppler, range) indices of local maxima above the CFAR threshold, (N, 2)."""
     from scipy.ndimage import maximum_filter1d
 
     guard, training = [], []
@@ -154,7 +154,7 @@ def _candidates(power: Real, radar: Radar, detector: Detector, settings: FftSett
 
 
 def _without_sidelobes(cells: NDArray[np.intp], power: Real, radar: Radar, settings: FftSettings) -> NDArray[np.intp]:
-    """The cells, strongest first, that are not sidelobes of a stronger one."""
+    """Return the cells that are not sidelobes of a stronger cell, the strongest first, (N, 2)."""
     order = np.argsort(-power[tuple(cells.T)], kind="stable")
     doppler_skirt, range_skirt = (
         _skirt(settings, size, bins) for size, bins in ((radar.num_chirps, len(power)), (radar.num_samples, power.shape[1]))
@@ -179,18 +179,23 @@ def _neighbour(cell: NDArray[np.intp], step: int, size: int, radar: Radar) -> ND
 
 
 def _skirt(settings: FftSettings, size: int, bins: int) -> Real:
-    """Highest sidelobe power of the window at or beyond each distance in bins, over its peak, (bins,)."""
+    """Return, for each distance in bins, the highest sidelobe of the window at or beyond it, as power over the main peak, (bins,)."""
     fine = 8
     response = np.abs(np.fft.fft(window_weights(settings.window, size), settings.padding * size * fine)) ** 2
     response = response[: response.size // 2 + 1]
     envelope = np.maximum.accumulate(response[::-1])[::-1]
-    # The distance is reduced by half a bin, because peaks lie between bins.
+    # A peak may lie half a bin from its cell, so the distance is reduced by half a bin.
     index = np.maximum(np.arange(bins) * fine - fine // 2, 0)
     return envelope[np.minimum(index, envelope.size - 1)]
 
 
 def _parabola(decibels: list[Real]) -> tuple[Real, Real]:
-    """Vertex of the parabola through three equally spaced values: its shift from the middle in steps, its height above the middle."""
+    """Fit a parabola through three equally spaced values.
+
+    Returns:
+        shift: position of the vertex, in steps from the middle value.
+        height: height of the vertex above the middle value.
+    """
     left, middle, right = decibels
     curvature = left - 2 * middle + right
     slope = 0.5 * (right - left)
@@ -200,10 +205,10 @@ def _parabola(decibels: list[Real]) -> tuple[Real, Real]:
 
 
 def _azimuths(iq: Complex, radar: Radar, settings: FftSettings, cells: NDArray[np.intp], residual_mps: Real) -> Real:
-    """Direction of the strongest Bartlett response of each cell, averaged over frames; NaN for a single channel.
+    """Estimate the azimuth of each cell from the maximum of its Bartlett spectrum over all frames; NaN for a single channel.
 
     Args:
-        residual_mps: velocity of the peak minus the velocity of its Doppler bin, whose TDM phase is still in the bin.
+        residual_mps: velocity of the peak minus velocity of its Doppler bin; the TDM phase of this difference is not yet compensated.
     """
     if radar.num_tx * radar.num_rx == 1:
         return np.full(len(cells), np.nan)

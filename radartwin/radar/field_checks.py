@@ -1,4 +1,4 @@
-"""Checks of field values, shared by the dataclasses that describe a radar."""
+"""Check field values of the dataclasses that describe a radar."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from radartwin.errors import InputError
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a finite real number; booleans and integers beyond the range of a float are not."""
+    """Return whether a value is a finite real number. Booleans and integers beyond the range of a float are refused."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         return False
     try:
@@ -24,7 +24,7 @@ def is_number(value: Any) -> bool:
 
 
 def from_mapping(kind: Any, name: str, values: Any) -> Any:
-    """An instance of a dataclass from a mapping of its fields.
+    """Build an instance of a dataclass from a mapping of its fields.
 
     Args:
         kind: the dataclass.
