@@ -1,1 +1,1 @@
-"""The study: one module per table, each with `run(config, store, progress) -> Result` (radartwin/runs/experiment.py)."""
+"""The tables of the study. Each module has a function `run(config, store, progress) -> Result` (radartwin/runs/experiment.py)."""

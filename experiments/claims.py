@@ -1,4 +1,4 @@
-"""Claims of the paper with the conditions under which they hold, and the table row that shows claim and result."""
+"""Table rows that compare a claim of the paper with our result, and the condition under which a claim holds."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.store.digest import spec_digest
 
-SHOWN_KEYS = 12  # in a cell; the run's result holds all keys
+SHOWN_KEYS = 12  # store keys that a table cell shows; the run's result holds all keys
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper about a row, the paper's value, and the condition on our interval.
+    """A claim of the paper about one table row, with the condition that our result must meet for the claim to hold.
 
     Attributes:
-        above, below: bounds between which the whole interval must lie.
-        contains: a value inside the interval, for a claim of no effect.
-        p_below: the level that p must not reach.
-        least: required number of items; a single item has no interval.
+        text: the claim in words. paper: the value in the paper.
+        above, below: bounds between which our whole confidence interval must lie.
+        contains: value that our interval must contain; used for a claim of no effect.
+        p_below: our p value must be smaller than this.
+        least: smallest number of items for a verdict; the default is 2, because a single item has no interval.
     """
 
     text: str = ""
@@ -37,7 +38,7 @@ class Claim:
     least: int = 2
 
     def verdict(self, low: float, high: float, n: int, p: float = math.nan) -> str:
-        """holds, fails or untestable."""
+        """Return whether the claim "holds", "fails" or is "untestable" for an interval (low, high) over n items."""
         if not self.text or n < self.least or math.isnan(low) or math.isnan(high):
             return "untestable"
         true = (self.above == -math.inf or self.above < low) and (self.below == math.inf or high < self.below)
@@ -50,10 +51,10 @@ NONE = Claim()
 
 
 def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> dict[str, Any]:
-    """One row: the columns of `case`, then claim, p, number of items, seed, keys of the recordings, and the score columns.
+    """Build one table row from the columns `case`, an estimate, the store keys of its recordings, and the claim.
 
-    n counts recordings if there are any; the verdict uses the number of items. A value that is not finite becomes None and untestable; a
-    bound that is not finite becomes None.
+    Column n counts recordings if there are any; the verdict uses the number of items. A value or bound that is not finite becomes None.
+    If the value is None, the verdict is "untestable".
     """
     keys = set(keys)
     value, low, high = (one if math.isfinite(one) else None for one in (found.value, found.low, found.high))
@@ -66,7 +67,7 @@ def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, k
 
 
 def told(keys: Iterable[str]) -> str:
-    """The keys of a row's recordings as one cell, or their number and digest if there are more than SHOWN_KEYS."""
+    """Write store keys as one cell: the shortened keys, or their number and digest if there are more than SHOWN_KEYS."""
     unique = sorted(set(keys))
     if len(unique) <= SHOWN_KEYS:
         return " ".join(key[:8] for key in unique)
@@ -74,16 +75,16 @@ def told(keys: Iterable[str]) -> str:
 
 
 class RowList(list[dict[str, Any]]):
-    """The rows of one table."""
+    """List of the rows of one table, with functions that append a row."""
 
     def __init__(self, config: Config):
         super().__init__()
         self.config = config
 
     def add(self, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> None:
-        """Append one row; arguments as `row`."""
+        """Append one row; the arguments are those of `row`."""
         self.append(row(self.config, case, metric, found, keys, claim))
 
     def add_mean(self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE) -> None:
-        """Append the mean of the samples with its bootstrap interval."""
+        """Append one row with the mean of the samples and its bootstrap interval."""
         self.add(case, metric, statistics.mean(samples, self.config.profile.resamples, self.config.seed), keys, claim)

@@ -18,18 +18,18 @@ DOMAIN_STYLES = {"measured": (PALETTE[0], "o"), "twin": (PALETTE[1], "s")}  # co
 
 
 def panels_width_in(panels: int) -> float:
-    """Width of a figure with one panel per distance: the page width from three panels on, less for fewer."""
+    """Return the figure width in inches for a number of panels: the page width for three or more panels, less for fewer."""
     return PAGE_WIDTH_IN * min(1.0, 0.25 + 0.25 * panels)
 
 
 def error_bars(rows: Iterable[Mapping[str, Any]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(values (N,), distances from the values to both ends of their intervals (2, N)) of table rows, for matplotlib."""
+    """Return error bars of table rows for matplotlib: values (N,), and distances from each value to its interval's ends (2, N)."""
     value, low, high = np.array([[row[column] for column in ("value", "low", "high")] for row in rows], float).T
     return value, np.stack([value - low, high - value])
 
 
 def range_map(axes: Axes, level_db: NDArray, extent: tuple[float, float, float, float], top_db: float, span_db: float) -> None:
-    """Draw decibel levels (X, B) with range upwards; colours span the `span_db` below `top_db`."""
+    """Draw levels (X, B) in decibels with the range axis upwards; the colour scale spans `span_db` below `top_db`."""
     axes.imshow(
         level_db.T, origin="lower", aspect="auto", extent=extent, vmin=top_db - span_db, vmax=top_db, interpolation="nearest"
     )  # fmt: skip

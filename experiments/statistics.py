@@ -1,7 +1,8 @@
-"""Estimates with intervals, p values and n, as the tables print them.
+"""Estimates with confidence intervals, p values and numbers of items, as the tables print them.
 
-Library functions compute the statistics (scipy: rank and product correlation, bootstrap; scikit-image: SSIM; recognition scores: exact
-shares). The Mantel test is our own permutation test over objects. Every random draw uses the given seed. Intervals are 95 %.
+Libraries compute the permutation tests (scipy), the bootstrap of a mean (scipy) and SSIM (scikit-image); radartwin.recognize.score computes
+exact binomial intervals. The Mantel test is our own permutation test over objects. Every random draw uses the given seed. Intervals are
+95 % confidence intervals.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Alternative = Literal["greater", "less", "two-sided"]
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate with low <= value <= high from n items; p is against no effect, or NaN without a test."""
+    """An estimate from n items with its interval, low <= value <= high. p tests against no effect; p is NaN without a test."""
 
     value: float
     low: float
@@ -32,7 +33,7 @@ class Estimate:
 
 
 def bootstrap_mean(samples: np.ndarray, resamples: int, seed: int) -> tuple[float, float, float]:
-    """(low, mean, high) by a 95 % percentile bootstrap. A single sample is its own interval.
+    """Return (low, mean, high) of a 95 % percentile bootstrap. For a single sample all three are equal.
 
     >>> bootstrap_mean(np.array([2.0]), 100, 0)
     (2.0, 2.0, 2.0)
@@ -50,19 +51,22 @@ def bootstrap_mean(samples: np.ndarray, resamples: int, seed: int) -> tuple[floa
 
 
 def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
-    """Mean with its bootstrap interval."""
+    """Return the mean of the samples with its bootstrap interval."""
     samples = np.asarray(samples, float)
     low, value, high = bootstrap_mean(samples, resamples, seed)
     return Estimate(value, low, high, len(samples))
 
 
 def exact(value: float, n: int) -> Estimate:
-    """A value without an interval, from n items."""
+    """Return an estimate without an interval: both bounds equal the value."""
     return Estimate(float(value), float(value), float(value), n)
 
 
 def resampled(value: float, drawn: ArrayLike, n: int) -> Estimate:
-    """A value of n items, with the 2.5 % and 97.5 % quantiles of its finite resampled values as its interval, widened to hold it."""
+    """Return a value of n items with the interval of its resampled values `drawn`.
+
+    The interval is the 2.5 % and 97.5 % quantiles of the finite resampled values, extended to contain the value.
+    """
     drawn = np.asarray(drawn, float)
     drawn = drawn[np.isfinite(drawn)]
     low, high = np.quantile(drawn, [0.025, 0.975]) if len(drawn) else (value, value)
@@ -70,10 +74,12 @@ def resampled(value: float, drawn: ArrayLike, n: int) -> Estimate:
 
 
 def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
-    """Rank correlation over items, with a bootstrap over items and the exact p over all pairings (or 9,999 random ones).
+    """Compute the rank correlation over items, with a bootstrap interval over items and a permutation p value.
+
+    p is exact over all pairings if there are few, else it uses 9,999 random pairings.
 
     Raises:
-        InputError: as for `pearson`.
+        InputError: fewer than three items, or constant values.
     """
     from scipy.stats import rankdata
 
@@ -82,9 +88,9 @@ def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alt
 
 
 def pearson(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
-    """Product correlation over items; interval and p as for `spearman`.
+    """Compute Pearson's correlation over items; the interval and p are computed as in `spearman`.
 
-    Neighbouring frames are not independent items, so pass alternative=None for them, which skips the test.
+    If the items are neighbouring frames, pass alternative=None to skip the test, because such frames are not independent.
 
     Raises:
         InputError: fewer than three items, or constant values.
@@ -94,20 +100,20 @@ def pearson(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alte
 
 
 def correlation(first: NDArray, second: NDArray) -> float:
-    """Pearson correlation without an interval; 0 if either is constant."""
+    """Return Pearson's correlation without an interval; 0 if either input is constant."""
     return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0
 
 
 def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) -> Estimate:
     """Mantel test: correlation of two distance matrices over the same objects. Ref: N. Mantel, Cancer Research 27 (1967).
 
-    p counts those of the random permutations of the objects, and the identity, that correlate at least as well, so p is never below 1 /
-    (permutations + 1). The interval is a bootstrap over objects without the pairs of an object with itself.
+    p is the share of random permutations of the objects whose correlation is at least as high. The identity counts as one permutation, so
+    p is at least 1 / (permutations + 1). The interval is a bootstrap over objects; pairs of an object with itself are left out.
 
     Args:
-        first, second: (n, n), symmetric.
+        first, second: (n, n) symmetric distance matrices.
     Raises:
-        InputError: the matrices are no distances of the same three or more objects, or constant.
+        InputError: the matrices are not distance matrices of the same three or more objects, or all distances of one matrix are equal.
     """
     first, second = (np.asarray(matrix, float) for matrix in (first, second))
     count = len(first)
@@ -126,14 +132,16 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
     for _ in range(permutations):
         chosen = rng.integers(count, size=count)
         a, b = chosen[upper[0]], chosen[upper[1]]
-        if np.sum(a != b) > 2:  # a draw of a single object has no pairs
+        if np.sum(a != b) > 2:  # a sample that repeats one object has no pairs
             drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
     low, high = _quantiles(np.array(drawn), value)
     return Estimate(value, low, high, count, (as_good + 1) / (permutations + 1))
 
 
 def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
-    """Share of successes with its exact interval, and the exact binomial p of as many or more successes at `chance`.
+    """Return the share of successes with its exact binomial interval.
+
+    p is the probability of as many or more successes at the probability `chance` per trial.
 
     >>> round(share(9, 9).p, 6)
     0.001953
@@ -145,7 +153,7 @@ def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
 
 
 def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
-    """Standard deviation (n - 1) over the mean of positive values, with a bootstrap interval."""
+    """Return the sample standard deviation divided by the mean of positive values, with a bootstrap interval."""
     samples = np.asarray(samples, float)
     if len(samples) < 2 or not (samples > 0).all():
         raise InputError("a coefficient of variation needs two or more positive values")
@@ -156,7 +164,7 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
 
 
 def ssim(first: NDArray, second: NDArray) -> float:
-    """Structural similarity of two maps with levels from 0 to 1, in a window of seven cells, or fewer on a smaller map."""
+    """Return the structural similarity (SSIM) of two maps with values from 0 to 1; the window is at most seven cells wide."""
     from skimage.metrics import structural_similarity
 
     size = min(7, *(side - 1 + side % 2 for side in first.shape))
@@ -190,14 +198,14 @@ def _correlation(first: NDArray, second: NDArray, change: Callable, resamples: i
 
 
 def _r(first: NDArray, second: NDArray) -> NDArray:
-    """Pearson's r along the last axis; NaN for constant values."""
+    """Compute Pearson's r along the last axis; NaN for constant values."""
     first, second = first - first.mean(axis=-1, keepdims=True), second - second.mean(axis=-1, keepdims=True)
     norm = np.sqrt(np.sum(first**2, axis=-1) * np.sum(second**2, axis=-1))
     return np.divide(np.sum(first * second, axis=-1), norm, out=np.full(np.shape(norm), np.nan), where=norm > 0)[()]
 
 
 def _quantiles(drawn: NDArray, value: float) -> tuple[float, float]:
-    """Percentile interval over the finite draws, extended to contain the value."""
+    """Compute the percentile interval of the finite resampled values, extended to contain the value."""
     drawn = drawn[np.isfinite(drawn)]
     if not len(drawn):
         return value, value

@@ -1,1 +1,1 @@
-"""The recordings that the tables share: of the measured domain and of its twin, each simulated once and stored."""
+"""The recordings that all tables share: measured and simulated ones. Each is simulated once and then stored."""

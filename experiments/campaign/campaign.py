@@ -1,7 +1,8 @@
 """The campaign of a configuration: the list of its recordings, and each recording, simulated if it is not in the store.
 
-Products of the store: `clean` (a recording without receiver; a turntable recording as its traced aspects) and `processed` (the input of all
-features). Noise, leakage and ADC are added when a clean recording is processed, seeded by the recording.
+The store holds two products per recording. `clean` is the recording before receiver effects (noise, leakage, ADC); a turntable recording is
+stored as its traced aspects (target angles). `processed` is the input of all features. Receiver effects are added when a clean recording is
+processed; their random seed comes from the recording's name.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ _FILE = "recording"
 
 
 class Campaign:
-    """The campaign of a configuration.
+    """List, simulate and read the recordings of a configuration.
 
     Args:
-        config: profile, gaps, materials, simulator, radar and seed decide the recordings.
+        config: its profile, gaps between testbed and twin, materials, simulator, radar and seed decide the recordings.
         store: keeps the recordings.
     Raises:
-        UserError: the recording set cannot be used or has another radar than the configuration.
+        UserError: the recording set cannot be used, or its radar differs from the configured radar.
     """
 
     def __init__(self, config: Config, store: Store, progress: Progress):
@@ -45,13 +46,13 @@ class Campaign:
 
     @property
     def domain(self) -> str:
-        """Provider of the measured recordings: testbed or recordings."""
+        """Provider of the measured recordings: "testbed" or "recordings"."""
         return self.config.measured.provider
 
     def cases(self, domain: str, **conditions: Any) -> list[Case]:
-        """Recordings of a domain under conditions such as motion="turntable", room="lab", object="mug", distance_m=1.0.
+        """Return the recordings of a domain that meet conditions such as motion="turntable", room="lab", object="mug", distance_m=1.0.
 
-        The twin of a recording set has each condition once.
+        The twin of a recording set has one recording per condition, without repetitions.
 
         Raises:
             InputError: an unknown domain.
@@ -64,22 +65,25 @@ class Campaign:
         return [case for case in found if all(getattr(case, name) == value for name, value in conditions.items())]
 
     def log(self, case: Case, domain: str = "measured") -> Log:
-        """The log of a recording. The twin of a recording set has the log of the condition's longest repetition, cut to one revolution."""
+        """Return the logged motion of a recording.
+
+        The twin of a recording set uses the log of the condition's longest repetition; on a turntable it is cut to one revolution.
+        """
         if self._recorded is not None:
             return self._recorded.log(case) if domain == MEASURED else self._recorded.twin_log(case)
         return log(case, self.config.profile.campaign, measured=domain == MEASURED)
 
     def processed(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> tuple[str, Processed]:
-        """(store key, processed recording), simulated if it is not in the store.
+        """Return (store key, processed recording); the recording is simulated if it is not in the store.
 
         Args:
-            materials: material source of the twin's room; None: the configured one.
+            materials: material source of the twin's room; None uses the configured source.
         """
         product = self.process(domain, case, materials)
         return product.key, Processed.load(product.path)
 
     def process(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Product:
-        """The processed recording as a product of the store."""
+        """Return the processed recording as a product of the store; arguments as in `processed`."""
         key, recording, spec = self._source(domain, case, materials)
         doppler = case.motion != "turntable"
 
@@ -91,27 +95,27 @@ class Campaign:
         return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["radartwin.features.processed"], build)
 
     def recording(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Recording:
-        """The recording with its receiver's noise."""
+        """Return the recording with receiver effects (for the twin: thermal noise)."""
         return self._source(domain, case, materials)[1]()
 
     def clean(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Product:
-        """The simulated recording without receiver as a product of the store; `load_clean` reads it."""
+        """Return the simulated recording before receiver effects as a product of the store; `load_clean` reads the product."""
         spec, make, roots = self._clean(domain, case, materials)
         return self.store.fetch(CLEAN, spec, roots, lambda folder: _save(make, folder))
 
     def holds(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> bool:
-        """Whether the clean recording is in the store."""
+        """Return whether the recording before receiver effects is in the store."""
         spec, _, roots = self._clean(domain, case, materials)
         return self.store.holds(CLEAN, spec, roots)
 
     def prepare(self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, fresh: bool = False) -> None:
-        """Make the missing recordings of these (domain, case), in several workers (config.jobs); `fresh` as for workers.run."""
+        """Simulate the missing recordings of the (domain, case) pairs in config.jobs workers; `fresh` is passed to workers.run."""
         make_together(self.missing(wanted, materials), self.progress, fresh)
 
     def missing(
         self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, clean: bool = False, setup: str = ""
     ) -> dict[str, RecordingTask]:
-        """{key: task} for `make_together`, of the recordings that are missing and can be made. `clean` and `setup` as in RecordingTask."""
+        """Return {store key: task} of the missing simulated recordings, for `make_together`; `clean` and `setup` as in RecordingTask."""
         config, found = replace(self.config, materials=self._materials(TWIN, materials)), {}
         for domain, case in wanted:
             if self._recorded is None or domain != MEASURED:
@@ -121,7 +125,7 @@ class Campaign:
         return found
 
     def plan(self, *domains: str) -> list[tuple[str, Case]]:
-        """(domain, case) of all recordings that the campaign simulates: cheap motions first, recordings of one track together."""
+        """Return the (domain, case) pairs that the campaign simulates: cheap motions first, recordings of one track together."""
         chosen = domains or (COMPARED if self._recorded is None else (TWIN,))
         order = {motion: number for number, motion in enumerate(("radial", "diagonal", "turntable", "depth", "lateral"))}
         found = [(domain, case) for domain in chosen for case in self.cases(domain)]
@@ -130,7 +134,7 @@ class Campaign:
     def _clean(
         self, domain: str, case: Case, materials: str | MaterialsConfig | None
     ) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
-        """(specification, function that simulates it, modules that do) of a clean recording."""
+        """Return (specification, function that simulates the recording, modules whose code decides the result) of a clean recording."""
         self._check(domain)
         if domain == MEASURED:
             if self._recorded is not None:
@@ -145,7 +149,7 @@ class Campaign:
     def _source(
         self, domain: str, case: Case, materials: str | MaterialsConfig | None
     ) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
-        """(key of the source, function that returns the recording, further specification) of a recording."""
+        """Return (store key of the source, function that returns the recording, additions to the specification) of a recording."""
         self._check(domain)
         if domain == MEASURED and self._recorded is not None:
             recorded = self._recorded
@@ -170,10 +174,12 @@ class Campaign:
 
 
 def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False) -> None:
-    """Make the missing recordings of one or more campaigns in several workers (config.jobs). Few recordings are left to their first reader.
+    """Simulate the missing recordings of one or more campaigns in several workers (config.jobs).
+
+    If workers.worker_count gives a single worker, nothing is simulated here: each recording is simulated when it is first read.
 
     Args:
-        fresh: as for workers.run.
+        fresh: passed to workers.run.
     Raises:
         as workers.run.
     """
@@ -191,7 +197,7 @@ def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fres
 
 
 def _make(task: RecordingTask) -> None:
-    """Make one recording, in a worker."""
+    """Simulate one recording; runs in a worker."""
     campaign = _campaign_of(task.config, task.root)
     if task.clean:
         campaign.clean(task.domain, task.case)
@@ -203,19 +209,22 @@ _last: list[tuple[Config, Path, Campaign]] = []
 
 
 def _campaign_of(config: Config, root: Path) -> Campaign:
-    """The campaign of the last task of this worker, or a new one."""
+    """Return the campaign of this worker's last task if configuration and store are the same, else a new campaign."""
     if not _last or _last[0][:2] != (config, root):
         _last[:] = [(config, root, Campaign(config, Store(root), Progress(quiet=True)))]
     return _last[0][2]
 
 
 def load_clean(product: Product) -> Recording:
-    """All frames of the recording in a `clean` product."""
+    """Read all frames of the recording in a `clean` product."""
     return Turned.load(product.path).recording() if Turned.is_in(product.path) else Recording.load(product.path / _FILE)
 
 
 def _save(make: Callable[[], Recording | Turned], folder: Path) -> Mapping[str, int]:
-    """Store a recording as 16-bit counts and return its metadata. The quantisation noise is ten times below the receiver's noise."""
+    """Simulate and save a recording, and return its metadata.
+
+    Samples are stored as 16-bit counts. The quantisation noise is ten times below the receiver's noise.
+    """
     with tally.counted() as counts:
         made = make()
     if isinstance(made, Turned):

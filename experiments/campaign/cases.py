@@ -1,4 +1,4 @@
-"""The cases of a campaign: which object is recorded where, at which distance and on which motion, and the log of each recording."""
+"""The cases of a campaign (object, room, motion, distance, repetition), and the log (nominal motion) of each recording."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 MEASURED, TWIN, VOID = "measured", "twin", "void"
 DOMAINS = (MEASURED, TWIN, VOID)
 COMPARED = (MEASURED, TWIN)
-LABELS = {MEASURED: "measured", TWIN: "simulated"}  # of domains in tables and figures
+LABELS = {MEASURED: "measured", TWIN: "simulated"}  # names of the domains in tables and figures
 
 Motion = Literal["turntable", "radial", "diagonal", "depth", "lateral"]
 RAIL: tuple[Motion, ...] = ("radial", "diagonal")  # the target moves along a rail
 ROVER: tuple[Motion, ...] = ("depth", "lateral")  # the radar moves on a rover
 REFLECTOR = "corner_reflector"
-BENCH_ROOM = "lab"  # room of turntable and rail
+BENCH_ROOM = "lab"  # room of the turntable and the rail
 RATE_HZ = 10.0
 TURN_S = 25.0  # period of the turntable
-BENCH_HEIGHT_M = 1.0  # of the radar in front of the lab's bench
+BENCH_HEIGHT_M = 1.0  # height of the radar in front of the lab's bench
 SPEED_MPS = 0.2
 RAIL_M, RAIL_START_M = 0.6, 1.0
 DEPTH_M, LATERAL_M, LATERAL_MPS = 1.0, 1.2, 0.24
@@ -39,7 +39,10 @@ FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x points to the radar
 
 @dataclass(frozen=True, order=True)
 class Case:
-    """One recording. `distance_m` is the distance from the radar to the target's axis at the start, or the smallest in a lateral drive."""
+    """One recording of the campaign.
+
+    `distance_m` is the distance from the radar to the target's axis: at the start, or for a lateral drive the smallest distance.
+    """
 
     object: str
     room: str
@@ -54,12 +57,12 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """The nominal motion of a recording: the twin simulates it, the measured recording deviates from it.
+    """The nominal motion of a recording. The twin simulates this motion; the measured recording deviates from it.
 
     Attributes:
         sensor_poses: (F, 4, 4) or (1, 4, 4), radar to world.
         target_poses: (F, 4, 4) or (1, 4, 4), object to world.
-        angle_rad: (F,) of the turntable, or None without a turntable.
+        angle_rad: (F,) angle of the turntable, or None without a turntable.
     """
 
     frame_rate_hz: float
@@ -73,13 +76,13 @@ class Log:
 
     @property
     def distance_m(self) -> np.ndarray:
-        """(F,) horizontal distance from the radar to the target's axis."""
+        """Horizontal distance (F,) from the radar to the target's axis in each frame."""
         away = np.linalg.norm(self.target_poses[:, :2, 3] - self.sensor_poses[:, :2, 3], axis=1)
         return np.repeat(away, self.frames) if len(away) == 1 else away
 
 
 def planned(config: CampaignConfig, measured: bool) -> list[Case]:
-    """All recordings of a campaign, turntables first. Only measured recordings are repeated.
+    """List all recordings of a campaign, turntables first. Only measured recordings have repetitions.
 
     Raises:
         ConfigError: an unknown object.
@@ -111,7 +114,7 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
 
 
 def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
-    """The log of a planned recording. The twin's turntable makes one revolution."""
+    """Return the log of a planned recording. In the twin a turntable makes one revolution."""
     if case.motion == "turntable":
         return course(case, config.frames_per_turn / TURN_S, config.frames_per_turn * (config.turns if measured else 1))
     every = config.rover_every if case.motion in ROVER else 1
@@ -121,11 +124,11 @@ def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
 
 
 def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driven: np.ndarray | None = None) -> Log:
-    """The log of a recording of `frames` frames. Radar or target rests after it has covered the length of the motion.
+    """Return the log of a recording of `frames` frames. After the end of its travel, the radar or target stays at rest.
 
     Args:
         turn_s: period of the turntable.
-        driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None moves straight at the motion's speed.
+        driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None uses a straight drive at the nominal speed.
     """
     known = catalogue().get(case.object)
     aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
@@ -147,7 +150,7 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
 
 
 def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(start pose, direction) of a drive. A depth drive moves away from the target because it starts at the nearest distance."""
+    """Return (start pose, direction) of a drive. A "depth" drive starts at its smallest distance and moves away from the target."""
     if motion == "lateral":
         return trajectory.lateral_sweep(middle, LATERAL_M, LATERAL_MPS, RATE_HZ)[0], middle[:3, 1]
     return middle, -middle[:3, 0]
@@ -161,5 +164,5 @@ def _straight(start: np.ndarray, direction: np.ndarray, motion: Motion, rate_hz:
 
 
 def stand_top(nominal: Log) -> np.ndarray:
-    """(3,) centre of the stand's top at the start, just below the object."""
+    """Return the centre (3,) of the stand's top at the start, just below the object."""
     return nominal.target_poses[0, :3, 3] - [0, 0, rooms.GAP]

@@ -1,6 +1,6 @@
-"""Export of the testbed's recordings as a recording set on disk: samples, index rows and logged poses, but nothing of the truth.
+"""Export the testbed's recordings as a recording set on disk: samples, index rows and logged poses. The true scene is not exported.
 
-The exported set can be used as `measured=recordings measured.folder=SET`. After an interruption, the same call adds the missing recordings.
+Use the exported set with `measured=recordings measured.folder=SET`. After an interruption, the same call adds the missing recordings.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
     """Write every measured recording of the campaign that the set does not hold yet.
 
     Raises:
-        InputError: the measured recordings are a recording set already.
+        InputError: the measured recordings come from a recording set already.
         OutputError, RecordingError: the folder cannot be written, or holds another set.
     """
     measured = campaign.config.measured
@@ -47,7 +47,7 @@ def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
 
 
 def _check(target: RecordingSet, case: Case, campaign: Campaign) -> None:
-    """Raises InputError if an exported recording is of another profile."""
+    """Raise InputError if an exported recording was made with another profile."""
     (radar, frames, _), log = target.course(next(row for row in target if row.recording == case.name)), campaign.log(case)
     if (frames, radar.frame_rate_hz) != (log.frames, log.frame_rate_hz):
         raise InputError(
@@ -57,7 +57,7 @@ def _check(target: RecordingSet, case: Case, campaign: Campaign) -> None:
 
 
 def card(config: Config) -> Card:
-    """The card of a set that the testbed made."""
+    """Build the card (description) of a recording set that the testbed made."""
     gaps = ", ".join(f"{name} {strength:g}" for name, strength in vars(config.measured.gap).items() if name != "geometry")
     return Card(
         "radartwin testbed", "CC0-1.0", "amplitude", f"virtual {config.radar.name}", f"radartwin {__version__}",
@@ -66,13 +66,13 @@ def card(config: Config) -> Card:
 
 
 def row(case: Case) -> Row:
-    """The index row of a case."""
+    """Build the index row of a case."""
     extra = {TURN: f"{TURN_S:g}"} if case.motion == "turntable" else {}
     return Row(case.name, case.object, case.distance_m, case.room, case.motion, case.repetition, extra=extra)
 
 
 def export_verb(overrides: Sequence[str], config_dirs: Sequence[Path], out: Path) -> int:
-    """`radartwin export`."""
+    """Run the command `radartwin export` and return its exit status."""
     config, progress = compose(overrides, config_dirs), Progress()
     campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress)
     before = len(RecordingSet.load(out)) if (out / "card.yaml").is_file() else 0

@@ -1,9 +1,9 @@
-"""The gallery: the same recording measured and simulated, as range over time, over Doppler and over azimuth on one colour scale.
+"""The gallery shows measured and simulated recordings side by side: range over time, Doppler and azimuth, on one colour scale per column.
 
-experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1; the default are those of
-the profile, or the first of a recording set. Dashed lines and rings mark the target's logged position. On a turntable Doppler is computed
-over the frames of a revolution, folds at the frame rate in both domains, and azimuth is a mean over the revolution. For other motions both
-are those of the middle frame.
+experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1. The default is the list
+PAIRS of the profile, or the first recordings of a recording set. Dashed lines and rings mark the target's logged position. On a turntable
+the Doppler spectrum is computed over the frames of a revolution, so it folds at the frame rate, and the azimuth map is a mean over the
+revolution. For other motions both maps show the middle frame.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="gallery",
     title="Side by side",
-    caption="Recordings of the campaign, measured (above) and simulated (below), with one decibel scale per column: range over time, "
-    "over Doppler and over azimuth. On a turntable, Doppler is computed across the frames of a revolution and folds at the "
-    "frame rate in both domains; elsewhere it is that of the middle frame. The twin is the scanned room with the "
-    "vision-language model's materials. For other pairs run: radartwin run experiment=gallery "
-    "experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M,...]. Each row is one recording and has no interval.",
+    caption="Recordings of the campaign, measured (above) and simulated (below), with one decibel scale per column: range over "
+    "time, over Doppler and over azimuth. On a turntable, Doppler is computed across the frames of a revolution and folds "
+    "at the frame rate in both domains; for other motions the middle frame is shown. The twin is the scanned room with "
+    "materials that the vision-language model chose. For other pairs run: radartwin run experiment=gallery "
+    "experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M,...]. Each row is one recording, so it has no interval.",
 )
 
 PAIRS = {
@@ -54,14 +54,14 @@ PAIRS = {
         "corner_reflector/squash_court/depth/1", "mug/atrium/lateral/1",
     ),
 }  # fmt: skip
-RECORDED = 4  # number of pairs from a recording set by default
-NEAREST_M, FARTHEST_M = 0.5, 2.5  # distances of a target
+RECORDED = 4  # default number of pairs from a recording set
+NEAREST_M, FARTHEST_M = 0.5, 2.5  # allowed distances of a target
 DRIVEN = ("atrium", "squash_court")
-SPAN_DB = 75.0  # below the brightest cell of both domains: furniture stays visible beside a reflector
+SPAN_DB = 75.0  # colour scale below the brightest cell of both domains: keeps furniture visible beside a reflector
 FASTEST_MPS = 3.0
 AZIMUTH_RAD = np.radians(np.arange(-80.0, 81.0))
 Real = NDArray[np.floating]
-_PADDING = 8  # of the Doppler transform; 16 chirps resolve 0.95 m/s
+_PADDING = 8  # factor of zero padding in the Doppler transform; 16 chirps resolve 0.95 m/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +69,11 @@ class View:
     """One recording as three maps of power.
 
     Attributes:
-        range_m: (B,). across: by panel, the other axis (X,). maps: by panel, power (X, B).
-        truth: by panel, (across, range) of the logged target: a line (K,), a point (1,), or only a range if across is NaN.
+        range_m: (B,) range of each bin.
+        across: for each panel its other axis (X,): time, Doppler or azimuth.
+        maps: for each panel the power (X, B).
+        truth: for each panel the logged target as (position on the other axis, range): a line (K,) or a point (1,); an unknown position is
+        NaN.
     """
 
     range_m: Real
@@ -80,7 +83,7 @@ class View:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """One figure per pair, and rows of the agreement of both domains."""
+    """Draw one figure per pair and add rows on the agreement of both domains."""
     campaign = Campaign(config, store, progress)
     cases = chosen(config, campaign)
     rows = RowList(config)
@@ -99,17 +102,17 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def chosen(config: Config, campaign: Campaign) -> list[Case]:
-    """The configured pairs, else those of the profile, or the first ones of a recording set."""
+    """Return the configured pairs; by default those of the profile, or the first recordings of a recording set."""
     if config.experiment.pairs or config.measured.provider != "recordings":
         return [parse(pair) for pair in config.experiment.pairs or PAIRS.get(config.profile.name, PAIRS["quick"])]
     return list({(c.object, c.room, c.motion, c.distance_m): c for c in reversed(campaign.cases("measured"))}.values())[::-1][:RECORDED]
 
 
 def parse(pair: str) -> Case:
-    """The case of OBJECT/ROOM/MOTION/DISTANCE_M.
+    """Return the case that a text OBJECT/ROOM/MOTION/DISTANCE_M describes.
 
     Raises:
-        ConfigError: the text has another form, or no campaign has such a recording.
+        ConfigError: the text has another form, or no campaign contains such a recording.
     """
     parts = pair.split("/")
     where = f"experiment.pairs: {pair!r}"
@@ -133,7 +136,7 @@ def parse(pair: str) -> Case:
 
 
 def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> View:
-    """The three maps of one recording; only the Doppler of a single frame needs its samples."""
+    """Compute the three maps of one recording. `recording` reads its samples; only the Doppler map of a single frame needs them."""
     turning = log.angle_rad is not None
     count = processed.num_frames if log.angle_rad is None else envelope.frames_per_revolution(log.angle_rad)
     time_s, middle = np.arange(count) / log.frame_rate_hz, count // 2
@@ -168,7 +171,7 @@ def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> 
 
 
 def course(log: Log, frames: int) -> tuple[Real, Real, Real]:
-    """(azimuth, radial velocity, distance) of the logged target, each (F,)."""
+    """Return (azimuth in radians, radial velocity in m/s, distance in metres) of the logged target, each (F,)."""
     away = log.target_poses[:, :3, 3] - log.sensor_poses[:, :3, 3]
     seen = np.einsum("fji,fj->fi", np.broadcast_to(log.sensor_poses[:, :3, :3], (len(away), 3, 3)), away)
     azimuth = np.broadcast_to(np.arctan2(seen[:, 1], seen[:, 0]), log.frames)[:frames]
@@ -229,7 +232,7 @@ def _title(case: Case) -> str:
 
 
 def _mark(axes: Any, across: Real, range_m: Real) -> None:
-    """Mark the logged target: a line over time, a ring if its position across is known, else a line at its range."""
+    """Mark the logged target: a line over time, a ring if its position on the horizontal axis is known, else a line at its range."""
     dashed = {"color": "white", "lw": 0.6, "ls": (0, (3, 9))}
     if len(across) > 1:
         axes.plot(across, range_m, **dashed)
@@ -240,6 +243,6 @@ def _mark(axes: Any, across: Real, range_m: Real) -> None:
 
 
 def _edges(axis: Real) -> tuple[float, float]:
-    """Outer edges of the first and last pixel."""
+    """Return the outer edges of the first and last pixel of an axis."""
     half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
     return float(axis[0] - half), float(axis[-1] + half)

@@ -1,4 +1,4 @@
-"""Measured recordings of a campaign from a recording set: its rows as cases, and logs from the recorded motion."""
+"""Measured recordings that a campaign reads from a recording set: index rows become cases, recorded motion becomes logs."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from radartwin.recordings.index import INDEX, Row
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.scene.objects.catalogue import catalogue
 
-TURN = "period_s"  # column of the index: period of the turntable
+TURN = "period_s"  # index column with the period of the turntable in seconds
 _MOTIONS = get_args(Motion)
 # Fields in which a recording's radar may differ from the twin's: they do not change range bins and chirps.
 _FREE = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_dbm", "if_filter", "phase_noise")
 
 
 class Recorded:
-    """The recordings of a set.
+    """Read the recordings of a recording set.
 
     Attributes:
-        cases: the recordings that the twin can simulate; a message counts the others.
+        cases: the recordings that the twin can simulate; a message gives the number of the others.
         conditions: the cases without repetitions.
     Raises:
-        UserError: the set cannot be used, has no recording for a campaign, or has another radar than the twin.
+        UserError: the set cannot be used, has no recording for a campaign, or its radar differs from the twin's radar.
     """
 
     def __init__(self, config: Config, progress: Progress):
@@ -71,13 +71,13 @@ class Recorded:
         return self._set.read(self._row(case))
 
     def log(self, case: Case) -> Log:
-        """From the recording's frames and frame rate, and the turntable's period and the rover's trajectory if they were recorded."""
+        """Return the log of a recording: its number of frames and frame rate; the turntable's period and rover's trajectory if recorded."""
         row = self._row(case)
         radar, frames, driven = self._course(case)
         return course(case, radar.frame_rate_hz, frames, _turn_s(row), driven)
 
     def twin_log(self, condition: Case) -> Log:
-        """The log of the twin's recording of a condition: that of the longest repetition; a turntable makes one revolution."""
+        """Return the twin's log of a condition: the log of the longest repetition; on a turntable, one revolution."""
         condition = replace(condition, repetition=0)
         repetitions = [case for case in self.cases if replace(case, repetition=0) == condition]
         if not repetitions:
@@ -103,7 +103,7 @@ class Recorded:
 
 
 def _turn_s(row: Row) -> float:
-    """Period of the turntable in seconds. Raises InputError if it is not a finite time above zero."""
+    """Return the turntable's period in seconds. Raises InputError if the period is not a finite positive number."""
     text = row.extra.get(TURN) or str(TURN_S)
     try:
         seconds = float(text)
@@ -115,7 +115,7 @@ def _turn_s(row: Row) -> float:
 
 
 def _reason(row: Row) -> str:
-    """Why the twin cannot simulate a recording, or an empty text."""
+    """Return the reason why the twin cannot simulate a recording, or an empty text if it can."""
     if row.motion not in _MOTIONS or row.distance_m is None:
         return f"motion {row.motion}"
     if row.object not in catalogue():

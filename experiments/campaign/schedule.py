@@ -1,7 +1,7 @@
-"""The order in which workers make the recordings of campaigns.
+"""The sequence in which workers simulate the recordings of campaigns.
 
-Recordings on one track share what is set up along it, so a worker stays on its track before it helps on another. The order does not change
-what is stored: the store holds the same bytes for any number of workers, also after kills.
+Recordings along one track (path of the radar in a room) share a set-up, so a worker finishes its track before it helps with another track.
+The sequence does not change the results: the store holds the same bytes for any number of workers, even if workers were killed.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ Track = tuple[str, str, str, str]  # setup, domain, room, motion
 
 @dataclass(frozen=True)
 class RecordingTask:
-    """A recording that is missing in a store.
+    """A recording that is missing in the store and must be simulated.
 
     Attributes:
         root: folder of the store.
-        clean: make only the recording without its receiver, not the processed one.
-        setup: name of a setup that several configurations share; without it each configuration has its own.
+        clean: make only the recording before receiver effects, not the processed recording.
+        setup: name of a set-up that several configurations share; an empty name gives each configuration its own set-up.
     """
 
     config: Config
@@ -36,7 +36,7 @@ class RecordingTask:
 
 
 class Schedule:
-    """The recordings still to be made, by track, and the track of each worker."""
+    """Give workers the recordings that must still be made, track by track."""
 
     def __init__(self, tasks: Iterable[RecordingTask]) -> None:
         configs: list[Config] = []
@@ -50,10 +50,10 @@ class Schedule:
             self.tracks[setup, task.domain, task.case.room, motion].append(task)
 
     def next_task(self, worker: int) -> RecordingTask | None:
-        """The next recording for a worker: from its own track, else from a track without a worker; None at the end.
+        """Return the next recording for a worker, or None at the end: from its own track, else from a track without a worker.
 
-        The first worker that needs a twin's room scans it while others wait, so tracks with scans come first, one room per worker, and
-        among equals the track with the most recordings.
+        The first worker that needs a room of the twin scans the room while other workers wait for the scan. Therefore tracks with scans
+        come first, one room per worker. Among equal tracks, the track with the most recordings comes first.
         """
         last = self._of_worker.pop(worker, None)
         tracks = [track for track, tasks in self.tracks.items() if tasks]

@@ -1,4 +1,4 @@
-"""Where tables read recordings from, and how they read both domains at matching objects and places."""
+"""The interface from which tables read recordings, and a function that reads matching recordings of both domains."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def read_both(
     read: Callable[[Case, str, Processed, Log], Reading],
     progress: Progress,
 ) -> dict[str, dict[Any, list[Reading]]]:
-    """Readings of the measured and the simulated recordings at the places that both domains have.
+    """Read the measured and simulated recordings of the objects and places that both domains contain.
 
     Args:
-        place: (object, ...) of a case; two recordings are compared if their places are equal.
-        read: (case, store key, processed recording, log) -> reading.
+        place: returns the tuple (object, ...) of a case; recordings are compared if their tuples are equal.
+        read: function (case, store key, processed recording, log) -> reading.
     Returns:
-        By domain and place; places in the order of the catalogue's objects, then of the rest of the place.
+        For each domain and place the list of readings. Places are sorted by catalogue object, then by the rest of the tuple.
     Raises:
         ConfigError: the domains have no place in common.
     """

@@ -1,10 +1,12 @@
 """The campaign table: every recording of both domains, simulated if it is missing, with its time and disk space.
 
-The command can be interrupted at any moment, because finished recordings stay in the store. Times are those of the simulation of each
-recording, in whichever worker; parallel workers divide the time of the whole campaign. Disk space is the size of the stored files. In
-other profiles the paper's campaign is extrapolated: its disk space from array shapes, its time per domain and motion from the time of a
-set-up (a track, or a room that creeps), of a traced state (an aspect of a turntable, or a frame of a drive) and of a processed frame. The
-set-up time is estimated from the recordings that found their set-up cached; without any, each recording includes its own set-up.
+The command can be interrupted at any moment, because finished recordings stay in the store. The time of a recording is the time that one
+worker took to simulate it; parallel workers divide the time of the whole campaign. Disk space is the size of the stored files.
+
+In profiles other than `paper`, cost of the paper's campaign is extrapolated. Its disk space follows from array shapes. Its time is the sum,
+per domain and motion, of the times of set-ups (a track, or a room whose parts drift), traced states (an angle of a turntable, or a frame of
+a drive) and processed frames. The time per traced state is taken from recordings that reused a cached set-up; the rest is set-up time. If
+no recording reused a set-up, set-up time is not separated from tracing time.
 """
 
 from __future__ import annotations
@@ -40,9 +42,10 @@ from radartwin.testbed.testbed import Gaps
 TABLE = Table(
     name="campaign",
     title="The recordings of both domains",
-    caption="Every recording that the other tables share, and the time, memory and disk space that making it took on this machine. "
-    "Recordings are clean and processed. Turntables are traced at the aspects of one revolution; drives share the set-up of "
-    "their track. The project chose the targets. Intervals are bootstraps over recordings.",
+    caption="Time and disk space on this machine for the recordings that all tables share. Each recording is simulated without "
+    "receiver effects and then processed to features; both parts count. Turntables are traced at the aspects (target "
+    "angles) of one revolution; drives share the set-up of their track. The project, not the paper, chose the limits of "
+    "time and disk space. Intervals are bootstraps over recordings.",
 )
 
 ALL = "all"
@@ -58,10 +61,11 @@ class Made:
     """Time and size of one recording.
 
     Attributes:
-        now: whether this run simulated it.
-        seconds, core_seconds, bytes: (clean, processed) each.
+        keys: store keys of the clean and the processed recording.
+        now: whether this run simulated the recording.
+        seconds, core_seconds, bytes: wall time, core time and size, each as (clean, processed).
         frames, traced: numbers of frames and of traced states.
-        setups: number of tracks and rooms that were set up for it; other recordings found them cached.
+        setups: number of tracks and rooms that were set up for this recording; 0 if it reused cached set-ups.
     """
 
     domain: str
@@ -77,14 +81,14 @@ class Made:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the missing recordings and score all. Raises UserError for a campaign that cannot be simulated."""
+    """Simulate the missing recordings and tabulate time and size of all. Raises UserError if the campaign cannot be simulated."""
     campaign = Campaign(config, store, progress)
     made = make(campaign, progress)
     return Result(TABLE.name, rows(config, made), {}, metrics(made), [key for one in made for key in one.keys])
 
 
 def make(campaign: Campaign, progress: Progress) -> list[Made]:
-    """Simulate the missing recordings of the campaign; returns all in the order of its plan."""
+    """Simulate the missing recordings of the campaign. Returns all recordings in the sequence of `Campaign.plan`."""
     wanted = campaign.plan()
     missing = [one for one in wanted if not campaign.holds(*one)]
     gaps = truth.gaps_of(campaign.config)
@@ -138,7 +142,7 @@ def _with_scans(campaign: Campaign, made: list[Made]) -> list[Made]:
 
 
 def _metas(campaign: Campaign, made: Sequence[Made], some: Sequence[int]) -> list[dict[str, Any]]:
-    """Metadata of the clean recordings of these."""
+    """Return the metadata of the clean recordings with these indices."""
     return [campaign.clean(made[k].domain, made[k].case).read_json("meta") for k in some]
 
 
@@ -151,7 +155,7 @@ def _size(product: Product) -> int:
 
 
 def rows(config: Config, made: Sequence[Made]) -> RowList:
-    """Rows per domain and motion, per domain, and of the paper's campaign."""
+    """Build the rows: per domain and motion, per domain, and for the paper's campaign."""
     out = RowList(config)
     for domain in COMPARED:
         own = [one for one in made if one.domain == domain]
@@ -173,7 +177,7 @@ def _case(of: str, motion: str, some: Sequence[Made]) -> dict[str, Any]:
 
 
 def _add_group(rows: RowList, domain: str, motion: str, some: Sequence[Made]) -> None:
-    """Time per frame and disk space of the recordings of one domain and motion."""
+    """Add time per frame and disk space of the recordings of one domain and motion."""
     keys = [one.keys[0] for one in some]
     frames = np.array([one.frames for one in some], float)
     wall, core = (1e3 * np.array([sum(getattr(one, name)) for one in some]) for name in ("seconds", "core_seconds"))
@@ -185,7 +189,7 @@ def _add_group(rows: RowList, domain: str, motion: str, some: Sequence[Made]) ->
 
 
 def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
-    """Time and disk space of the paper's campaign: its own, or extrapolated if every motion has some recordings."""
+    """Add time and disk space of the paper's campaign: measured with profile=paper, else extrapolated if every motion has recordings."""
     config, paper = rows.config, compose(["profile=paper"]).profile.campaign
     own = config.profile.campaign == paper
     label = "" if own else ", extrapolated"
@@ -212,13 +216,13 @@ def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
 
 
 def _states(domain: str, cases: Sequence[Case], campaign: CampaignConfig) -> list[tuple[int, int]]:
-    """(frames, traced states) of each planned case."""
+    """Return (number of frames, number of traced states) of each planned case."""
     lengths = [nominal_log(case, campaign, measured=domain == MEASURED).frames for case in cases]
     return [states(domain, case, length, Gaps()) for case, length in zip(cases, lengths, strict=True)]
 
 
 def extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], paper: CampaignConfig) -> float:
-    """Seconds for cases of one domain and motion, extrapolated from the recordings `some` of the same domain and motion."""
+    """Extrapolate the seconds for `cases` of one domain and motion from the recordings `some` of that domain and motion."""
     frames, traced = np.sum(_states(domain, cases, paper), axis=0)
     without = [one for one in some if not one.setups]
     plain = without or some
@@ -231,12 +235,15 @@ def extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], paper
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
-    """(frames, traced states) of a recording of `frames` frames."""
+    """Return (number of frames, number of traced states) of a recording of `frames` frames."""
     return frames, min(frames, truth.aspects(case, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 
 def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
-    """Size of a recording in the store: its samples as counts, or its aspects of one chirp as complex numbers, and the processed data."""
+    """Return the size of a recording in the store, in bytes.
+
+    The clean part holds samples as counts, or the aspects of one chirp as complex numbers; the processed part is added.
+    """
     chirp = radar.num_tx * radar.num_rx * radar.num_samples
     bins = int(MAX_RANGE_M / radar.range_resolution_m) + 1
     read = bins * (4 + 8 * len(azimuth_row(radar)) + (4 * radar.num_chirps if traced == frames else 0))
@@ -244,7 +251,7 @@ def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
 
 
 def metrics(made: Sequence[Made]) -> dict[str, float]:
-    """Milliseconds per frame by domain and motion."""
+    """Return the milliseconds per frame for each domain and motion."""
     cost: dict[str, list[Made]] = defaultdict(list)
     for one in made:
         cost[f"{one.domain}_{one.case.motion}_ms"].append(one)
@@ -252,13 +259,13 @@ def metrics(made: Sequence[Made]) -> dict[str, float]:
 
 
 def _ratio(above: np.ndarray, below: np.ndarray, config: Config) -> Estimate:
-    """Ratio of two sums, with a bootstrap over recordings."""
+    """Estimate the ratio of two sums, with a bootstrap over recordings."""
     chosen = np.random.default_rng(config.seed).integers(len(above), size=(config.profile.resamples, len(above)))
     return resampled(float(above.sum() / below.sum()), above[chosen].sum(axis=1) / below[chosen].sum(axis=1), len(above))
 
 
 def page(found: Iterable[dict[str, Any]]) -> str:
-    """The rows as a text table: a line per domain and motion, then the claims."""
+    """Format the rows as a text table: a line per domain and motion, then the claims."""
     found = list(found)
     values_of: dict[tuple[str, ...], dict[str, Any]] = defaultdict(dict)
     for one in found:

@@ -1,4 +1,4 @@
-"""Set-ups that several recordings share, such as a track: the last few are cached, and the built ones are counted.
+"""Cache the set-ups that several recordings share, such as a track, and count how many set-ups were built.
 
 >>> with counted() as counts:
 ...     count(SETUPS)
@@ -13,26 +13,26 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
-SETUPS = "setups"  # tracks with their scouted paths, and rooms that creep
+SETUPS = "setups"  # tracks with their traced paths, and rooms whose parts drift
 _counts: Counter[str] = Counter()
 Setup = TypeVar("Setup")
 
 
 def count(name: str) -> None:
-    """Count one event."""
+    """Count one event of this name."""
     _counts[name] += 1
 
 
 @contextmanager
 def counted() -> Iterator[Counter[str]]:
-    """The counts of the events inside the block, filled at its end."""
+    """Give a counter that is filled at the end of the block with the events inside the block."""
     before, found = _counts.copy(), Counter[str]()
     yield found
     found.update(_counts - before)
 
 
 def cached(cache: OrderedDict[str, Setup], key: str, build: Callable[[], Setup], size: int) -> Setup:
-    """The set-up of a key, built and counted if it is missing; the cache holds the `size` set-ups that were used last."""
+    """Return the cached set-up of a key; a missing set-up is built and counted. The cache holds the `size` last used set-ups."""
     if key not in cache:
         count(SETUPS)
         cache[key] = build()

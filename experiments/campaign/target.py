@@ -1,4 +1,4 @@
-"""Paths by way of the target and its stand, for a radar that drives or rests; both domains use the same set-up."""
+"""Compute the propagation paths that involve the target or its stand, for a moving or resting radar; both domains use this code."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.paths import Paths
 
-FEW = 10  # with fewer frames than this, paths over the room are traced per frame instead of at the track's thirty shared places
+FEW = 10  # below this number of frames, paths between object and room are traced per frame, not at the track's thirty shared positions
 
 
 def seen(
@@ -23,13 +23,15 @@ def seen(
     apart: Sequence[Surface],
     aside: np.ndarray | None = None,
 ) -> list[Paths]:
-    """Paths of all frames, or of one frame that stands for all.
+    """Return the paths of target, stand and other objects for all frames, or for one frame if nothing moves.
 
     Args:
-        sensor: (F, 4, 4) or (1, 4, 4) radar poses to world. rate_hz: of the frames.
-        target: in its own frame, at `poses` (F, 4, 4) or (1, 4, 4). Either the radar or the target moves.
+        sensor: (F, 4, 4) or (1, 4, 4) poses, radar to world.
+        rate_hz: frame rate.
+        target: surfaces in the target's own frame.
+        poses: (F, 4, 4) or (1, 4, 4) poses of the target. Either the radar or the target moves.
         disc: the stand's disc, at rest in the world. For a moving radar, disc and target shadow each other.
-        apart: other objects at rest without paths over the room: posts, motors, cables.
+        apart: other objects at rest (posts, motors, cables); their paths that reflect at room panels are ignored.
         aside: (3,) offset of the target from the log in metres, for a moving radar.
     """  # fmt: skip
     parts: list[Paths] = []
@@ -57,10 +59,11 @@ def on_carriage(
     disc: Sequence[Surface],
     apart: Sequence[Surface],
 ) -> list[Paths]:
-    """Paths of all frames for a radar at rest and a target whose stand moves with it.
+    """Return the paths of all frames for a radar at rest and a target whose stand moves with the target.
 
     Args:
-        sensor: (1, 4, 4). target: in its own frame, at `poses` (F, 4, 4).
+        sensor: (1, 4, 4) pose of the radar.
+        target: surfaces in the target's own frame. poses: (F, 4, 4) poses of the target.
         start: (4, 4) pose of the target for which `disc` and `apart` are given.
     """
     back = np.linalg.inv(start)

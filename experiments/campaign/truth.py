@@ -1,7 +1,8 @@
-"""Testbed recordings of a campaign: clean recordings of the true scene, and their reception by a radar with noise.
+"""Simulate the testbed's recordings: the true scene before receiver effects, and the effects of the receiver.
 
-This module never imports the twin's scan, labels or settings. A clean recording depends on whether the hardware gap is on, but not on its
-strength; noise, leakage and ADC are added on reading, seeded by the recording.
+This module never imports the twin's scan, labels or settings. A clean recording (before receiver effects) depends on whether
+measured.gap.hardware is on, but not on its strength. Noise, leakage and ADC are added when the recording is read; their random seed comes
+from the recording's name.
 """
 
 from __future__ import annotations
@@ -36,23 +37,23 @@ if TYPE_CHECKING:
     from radartwin.config.config import Config
 
 ROUND = ("can_", "drink_can")  # prefixes of bodies of revolution
-OFF_AXIS = 3.0  # standard deviations of placement and wobble that the aspects must resolve
+OFF_AXIS = 3.0  # standard deviations of placement and wobble for which the aspects must be dense enough
 RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
 CACHED_TRACKS = 2
 
 
 def gaps_of(config: Config) -> testbed.Gaps:
-    """The configured gaps of the testbed, which are all but the scan's geometry."""
+    """Return the configured strengths of the testbed's gaps (differences from the twin): all but the scan's geometry."""
     return testbed.Gaps(**{k: v for k, v in asdict(config.measured.gap).items() if k != "geometry"})
 
 
 def seed_of(case: Case, config: Config) -> int:
-    """Random seed of one recording."""
+    """Return the random seed of one recording."""
     return int(np.random.SeedSequence([config.seed, *case.name.encode()]).generate_state(1)[0])
 
 
 def specification(case: Case, config: Config) -> dict[str, Any]:
-    """Specification of a clean recording, for its store key."""
+    """Return the specification of a clean recording, which decides its store key."""
     gap = {**asdict(gaps_of(config)), "hardware": config.measured.gap.hardware > 0}
     campaign = config.profile.campaign
     course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn} if case.motion == "turntable" else {}
@@ -71,16 +72,19 @@ class _Place:
 
 
 def record(case: Case, config: Config) -> Recording | Turned:
-    """The clean recording of a case: an ideal receiver behind the IF filter. Many revolutions are returned as traced aspects."""
+    """Simulate the clean recording of a case: an ideal receiver behind the IF filter.
+
+    A turntable with more frames than aspects is returned as `Turned`, whose frames are interpolated from the traced aspects.
+    """
     gaps = gaps_of(config)
     nominal = log(case, config.profile.campaign, measured=True)
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     fine = gaps.solver > 0
     settings = TraceSettings(
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
-        # interpolation along a track has errors of a few hundredths (radartwin/simulation/drives.py), more than finer tubes would gain
+        # drives keep 1.0: interpolation along the track (radartwin/simulation/drives.py) has a larger error than finer tubes remove
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
-        coupled_rays_per_wavelength2=1.0,  # against 4: an error of 0.016 of a turning bottle's signal (1 m, lab) at a sixth of the cost
+        coupled_rays_per_wavelength2=1.0,  # error against 4.0: 0.016 of a turning bottle's signal (1 m, lab); cost: a sixth
         variant=config.simulator.variant,
     )
     hardware = Hardware().scaled(gaps.hardware)
@@ -99,7 +103,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
 
 
 def aspects(case: Case, gaps: testbed.Gaps) -> int:
-    """Number of traced aspects of a revolution; with more frames than this, frames are interpolated from aspects."""
+    """Return the number of aspects (target angles) to trace per revolution; recordings with more frames are interpolated."""
     surfaces = catalogue()[case.object].surfaces()
     tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
     height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
@@ -108,31 +112,31 @@ def aspects(case: Case, gaps: testbed.Gaps) -> int:
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
-    """A clean recording as the receiver of this repetition records it."""
+    """Add the receiver effects of this repetition to a clean recording."""
     return testbed.received(clean, Hardware().scaled(gaps_of(config).hardware), seed_of(case, config))
 
 
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
-    """The true object in its own frame; all repetitions share it."""
+    """Return the true object in its own frame; all repetitions use the same object."""
     own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
     return testbed.truth(Scene(catalogue()[case.object].surfaces()), gaps, own)
 
 
 def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
-    """The surroundings of every target: room, clutter, and the rig of a radar at rest."""
+    """Return the surroundings of the target: room, clutter, and the rig of a radar at rest."""
     full = rooms.room(case.room, detail="cluttered")
     scene = full if case.motion in ROVER else full + fixtures.radar_rig(nominal.sensor_poses[0])
     return testbed.truth(scene, gaps, seed, _small(case))
 
 
 def _small(case: Case) -> frozenset[str]:
-    """Names of the clutter of a room."""
+    """Return the names of the clutter in the room of a case."""
     full, bare = (rooms.room(case.room, detail=detail).names for detail in ("cluttered", "furnished"))
     return frozenset(full) - frozenset(bare)
 
 
 def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
-    """(disc, other parts) of the target's stand; a turntable also has a motor, a gear and a cable."""
+    """Return (disc, other parts) of the target's stand; a turntable also has a motor, a gear and a cable."""
     top = stand_top(nominal)
     parts = rooms.support(top)
     if case.motion == "turntable":
@@ -142,12 +146,12 @@ def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[lis
 
 
 def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.ndarray:
-    """(F, C, T, R, N) signal of the whole scene at its actual poses."""
+    """Simulate the signal (F, C, T, R, N) of the whole scene at its actual poses."""
     drives, radar = _drives(case, place, root), place.radar
     poses = there.motion[case.object]
     disc, apart = _below(case, place.log, place.gaps, root)
     aside = poses[0, :3, 3] - place.log.target_poses[0, :3, 3]
-    if case.motion in ROVER:  # target and stand are placed together
+    if case.motion in ROVER:  # the placement error moves target and stand together
         off = poses[0] @ np.linalg.inv(place.log.target_poses[0])
         disc, apart = ([s.moved(off) for s in some] for some in (disc, apart))
     target = list(_target(case, place.gaps, root))
@@ -160,7 +164,7 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.nda
 
 
 def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, np.ndarray]:
-    """(aspects of a revolution, angle of the table at each chirp (F, C, T))."""
+    """Return the traced aspects of a revolution, and the angle of the table at each chirp (F, C, T) in radians."""
     nominal, radar, gaps = place.log, place.radar, place.gaps
     off = errors.TurntableErrors().scaled(gaps.trajectory)
     wobbling = replace(off, start_deg=0.0, rate=0.0, ripple_deg=0.0)
@@ -187,13 +191,13 @@ def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, n
 
 
 def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | None:
-    """Creep of the surroundings and of the stand while the turntable turns; all recordings of a room share the room's states."""
+    """Return the slow drift of surroundings and stand while the turntable turns; recordings in one room share the room's drift states."""
     creeps, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
     if not creeps.creep_m:
         return None
     around, small = list(_around(case, nominal, place.gaps, root)), _small(case)
     below = [s for s in _below(case, nominal, place.gaps, root)[1] if s.name in RUNNING]
-    # Three bounces are enough for a change: only 0.09 of its root mean square is missing, beyond 5.2 m.
+    # Only the change of the signal is used, so three bounces are enough (error: 0.09 of the change's root mean square, beyond 5.2 m).
     settings = replace(place.settings, rays_per_wavelength2=1.0, max_bounces=min(3, place.settings.max_bounces))
     short, sensor = replace(place.radar, num_chirps=1), nominal.sensor_poses
 
@@ -213,7 +217,7 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
 
 
 def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
-    """(F, C, T, R, N) signal with target and radar on their actual course, every frame traced."""
+    """Trace every frame with target and radar at their actual poses; returns the signal (F, C, T, R, N)."""
     nominal = place.log
     there = testbed.actual(nominal.sensor_poses, {case.object: nominal.target_poses}, nominal.frame_rate_hz, place.gaps, seed)
     iq = _seen(case, place, root, there)
@@ -221,7 +225,7 @@ def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
 
 
 def _carrier(place: _Place, root: int) -> np.ndarray | float:
-    """Signal of the rover below its radar, the same in every frame."""
+    """Simulate the echo of the rover's own body below the radar; it is equal in every frame."""
     body = testbed.truth(fixtures.rover(rooms.ROVER_HEIGHT_M), place.gaps, root)
     if not len(body):
         return 0.0
@@ -237,9 +241,9 @@ _tracks: OrderedDict[str, Drives] = OrderedDict()
 
 
 def _drives(case: Case, place: _Place, root: int) -> Drives:
-    """The track of a case; the last few are cached, because objects and repetitions share them."""
+    """Return the track of a case. The last tracks are cached because objects and repetitions share them."""
     motion = case.motion if case.motion in ROVER else "bench"
-    here = replace(place.gaps, hardware=0.0, trajectory=0.0, placement=0.0)  # these gaps do not change the room
+    here = replace(place.gaps, hardware=0.0, trajectory=0.0, placement=0.0)  # these three strengths do not change the room
     key = f"{case.room} {motion} {root} {here} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
 
     def build() -> Drives:

@@ -1,6 +1,6 @@
-"""A turntable recording stored as its traced aspects, the table's angle at each chirp, and the drift of its surroundings.
+"""Store a turntable recording as its traced aspects (target angles), the table's angle at each chirp, and the drift of the surroundings.
 
-Three hundred seconds at 10 Hz are 800 MB of samples, but all samples are combinations of a thousand aspects of 16 KB each.
+A recording of 300 s has 800 MB of samples, but all samples are interpolated from about a thousand aspects of 16 KB each.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _NAME = "turned"
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """A turntable recording.
+    """A turntable recording in compact form; `recording` computes its samples.
 
     Attributes:
-        aspects: of the target in surroundings at rest.
+        aspects: signals of the scene at each traced target angle, with the surroundings at rest.
         angles: (F, C, T) angle of the table at each chirp, radians.
-        drift: of the surroundings, or None.
+        drift: slow change of the surroundings, or None.
     """
 
     aspects: Aspects
@@ -39,11 +39,11 @@ class Turned:
 
     @property
     def traced(self) -> int:
-        """Number of traced states."""
+        """Number of traced aspects."""
         return len(self.aspects.signals)
 
     def recording(self) -> Recording:
-        """The recording with all frames."""
+        """Compute the recording with all frames."""
         iq = self.aspects.at(self.angles)
         if self.drift is not None:
             self.drift.add_to(iq)

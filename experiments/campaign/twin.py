@@ -1,4 +1,4 @@
-"""Simulated recordings of a campaign: the room as a phone scanned it, labelled by the configured source; objects and motions as logged."""
+"""Simulate the twin's recordings. The room is a virtual phone scan, labelled by the configured source; the motion is the logged motion."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CACHED_TRACKS = 2
 
 
 def specification(case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store) -> dict[str, Any]:
-    """Specification of a simulated recording, for its store key."""
+    """Return the specification of a simulated recording, which decides its store key."""
     spec: dict[str, Any] = {
         "case": asdict(case),
         "course": spec_digest({name: None if value is None else np.round(value, 9) for name, value in vars(nominal).items()}),
@@ -51,17 +51,17 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
         spec |= {
             "families": _families(config, case),
             "limits": Limits.shipped(case.motion, case.object).of,
-        }  # decide the choice
+        }  # simulator=auto chooses by these two
     if materials.source == VOID:
         return spec | {"materials": VOID}
     return spec | {"materials": materials, "scan": virtual_scan.key(config, store, case.room, config.measured.gap.geometry)}
 
 
 def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Scene:
-    """The twin's model of a room.
+    """Return the twin's model of the room of a case.
 
     Raises:
-        UserError: the material source has no answers for the room.
+        UserError: the material source has no stored answers for the room.
     """
     if materials.source == VOID:
         return rooms.void()
@@ -77,7 +77,7 @@ def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store
 def record(
     case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store, say: Callable[[str], None] = lambda line: None
 ) -> Recording:
-    """The simulated recording of a case along its logged motion, without noise; `say` receives the choice of simulator=auto."""
+    """Simulate the recording of a case along its logged motion, without noise; `say` reports the choice of simulator=auto."""
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
     stand = rooms.support(stand_top(nominal))
@@ -108,18 +108,18 @@ def record(
 
 
 def noisy(clean: Recording, case: Case, config: Config) -> Recording:
-    """The recording with the thermal noise of the radar's noise figure, seeded by the recording."""
+    """Add thermal noise of the radar's noise figure; the random seed comes from the recording's name."""
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, *b"twin noise", *case.name.encode()]))
     return Recording(clean.iq + thermal_noise(clean.iq.shape, clean.radar, rng), clean.radar, None, provenance=clean.provenance)
 
 
 def _outermost(scene: Scene) -> Scene:
-    """The stand with the outermost material of each surface, without thickness."""
+    """Replace each layered material of the stand by its outermost material."""
     return Scene((s.replaced(material=s.material.layers[0][0]) if isinstance(s.material, Layered) else s for s in scene), scene.provenance)
 
 
 def _families(config: Config, case: Case) -> tuple[str, ...]:
-    """Feature families that simulator=auto must preserve: the configured ones, or all of a motion that does not have them."""
+    """Return the feature families that simulator=auto must preserve: the configured ones, or all families of a motion that lacks these."""
     fit = set(SETS[config.features.name]) <= set(auto.MOTION_FAMILIES[case.motion])
     return auto.families_of(config.features if fit else FeaturesConfig(), case.motion)
 
@@ -128,10 +128,10 @@ _tracks: OrderedDict[str, tuple[Drives, np.ndarray]] = OrderedDict()
 
 
 def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str, elements: str) -> tuple[Drives, np.ndarray]:
-    """(track, signal of the room alone (F or 1, C, T, R, N)) of a case; the last few are cached, because objects share them.
+    """Return the track of a case, and the signal (F or 1, C, T, R, N) of the room alone. The last tracks are cached for other objects.
 
     Args:
-        known: the settings that decide the room besides its name.
+        known: text of all settings that change the room's model or signal.
     """
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"

@@ -1,7 +1,7 @@
-"""The recordings on which single gaps are studied, and the features that are read from them.
+"""The recordings on which each gap (difference between testbed and twin) is studied alone, and the features read from them.
 
-Base: every gap off; the twin has the true materials and the exact room. `alone` switches one gap on. Readings hold the features of the
-study (target gate +-3 bins, 0.3 to 5.5 m) and the complex signal, so that a change of phase is visible too.
+In the base configuration every gap is off, and the twin has the true materials and the exact room. `alone` switches one gap on. A `Reading`
+holds the features of the study (target gate +-3 bins, range 0.3 to 5.5 m) and the complex signal, so that phase changes are visible too.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
 GAPS = tuple(f.name for f in fields(GapConfig))
-ZERO_M = 0.2  # range up to which antenna coupling reaches
+ZERO_M = 0.2  # the coupling between antennas appears below this range
 METAL = (Case("corner_reflector", "lab", "turntable", 1.0), Case("drink_can_355", "lab", "turntable", 1.0))
 FILLED = (Case("mustard", "lab", "turntable", 1.0),)
 DRIVE = (Case("corner_reflector", "squash_court", "depth", 1.0),)
@@ -33,18 +33,19 @@ GROUPS: dict[str, tuple[Case, ...]] = {
     "turntable": (*METAL, *FILLED), "turntable, metal": METAL, "turntable, filled bottle": FILLED, "drive": DRIVE,
 }  # fmt: skip
 CASES = (*METAL, *FILLED, *DRIVE)
-ROOM_BINS = 12  # on each side of the target, 0.5 m: beyond them the Hann window suppresses the target's echo by 70 dB
-FRAMES, EVERY = 24, 5  # frames of a revolution; every fifth frame of a drive; in all profiles
-LOWEST_DB = -200.0  # level of no power
+ROOM_BINS = 12  # 0.5 m on each side of the target; further away the Hann window suppresses the target's echo by 70 dB
+FRAMES, EVERY = 24, 5  # frames per revolution, and every fifth frame of a drive, in all profiles
+LOWEST_DB = -200.0  # level that stands for zero power
 
 
 def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1) -> Config:
-    """The configuration with one gap at a strength and all others off, or with all gaps off.
+    """Return the configuration with one gap at a strength and all other gaps off; `gap=None` switches all gaps off.
 
     Args:
-        turns: revolutions of a measured turntable. More frames than traced aspects are interpolated (experiments/campaign/truth.py).
+        turns: revolutions of a measured turntable. If it has more frames than aspects, frames are interpolated
+        (experiments/campaign/truth.py).
     Raises:
-        ConfigError: an unknown gap.
+        ConfigError: the gap is unknown.
     """
     if gap is not None and gap not in GAPS:
         raise ConfigError(f"measured.gap.{gap}: unknown gap; choose {', '.join(GAPS)}")
@@ -57,10 +58,10 @@ def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: 
 
 
 def check_untouched(config: Config) -> None:
-    """Refuse settings that a study of gaps sets itself.
+    """Raise an error for settings that a study of gaps sets itself.
 
     Raises:
-        ConfigError: measured recordings, or configured strengths of gaps.
+        ConfigError: the measured recordings come from a recording set, or measured.gap is configured.
     """
     if config.measured.provider != "testbed":
         raise ConfigError("measured=recordings has no gaps that could be switched; use measured=testbed")
@@ -70,16 +71,20 @@ def check_untouched(config: Config) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """Features of one recording. All but zero_db are taken between NEAR_M and FAR_M.
+    """Features of one recording. All but zero_db are computed over ranges from NEAR_M to FAR_M.
 
     Attributes:
-        key: of the product that was read. range_m: (B,).
+        key: store key of the product that was read.
+        range_m: (B,) range of each bin.
         channels: (F, A, B) complex range profiles.
         target, room: (F, B) masks of the target gate, and of the bins more than ROOM_BINS from the target.
         profile: (B,) mean power.
-        brightness_db: energy in the gate without the range law. room_db: energy in the room.
-        multipath: multipath share. harmonic_ratio: of a revolution; NaN for a drive.
-        track_m: (F,) range of the target's peak. energy: (F,) in the gate.
+        brightness_db: energy in the target gate, corrected for the range law.
+        room_db: energy in the cells of `room`.
+        multipath: multipath share.
+        harmonic_ratio: angular harmonic ratio of a revolution; NaN for a drive.
+        track_m: (F,) range of the target's peak.
+        energy: (F,) energy in the target gate.
         noise_db: median noise of a range bin. zero_db: mean power of the bins within ZERO_M.
     """
 
@@ -100,7 +105,7 @@ class Reading:
 
 
 def recorded(config: Config, store: Store, progress: Progress, domain: str, case: Case, frames: int | None = None) -> Reading:
-    """The reading of a case, simulated if it is not in the store. The twin is read without noise.
+    """Read a case; it is simulated if it is not in the store. The twin is read without noise.
 
     Args:
         frames: number of frames to read; None reads all.
@@ -116,7 +121,7 @@ def recorded(config: Config, store: Store, progress: Progress, domain: str, case
 
 
 def read(key: str, processed: Processed, log: Log) -> Reading:
-    """The reading of a recording; a longer log is cut to its frames."""
+    """Compute the features of a recording. If the log is longer than the recording, its surplus is ignored."""
     count = processed.num_frames
     nominal = distances(log, len(log.distance_m))[:count]
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
@@ -147,9 +152,9 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
 
 
 def moved(one: Reading, base: Reading) -> dict[str, float]:
-    """Change of each feature from the base.
+    """Return the change of each feature from the reading `base` to the reading `one`.
 
-    The track is weighted by the base's energy, because the peak of a weak target jumps. Signal changes are |one - base| / |base|.
+    Track differences are weighted by the base's energy, because the peak of a weak target jumps. Signal changes are |one - base| / |base|.
     """
     return {
         "target brightness (dB)": one.brightness_db - base.brightness_db,
@@ -164,18 +169,18 @@ def moved(one: Reading, base: Reading) -> dict[str, float]:
 
 
 def change_db(one: Reading, base: Reading, chosen: NDArray[np.bool_]) -> float:
-    """|one - base| / |base| of the complex signals in the cells of a mask (F, B), in decibels."""
+    """Return |one - base| / |base| of the complex signals in the cells of a mask (F, B), in decibels."""
     where = chosen[:, None]
     difference = np.sum(np.abs(one.channels - base.channels) ** 2, where=where, dtype=np.float64)
     return decibels(float(difference / np.sum(np.abs(base.channels) ** 2, where=where, dtype=np.float64)))
 
 
 def profile_difference_db(one: Reading, base: Reading, span_db: float = 60.0) -> float:
-    """Root mean square difference in decibels of the mean range profiles, over the bins within `span_db` of the base's strongest bin."""
+    """Return the rms difference of the mean range profiles in decibels, over bins within `span_db` of the base's strongest bin."""
     strong = base.profile >= base.profile.max() * 10 ** (-span_db / 10)
     return float(np.sqrt(np.mean((10 * np.log10(one.profile[strong] / base.profile[strong])) ** 2)))
 
 
 def decibels(power: float) -> float:
-    """Power in decibels, at least LOWEST_DB."""
+    """Convert power to decibels, at least LOWEST_DB."""
     return 10 * float(np.log10(max(power, 10 ** (LOWEST_DB / 10))))

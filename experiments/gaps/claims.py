@@ -1,7 +1,7 @@
-"""Predictions from physics for each gap alone, written before the first run: bounds on the change of features, with reasons.
+"""Predictions from physics for each gap (difference between testbed and twin) alone: bounds on the change of features, with reasons.
 
-Bounds depend on the strength s (1 as committed) and hold for the group of cases that the reason names. "Stays" is within half a decibel for
-a metal target, whose own echo does not depend on walls, and within one decibel if other echoes share its gate.
+The predictions were written before the first run. Bounds depend on the gap's strength s (default 1) and hold for the named group of cases.
+A brightness that "stays" changes by at most 0.5 dB for a metal target, or by 1 dB if other echoes fall into its gate.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from experiments.claims import Claim
 
 Expected = tuple[str, str, Claim]  # group of cases, feature, claim about its change
 LINES_DB = -5.2  # two-way loss of the hardware's lines (radartwin/radar/hardware.py)
-# power that the IF filter passes: 467 kHz of beat at 1 m through two first-order stages of 175 and 350 kHz
+# gain of the IF filter for a target at 1 m (beat frequency 467 kHz): two first-order stages of 175 and 350 kHz
 FILTER_DB = -10 * float(np.log10((1 + (175 / 467) ** 2) * (1 + (350 / 467) ** 2)))
-# kTB F over the transmitted power, -91.8 dBm - 12 dBm in a sample of 5.21 MHz; Hann window over 256 samples, 16 coherent chirps
+# thermal noise kTBF (-91.8 dBm at 5.21 MHz) over the transmitted power (12 dBm); Hann window over 256 samples, 16 coherent chirps
 THERMAL_DB = -103.8 + 10 * float(np.log10(1.5 / 256 / 16))
 
 
 def expected(gap: str, strength: float) -> list[Expected]:
-    """The predictions for one gap at a strength."""
+    """Return the predictions for one gap at a strength."""
     return [(group, feature, replace(claim, least=1)) for group, feature, claim in _EXPECTED[gap](strength)]
 
 
@@ -43,7 +43,7 @@ def _roughness(s: float) -> list[Expected]:
             Claim("heights drawn about a median are rougher in the mean square: specular walls darken", below=0.0),
         ),
         ("turntable", "track rms (mm)", Claim("nothing stands elsewhere", below=10.0)),
-        # Ament: 0.45 dB are lost at 0.1 mm and normal incidence, three times 0.15 dB in the reflector, and no roughness gains more
+        # Ament: at 0.1 mm a surface loses 0.45 dB at normal incidence and the reflector 3 x 0.15 dB; less roughness cannot gain more
         ("turntable, metal", "target brightness (dB)", Claim("metal gains no more than its own loss", below=0.5)),
     ]
 
@@ -53,7 +53,7 @@ def _contents(s: float) -> list[Expected]:
         ("turntable, metal", "target change (dB)", Claim("what holds no liquid is the same", below=-80.0)),
         ("drive", "target change (dB)", Claim("what holds no liquid is the same", below=-80.0)),
         ("turntable, filled bottle", "target change (dB)", Claim("a bottle that is not full is another", above=-40.0)),
-        # a tenth of the height is empty, and the radar sees the middle
+        # only the upper tenth of the bottle is empty, and the radar sees the middle
         ("turntable, filled bottle", "target brightness (dB)", Claim("most of the bottle is still full", above=-6.0, below=3.0)),
         ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
     ]

@@ -1,8 +1,10 @@
-"""Recordings of testbed and twin under any set of gaps, and the losses that the set causes; `gap_attribution` shares the losses out.
+"""Recordings of testbed and twin under any set of gaps, and the losses that the set causes.
 
-A set of gaps decides both sides. `geometry` and `labels` decide the twin; `hardware` decides the testbed and whether the twin is read with
-receiver noise (without `hardware` neither side has noise); all other gaps decide the testbed. So twenty sides serve dozens of sets. An
-object without liquid is the same with and without `contents` (radartwin/testbed/variation.py), so it is only recorded with it.
+A gap is one kind of difference between testbed and twin; a coalition is a set of gaps that are on. `gap_attribution` divides the losses
+among the gaps. The gaps `geometry` and `labels` change the twin. `hardware` changes the testbed and decides whether the twin is read with
+receiver noise; without `hardware` neither domain has noise. All other gaps change the testbed. A "side" is one domain with the gaps that
+change it; about twenty sides are enough for dozens of coalitions. `contents` does not change an object without liquid
+(radartwin/testbed/variation.py), so such an object is recorded only with `contents` on.
 """
 
 from __future__ import annotations
@@ -33,30 +35,30 @@ from radartwin.recognize.split import label_free
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
-LABELS = "labels"  # the twin has the configured source's materials instead of the true ones
-TWIN = frozenset(("geometry", LABELS, "hardware"))  # gaps that decide the twin's side
+LABELS = "labels"  # gap: the twin has materials of the configured source instead of the true materials
+TWIN = frozenset(("geometry", LABELS, "hardware"))  # gaps that change how the twin is simulated or read
 TESTBED = tuple(f.name for f in fields(GapConfig) if f.name != "geometry")
 GAPS = ("geometry", LABELS, *TESTBED)
 # Gaps that need a new set-up of the testbed's room
 SETS_UP = ("clutter", "solver", "materials", "roughness", "contents", "hardware")
 FEATURES = "rotation"
-# Left out of the feature error: at 1 m all objects are narrower than the array's beam, so the angular extent spreads by 0.0015 rad over
-# objects, and the channels' mismatch alone changes it by 27 spreads, which dominated the error in the first run.
+# The angular extent is left out of the feature error. At 1 m all objects are narrower than the array's beam, so its standard deviation over
+# objects is only 0.0015 rad. Channel mismatch alone changes it by 27 such deviations, which dominated the error in the first run.
 WITHOUT = ("extent",)
-FRAMES = 16  # of a revolution: six harmonics need thirteen
+FRAMES = 16  # per revolution; six harmonics need thirteen frames
 ERROR, PROFILE, RECOGNITION = "feature error", "range-profile correlation lost", "recognition lost"
 SCORES = (ERROR, PROFILE, RECOGNITION)
-Losses = dict[str, dict[Coalition, NDArray[np.float64]]]  # by score and set of gaps: (recordings,)
-Side = tuple[str, Coalition]  # domain, and the gaps that decide it
+Losses = dict[str, dict[Coalition, NDArray[np.float64]]]  # [score][coalition]: losses (recordings,)
+Side = tuple[str, Coalition]  # domain, and the gaps that change it
 
 
 def cases(objects: Iterable[str]) -> list[Case]:
-    """Turntables at 1 m in the laboratory, in the order of recognition's predictions."""
+    """Return the turntable cases of the objects at 1 m in the laboratory, sorted as the classifier sorts its predictions."""
     return sorted((Case(name, "lab", "turntable", 1.0) for name in objects), key=lambda case: recording_name("measured", case))
 
 
 def configured(config: Config, on: Collection[str]) -> Config:
-    """The configuration with these gaps on, all others off, and one revolution of FRAMES frames."""
+    """Return the configuration with these gaps on, all others off, and one revolution of FRAMES frames."""
     gap = GapConfig(**{f.name: float(f.name in on) for f in fields(GapConfig)})
     campaign = replace(config.profile.campaign, frames_per_turn=FRAMES, turns=1)
     materials = config.materials if LABELS in on else TrueMaterials()
@@ -66,18 +68,18 @@ def configured(config: Config, on: Collection[str]) -> Config:
 
 
 def side(domain: str, on: Coalition) -> Coalition:
-    """The gaps of a set that decide one domain."""
+    """Return the gaps of a coalition that change one domain."""
     return on & TWIN if domain == "twin" else on & set(TESTBED)
 
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """One domain's recordings under one side, in the order of the cases.
+    """Features of the recordings of one side, sorted as the cases.
 
     Attributes:
-        keys: in the store, of the recordings without receiver.
-        values: (N, features) of the feature error.
-        profiles: N times (B,) mean power over range_m (B,).
+        keys: store keys of the recordings before receiver effects.
+        values: (N, features) values that the feature error compares.
+        profiles: N mean power profiles (B,). range_m: (B,) their range axis.
         frames: feature rows per frame.
     """
 
@@ -89,14 +91,14 @@ class Read:
 
 
 class Sides:
-    """All sides that sets of gaps need, each read once; recordings that are not in the store are simulated."""
+    """Simulate and read the sides that coalitions need; each side is read once."""
 
     def __init__(self, config: Config, store: Store, progress: Progress, some: Sequence[Case]):
         self.config, self.store, self.progress, self.cases = config, store, progress, list(some)
         self._read: dict[Side, Read] = {}
 
     def prepare(self, sets_of_gaps: Iterable[Coalition]) -> None:
-        """Simulate and read the sides of these sets; sides that share a room are simulated together."""
+        """Simulate and read the sides of these coalitions; sides with the same room set-up are simulated together."""
         wanted = {(domain, side(domain, on)) for on in sets_of_gaps for domain in ("twin", "measured")}
         ordered = sorted(wanted, key=lambda one: (one[0], _setup(*one), sorted(one[1])))
         self.make(ordered)
@@ -114,7 +116,7 @@ class Sides:
         make_together(missing, self.progress)
 
     def read(self, domain: str, on: Coalition) -> Read:
-        """One side."""
+        """Return the features of one side."""
         if (domain, on) not in self._read:
             found = [(case, *self.processed(domain, on, case), self.log(domain, case)) for case in self.cases]
             values = [sets.vector(processed, log, FEATURES, WITHOUT)[1] for _, _, processed, log in found]
@@ -129,7 +131,7 @@ class Sides:
         return self._read[domain, on]
 
     def processed(self, domain: str, on: Coalition, case: Case) -> tuple[str, Processed]:
-        """(store key without receiver, processed recording), simulated if it is not in the store."""
+        """Return (store key before receiver effects, processed recording); a missing recording is simulated."""
         campaign = self._campaign(on, case)
         product = campaign.clean(domain, case)
         if _received(domain, on):
@@ -137,7 +139,7 @@ class Sides:
         return product.key, process(load_clean(product), doppler=False)
 
     def log(self, domain: str, case: Case) -> Any:
-        """The log of a case."""
+        """Return the log of a case."""
         return self._campaign(frozenset(), case).log(case, domain)
 
     def _campaign(self, on: Coalition, case: Case) -> Campaign:
@@ -150,22 +152,22 @@ class Sides:
 
 
 def _switched(on: Coalition, case: Case) -> Coalition:
-    """The gaps under which a case is recorded: an object without liquid always has `contents` on."""
+    """Return the gaps under which a case is recorded: an object without liquid always has `contents` on."""
     return on if catalogue()[case.object].contents is not None else on | {"contents"}
 
 
 def _received(domain: str, on: Coalition) -> bool:
-    """Whether a side is read with its receiver's noise."""
+    """Return whether a side is read with receiver effects."""
     return domain == "measured" or "hardware" in on
 
 
 def _setup(domain: str, on: Coalition) -> str:
-    """Name of the room set-up that a side needs."""
+    """Return the name of the room set-up that a side needs."""
     return " ".join(gap for gap in (SETS_UP if domain == "measured" else ("geometry", LABELS)) if gap in on) or "as it is"
 
 
 def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> Losses:
-    """The losses of each set of gaps per recording.
+    """Compute three losses per recording for each coalition of gaps.
 
     ERROR: root mean square over features of simulated minus measured, in units of each feature's standard deviation over the twin's
     recordings without gaps. PROFILE: one minus the correlation of mean range profiles in decibels, 0.3 to 5.5 m. RECOGNITION: share of
@@ -192,9 +194,9 @@ def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> L
 
 
 def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coalition, Samples]) -> dict[Coalition, NDArray[np.float64]]:
-    """(recordings,) by set of gaps: share of seeds in which forests trained on the simulated frames classify each recording correctly.
+    """Return, for each coalition, the share of seeds (recordings,) in which forests trained on simulated frames are correct.
 
-    The same forests classify all sets; each set of measured recordings is ranked by itself.
+    The same forests classify the recordings of all coalitions; features are ranked within each coalition.
     """
     renamed = [_renamed(transfer.ranked(samples), number) for number, samples in enumerate(measured.values())]
     split = label_free(transfer.ranked(simulated), join(*renamed))
@@ -203,6 +205,6 @@ def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coal
 
 
 def _renamed(samples: Samples, number: int) -> Samples:
-    """The same rows with recording names that sort by `number`."""
+    """Return the rows with recording names that sort by `number`."""
     names = {column: np.char.add(f"{number:05d} ", getattr(samples, column)) for column in ("recording", "source")}
     return replace(samples, **names)

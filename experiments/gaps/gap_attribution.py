@@ -1,14 +1,16 @@
-"""Gap attribution: which part of the distance between twin and testbed comes from which gap, for fidelity and for recognition?
+"""Gap attribution: how much of the difference between twin and testbed does each gap cause, in fidelity and in recognition?
 
-Three losses (experiments/gaps/coalitions.py) are computed with any set of gaps on. Alone: the loss that a gap causes with all others off.
-Left out: the loss that disappears if the gap goes off with all others on. Share: the gap's Shapley value, exact over groups of gaps; the
-shares sum to the total loss (experiments/gaps/shapley.py). The three are equal for gaps that do not interact; a gap with a large loss
-alone and none when left out is hidden by others. Losses are per recording; intervals are bootstraps over recordings. Each gap is one draw
-of the seed. Claims were written before the first run: walls and their materials decide the room's profile; lines and filter take 8 dB of
-the target's brightness; ranks do not depend on levels; a liquid affects its bottle only.
+A gap is one kind of difference between testbed and twin. Three losses (experiments/gaps/coalitions.py) are computed for sets of gaps that
+are on, and three measures describe each gap. Alone: the loss that the gap causes with all others off. Left out: the decrease of the loss if
+the gap is switched off with all others on. Share: the gap's Shapley value, exact over groups of gaps; shares sum to the total loss
+(experiments/gaps/shapley.py). The three measures are equal for gaps that do not interact. If a gap causes a large loss alone and none when
+left out, other gaps hide it. Losses are per recording; intervals are bootstraps over recordings. Each gap is one random draw of the seed.
 
-Cost of the quick profile: 86 core seconds on a busy machine, of which 28 set up the scanned laboratory (four objects, no clutter, no finer
-solver, true labels). The paper profile has every gap.
+Claims were written before the first run: walls and their materials decide the room's profile; transmission lines and IF filter lower the
+target's brightness by 8 dB; ranks do not depend on levels; a liquid affects its bottle only.
+
+The quick profile takes 86 core seconds on a busy machine, of which 28 set up the scanned laboratory. It has four objects, no clutter, no
+finer solver and true labels. The paper profile has every gap.
 """
 
 from __future__ import annotations
@@ -40,13 +42,14 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="gap_attribution",
     title="Which gap costs what",
-    caption="The loss that each gap between testbed and twin causes: alone (all others off), left out (all others on), and as its "
-    "Shapley share of the total. Shapley values are exact over the groups, so that the shares sum to the total. Losses are per "
-    "recording of a turntable at 1 m in the laboratory: the distance between features in standard deviations over objects, the "
-    "decorrelation of range profiles in decibels, and the share of objects that forests trained on the twin get wrong. The "
-    "quick profile has four objects and leaves clutter, the finer solver and wrong labels off; the paper profile has all gaps. "
-    "The materials group includes roughness, the course group includes trajectory and placement, and in the paper profile the "
-    "clutter group includes the solver. Intervals are bootstraps over objects. Each gap is one random draw.",
+    caption="A gap is one kind of difference between testbed and twin. The rows give the loss that each gap causes: alone (all "
+    "others off), left out (the decrease if only this gap is switched off), and as its Shapley share of the total loss. "
+    "Shapley values are exact over the groups, so the shares sum to the total. Losses are computed for turntable recordings "
+    "at 1 m in the laboratory: the difference of features in standard deviations over objects, one minus the correlation of "
+    "range profiles in decibels, and the share of objects that forests trained on the twin classify wrongly. The quick "
+    "profile has four objects and leaves clutter, the finer solver and wrong labels off; the paper profile has all gaps. "
+    "The materials group includes roughness, the course group includes trajectory and placement, and in the paper profile "
+    "the clutter group includes the solver. Intervals are bootstraps over objects. Each gap is one random draw.",
 )
 
 ALONE, LEFT_OUT, SHARE = "alone", "left out", "share"
@@ -56,7 +59,7 @@ ROOM = "geometry and materials"
 
 @dataclass(frozen=True)
 class Plan:
-    """Groups of gaps and the recorded objects. Gaps in no group stay off.
+    """Groups of gaps, and the recorded objects. A gap that is in no group stays off.
 
     Attributes:
         singly: whether each gap of a group is also switched by itself.
@@ -71,23 +74,23 @@ class Plan:
         return frozenset(gap for gaps in self.groups.values() for gap in gaps)
 
     def on(self, players: Coalition) -> Coalition:
-        """The gaps of a coalition of groups."""
+        """Return all gaps of a set of groups."""
         return frozenset(gap for player in players for gap in self.groups[player])
 
     def switched(self) -> dict[str, Coalition]:
-        """The sets that are switched alone and left out, by name: each group, and with `singly` each gap of a larger group."""
+        """Return {name: gaps} of the sets for "alone" and "left out": each group; with `singly` also each gap of a larger group."""
         single = {gap: frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
         return {name: frozenset(gaps) for name, gaps in self.groups.items()} | {f"{gap} only": one for gap, one in single.items()}
 
     def needed(self) -> list[Coalition]:
-        """Every set of gaps that must be scored."""
+        """Return every set of gaps whose losses are needed."""
         sets = [self.on(some) for some in shapley.coalitions(tuple(self.groups))]
         sets += [part for one in self.switched().values() for part in (one, self.everything - one)]
         return list(dict.fromkeys(sets))
 
 
 PLANS = {
-    # the set-up of clutter or of a finer solver would cost more than all of these gaps
+    # without clutter and solver, because their set-up takes longer than all other gaps together
     "quick": Plan(
         {
             "geometry": ("geometry",), "materials": ("materials", "roughness"), "contents": ("contents",), "hardware": ("hardware",),
@@ -105,7 +108,7 @@ PLANS = {
     ),
 }  # fmt: skip
 
-CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # by score, gap, objects, measure
+CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # key: score, gap, objects, measure
     (PROFILE, ROOM, ALL, "part of the total"): Claim("the room's walls and materials bring most of what its profile loses", above=0.5),
     (PROFILE, "geometry", ALL, ALONE): Claim("a scan's walls return another profile", above=0.0),
     (PROFILE, "contents", ALL, SHARE): Claim("what is in a bottle is not in the room's profile", above=-0.05, below=0.05),
@@ -118,7 +121,7 @@ CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # by score, gap, objects, me
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured testbed and twin. Raises ConfigError for settings that the table sets itself."""
+    """Compute the table for the configured testbed and twin. Raises ConfigError for settings that the table sets itself."""
     check(config)
     plan = PLANS["quick" if config.profile.name == "quick" else "paper"]
     sides = Sides(config, store, progress, cases(plan.objects))
@@ -131,10 +134,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def check(config: Config) -> None:
-    """Refuse settings that the table would override.
+    """Raise an error for settings that the table would override.
 
     Raises:
-        ConfigError: measured recordings, gaps or materials that the table sets itself.
+        ConfigError: the configuration sets measured recordings, gaps or materials that the table sets itself.
     """
     case_set.check_untouched(config)
     if config.materials.source in ("true", "void"):
@@ -144,7 +147,7 @@ def check(config: Config) -> None:
 
 
 def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> RowList:
-    """Rows per score: the loss without and with all gaps, then each gap alone, left out, and its share; also over filled bottles.
+    """Build the rows of each loss: without gaps, with all gaps, then per gap alone, left out and share; also for filled bottles only.
 
     Args:
         filled: (recordings,) mask of the filled bottles.
@@ -161,7 +164,7 @@ def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], 
 def _add_rows(
     rows: RowList, plan: Plan, score: str, objects: str, value: Mapping[Coalition, NDArray[np.float64]], keys: Sequence[str]
 ) -> None:
-    """Rows of one score; `value` holds its losses (recordings,) by set of gaps."""
+    """Add the rows of one loss; `value` maps each set of gaps to losses (recordings,)."""
 
     def add(gap: str, metric: str, samples: NDArray[np.float64]) -> None:
         case = {"score": score, "gap": gap, "objects": objects}
@@ -183,7 +186,7 @@ def _add_rows(
 
 
 def _part(config: Config, shared: Mapping[str, NDArray[np.float64]]) -> statistics.Estimate:
-    """Part of geometry and materials in the total loss, with a bootstrap over recordings; NaN if all gaps together cause no loss."""
+    """Estimate the fraction of the total loss due to geometry and materials; NaN if all gaps together cause no loss."""
     room, total = shared["geometry"] + shared["materials"], np.sum(list(shared.values()), axis=0)
     drawn = np.random.default_rng(config.seed).integers(len(total), size=(config.profile.resamples, len(total)))
     sums = total[drawn].mean(axis=1)
@@ -193,7 +196,7 @@ def _part(config: Config, shared: Mapping[str, NDArray[np.float64]]) -> statisti
 
 
 def chart(rows: Sequence[Mapping[str, Any]], groups: Sequence[str]) -> Figure:
-    """Bars of alone, share and left out of each group with intervals, one panel per score."""
+    """Draw bars of "alone", "share" and "left out" per group of gaps, with intervals, one panel per loss."""
     drawing, panels = figure(1, len(SCORES), width_in=PAGE_WIDTH_IN, height_in=3.4, sharey=True)
     place = np.arange(len(groups))[::-1]
     for panel, score in zip(panels, SCORES, strict=True):

@@ -1,16 +1,18 @@
 """Single gaps: agreement of testbed and twin with all gaps off, and the effect of each gap alone.
 
-(a) With all gaps off, and true materials and the exact room in the twin, simulated and measured recordings of a case differ only because
-the room is stored in single precision. The table gives this difference in decibels of the complex signal and of the mean range profile,
-beside the solver's own error: the change that finer tracing with one more bounce makes. (b) Each gap alone at strength 1, in the paper
-profile also at 2: the change of the features, beside a prediction from physics (experiments/gaps/claims.py, written before the run). The
+A gap is one kind of difference between testbed and twin (measured.gap). (a) With all gaps off, and true materials and the exact room in the
+twin, simulated and measured recordings of a case differ only because the room is stored in single precision. The table gives this
+difference for the complex signal and for the mean range profile, in decibels. The solver's own error is given for comparison: the change
+due to finer tracing with one more bounce. (b) Each gap is switched on alone at strength 1, in the paper profile also at strength 2. The
+table gives the change of the features beside a prediction from physics (experiments/gaps/claims.py, written before the first run). The
 geometry gap changes the twin; all other gaps change the testbed.
 
-Limits: a row is one draw of the gap (measured.gap, seed), not the mean over testbeds. Roughness is a random factor on the nominal heights
-of the rooms, and the power that it takes from mirror images returns as scatter, so a room may become brighter. The turntable's motor and
-gear are clutter inside the target gate. The geometry gap scans the room with its clutter, which the truth of these rows does not have.
+Limitations: a row is one random draw of the gap (measured.gap, seed), not a mean over testbeds. Roughness is a random factor on the nominal
+heights of the rooms, and the power that it takes from mirror images returns as scatter, so a room can also become brighter. The turntable's
+motor and gear are clutter inside the target gate. The geometry gap scans the room with its clutter, which the truth of these rows does not
+have.
 
-Cost of the quick profile: 270 core seconds of recordings, and 150 more if the store does not hold the scans of both rooms.
+The quick profile simulates recordings for 270 core seconds, and scans both rooms in 150 more if the scans are not in the store.
 """
 
 from __future__ import annotations
@@ -41,29 +43,29 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="gaps",
     title="Each gap by itself",
-    caption="The row 'none' has every gap off and gives the twin the true materials and the exact room. The remaining difference "
-    "between the domains comes from storing the room in single precision; it must stay below the change that finer tracing with "
-    "one more bounce makes. Every other row switches on one gap and gives the resulting change of the features of the same "
-    "recordings, beside a prediction from physics that was written before the first run. Changes of the complex signal are "
-    "given in the target gate and from half a metre beyond it. The geometry gap changes the twin; all other gaps change the "
-    "testbed. The cases are three objects on the lab's turntable and one drive in the squash court. Intervals are bootstraps "
-    "over objects.",
+    caption="A gap is one kind of difference between testbed and twin. The row 'none' has every gap off and gives the twin the true "
+    "materials and the exact room. The remaining difference between the domains comes from storing the room in single "
+    "precision; it must stay below the change that finer tracing with one more bounce makes. Every other row switches one "
+    "gap on and gives the change of the features, beside a prediction from physics that was written before the first run. "
+    "Changes of the complex signal are given in the target gate, and in the room more than half a metre from the target. "
+    "The geometry gap changes the twin; all other gaps change the testbed. The cases are three objects on the lab's "
+    "turntable and one drive in the squash court. Intervals are bootstraps over objects.",
 )
 
 LOWEST_SHOWN_DB = -80.0  # lower end of the figure's axis
-CHANGE = " change (dB)"  # ending of the names of signal ratios
-SHOWN = ("turntable", "drive")  # groups that have a row for every feature
-# Cases with enough revolutions that frames are interpolated (experiments/campaign/truth.py, aspects)
+CHANGE = " change (dB)"  # ending of the names of features that are signal ratios
+SHOWN = ("turntable", "drive")  # groups of cases that have a row for every feature
+# Cases and numbers of revolutions for which frames are interpolated (`aspects` in experiments/campaign/truth.py)
 INTERPOLATED = {"quick": ((METAL[1], 6),), "paper": ((METAL[1], 6), (FILLED[0], 43))}
-Moves = dict[tuple[str, float], dict[Case, dict[str, float]]]  # by gap and strength: of each case the change of each feature
+Moves = dict[tuple[str, float], dict[Case, dict[str, float]]]  # [gap, strength][case][feature]: change of the feature
 Keys = dict[tuple[str, float], list[str]]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Rows of agreement with all gaps off, then of every gap alone. Raises ConfigError for settings that the table sets itself."""
+    """Compute the agreement with all gaps off, then each gap alone. Raises ConfigError for settings that the table sets itself."""
     check(config)
     strengths = (1.0,) if config.profile.name == "quick" else (1.0, 2.0)
-    steps = [(gap, s) for gap in GAPS for s in strengths if gap != "solver" or s == 1]  # the solver has no strength
+    steps = [(gap, s) for gap in GAPS for s in strengths if gap != "solver" or s == 1]  # the solver gap is only on or off
 
     def recorded(domain: str, gap: str | None = None, strength: float = 1.0) -> dict[Case, Reading]:
         alone = case_set.alone(config, gap, strength)
@@ -91,10 +93,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def check(config: Config) -> None:
-    """Refuse settings that the table would override.
+    """Raise an error for settings that the table would override.
 
     Raises:
-        ConfigError: measured recordings, gaps or materials that the table sets itself.
+        ConfigError: the configuration sets measured recordings, gaps or materials that the table sets itself.
     """
     case_set.check_untouched(config)
     if config.materials.source != "true":
@@ -103,7 +105,7 @@ def check(config: Config) -> None:
 
 def _moved(gap: str, one: Reading, base: Reading) -> dict[str, float]:
     found = case_set.moved(one, base)
-    if gap == "hardware":  # only this gap has noise and leakage
+    if gap == "hardware":  # only the hardware gap adds noise and leakage
         found |= {"noise floor (dB)": one.noise_db, "level at zero range, risen by (dB)": one.zero_db - base.zero_db}
     return found
 
@@ -111,7 +113,7 @@ def _moved(gap: str, one: Reading, base: Reading) -> dict[str, float]:
 def _add_agreement(
     rows: RowList, base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solver: Mapping[Case, dict[str, float]]
 ) -> None:
-    """Difference of the domains with all gaps off, case by case, against the change that finer tracing makes."""
+    """Add the difference of the domains with all gaps off for each case; the claim compares it with the change due to finer tracing."""
     for case in CASES:
         found = case_set.moved(exact[case], base[case])
         keys = [base[case].key, exact[case].key]
@@ -124,14 +126,14 @@ def _add_agreement(
 
 
 def _add_interpolated(rows: RowList, case: Case, traced: Reading, blended: Reading) -> None:
-    """Difference of a revolution that is interpolated from aspects and the same revolution with every frame traced."""
+    """Add the difference between a revolution interpolated from aspects and the revolution with every frame traced."""
     change = case_set.change_db(blended, traced, traced.target)
     claim = Claim("aspects stand for every frame", below=-20.0, least=1)
     _add(rows, ("none", 0.0, f"{case.name}, interpolated"), f"target{CHANGE}", [change], [traced.key, blended.key], claim)
 
 
 def add_rows(rows: RowList, step: tuple[str, float], moves: Mapping[Case, dict[str, float]], keys: list[str]) -> None:
-    """Rows of one gap at one strength: every feature of the shown groups, and the claimed features of other groups."""
+    """Add the rows of one gap at one strength: every feature of the groups in SHOWN, and claimed features of other groups."""
     claims = {(group, feature): claim for group, feature, claim in expected(*step)}
     wanted = [(group, feature) for group in SHOWN for feature in moves[GROUPS[group][0]]]
     wanted += [key for key in claims if key not in wanted]
@@ -142,7 +144,7 @@ def add_rows(rows: RowList, step: tuple[str, float], moves: Mapping[Case, dict[s
 
 
 def _add(rows: RowList, where: tuple[str, float, str], metric: str, values: list[float], keys: list[str], claim: Claim = NONE) -> None:
-    """One row at (gap, strength, cases); signal ratios are averaged as amplitudes because decibels have no meaningful mean."""
+    """Add one row for (gap, strength, cases). Signal ratios are averaged as amplitudes because decibels have no meaningful mean."""
     config, ratios = rows.config, metric.endswith(CHANGE)
     samples = 10 ** (np.array(values) / 20) if ratios else np.array(values)
     found = statistics.mean(samples, config.profile.resamples, config.seed)
@@ -157,7 +159,7 @@ def _mean(moves: Mapping[Case, dict[str, float]], group: str, feature: str) -> f
 
 
 def _figure(moves: Moves, rows: list[dict[str, Any]]) -> Figure:
-    """Signal change in the target gate and in the room by each gap alone and with all gaps off, for turntable and drive."""
+    """Draw the signal change in target gate and room for each gap alone and for all gaps off, for turntable and drive."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, sharex=True)
     ordered = sorted(GAPS, key=lambda gap: _mean(moves[gap, 1.0], "turntable", f"room{CHANGE}"))
     places = np.arange(1 + len(ordered))

@@ -1,9 +1,9 @@
-"""Exact Shapley shares of players that act together.
+"""Exact Shapley values: divide the value of a coalition (set of players) among its players.
 
-Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i: the mean over all orders of arrival of the value that the
-player adds, phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)). Shares sum to v(N) - v({}).
-Ref: L. S. Shapley, A Value for n-Person Games, 1953. Shares are linear in v, so values per recording give shares per recording. All
-coalitions are evaluated, so shares have no sampling error of their own.
+Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i. The share is the value that the player adds, as a mean
+over all sequences in which players can join: phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)). Shares sum to
+v(N) - v({}). Ref: L. S. Shapley, A Value for n-Person Games, 1953. Shares are linear in v, so values per recording give shares per
+recording. All coalitions are evaluated, so shares have no sampling error.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ Game = Mapping[Coalition, NDArray[np.float64]]
 
 
 def coalitions(players: Sequence[str]) -> Iterator[Coalition]:
-    """All 2^n coalitions, small ones first."""
+    """Yield all 2^n coalitions (sets) of n players, small ones first."""
     return (frozenset(some) for size in range(len(players) + 1) for some in combinations(players, size))
 
 
 def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]]:
-    """Shapley's share of each player.
+    """Compute the Shapley share of each player.
 
     Args:
-        value: of every coalition, arrays of one shape (...).
+        value: maps every coalition to its value, an array of one common shape (...).
     Returns:
-        The share of each player, (...).
+        For each player its share, an array of that shape (...).
     Raises:
-        InputError: a coalition without a value.
+        InputError: a coalition has no value.
 
     >>> glove = {s: np.array(float("left" in s and len(s) > 1)) for s in coalitions(["left", "right", "other right"])}
     >>> {player: round(float(share), 3) for player, share in shares(["left", "right", "other right"], glove).items()}
@@ -53,12 +53,12 @@ def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]
 
 
 def alone(value: Game, player: Coalition) -> NDArray[np.float64]:
-    """Value of these players alone, above that of no player."""
+    """Return the value of these players alone minus the value of no player."""
     return _of(value, player) - _of(value, frozenset())
 
 
 def left_out(value: Game, player: Coalition, all_players: Coalition) -> NDArray[np.float64]:
-    """Value that is lost if these players leave all others."""
+    """Return the decrease of the value if these players leave the coalition of all players."""
     return _of(value, all_players) - _of(value, all_players - player)
 
 

@@ -1,9 +1,10 @@
 """Environment ablation: is a simulated range profile closer to the measured one if the simulation includes the room?
 
 A corner reflector turns in front of the radar at each distance. The measured recordings come from the campaign. There are two simulations:
-object and stand alone (void), and object and stand in the twin's room (as scanned, with the configured materials). The table compares mean
-range profiles by their Pearson correlation with the measured one, and the share of energy that arrives from beyond the target.
-Paper: environment ablation, void -0.24 and reconstructed scene +0.42 at 2 m, and about 75 % of the energy beyond the target.
+object and stand alone (void), and object and stand in the twin's room (as scanned, with the configured materials). The table gives the
+Pearson correlation of each simulated mean range profile with the measured profile, and the share of energy that arrives from beyond the
+target. Paper (environment ablation, 2 m): correlation -0.24 in void and +0.42 in the reconstructed scene. About 75 % of the energy arrives
+from beyond the target.
 """
 
 from __future__ import annotations
@@ -33,27 +34,27 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="environment",
     title="The room in the signal",
-    caption="A corner reflector on a turntable in a laboratory room. Rows give the Pearson correlation of mean range profiles with the "
-    "measured domain, for simulations in void and in the reconstructed room, and the share of energy beyond the target. "
-    "Profiles span 0.3 to 5.5 m. Intervals are 95 % percentile bootstraps over the n measured recordings. A row for which the "
-    "paper states no claim is untestable.",
+    caption="A corner reflector on a turntable in a laboratory room. Rows give the Pearson correlation of simulated and measured "
+    "mean range profiles, for simulations in void and in the reconstructed room, and the share of energy that arrives from "
+    "beyond the target. Profiles span 0.3 to 5.5 m. Intervals are 95 % percentile bootstraps over the n measured "
+    "recordings. A row without a claim of the paper is marked untestable.",
 )
 
 TARGET, ROOM_NAME = "corner_reflector", "lab"
-SIDES = {"measured": "measured", "room": "twin", "void": "void"}  # side of the table: domain of the campaign
-PAPER_DISTANCE_M = 2.0  # distance of the paper's figures
+SIDES = {"measured": "measured", "room": "twin", "void": "void"}  # name in this table: domain of the campaign
+PAPER_DISTANCE_M = 2.0  # distance for which the paper gives values
 ROOM = Claim(paper="+0.42")
 CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.0)
 WIDENS = Claim("the gain widens with distance", "above 0", above=0.0)
 BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", above=0.5)
-# the paper's "essentially uncorrelated or weakly anti-correlated", as a bound on the interval
+# the paper says "essentially uncorrelated or weakly anti-correlated"; here: an upper bound on the interval
 UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", below=0.1)
 SCALES = {"amplitude": "amplitude", "db": "decibels"}
 
 
 @dataclass(frozen=True, eq=False)
 class Profiles:
-    """One recording: its mean range profile (B,), and the power of its first revolution (F, B) over range_m (B,)."""
+    """Range profiles of one recording: the mean (B,), and the power of the first revolution (F, B), over range_m (B,)."""
 
     key: str
     mean: np.ndarray
@@ -61,17 +62,17 @@ class Profiles:
     range_m: np.ndarray
 
 
-Recordings = Mapping[tuple[str, float], Sequence[Profiles]]  # by side and distance
+Recordings = Mapping[tuple[str, float], Sequence[Profiles]]  # key: side, distance
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign. Raises ConfigError for settings that the table does not use."""
+    """Compute the table for the configured campaign. Raises ConfigError for settings that the table does not use."""
     check(config)
     return score(config, Campaign(config, store, progress), progress)
 
 
 def check(config: Config) -> None:
-    """Refuse settings that the table would ignore, before anything is simulated. Raises ConfigError."""
+    """Raise ConfigError for settings that the table would ignore, before anything is simulated."""
     for key, value, used in (
         ("scene", config.scene.name, ROOM_NAME),
         ("scene.target", config.scene.target, TARGET),
@@ -82,10 +83,10 @@ def check(config: Config) -> None:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Rows per distance: correlations on both scales, and energy shares.
+    """Build the rows per distance: correlations on the amplitude and decibel scales, and energy shares.
 
     Raises:
-        ConfigError: the campaign has no such recordings.
+        ConfigError: the campaign has no turntable recordings of the reflector at a distance.
     """
     recordings = read(config, source, progress)
     distances = sorted({distance for _, distance in recordings})
@@ -116,7 +117,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
-    """The reflector's recordings by side and distance, at the configured distances or at all. Every side must have each of them."""
+    """Read the reflector's recordings of every side at the configured distances (default: all). Every side must have each distance."""
     sides = [side for side in SIDES if not (side == "room" and config.materials.source == "void")]
     cases = [(side, case) for side in sides for case in source.cases(SIDES[side], motion="turntable", room=ROOM_NAME, object=TARGET)]
     recorded = {side: {case.distance_m for other, case in cases if other == side} for side in sides}
@@ -146,7 +147,7 @@ def _keys(recordings: Recordings, sides: Sequence[str], *distances: float) -> li
 def _add_correlations(
     rows: RowList, recordings: Recordings, distance: float, labels: dict[str, str], gains: dict[tuple[str, float], np.ndarray]
 ) -> None:
-    """Correlation of void and room with the measured profiles on each scale, and the gain of the room, also kept in `gains`."""
+    """Add the correlation of void and room with the measured profiles on each scale, and the gain by the room; fills `gains`."""
     for scale in SCALES:
         correlations = {}
         for side, claim in (("void", UNCORRELATED), ("room", ROOM)):
@@ -165,7 +166,7 @@ def _add_correlations(
 
 
 def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, str], gains: Mapping[tuple[str, float], np.ndarray]) -> None:
-    """Gain of the room at the largest distance minus the gain at the smallest, if there are several distances."""
+    """Add the gain by the room at the largest distance minus the gain at the smallest, if there are several distances."""
     distances = [distance for _, distance in gains]
     if not gains or min(distances) == max(distances):
         return
@@ -178,7 +179,7 @@ def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, s
 
 
 def _range_time_figure(shown: dict[str, Profiles], distance: float, labels: dict[str, str]) -> Figure:
-    """Range over the angle of a revolution at one distance, the measured map first, on one scale."""
+    """Draw power over turntable angle and range at one distance for each side, on one colour scale; the measured map is first."""
     drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, sharex=True)
     axis = shown["measured"].range_m
     inside = (axis >= NEAR_M) & (axis <= FAR_M)
@@ -195,7 +196,7 @@ def _range_time_figure(shown: dict[str, Profiles], distance: float, labels: dict
 
 
 def _correlation_figure(rows: Sequence[dict[str, Any]], distances: list[float], labels: dict[str, str]) -> Figure:
-    """Correlation with the measured profile against distance, one panel per scale."""
+    """Draw the correlation with the measured profile against distance, one panel per scale."""
     drawing, panels = figure(1, len(SCALES), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True)
     styles = {"void": (PALETTE[1], "s"), "room": (PALETTE[0], "o")}
     found = {(r["case"], r["scale"], r["distance_m"]): r for r in rows if r["metric"] == "profile correlation"}

@@ -1,9 +1,9 @@
-"""Facet ripple: a tessellated can modulates its echo at as many cycles per revolution as it has facets; a smooth can does not.
+"""Facet ripple: the echo of a can of flat facets varies with as many cycles per revolution as the can has facets; a smooth can has none.
 
-The table compares a can of FACETS flat facets with the same mesh whose facets are curved through the vertex normals, seen from all
-directions in the far field and at one metre. Both meshes repeat after one facet, so ASPECTS_PER_FACET aspects of one facet stand for all
-2048 aspects of a revolution. Ripple is the harmonic ratio of the band around FACETS cycles. Paper, disentangled fidelity, shape:
-the triangulated mesh ripples at about 128 cycles per revolution, which smooth objects do not.
+The table compares a can of FACETS flat facets with the same mesh when its facets are curved by vertex normals, over a full revolution in
+the far field and at one metre. Both meshes repeat after one facet, so ASPECTS_PER_FACET angles across one facet represent all 2048 angles
+of a revolution. Ripple is the harmonic ratio of the band around FACETS cycles per revolution. Paper, disentangled fidelity, shape: the
+triangulated mesh ripples at about 128 cycles per revolution, which smooth objects do not.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 FACETS = 128
 ASPECTS_PER_FACET = 16
 RADIUS_M, HEIGHT_M = 0.0683 / 2, 0.1016  # of the soup can
-APART_M = 1e-6  # gap between facets, so that they share no vertex and stay flat
+APART_M = 1e-6  # space between facets: without common vertices the facets stay flat
 NEAR_M = 1.0
-HALF_BAND = 8  # cycles to either side of FACETS
-SEEDS = (1, 2, 3)  # of the ray grid
+HALF_BAND = 8  # cycles per revolution on each side of FACETS
+SEEDS = (1, 2, 3)  # random seeds of the ray grid
 RIPPLES = Claim("flat facets ripple at their own number of cycles", "about 128 cycles", above=10.0)
 
 
 def can(flat: bool) -> trimesh.Trimesh:
-    """The side wall of a can of FACETS facets, with its axis along z."""
+    """Build the side wall of a can of FACETS facets, with its axis along z. `flat` keeps the facets flat."""
     import trimesh
 
     corner = 2 * np.pi * np.arange(FACETS + 1) / FACETS
@@ -52,7 +52,7 @@ def can(flat: bool) -> trimesh.Trimesh:
 
 
 def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDArray[np.float64]:
-    """Radar cross-section over a revolution in m^2, (FACETS * ASPECTS_PER_FACET,); distance None is the far field."""
+    """Compute the radar cross-section (FACETS * ASPECTS_PER_FACET,) over a revolution in m^2; `distance_m=None` is the far field."""
     from radartwin.simulation.rcs import rcs
 
     angles = 2 * np.pi / FACETS * np.arange(ASPECTS_PER_FACET) / ASPECTS_PER_FACET
@@ -60,7 +60,7 @@ def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDAr
 
 
 def ripple_rows(config: Config) -> list[dict[str, Any]]:
-    """Ripple of both cans and the ratio of the two; intervals are the extremes over the seeds of the ray grid."""
+    """Build rows of the ripple of both cans and of their ratio; intervals span the results of all seeds."""
     rows = []
     for distance in (NEAR_M, None):
         found = {flat: [envelope(can(flat), distance, seed) for seed in SEEDS] for flat in (True, False)}

@@ -1,11 +1,14 @@
-"""Translation: does the tracked range of a corner reflector on a rail change by the length of the rail, measured and simulated?
+"""Translation: does the tracked range of a corner reflector on a rail change by the length of the rail, in both domains?
 
-The reflector moves 60 cm from a distance of one metre, away from the radar (radial) and at 45 degrees to the line of sight (diagonal).
-Its peak is searched over the whole span of the rail. The table compares the power-weighted range of the peak: its excursion with the log
-and between the domains, and the shape of the trajectory (Pearson over frames). There are two trackers: `continuous` follows the strongest
-path without jumps; `brightest` takes the strongest bin of each frame, which a bright echo of the room can capture. Paper, linear
-transformations: radial 0.50 m measured, 0.51 m simulated, shape correlation 0.78; diagonal 0.42 m expected, 0.44 m simulated, 0.22 m
-measured, attributed to ambiguous peaks in clutter. Here the expected excursion is the log's: 0.49 m at 45 degrees from one metre.
+The reflector moves 60 cm from a distance of one metre, away from the radar (radial) and at 45 degrees to the line of sight (diagonal). Its
+peak is searched over the whole span of the rail. The table gives the excursion (total change) of the peak's power-weighted range, compared
+with the log and between the domains, and the correlation of the tracks over frames (shape correlation). There are two trackers:
+`continuous` follows the strongest track without jumps; `brightest` takes the strongest bin of each frame, which can be a bright echo of the
+room.
+
+Paper (linear transformations), radial: excursion 0.50 m measured and 0.51 m simulated, shape correlation 0.78. Paper, diagonal: 0.22 m
+measured, 0.44 m simulated, 0.42 m expected; the paper blames ambiguous peaks in clutter. Here the expected diagonal excursion is that of
+the log, 0.49 m.
 """
 
 from __future__ import annotations
@@ -39,7 +42,7 @@ TABLE = Table(
     title="Translation",
     caption="A corner reflector moves 60 cm along a rail from a distance of one metre, radially and at 45 degrees. Rows give the "
     "power-weighted range of the tracked peak, searched over the whole span of the rail. 'continuous' follows the strongest "
-    "path without jumps; 'brightest' takes the strongest bin of each frame.",
+    "track without jumps; 'brightest' takes the strongest bin of each frame.",
 )
 
 TRACKERS = ("continuous", "brightest")
@@ -54,7 +57,7 @@ SHORT = Claim("the measured diagonal reads shorter than the simulated", "0.22 to
 
 @dataclass(frozen=True, eq=False)
 class RailTrack:
-    """One recording: the logged range, and the tracked range by tracker, (F,) each in metres, over time_s (F,)."""
+    """Ranges of one recording over time_s (F,): the logged range (F,) and the range (F,) of each tracker, in metres."""
 
     key: str
     time_s: NDArray
@@ -62,16 +65,16 @@ class RailTrack:
     tracks_m: dict[str, NDArray]
 
 
-Tracks = dict[tuple[str, str], dict[str, list[RailTrack]]]  # by object and motion, then by domain
+Tracks = dict[tuple[str, str], dict[str, list[RailTrack]]]  # [object, motion][domain]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign."""
+    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Rows per object, motion and tracker. Raises ConfigError for a campaign without rail recordings in both domains."""
+    """Build the rows per object, motion and tracker. Raises ConfigError if a domain has no rail recordings."""
     found = read_both(source, RAIL, lambda case: (case.object, RAIL.index(case.motion)), _tracked, progress)
     tracks = {(name, RAIL[k]): {domain: found[domain][name, k] for domain in COMPARED} for name, k in found[TWIN]}
     rows = RowList(config)
@@ -115,13 +118,13 @@ def _add_rows(rows: RowList, case: dict[str, Any], tracks: dict[str, list[RailTr
 
 
 def _shape(first: NDArray, second: NDArray) -> float:
-    """Pearson correlation over the frames that both have; 0 if either does not move."""
+    """Return the Pearson correlation of two tracks over their common frames; 0 if either track is constant."""
     count = min(len(first), len(second))
     return statistics.correlation(first[:count], second[:count])
 
 
 def _figure(tracks: Tracks) -> Figure:
-    """Tracked range over time with the log's, one panel per motion and tracker."""
+    """Draw tracked and logged range over time, one panel per motion and tracker."""
     shown = [(key, tracker) for key in tracks for tracker in TRACKERS]
     drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.5, sharey=True, squeeze=False)
     for panel, (key, tracker) in zip(panels[0], shown, strict=True):

@@ -1,4 +1,4 @@
-"""Turntable recordings as the turntable tables read them: rotation features, range-Doppler signature, and target visibility."""
+"""Read turntable recordings for the turntable tables: rotation features, range-Doppler signature, and target visibility."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from radartwin.io.progress import Progress
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """One recording.
+    """Features of one turntable recording.
 
     Attributes:
         values: rotation features by name.
-        localised: whether the strongest return of the room lies in the target gate.
+        localised: whether the strongest echo of all ranges lies in the target gate.
     """
 
     case: Case
@@ -35,15 +35,15 @@ class Turn:
     localised: bool
 
 
-Turns = dict[tuple[str, float], list[Turn]]  # by object and distance
+Turns = dict[tuple[str, float], list[Turn]]  # key: object, distance
 
 
 def read(source: RecordingSource, progress: Progress) -> dict[str, Turns]:
-    """Turns of both domains at the objects and distances that both have, in the catalogue's order.
+    """Read both domains at their common objects and distances; sorted as the catalogue.
 
     Raises:
-        ConfigError: the domains have nothing in common.
-        InputError: revolutions with different numbers of frames.
+        ConfigError: the domains have no common object and distance.
+        InputError: the recordings have different numbers of frames per revolution.
     """
     found = read_both(source, ("turntable",), lambda case: (case.object, case.distance_m), _turn, progress)
     frames = sorted({len(turn.signature.level) for turns in found.values() for some in turns.values() for turn in some})
@@ -65,27 +65,27 @@ def _turn(case: Case, key: str, processed: Processed, log: Log) -> Turn:
 
 
 def objects(turns: Turns) -> list[str]:
-    """Names of the objects, in the catalogue's order."""
+    """Return the names of the objects, sorted as the catalogue."""
     return list(dict.fromkeys(name for name, _ in turns))
 
 
 def distances_m(turns: Turns) -> list[float]:
-    """The recorded distances, ascending."""
+    """Return the recorded distances, ascending."""
     return sorted({distance for _, distance in turns})
 
 
 def chosen(turns: Turns, names: Sequence[str], distance_m: float | None = None) -> list[Turn]:
-    """Recordings of these objects, at one distance or at all."""
+    """Return the recordings of these objects at one distance; `distance_m=None` returns all distances."""
     return [turn for (name, distance), some in turns.items() if name in names and distance_m in (None, distance) for turn in some]
 
 
 def samples(turns: Turns, feature: str, name: str) -> NDArray[np.float64]:
-    """A feature's values in all recordings of an object."""
+    """Return the values of a feature in all recordings of an object."""
     return np.array([turn.values[feature] for turn in chosen(turns, [name])])
 
 
 def object_means(turns: Turns, feature: str, names: Sequence[str], distance_m: float | None = None) -> NDArray[np.float64]:
-    """One value per object: the mean over distances of the mean over repetitions, so that every distance has the same weight."""
+    """Average a feature per object: over repetitions, then over distances, so that every distance has equal weight."""
     found = []
     for name in names:
         cells = [key for key in turns if key[0] == name and distance_m in (None, key[1])]
@@ -94,15 +94,15 @@ def object_means(turns: Turns, feature: str, names: Sequence[str], distance_m: f
 
 
 def keys(turns: Turns, names: Sequence[str] | None = None, distance_m: float | None = None) -> list[str]:
-    """Store keys of the recordings of one domain, of these objects or of all."""
+    """Return the store keys of one domain's recordings; `names=None` means all objects, `distance_m=None` all distances."""
     return [turn.key for turn in chosen(turns, objects(turns) if names is None else names, distance_m)]
 
 
 def keys_of_both(turns: dict[str, Turns], names: Sequence[str] | None = None, distance_m: float | None = None) -> list[str]:
-    """Store keys of the recordings of both domains."""
+    """Return the store keys of both domains' recordings; arguments as in `keys`."""
     return [key for domain in COMPARED for key in keys(turns[domain], names, distance_m)]
 
 
 def is_can(name: str) -> bool:
-    """Whether an object is one of the six similar cans."""
+    """Return whether an object is one of the six cans that differ only in height."""
     return "can_" in name

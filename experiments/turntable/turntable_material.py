@@ -1,10 +1,10 @@
-"""Material: does brightness at equal distance and similar size follow the material class, and by how much in each domain?
+"""Material: does the brightness of objects of similar size depend on their material class, and by how much in each domain?
 
-The table compares target-gate brightness without the R^4 range law, in decibels, at each distance: the mean of the cans (metal) minus
-the mean of the bottles (plastic), and the mug (ceramic). The corner reflector is left out because it is a retroreflector and not of
-similar size. Paper, disentangled fidelity, material: metal is brighter than plastic in both domains; the simulation exaggerates the
-contrast and under-predicts the ceramic mug. Under-prediction is judged relative to the cans, so that
-the gain between the domains drops out.
+The table compares target-gate brightness without the R^4 range law, in decibels, at each distance: the mean of the cans (metal) minus the
+mean of the bottles (plastic), and the mug (ceramic). The corner reflector is left out because it is a retroreflector and not of similar
+size. Paper, disentangled fidelity, material: metal is brighter than plastic in both domains; the simulation exaggerates the contrast and
+under-predicts the ceramic mug. Under-prediction of the mug is judged relative to the cans, so that a difference in gain between the domains
+cancels.
 """
 
 from __future__ import annotations
@@ -44,18 +44,18 @@ TABLE = Table(
 BRIGHTNESS = "brightness_db"
 CLASSES = ("metal", "ceramic", "plastic")
 
-OVER = Claim("metal is brighter than plastic", "above 0", above=0.0, least=3)  # two objects, one of each class, give no interval
+OVER = Claim("metal is brighter than plastic", "above 0", above=0.0, least=3)  # an interval needs more than one object per class
 EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", above=0.0, least=3)
 DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", below=0.0, least=3)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign."""
+    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Rows per distance: brightness of each class, contrasts in each domain, and the differences of the contrasts.
+    """Build the rows per distance: brightness of each class, contrasts between classes in each domain, and differences of the contrasts.
 
     Raises:
         ConfigError: the campaign has no distance with objects of two classes.
@@ -103,12 +103,12 @@ def _add_rows(rows: RowList, turns: dict[str, Turns], distance: float) -> None:
 
 
 def compared_distances(turns: Turns) -> list[float]:
-    """Distances with objects of two classes or more."""
+    """Return the distances that have objects of two classes or more."""
     return [distance for distance in rotations.distances_m(turns) if len(by_class(turns, distance)) > 1]
 
 
 def by_class(turns: Turns, distance: float) -> dict[str, list[str]]:
-    """Objects of similar size at a distance, by material class; classes without objects are left out."""
+    """Return {material class: objects of similar size} at a distance; classes without objects are left out."""
     known = catalogue()
     here = [name for name, at in turns if at == distance and name != REFLECTOR]
     classes = {kind: [name for name in here if known[name].material_class == kind] for kind in CLASSES}
@@ -116,7 +116,7 @@ def by_class(turns: Turns, distance: float) -> dict[str, list[str]]:
 
 
 def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Estimate:
-    """Difference of the means of two groups of objects, with a bootstrap over the objects of both.
+    """Estimate the difference of the means of two groups of objects, with a bootstrap over the objects of both groups.
 
     >>> found = difference(np.array([3.0, 5.0]), np.array([1.0]), 100, 0)
     >>> found.value, found.low >= 2, found.high <= 4
@@ -128,7 +128,7 @@ def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Es
 
 
 def _figure(turns: dict[str, Turns]) -> Figure:
-    """Brightness of every object by class, one panel per distance, measured beside simulated."""
+    """Draw the measured and simulated brightness of every object by class, one panel per distance."""
     where = compared_distances(turns[MEASURED])
     drawing, panels = figure(1, len(where), width_in=panels_width_in(len(where)), height_in=2.8, sharey=True, squeeze=False)
     for panel, distance in zip(panels[0], where, strict=True):

@@ -1,11 +1,12 @@
 """Shape: do objects differ in the modulation of their echo over a revolution in simulation as they do in measurement?
 
-Every object turns in front of the radar at each distance. Each recording gives the angular harmonic ratio (1-6 cycles per revolution over
-DC), the other rotation features except brightness, and the range-Doppler signature of a revolution. The table compares the ratio of each
-object, the ranking of objects (Spearman), the matrices of distances between objects (Mantel test on standardised features), the signatures
-(SSIM with the object's own twin and with other objects' twins), and the change of the corner reflector's ratio with distance.
-Paper: disentangled fidelity, shape, and turntable fidelity. An object counts as cleanly localised if the room's strongest return lies in
-the target gate in half or more of its measured recordings; the paper gives no criterion.
+Every object turns in front of the radar at each distance. Each recording gives the angular harmonic ratio (power at 1 to 6 cycles per
+revolution over the DC power), the other rotation features except brightness, and the range-Doppler signature of a revolution. The table
+compares between the domains: the harmonic ratio of each object; the ranking of objects by this ratio (Spearman); the distances between
+objects in feature space (Mantel test); the signatures (SSIM of an object with its own twin and with other objects' twins); and the change
+of the corner reflector's harmonic ratio with distance. Paper: disentangled fidelity, shape, and turntable fidelity. An object counts as
+cleanly localised if the strongest echo of all ranges lies in the target gate in at least half of its measured recordings; the paper gives
+no criterion.
 """
 
 from __future__ import annotations
@@ -39,18 +40,19 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="turntable_shape",
     title="Shape",
-    caption="Objects on a turntable in the laboratory. Rows give the angular harmonic ratio (power at 1 to 6 cycles per revolution over "
-    "the DC power, in the target gate, noise subtracted), its order over objects in both domains, the agreement of the "
-    "distances between objects over all shape features (Mantel test), the similarity of the range-Doppler signatures of a "
-    "revolution (SSIM), the variation with distance, and the ripple that flat facets add. Slow time runs at the frame rate, so "
-    "the Doppler of the rim folds in both domains alike. Intervals are 95 % bootstraps over items. n counts recordings.",
+    caption="Objects on a turntable in the laboratory. Rows give the angular harmonic ratio (power at 1 to 6 cycles per revolution "
+    "over the DC power, in the target gate, noise subtracted), the rank correlation of this ratio between the domains, the "
+    "agreement of the distances between objects in the space of all shape features (Mantel test), the similarity of the "
+    "range-Doppler signatures of a revolution (SSIM), the variation of the ratio with distance, and the ripple that flat "
+    "facets add. The Doppler transform runs over frames, so the Doppler of the rim folds at the frame rate, equally in both "
+    "domains. Intervals are 95 % bootstraps over items. n counts recordings.",
 )
 
 RATIO = "harmonic_ratio"
 SHAPE_FEATURES = (RATIO, *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad")
-PERMUTATIONS = 999  # the smallest p of so many permutations is the paper's 0.001
-LOWEST_SHOWN = 1e-4  # lower end of the ratio's axis; a simulated can has a ratio of zero
-MIN_OBJECTS = 4  # with fewer objects p cannot fall below 0.05
+PERMUTATIONS = 999  # the smallest possible p is then 0.001, as in the paper
+LOWEST_SHOWN = 1e-4  # lower end of the axis of harmonic ratios; a simulated can has a ratio of zero
+MIN_OBJECTS = 4  # with fewer objects the rank correlation cannot reach p < 0.05
 
 SPLIT = Claim("cans are flatter than the reflector and the bottles", "0.72 / 0.18 = 4", above=1.0)
 ORDER = Claim("the order of objects is kept", "0.76", above=0.0, p_below=0.05, least=MIN_OBJECTS)
@@ -59,17 +61,17 @@ STRUCTURE = Claim("distances between objects are kept", "r 0.85, p 0.001", above
 ALIKE = Claim("", "0.76")
 OWN = Claim("a signature is more like its own twin's than like another object's", "", above=0.0)
 _STABLE = "the reflector's ratio is stable with distance: it varies less than between objects"
-STABLE_M = (0.6, 2.1)  # the paper's distances; closer, the wavefront bends over the reflector
-Similarity = Mapping[tuple[str, str], NDArray[np.float64]]  # SSIM by measured and simulated object
+STABLE_M = (0.6, 2.1)  # the paper's distances; at smaller distances the wavefront is curved across the reflector
+Similarity = Mapping[tuple[str, str], NDArray[np.float64]]  # [measured object, simulated object]: SSIM values
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign."""
+    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 
 def score(config: Config, source: RecordingSource, progress: Progress, ripple: bool = True) -> Result:
-    """Rows and figures; `ripple` adds the rows of facet_ripple."""
+    """Build the rows and figures; `ripple` adds the rows of the module facet_ripple."""
     turns = rotations.read(source, progress)
     names = rotations.objects(turns[MEASURED])
     similar = similarity(turns, names)
@@ -90,8 +92,8 @@ def score(config: Config, source: RecordingSource, progress: Progress, ripple: b
 
 
 def similarity(turns: dict[str, Turns], names: list[str]) -> Similarity:
-    """SSIM of each measured signature of the first object with each simulated signature of the second at the same distance."""
-    return {
+    """Compute for each pair of objects the SSIM of measured signatures of the first with simulated ones of the second, at equal
+    distances.""" return {
         (first, second): np.array([
             statistics.ssim(one.signature.level, other.signature.level)
             for (name, distance), some in turns[MEASURED].items() if name == first
@@ -106,7 +108,7 @@ def _case(label: str, of: str = "both", distance_m: float | None = None) -> dict
 
 
 def _add_ratios(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """The ratio of each object in each domain, and the ratio between peaked objects (facets or not round) and cans."""
+    """Add the harmonic ratio of each object in each domain, and how far objects that are not round (`peaked`) lie above the cans."""
     known = catalogue()
     cans = [name for name in names if rotations.is_can(name)]
     peaked = [name for name in names if known[name].shape != "symmetric"]
@@ -122,7 +124,7 @@ def _add_ratios(rows: RowList, turns: dict[str, Turns], names: list[str]) -> Non
 
 
 def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]) -> Estimate:
-    """Smallest mean ratio of the peaked objects over the largest of the cans; the bootstrap resamples the recordings of each object."""
+    """Divide the smallest mean harmonic ratio of `peaked` objects by the largest of the cans; bootstrap over recordings of each object."""
     rng = np.random.default_rng(config.seed)
     values = {name: rotations.samples(turns, RATIO, name) for name in (*cans, *peaked)}
 
@@ -134,8 +136,8 @@ def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]
 
 
 def _add_orders(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Spearman of the ratio over objects, pooled and at each distance, and the Mantel test of the distances in feature space."""
-    clean = [name for name in names if np.mean([turn.localised for turn in rotations.chosen(turns[MEASURED], [name])]) >= 0.5]
+    """Add the rank correlation of harmonic ratios over objects, pooled and per distance, and the Mantel test of distances in feature
+    space.""" clean = [name for name in names if np.mean([turn.localised for turn in rotations.chosen(turns[MEASURED], [name])]) >= 0.5]
     cases: list[tuple[str, list[str], float | None, Claim]] = [("all objects", names, None, ORDER)]
     cases += [("cleanly localised objects", clean, None, CLEAN)]
     cases += [("all objects at one distance", names, distance, NONE) for distance in rotations.distances_m(turns[MEASURED])]
@@ -154,7 +156,7 @@ def _add_orders(rows: RowList, turns: dict[str, Turns], names: list[str]) -> Non
 
 
 def distance_matrix(turns: Turns, names: list[str]) -> NDArray[np.float64]:
-    """(objects, objects): Euclidean distances between the objects' mean shape features, each feature with unit spread over objects."""
+    """Return Euclidean distances (objects, objects) between mean shape features, each scaled to unit standard deviation over objects."""
     from scipy.spatial.distance import pdist, squareform
 
     values = np.stack([rotations.object_means(turns, feature, names) for feature in SHAPE_FEATURES], axis=1)
@@ -175,10 +177,8 @@ def _add_signatures(rows: RowList, turns: dict[str, Turns], names: list[str], si
 
 
 def _add_distances(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Variation of the ratio over distance: of the reflector, judged by the variation between objects, and the mean over objects."""
-    seeds = rows.config.profile.resamples, rows.config.seed
-    metric = "variation over distance"
-    for domain in COMPARED:
+    """Add the variation of the harmonic ratio with distance: of the reflector, relative to that between objects, and as a mean of
+    objects.""" seeds = rows.config.profile.resamples, rows.config.seed metric = "variation over distance" for domain in COMPARED:
         between = statistics.coefficient_of_variation(_positive(rotations.object_means(turns[domain], RATIO, names)), *seeds).value
         claimed = Claim(_STABLE, "0.07", below=between) if domain == MEASURED else NONE
         for label, (low, high), claim in (("reflector, 0.6-2.1 m", STABLE_M, claimed), ("reflector, all distances", (0.0, np.inf), NONE)):
@@ -194,18 +194,18 @@ def _add_distances(rows: RowList, turns: dict[str, Turns], names: list[str]) -> 
 
 
 def _over_distance(turns: Turns, name: str, low_m: float = 0.0, high_m: float = np.inf) -> NDArray[np.float64]:
-    """The ratio at each distance, mean over repetitions."""
+    """Return an object's harmonic ratio at each distance, as a mean over repetitions."""
     some = [turn for (known, distance), turn in turns.items() if known == name and low_m <= distance <= high_m]
     return _positive(np.array([np.mean([one.values[RATIO] for one in turn]) for turn in some]))
 
 
 def _positive(values: NDArray) -> NDArray[np.float64]:
-    """Values of at least 1e-12, because a body of revolution without noise has a ratio of exactly zero."""
+    """Raise values to at least 1e-12, because the harmonic ratio of a round object without noise is exactly zero."""
     return np.maximum(values, 1e-12)
 
 
 def _ssim_figure(names: list[str], similar: Similarity) -> Figure:
-    """SSIM of each object with its own twin as bars, with the other objects' twins as dots."""
+    """Draw the SSIM of each object with its own twin as bars and with the other objects' twins as dots."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.75, height_in=2.8)
     own = np.array([similar[name, name].mean() for name in names])
     place = np.arange(len(names))
@@ -222,7 +222,7 @@ def _ssim_figure(names: list[str], similar: Similarity) -> Figure:
 
 
 def _ranking_figure(turns: dict[str, Turns], names: list[str]) -> Figure:
-    """The ratio of each object in both domains with its range over recordings, ordered by the measured ratio."""
+    """Draw the harmonic ratio of each object in both domains with its extremes over recordings, sorted by the measured ratio."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.6, height_in=3.0)
     order = [names[i] for i in np.argsort(rotations.object_means(turns[MEASURED], RATIO, names))]
     place = np.arange(len(order))

@@ -1,10 +1,10 @@
-"""Size: does brightness rise with the height of cans that are otherwise alike?
+"""Size: does brightness rise with the height of cans that are otherwise equal?
 
-The six cans have one diameter, one material and heights from 76 to 157 mm. At each distance and over all distances, the table gives
-the rank correlation of height and target-gate brightness, and the slope of brightness in decibels per doubling of the height.
-20 log10 of the height would be 6 dB, because a cylinder's cross-section grows with its height squared until the wavefront bends over it.
-Paper, disentangled fidelity, size: the measured domain shows no consistent trend because the array has no aperture in elevation; the
-simulation sees the whole mesh and may show a trend.
+The six cans have equal diameter and material and heights from 76 to 157 mm. At each distance and over all distances, the table gives the
+rank correlation of height and target-gate brightness, and the slope of brightness in decibels per doubling of the height. A slope of 6 dB
+is expected, because a cylinder's cross-section grows with its height squared as long as the wavefront is flat across the can. Paper,
+disentangled fidelity, size: the measured domain shows no consistent trend because the array has no aperture in elevation; the simulation
+includes the whole mesh and may show a trend.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="turntable_size",
     title="Size",
-    caption="Six cans of one diameter and several heights on a turntable: order of brightness by height (Spearman correlation, exact p) "
-    "and slope of brightness over height (Theil-Sen). Intervals are 95 % bootstraps over cans.",
+    caption="Six cans of one diameter and several heights on a turntable: rank correlation of brightness with height (Spearman, "
+    "exact p) and slope of brightness over height (Theil-Sen). Intervals are 95 % bootstraps over cans.",
 )
 
 NO_TREND = Claim("no consistent trend with the height of a can", "none", contains=0.0)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign."""
+    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Rows per distance and domain. Raises ConfigError for a campaign with fewer than three cans."""
+    """Build the rows per distance and domain. Raises ConfigError if the campaign has fewer than three cans."""
     turns = rotations.read(source, progress)
     cans = [name for name in rotations.objects(turns[MEASURED]) if rotations.is_can(name)]
     if len(cans) < 3:
@@ -66,7 +66,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def slope_db(height_m: NDArray, brightness_db: NDArray, resamples: int, seed: int) -> Estimate:
-    """Theil-Sen slope (median over all pairs) in decibels per doubling of the height, with a bootstrap over objects.
+    """Estimate the Theil-Sen slope (median over all pairs) in decibels per doubling of the height, with a bootstrap over objects.
 
     >>> slope_db(np.array([1.0, 2, 4, 8]), np.array([0.0, 6, 12, 18]), 100, 0).value
     6.0
@@ -99,7 +99,7 @@ def _add_rows(rows: RowList, turns: Turns, domain: str, cans: list[str], distanc
 
 
 def _figure(turns: dict[str, Turns], cans: list[str]) -> Figure:
-    """Brightness against height, one panel per distance."""
+    """Draw brightness against height, one panel per distance."""
     where = [d for d in rotations.distances_m(turns[MEASURED]) if sum((name, d) in turns[MEASURED] for name in cans) > 2]
     drawing, panels = figure(1, len(where), width_in=panels_width_in(len(where)), height_in=2.5, sharey=True, squeeze=False)
     for panel, distance in zip(panels[0], where, strict=True):
