@@ -92,8 +92,8 @@ def score(config: Config, source: RecordingSource, progress: Progress, ripple: b
 
 
 def similarity(turns: dict[str, Turns], names: list[str]) -> Similarity:
-    """Compute for each pair of objects the SSIM of measured signatures of the first with simulated ones of the second, at equal
-    distances.""" return {
+    """Compute for each pair of objects the SSIM of measured signatures of the first and simulated signatures of the second."""
+    return {
         (first, second): np.array([
             statistics.ssim(one.signature.level, other.signature.level)
             for (name, distance), some in turns[MEASURED].items() if name == first
@@ -136,8 +136,8 @@ def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]
 
 
 def _add_orders(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Add the rank correlation of harmonic ratios over objects, pooled and per distance, and the Mantel test of distances in feature
-    space.""" clean = [name for name in names if np.mean([turn.localised for turn in rotations.chosen(turns[MEASURED], [name])]) >= 0.5]
+    """Add rank correlations of the harmonic ratio over objects (pooled and per distance) and the Mantel test in feature space."""
+    clean = [name for name in names if np.mean([turn.localised for turn in rotations.chosen(turns[MEASURED], [name])]) >= 0.5]
     cases: list[tuple[str, list[str], float | None, Claim]] = [("all objects", names, None, ORDER)]
     cases += [("cleanly localised objects", clean, None, CLEAN)]
     cases += [("all objects at one distance", names, distance, NONE) for distance in rotations.distances_m(turns[MEASURED])]
@@ -177,8 +177,10 @@ def _add_signatures(rows: RowList, turns: dict[str, Turns], names: list[str], si
 
 
 def _add_distances(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Add the variation of the harmonic ratio with distance: of the reflector, relative to that between objects, and as a mean of
-    objects.""" seeds = rows.config.profile.resamples, rows.config.seed metric = "variation over distance" for domain in COMPARED:
+    """Add the variation of the harmonic ratio with distance: for the reflector (claim: less than between objects) and the mean object."""
+    seeds = rows.config.profile.resamples, rows.config.seed
+    metric = "variation over distance"
+    for domain in COMPARED:
         between = statistics.coefficient_of_variation(_positive(rotations.object_means(turns[domain], RATIO, names)), *seeds).value
         claimed = Claim(_STABLE, "0.07", below=between) if domain == MEASURED else NONE
         for label, (low, high), claim in (("reflector, 0.6-2.1 m", STABLE_M, claimed), ("reflector, all distances", (0.0, np.inf), NONE)):
