@@ -1,4 +1,4 @@
-"""The command line: exit statuses and error lines. radartwin/commands holds the arguments and the verbs.
+"""Run the command line, and turn errors into an exit status and an error line. radartwin/commands holds the arguments and the verbs.
 
 Exit status: 0 done, 1 a run failed, 2 the user's input is wrong (one line on standard error, no traceback).
 """
@@ -18,7 +18,7 @@ from radartwin.io import secret
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command, sys.argv[1:] by default; returns the exit status."""
+    """Run one command, by default sys.argv[1:]. Returns the exit status."""
     options = parse(sys.argv[1:] if arguments is None else arguments)
     try:
         with warnings.catch_warnings():
@@ -30,13 +30,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         detail = f" ({_line(error)})" if str(error) else ""
         return _fail(f"out of memory{detail}; finished results are stored; ask for less, such as fewer frames or jobs=1", 1)
     except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, lambda *_: os._exit(1))  # a second Ctrl-C does not wait for the clean-up at exit
+        signal.signal(signal.SIGINT, lambda *_: os._exit(1))  # a second Ctrl-C ends the process without clean-up
         return _fail(f"interrupted; the same command {'resumes where it stopped' if options.resumes else 'starts over'}", 1)
     except BrokenPipeError:  # the reader of a pipe has closed it
         sys.stderr.close()
         return 0
     except OSError as error:
-        if error.filename is None:  # not about a path of the user: a defect, so it keeps its traceback
+        if error.filename is None:  # the error is not about a user's path, so it is a defect and keeps its traceback
             raise
         return _fail(f"{_line(error.filename)}: {error.strerror}; choose another path", 2)
 
@@ -51,5 +51,5 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__
 
 
 def _line(message: object) -> str:
-    """One line without secrets of the environment, and without control characters that a file name could send to the terminal."""
+    """Return a message as one line, without secrets of the environment and without control characters that a file name may contain."""
     return "".join(sign if sign.isprintable() else "?" for sign in " ".join(secret.hidden(str(message)).split()))

@@ -1,6 +1,6 @@
 """Compile functions with Numba, and run them on all cores.
 
-The machine code is cached beside the source; if that folder is read-only, in the user's cache; else only in memory.
+The machine code is cached beside the source. If that folder is read-only, it is cached in the user's cache folder, or else in memory only.
 """
 
 import os
@@ -12,19 +12,19 @@ from numba import njit
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """The function as machine code that releases the interpreter's lock.
+    """Compile a function to machine code that releases the interpreter's lock.
 
-    Multiplications and additions are not fused. With fusing, newly compiled code and cached code differed in the last bits, and it was not
-    faster.
+    Multiplications and additions are not fused. With fusing, the results of newly compiled and cached code differed in the last bits, and
+    the code was not faster.
     """
     return _built(function, {})
 
 
 def innermost(function: Callable[..., Any]) -> Any:
-    """As `compiled`, for functions that compiled loops call millions of times. They must not create or return arrays.
+    """Compile a function that compiled loops call millions of times. It must not create or return arrays.
 
-    Such a function does not count references to its arrays. Counting is atomic and takes as long as ten divisions per call, and longer
-    if several threads use the same array.
+    The compiled function does not count references to its arrays. Counting would take as long as ten divisions per call, because it is
+    atomic, and longer if several threads use the same array.
     """
     return _built(function, {"_nrt": False})
 
@@ -37,15 +37,15 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 
 def cores() -> int:
-    """Number of processor cores that this process may use."""
+    """Return the number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def shared_out(function: Callable[..., Any], count: int, *arguments: Any, pieces: int = 4) -> None:
-    """Run function(first, last, *arguments) for parts of the range 0..count, on all cores.
+    """Split the range 0..count into parts and call function(first, last, *arguments) for each part, on all cores.
 
-    The threads are Python's, because Numba's own pools do not survive a fork and cannot be nested. Each part must write to memory of its
-    own, so that the result does not depend on the number of cores.
+    The threads are Python threads, because Numba's own thread pools do not survive a fork and cannot be nested. No two parts may write to
+    the same memory, so that the result does not depend on the number of cores.
     """
     workers = min(cores(), count)
     if workers <= 1:

@@ -1,4 +1,4 @@
-"""Errors of the user's input.
+"""Errors that the user can correct.
 
 Each is a ValueError or an OSError. Its message is one line: what is wrong, where, and what to do. The command line prints that line and
 exits with status 2; every other exception is a defect and keeps its traceback.
@@ -6,7 +6,7 @@ exits with status 2; every other exception is a defect and keeps its traceback.
 
 
 class UserError(Exception):
-    """Base of the errors that the user can correct; never raised itself."""
+    """Base class of the errors that the user can correct. It is never raised itself."""
 
 
 class InputError(UserError, ValueError):
@@ -18,7 +18,7 @@ class ConfigError(InputError):
 
 
 class MeshError(InputError):
-    """Unusable geometry: NaN, empty, wrong units."""
+    """Geometry that cannot be used, for example because it has NaN, is empty or is in wrong units."""
 
 
 class ScanError(MeshError):
@@ -26,7 +26,7 @@ class ScanError(MeshError):
 
 
 class SceneError(InputError):
-    """A scene that cannot be simulated: no labels, sensor inside a solid, unknown surface."""
+    """A scene that cannot be simulated, for example without labels or with the sensor inside a solid."""
 
 
 class LayoutError(InputError):

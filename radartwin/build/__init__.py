@@ -1,1 +1,1 @@
-"""From a composed configuration to objects of the library: radar, scene, trajectory, simulator, recording."""
+"""Build objects of the library from a composed configuration: radar, scene, trajectory, simulator, recording."""

@@ -27,10 +27,12 @@ MOTION_FAMILIES = {  # feature families of each motion with a known repeatabilit
 
 
 def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
-    """The families that must stay within their limits: those of the configured set, or for features=raw all of the motion.
+    """Return the feature families that must stay within their repeatability limits.
+
+    These are the families of the configured feature set, or for features=raw all families of the motion.
 
     Raises:
-        ConfigError: a motion without a known repeatability, or a feature set of another motion.
+        ConfigError: the repeatability of features is unknown for the motion, or the feature set is for another motion.
     """
     if motion not in MOTION_FAMILIES:
         known = "a turntable's whole turn, rail, depth or lateral"
@@ -46,11 +48,11 @@ def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
 def choose_simulator(
     config: AutoSimulator, probe: Probe, limits: Limits, store: Store | None, say: Callable[[str], None]
 ) -> MitsubaSimulator:
-    """The chosen settings.
+    """Choose the cheapest sufficient simulator settings for a recording.
 
     Args:
-        store: keeps the choice; None repeats the search.
-        say: receives the choice and its reasons, line by line.
+        store: where the choice is stored and read; None repeats the search.
+        say: called with each line of a text that states the choice and its reasons.
     """
     fixed = config.fixed()
     if store is None:

@@ -1,4 +1,4 @@
-"""The scene and the materials of a recording: for its provenance, and as a line for the terminal."""
+"""Describe the scene and the materials of a recording, for its provenance and as a line for the terminal."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ LISTED = 4  # materials named in the line
 
 
 def describe_room(room: Scene, scene: SceneConfig, materials: MaterialsConfig) -> dict[str, Any]:
-    """The scene and its materials as plain JSON values.
+    """Describe the scene and its materials as plain JSON values.
 
     Args:
-        room: without the target, with the materials of the configured source.
+        room: the scene without the target, with the materials of the configured source.
     Returns:
         "scene": {name; for a scan also the name of its file or folder and the SHA-256 of its mesh or manifest}. "materials": {source;
         said_by: number of surfaces by labeller; surfaces: number of surfaces by material, largest first}.
@@ -40,7 +40,7 @@ def describe_room(room: Scene, scene: SceneConfig, materials: MaterialsConfig) -
 
 
 def materials_line(provenance: dict[str, Any]) -> str:
-    """The result of `describe_room` as a sentence; empty for a scene without a room."""
+    """Return the result of `describe_room` as a sentence; an empty string for a scene without a room."""
     scene, materials = provenance["scene"], provenance["materials"]
     counts: dict[str, int] = materials["surfaces"]
     if not counts:

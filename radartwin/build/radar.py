@@ -1,4 +1,4 @@
-"""The configured radar."""
+"""Build the configured radar."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from radartwin.radar.chirp import Radar
 
 
 def build_radar(config: RadarConfig) -> Radar:
-    """The radar of the configured file, or the board with the configured values.
+    """Build the radar from the configured file, or from the board with the configured values.
 
     Raises:
-        InputError: values that no radar can have. MissingError, RecordingError: the file is absent or malformed.
+        InputError: values that no radar can have.
+        MissingError, RecordingError: the file is absent or malformed.
     """
     if config.file:
         radar = Radar.from_file(Path(config.file))
@@ -24,7 +25,7 @@ def build_radar(config: RadarConfig) -> Radar:
 
 
 def named_radar(name: str) -> Radar:
-    """The radar of a file, or of an option of the radar group such as "openradar_77ghz"."""
+    """Build the radar of a file, or of an option of the configuration group `radar` such as "openradar_77ghz"."""
     if Path(name).suffix or Path(name).exists():
         return Radar.from_file(name)
     return build_radar(compose([f"radar={name}"]).radar)

@@ -1,4 +1,4 @@
-"""The recording of a composed configuration."""
+"""Simulate the recording of a composed configuration."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from radartwin.store.products import Store
 def simulate_scene(
     config: Config, noise: bool = False, store: Store | None = None, say: Callable[[str], None] = lambda line: None
 ) -> Recording:
-    """The recording of the configured radar in the configured scene. Its provenance describes the scene and its materials.
+    """Simulate a recording of the configured radar in the configured scene. Its provenance describes the scene and its materials.
 
     Args:
         store, say: see `radartwin.build.auto.choose_simulator`.

@@ -1,6 +1,6 @@
-"""The configured scene: the room with its materials, the objects of a layout, and the target.
+"""Build the configured scene: the room with its materials, the objects of a layout, and the target.
 
-World frame as in radartwin/scene/rooms. The target's origin is the point that the radar aims at.
+The world frame is that of radartwin/scene/rooms. The target's origin is the point at which the radar aims.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ TARGET = "target"  # name of the target's surfaces
 
 
 def build_target(config: SceneConfig) -> tuple[Surface, ...]:
-    """The target's surfaces, all named TARGET, facing -x towards the radar; empty for scene.target=none."""
+    """Return the target's surfaces, all named TARGET and facing -x towards the radar; an empty tuple for scene.target=none."""
     size = config.target_size_m
     turned = np.diag([-1.0, -1.0, 1.0, 1.0])
     if config.target == "none":
@@ -41,12 +41,12 @@ def build_target(config: SceneConfig) -> tuple[Surface, ...]:
 
 
 def lowest_m(target: Sequence[Surface]) -> float:
-    """Height of the target's lowest point above its origin in metres (negative); 0 without a target."""
+    """Return the height in metres of the target's lowest point above its origin (negative); 0 without a target."""
     return min((float(surface.mesh.bounds[0, 2]) for surface in target), default=0.0)
 
 
 def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) -> Scene:
-    """The room without the target, with materials from the configured source."""
+    """Build the room without the target, with materials from the configured source."""
     if isinstance(scene, ScanScene):
         room = load_scan(Path(scene.path), materials)
     elif scene.name in ROOMS:
@@ -57,7 +57,7 @@ def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) ->
 
 
 def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
-    """A scene folder with its labels, or a mesh, which has no labels.
+    """Load a scan: a scene folder with its labels, or a mesh, which has no labels.
 
     Raises:
         ConfigError: materials=scene for a mesh. MissingError, MeshError, SceneError: see `Scene.load`.
@@ -73,12 +73,13 @@ def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
 
 
 def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Scene:
-    """The room with the objects of the configured layout or sentence.
+    """Place the objects of the configured layout or sentence in the room.
 
     Args:
-        sensor_pose: (4, 4) sensor to world, for words such as "in front of the radar".
+        sensor_pose: (4, 4) sensor to world, for sentences such as "in front of the radar".
     Raises:
-        MissingError, LayoutError: the layout is absent or impossible. BackendError: the language model does not answer.
+        MissingError, LayoutError: the layout is absent or impossible.
+        BackendError: the language model does not answer.
     """
     if not (config.layout or config.sentence):
         return room

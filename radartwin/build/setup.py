@@ -1,4 +1,4 @@
-"""The configured setup of a recording: radar, room, target and their poses."""
+"""Build the configured setup of a recording: radar, room, target and their poses."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from radartwin.scene.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """Everything in its place.
+    """Radar, room and target of a recording, with their poses.
 
     Attributes:
-        room: with the objects of the layout.
-        target: with its stand; empty for scene.target=none.
-        motion: (F, 4, 4) or (1, 4, 4) object-to-world poses by surface name.
+        room: the scene without the target, with the objects of the layout.
+        target: surfaces of the target and its stand; empty for scene.target=none.
+        motion: object-to-world poses by surface name, (F, 4, 4), or (1, 4, 4) for surfaces at rest.
         provenance: see `radartwin.build.provenance.describe_room`.
     """
 
@@ -41,14 +41,15 @@ class Setup:
 
     @property
     def measured_motion(self) -> str:
-        """The motion of the target relative to the radar, if its repeatability is known; else ""."""
+        """Return the motion of the target relative to the radar if the repeatability of its features is known, else ""."""
         return self.course.motion if self.motion else ""
 
     def probe(self, features: FeaturesConfig, variant: str = "auto", count: int | None = None, between: bool = False) -> Probe:
-        """A few frames of the recording, with the features that simulator=auto must keep.
+        """Select a few frames of the recording on which simulator=auto compares settings, and the features that it must keep accurate.
 
         Args:
-            variant: of Mitsuba. count, between: see `radartwin.adaptive.probe.thinned`.
+            variant: Mitsuba variant.
+            count, between: see `radartwin.adaptive.probe.thinned`.
         Raises:
             ConfigError: see `radartwin.build.auto.families_of`.
         """
@@ -61,7 +62,7 @@ class Setup:
 
 
 def build_setup(config: Config) -> Setup:
-    """The setup of a composed configuration. Raises UserError where its parts do not fit together."""
+    """Build the setup of a composed configuration. Raises UserError if its parts do not fit together."""
     radar = build_radar(config.radar)
     room = build_room(config.scene, config.materials, config.seed)
     provenance = describe_room(room, config.scene, config.materials)

@@ -1,4 +1,4 @@
-"""The configured simulator."""
+"""Build the configured simulator."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from radartwin.simulation.backends.backend import backend, settings_of
 
 
 def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
-    """The arguments `simulator` and `elements` of `radartwin.simulate`.
+    """Return the arguments `simulator` and `elements` of `radartwin.simulate`.
 
     Raises:
-        InputError: settings that exclude each other.
+        InputError: the settings contradict each other.
     """
     settings = config.settings()
     if "variant" in settings_of(config.backend):
@@ -23,5 +23,5 @@ def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
 
 
 def simulated_parts(config: SimulatorConfig, room: Scene) -> Scene:
-    """The surfaces of the room that the configured simulator models."""
+    """Return the surfaces of the room that the configured simulator simulates."""
     return reduced(room, config.parts) if isinstance(config, MitsubaSimulator) else room

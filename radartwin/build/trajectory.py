@@ -1,4 +1,4 @@
-"""The configured trajectory: poses of sensor and target, and checks of them against the room and the radar."""
+"""Build the configured trajectory: the poses of sensor and target. Check them against the room and the radar."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ MAX_FRAMES = 10_000  # 1000 s at 10 Hz; more frames do not fit into memory
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Poses to world of sensor and target, each (F, 4, 4), or (1, 4, 4) at rest.
+    """Sensor-to-world and target-to-world poses, each (F, 4, 4), or (1, 4, 4) at rest.
 
     Attributes:
-        motion: as in radartwin/build/auto.py, "" for a motion whose repeatability is unknown.
-        angle_rad: (F,) rotation of the turntable over one whole turn; None for other motions.
+        motion: name of the motion in radartwin/build/auto.py; "" if the repeatability of its features is unknown.
+        angle_rad: (F,) rotation angle of the turntable over one whole revolution; None for other motions.
     """
 
     sensor_poses: np.ndarray
@@ -44,7 +44,7 @@ class Course:
 
 
 def build_start(config: StartTrajectory, room: Scene) -> np.ndarray:
-    """Sensor pose (4, 4) of the first frame: configured, at the room's bench, or inside the low-x end of a scan."""
+    """Return the sensor pose (4, 4) of the first frame: as configured, at the room's bench, or inside the low-x end of a scan."""
     if config.position_m is not None:
         position = np.array(config.position_m)
     elif len(room) and room.provenance.get("room") not in rooms.ROOMS:
@@ -57,12 +57,13 @@ def build_start(config: StartTrajectory, room: Scene) -> np.ndarray:
 
 
 def build_course(config: TrajectoryConfig, radar: Radar, room: Scene, place: np.ndarray | None = None) -> Course:
-    """Poses of sensor and target at the radar's frames.
+    """Compute the poses of sensor and target at each frame of the radar.
 
     Args:
         place: (3,) position of the target at the start; None: on the boresight at the configured distance.
     Raises:
-        ConfigError: more than MAX_FRAMES frames. MissingError, PoseError: see `read_poses`.
+        ConfigError: there are more than MAX_FRAMES frames.
+        MissingError, PoseError: see `read_poses`.
     """
     rate = radar.frame_rate_hz
     if isinstance(config, FileTrajectory):
@@ -83,7 +84,7 @@ def build_course(config: TrajectoryConfig, radar: Radar, room: Scene, place: np.
 
 
 def read_poses(config: FileTrajectory) -> Track:
-    """The radar's poses of a trajectory file, with the configured mounting.
+    """Read the radar's poses from a trajectory file and apply the configured mounting.
 
     Raises:
         MissingError, PoseError: the file is absent or malformed.
@@ -94,12 +95,12 @@ def read_poses(config: FileTrajectory) -> Track:
 
 
 def check_course(scene: Scene, radar: Radar, course: Course) -> None:
-    """Refuse a sensor that leaves the room's height or passes through a surface; warn of speeds beyond the radar's Doppler range.
+    """Raise an error if the sensor leaves the room's height or passes through a surface; warn of speeds beyond the Doppler range.
 
     Args:
-        scene: without the target.
+        scene: the room without the target.
     Raises:
-        PoseError, SceneError: with the number of the frame.
+        PoseError, SceneError: names the first wrong frame.
     """
     room = scene.only("room")
     if len(room):
@@ -110,7 +111,7 @@ def check_course(scene: Scene, radar: Radar, course: Course) -> None:
 
 
 def _place_target(sensor_pose: np.ndarray, distance_m: float, place: np.ndarray | None) -> np.ndarray:
-    """Target pose (1, 4, 4) at `place`, or on the boresight."""
+    """Return the target pose (1, 4, 4) at `place`, or on the boresight if `place` is None."""
     target = trajectory.static(sensor_pose, 1)
     target[0, :3, 3] = sensor_pose[:3, 3] + distance_m * sensor_pose[:3, 0] if place is None else place
     return target
@@ -145,7 +146,7 @@ def _check_frames(frames: float) -> None:
 
 
 def _ceiling_m(room: Scene) -> float:
-    """Height of the level surface that closes the room, in metres; infinite for a scan without a ceiling."""
+    """Return the height of the room's ceiling in metres; infinity for a scan without a ceiling."""
     top = room.bounds[1, 2]
     footprint = np.prod(np.ptp(room.bounds[:, :2], axis=0))
     meshes = [surface.mesh for surface in room]

@@ -15,7 +15,7 @@ Verbs = argparse._SubParsersAction
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
-    """The parsed command: `verb` is its function, `resumes` whether a repeated command continues an interrupted one.
+    """Parse a command. In the result, `verb` is the function to call, and `resumes` says whether repeating the command resumes it.
 
     Overrides may stand on both sides of an option: run experiment=NAME -m materials=vlm,void.
     """
@@ -30,14 +30,14 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports wrong arguments in one line."""
+    """An argument parser that reports wrong arguments in one line."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def _join_axes(words: Sequence[str]) -> list[str]:
-    """--up -y as --up=-y, because argparse reads -y as an option."""
+    """Rewrite --up -y as --up=-y, because argparse reads -y as an option."""
     out: list[str] = []
     for word in words:
         if out and out[-1] == "--up" and word in ("-x", "-y", "-z"):
@@ -208,7 +208,7 @@ def _port(text: str) -> int:
 
 
 def _experiments() -> list[str]:
-    """Names of the shipped experiments."""
+    """Return the names of the shipped experiments."""
     from radartwin.config.compose import groups
 
     try:

@@ -111,7 +111,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
 
 
 def epilog(verb: str = "", more: str = "") -> str:
-    """The examples of a verb, or the first steps, for the end of a help text.
+    """Format the examples of a verb, or without a verb the first steps, for the end of a help text.
 
     >>> print(epilog("report"))
     examples:

@@ -1,4 +1,4 @@
-"""What each verb does. A verb takes its parsed arguments and returns the exit status; it imports its modules when it is called."""
+"""Implement the verbs. Each function takes the parsed arguments, returns the exit status, and imports its modules when called."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def reconstruct(options: argparse.Namespace) -> int:
 
 
 def label(options: argparse.Namespace) -> int:
-    """Options that are not given take their value from conf/materials/vlm.yaml."""
+    """Label the surfaces of a scene. Options that are not given take their value from conf/materials/vlm.yaml."""
     from radartwin.config.compose import compose
     from radartwin.io.progress import Progress
     from radartwin.label.labelling import LabelOptions, label_folder
@@ -198,7 +198,7 @@ def clean(options: argparse.Namespace) -> int:
 
 
 def _all_overrides(options: argparse.Namespace) -> list[str]:
-    """The overrides, with --output as one of them."""
+    """Return the overrides, including --output as an override."""
     from radartwin.config.compose import path_override
 
     return [*options.overrides, *([path_override("output", options.output)] if options.output else [])]

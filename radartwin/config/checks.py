@@ -1,8 +1,8 @@
-"""Fields of the configuration dataclasses with the check of their value, and checks that need several fields.
+"""Define fields of the configuration dataclasses together with the check of their value.
 
-`positive(4)` is a dataclass field with the default 4; `check_fields`, called by __post_init__, refuses a value that is not above zero. Null
-passes every check. Two marks are read by radartwin/store/digest.py: a `path_name` enters a run key by the content of its file, an
-`unkeyed` field stays out of the key because it decides where or how a run computes, not its result.
+`positive(4)` is a dataclass field with the default 4. `check_fields`, called by __post_init__, raises ConfigError for a value that is not
+above zero. Null passes every check. radartwin/store/digest.py treats two kinds of fields specially: of a `path_name` field the content of
+the file enters the run key; an `unkeyed` field does not enter the key, because it influences where or how a run computes, not its result.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MISSING: Any = "???"  # omegaconf.MISSING, without the import: Hydra fills the f
 
 
 def choice(default: str | None, *others: str) -> Any:
-    """One of the given words. A default of None allows null besides the others."""
+    """A field whose value is one of the given words. A default of None also allows null."""
     options = others if default is None else (default, *others)
 
     def check(key: str, value: str) -> None:
@@ -30,7 +30,7 @@ def choice(default: str | None, *others: str) -> Any:
 
 
 def positive(default: Any, *, below: float = math.inf, most: float = math.inf) -> Any:
-    """A number, or a list of numbers, above zero."""
+    """A field for a number, or a list of numbers, above zero."""
 
     def check(key: str, value: Any) -> None:
         for number in value if isinstance(value, list) else [value]:
@@ -61,7 +61,7 @@ def finite(default: float) -> Any:
 
 
 def share(default: float) -> Any:
-    """A number from 0 to 1."""
+    """A field for a number from 0 to 1."""
 
     def check(key: str, value: float) -> None:
         if not 0 <= value <= 1:
@@ -71,7 +71,7 @@ def share(default: float) -> Any:
 
 
 def triple(content: str) -> Any:
-    """Three finite numbers, null by default; `content` describes them in the message."""
+    """A field for three finite numbers, null by default. `content` describes the numbers in the error message."""
 
     def check(key: str, value: list[float]) -> None:
         for number in value:
@@ -84,7 +84,7 @@ def triple(content: str) -> Any:
 
 
 def url(remedy: str, default: str | None = None) -> Any:
-    """An address without a password, because the configuration is stored with the results."""
+    """A field for an address without a password, because the configuration is stored with the results."""
 
     def check(key: str, value: str) -> None:
         if re.match(r"[\w+.-]+://[^/?#]*@", value):
@@ -98,21 +98,21 @@ def path_name(default: str | None = None) -> Any:
 
 
 def unkeyed(default: Any) -> Any:
-    """The field, or a field with this default, without influence on run keys."""
+    """Mark a field, or create a field with this default, that does not enter run keys."""
     if isinstance(default, Field):
         return field(default=default.default, metadata={**default.metadata, "unkeyed": True})
     return field(default=default, metadata={"unkeyed": True})
 
 
 def check_fields(config: Any, prefix: str) -> None:
-    """Check every field of a dataclass; `prefix` is its place in the configuration, such as "supervision.encoder"."""
+    """Check every field of a dataclass. `prefix` is the place of the dataclass in the configuration, such as "supervision.encoder"."""
     for entry in fields(config):
         if (check := entry.metadata.get("check")) and (value := getattr(config, entry.name)) is not None:
             check(f"{prefix}.{entry.name}", value)
 
 
 def check_selector(key: str, value: str, *names: str) -> None:
-    """Check the field that names the option, such as simulator.backend, against the names that its dataclass stands for."""
+    """Check that the field that names the option, such as simulator.backend, has one of the names that its dataclass is for."""
     group = key.partition(".")[0]
     if not names[0]:
         raise ConfigError(f"{group}: the file of this option names no schema; begin it with 'defaults: [schema_{value or 'NAME'}]'")

@@ -1,6 +1,6 @@
-"""From command-line overrides to a typed `Config`. Every mistake raises a ConfigError of one line.
+"""Compose a typed `Config` from command-line overrides. Every mistake raises a ConfigError of one line.
 
-Hydra is imported inside the functions because the import takes 0.1 s, which `radartwin --help` cannot spend.
+Functions import Hydra themselves because the import takes 0.1 s, and `radartwin --help` must be fast.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
 CONFIG_NAME = "config"
-_VALUE = re.compile(r"(?!hydra\.)(?:[A-Za-z_]\w*\.[\w.\[\]]+|seed|output)=")  # sets a value: neither an option, nor + or ~
+_VALUE = re.compile(r"(?!hydra\.)(?:[A-Za-z_]\w*\.[\w.\[\]]+|seed|output)=")  # overrides that set a value, not an option, without + or ~
 
 
 def conf_dir() -> Path:
-    """The folder conf/ of the installed wheel or of the checkout."""
+    """Return the folder conf/ of the installed wheel or of the checkout."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "conf", package.parent / "conf"):
         if (folder / f"{CONFIG_NAME}.yaml").is_file():
@@ -36,13 +36,13 @@ def conf_dir() -> Path:
 
 
 def groups() -> dict[str, list[str]]:
-    """The shipped options of each group: {"scene": ["empty", "lab", ...], ...}."""
+    """Return the shipped options of each configuration group: {"scene": ["empty", "lab", ...], ...}."""
     folders = sorted(d for d in conf_dir().iterdir() if d.is_dir() and d.name != "hydra")
     return {d.name: sorted(f.stem for f in d.glob("*.yaml")) for d in folders}
 
 
 def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> Config:
-    """The configuration of some overrides, e.g. ["experiment=environment", "seed=1"].
+    """Compose the configuration for overrides such as ["experiment=environment", "seed=1"].
 
     Args:
         config_dirs: folders with more options (`--config-dir`).
@@ -53,9 +53,9 @@ def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> 
 
 
 class Composer:
-    """Composes many configurations from the same folders.
+    """Composes many configurations from the same configuration folders.
 
-    Hydra reads the files once for each combination of options, which takes 0.1 s. Values are then set without reading files again.
+    Reading the files for one combination of options takes Hydra 0.1 s, so it is done once. Values are then set without reading files again.
     """
 
     def __init__(self, config_dirs: Sequence[Path] = ()) -> None:
@@ -63,7 +63,7 @@ class Composer:
         self._cache: dict[tuple[str, ...], DictConfig] = {}
 
     def compose(self, overrides: Sequence[str]) -> Config:
-        """As the function `compose`."""
+        """Compose one configuration; see the function `compose`."""
         overrides = quoted(overrides)
         with _one_line_errors(overrides):
             values = [override for override in overrides if _VALUE.match(override)]
@@ -94,26 +94,26 @@ class Composer:
 
 
 def parse_overrides(overrides: Sequence[str]) -> list[Override]:
-    """The overrides as Hydra reads them. Raises ConfigError for an unreadable one."""
+    """Parse overrides with Hydra's grammar. Raises ConfigError for an override that cannot be parsed."""
     with _one_line_errors(overrides):
         return hydra_adapter.parse(quoted(overrides))
 
 
 def combinations(overrides: Sequence[str]) -> list[list[str]]:
-    """The overrides of each job of a sweep: seed=0,1 and materials=vlm,void make four jobs.
+    """Return the overrides of each job of a sweep: seed=0,1 and materials=vlm,void make four jobs.
 
     Raises:
-        ConfigError: an unreadable override.
+        ConfigError: an override cannot be parsed.
     """
     with _one_line_errors(overrides):
         return hydra_adapter.combinations(quoted(overrides))
 
 
 def launcher(overrides: Sequence[str], config_dirs: Sequence[Path], job: Callable[[DictConfig], None]) -> Any:
-    """The Hydra launcher that the overrides of hydra's own settings select; it calls `job` once for each job.
+    """Return the Hydra launcher that the overrides of Hydra's own settings select. It calls `job` once for each job.
 
     Raises:
-        ConfigError: an unknown launcher or setting, or one that would call code outside radartwin and Hydra's launchers.
+        ConfigError: the launcher or a setting is unknown, or would call code outside radartwin and Hydra's launchers.
     """
     _register_schemas()
     with _one_line_errors(overrides):
@@ -121,7 +121,7 @@ def launcher(overrides: Sequence[str], config_dirs: Sequence[Path], job: Callabl
 
 
 def typed(composed: DictConfig) -> Config:
-    """The dataclasses of a composed configuration, after all checks. Raises ConfigError."""
+    """Convert a composed configuration to dataclasses and check it. Raises ConfigError."""
     from omegaconf import OmegaConf
 
     _refuse_added_keys(composed)
@@ -134,7 +134,7 @@ def typed(composed: DictConfig) -> Config:
 
 
 def quoted(overrides: Sequence[str]) -> list[str]:
-    """The overrides with quotes around option names that Hydra would read as a boolean: materials=true is an option."""
+    """Quote option names that Hydra would otherwise read as a boolean, such as `true` in materials=true."""
     literals = [(group, option) for group, options in groups().items() for option in options if option in ("true", "false", "null")]
     out = list(overrides)
     for group, option in literals:
@@ -145,19 +145,19 @@ def quoted(overrides: Sequence[str]) -> list[str]:
 
 
 def path_override(key: str, path: str | Path) -> str:
-    """key=path, quoted so that Hydra and OmegaConf keep every character of the path."""
+    """Return the override key=path, quoted so that Hydra and OmegaConf keep every character of the path."""
     return f"{key}={_quoted_path(path)}"
 
 
 def _quoted_path(path: str | Path) -> str:
-    """OmegaConf halves backslashes before ${, Hydra halves backslashes before a quote and at the end."""
+    """Quote a path. OmegaConf halves backslashes before ${, and Hydra halves backslashes before a quote and at the end."""
     text = re.sub(r"(\\*)\$\{", lambda match: match.group(1) * 2 + "\\${", str(path))
     text = re.sub(r"(\\+)(?='|$)", lambda match: match.group(1) * 2, text).replace("'", "\\'")
     return f"'{text}'"
 
 
 def _search_path(config_dirs: Sequence[Path]) -> list[str]:
-    """The override that adds folders to Hydra's search path; empty without folders."""
+    """Return the override that adds folders to Hydra's search path; an empty list without folders."""
     for folder in config_dirs:
         if not folder.is_dir():
             raise MissingError(f"{folder}: no such folder of configuration files; --config-dir names an existing one")
@@ -166,7 +166,7 @@ def _search_path(config_dirs: Sequence[Path]) -> list[str]:
 
 
 def _register_schemas() -> None:
-    """Put the dataclasses into Hydra's ConfigStore; every process that composes needs them there."""
+    """Register the dataclasses in Hydra's ConfigStore. Every process that composes a configuration needs this."""
     from hydra.core.config_store import ConfigStore
 
     store = ConfigStore.instance()
@@ -178,7 +178,7 @@ def _register_schemas() -> None:
 
 @contextlib.contextmanager
 def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
-    """Turn exceptions of Hydra and OmegaConf into a ConfigError of one line."""
+    """Within the `with`, turn exceptions of Hydra and OmegaConf into a ConfigError of one line."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
@@ -197,7 +197,7 @@ def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
 
 
 def _refuse_added_keys(node: DictConfig, path: str = "") -> None:
-    """Refuse keys that no dataclass has. Hydra lets `+key=value` add them, and nothing would read them."""
+    """Raise ConfigError for keys that no dataclass has. Hydra lets `+key=value` add such keys, but no code reads them."""
     from omegaconf import DictConfig, OmegaConf
 
     owner = OmegaConf.get_type(node)

@@ -1,4 +1,4 @@
-"""The composed configuration of a run: one typed field for each Hydra group.
+"""Define the composed configuration of a run: one typed field for each Hydra group.
 
 Types and defaults are in the dataclasses. The files under conf/ name the options: the file of an option lists its dataclass in its
 defaults (`schema_NAME`) and contains only what differs from the dataclass.
@@ -48,7 +48,7 @@ from radartwin.config.trajectory import (
 )
 from radartwin.errors import ConfigError
 
-# Groups whose options differ in their keys: the dataclass of each option, which is in Hydra's ConfigStore as schema_OPTION.
+# The dataclass of each option, for groups whose options have different keys. Hydra's ConfigStore holds it as schema_OPTION.
 SCHEMAS: dict[str, dict[str, type]] = {
     "scene": {
         "empty": SceneConfig, "void": SceneConfig, "plate": SceneConfig, "lab": RoomScene, "atrium": RoomScene,
@@ -72,7 +72,7 @@ SCHEMAS: dict[str, dict[str, type]] = {
 
 @dataclass
 class Config:
-    """Everything that decides a run, and where and how it computes (`tracking`, `output`, `jobs`)."""
+    """The configuration of a run: what influences its result, and where and how it computes (`tracking`, `output`, `jobs`)."""
 
     scene: SceneConfig = MISSING
     materials: MaterialsConfig = MISSING
@@ -86,8 +86,8 @@ class Config:
     tracking: TrackingConfig = field(default_factory=TrackingConfig, metadata={"unkeyed": True})
     experiment: ExperimentConfig = field(default_factory=ExperimentConfig)
     seed: int = 0
-    output: str = unkeyed("outputs")  # root of everything that is written
-    jobs: int = unkeyed(0)  # processes; 0: as many as there are cores and memory for
+    output: str = unkeyed("outputs")  # root folder of all output
+    jobs: int = unkeyed(0)  # worker processes; 0: as many as cores and memory allow
 
     def __post_init__(self) -> None:
         if self.jobs < 0:

@@ -1,7 +1,7 @@
 """All calls to Hydra functions that are not part of its public interface (Hydra 1.3).
 
 Every other module composes and launches through radartwin/config/compose.py. Functions import Hydra themselves because the import
-takes 0.1 s, which `radartwin --help` cannot spend.
+takes 0.1 s, and `radartwin --help` must be fast.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 
 
 def parse(overrides: Sequence[str]) -> list[Override]:
-    """The overrides as Hydra's grammar reads them. Raises HydraException."""
+    """Parse overrides with Hydra's grammar. Raises HydraException."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     return OverridesParser.create().parse_overrides(list(overrides))
 
 
 def assign(config: DictConfig, overrides: Sequence[Override]) -> None:
-    """Put values (no options of a group) into a composed configuration, as hydra.compose does. Raises HydraException."""
+    """Set values, but not options of a group, in a composed configuration, as hydra.compose does. Raises HydraException."""
     from hydra._internal.config_loader_impl import ConfigLoaderImpl
 
     ConfigLoaderImpl._apply_overrides_to_config(list(overrides), config)
 
 
 def combinations(overrides: Sequence[str]) -> list[list[str]]:
-    """The overrides of each job of a sweep: seed=0,1 and materials=vlm,void make four jobs. Raises HydraException."""
+    """Return the overrides of each job of a sweep: seed=0,1 and materials=vlm,void make four jobs. Raises HydraException."""
     from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 
     return [list(job) for batch in BasicSweeper.split_arguments(parse(overrides), max_batch_size=None) for job in batch]
@@ -39,12 +39,13 @@ def combinations(overrides: Sequence[str]) -> list[list[str]]:
 def launcher(
     config_name: str, folder: Path, overrides: Sequence[str], job: Callable[[DictConfig], None], check: Callable[[DictConfig], None]
 ) -> Any:
-    """The launcher plugin that hydra/launcher=... selects.
+    """Return the launcher plugin that hydra/launcher=... selects.
 
     Args:
-        config_name, folder: the primary configuration.
-        job: the plugin calls it once for each job, with the composed configuration.
-        check: sees the composed configuration before any class that it names is loaded, and raises to refuse it.
+        config_name, folder: name and folder of the primary configuration.
+        job: called by the plugin once for each job, with the composed configuration.
+        check: called with the composed configuration before any class that the configuration names is loaded; raises an exception to
+            refuse the configuration.
     """
     from hydra._internal.callbacks import Callbacks
     from hydra._internal.hydra import Hydra

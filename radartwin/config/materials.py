@@ -1,4 +1,4 @@
-"""Configuration of the room's materials: one dataclass for each source that names the material of every surface."""
+"""Configuration of the room's materials: one dataclass for each material source. A source names the material of every surface."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class MaterialsConfig:
         check_fields(self, "materials")
 
     def arguments(self, seed: int) -> dict[str, Any]:
-        """Arguments of `radartwin.label.sources.material_source` besides the source's name."""
+        """Return the arguments of `radartwin.label.sources.material_source` besides the source's name."""
         return {}
 
 
@@ -36,16 +36,16 @@ class UniformMaterials(MaterialsConfig):
 
 @dataclass
 class VlmMaterials(MaterialsConfig):
-    """Recorded answers of a vision-language model. The unkeyed fields are defaults of `radartwin label`, which asks for new answers."""
+    """Recorded answers of a vision-language model. The unkeyed fields are defaults of `radartwin label`, which requests new answers."""
 
     source: str = "vlm"
-    missing: str | None = None  # material of surfaces without an answer; null refuses them
+    missing: str | None = None  # material of surfaces without an answer; null: such surfaces are an error
     model: str | None = None  # use only this model's answers; null: any recorded answer, and the server's default model
     provider: str = unkeyed(choice("recorded", "server", "local"))
-    url: str = unkeyed(url("set RADARTWIN_VLM_KEY instead", "http://127.0.0.1:8000/v1"))  # of an OpenAI-compatible server
-    timeout_s: float = unkeyed(positive(120.0))  # server: of one request
-    concurrency: int = unkeyed(positive(4))  # server: simultaneous requests
-    views: int = unkeyed(positive(3))  # pictures of each surface
+    url: str = unkeyed(url("set RADARTWIN_VLM_KEY instead", "http://127.0.0.1:8000/v1"))  # address of an OpenAI-compatible server
+    timeout_s: float = unkeyed(positive(120.0))  # time limit of one request to the server
+    concurrency: int = unkeyed(positive(4))  # simultaneous requests to the server
+    views: int = unkeyed(positive(3))  # number of pictures of each surface
 
     def arguments(self, seed: int) -> dict[str, Any]:
         return {"missing": self.missing, "model": self.model}
@@ -53,11 +53,11 @@ class VlmMaterials(MaterialsConfig):
 
 @dataclass
 class RandomMaterials(MaterialsConfig):
-    """The true materials with a share of wrong labels."""
+    """The true materials, with a share of the labels replaced by wrong labels."""
 
     source: str = "random"
-    p: float = share(0.5)  # of wrong labels
-    among: str = choice("room", "all")  # wrong labels are categories of the room | any category
+    p: float = share(0.5)  # share of wrong labels
+    among: str = choice("room", "all")  # wrong labels are drawn from: categories of the room | all categories
 
     def arguments(self, seed: int) -> dict[str, Any]:
         return {"p": self.p, "among": self.among, "seed": seed}
@@ -85,5 +85,5 @@ class SceneMaterials(MaterialsConfig):
 
 
 def default_materials(source: str) -> MaterialsConfig:
-    """The dataclass of a source with its defaults, e.g. default_materials("uniform").material == "plasterboard"."""
+    """Return a source's dataclass with its default values, e.g. default_materials("uniform").material == "plasterboard"."""
     return next(schema for schema in MaterialsConfig.__subclasses__() if schema.source == source)()

@@ -13,11 +13,11 @@ from typing import Any
 
 from radartwin.config.config import SCHEMAS, Config
 
-LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # launcher: the extra that installs it
+LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # launcher: pip extra that installs it
 
 
 def explain(error: BaseException) -> str:
-    """One line for an exception of Hydra or OmegaConf."""
+    """Return one line that explains an exception of Hydra or OmegaConf."""
     from hydra.errors import MissingConfigException, OverrideParseException
     from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
@@ -44,7 +44,7 @@ def several_values(key: str) -> str:
 
 
 def unknown_option(config_file: str, options: Sequence[str]) -> str:
-    """For a missing file GROUP/OPTION, with the options that exist."""
+    """Return the message for a missing file GROUP/OPTION, with the options that exist."""
     options = [known for known in options if not known.startswith("schema_")]
     group, _, option = config_file.removesuffix(".yaml").rpartition("/")
     if group == "hydra/launcher" and (extra := LAUNCHER_EXTRAS.get(option)):
@@ -55,7 +55,7 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
 
 
 def unknown_key(full_key: str, owner: Any) -> str:
-    """For a key that the dataclass `owner` does not have."""
+    """Return the message for a key that the dataclass `owner` does not have."""
     parent, _, name = full_key.rpartition(".")
     keys = _keys(owner)
     schemas = SCHEMAS.get(parent, {})

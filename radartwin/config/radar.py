@@ -11,7 +11,7 @@ from radartwin.errors import ConfigError
 
 @dataclass
 class RadarConfig:
-    """Fields of `radartwin.Radar`, or the file that holds them. Null takes the value of the board or of the file.
+    """Fields of `radartwin.Radar`, or the file with their values. A field that is null has the value of the board or of the file.
 
     Positions are in metres, x forward, y left, z up.
     """
@@ -22,12 +22,12 @@ class RadarConfig:
     slope_hz_per_s: float | None = None
     sample_rate_hz: float | None = None
     num_samples: int | None = None
-    num_chirps: int | None = None  # loops per transmitter and frame
+    num_chirps: int | None = None  # chirps per transmitter and frame
     tx_positions_m: list[list[float]] | None = None
     rx_positions_m: list[list[float]] | None = None
     chirp_interval: float | None = None  # seconds between successive chirp starts, transmitters interleaved
     frame_rate_hz: float | None = None
-    element: str | None = choice(None, "iwr1843", "isotropic")  # may be set beside a file
+    element: str | None = choice(None, "iwr1843", "isotropic")  # antenna element; may be set together with a file
     noise_figure_db: float | None = None
     transmit_power_dbm: float | None = None
     real_sampling: bool | None = None
@@ -42,5 +42,5 @@ class RadarConfig:
             raise ConfigError(f"radar.{refused[0]} is set, but radar=file takes it from {self.file}; change it there, or leave it out here")
 
     def given(self) -> dict[str, Any]:
-        """The fields that are not null, without `file`."""
+        """Return the fields that are not null, except `file`."""
         return {f.name: value for f in fields(self) if f.name != "file" and (value := getattr(self, f.name)) is not None}

@@ -14,16 +14,16 @@ SHAPES = ("corner_reflector", "plate", "sphere", "none")
 
 @dataclass
 class SceneConfig:
-    """Settings that every scene reads; all settings of a scene without a room."""
+    """Settings that every scene reads. A scene without a room has no other settings."""
 
     NAMES: ClassVar[tuple[str, ...]] = ("empty", "void", "plate", *ROOMS)
     name: str = "empty"
     target: str = "corner_reflector"  # plate | sphere | none | an object of the catalogue, such as mug
     target_size_m: float = positive(0.1)  # leg of the reflector, edge of the plate, diameter of the sphere
-    target_position_m: list[float] | None = triple("[x,y,z] in metres")  # of its support; null: on the boresight at trajectory.distance_m
+    target_position_m: list[float] | None = triple("[x,y,z] in metres")  # of its support; null: at trajectory.distance_m on the boresight
     stand: bool = False  # a turntable disc on a post under the target
     layout: str | None = path_name()  # YAML file: objects in the room (radartwin/scene/layouts/layout.py)
-    sentence: str | None = None  # the same in words: "a mug on the table 1.5 m in front of the door"
+    sentence: str | None = None  # the layout in words: "a mug on the table 1.5 m in front of the door"
     llm_url: str | None = url("set RADARTWIN_VLM_KEY instead")  # OpenAI-compatible server for sentences beyond the built-in grammar
     llm_model: str | None = None
 
@@ -49,13 +49,13 @@ class SceneConfig:
             raise ConfigError("scene.target=none leaves nothing to place; choose a scene.target, or leave stand and target_position_m out")
 
     def room_options(self) -> dict[str, Any]:
-        """The given options of `radartwin.scene.rooms.room`."""
+        """Return the options of `radartwin.scene.rooms.room` that are set."""
         return {name: value for name in ("size_m", "detail", "back") if (value := getattr(self, name, None)) is not None}
 
 
 @dataclass
 class RoomScene(SceneConfig):
-    """A procedural room. A null size_m is the room's own size, a null detail is furnished."""
+    """A procedural room. If size_m is null, the room has its default size; if detail is null, the room is furnished."""
 
     NAMES: ClassVar[tuple[str, ...]] = ROOMS
     name: str = "lab"
@@ -70,7 +70,7 @@ class RoomScene(SceneConfig):
 
 @dataclass
 class SquashCourtScene(RoomScene):
-    """The squash court, whose back wall may be of glass; null: solid."""
+    """The squash court. Its back wall may be of glass; null means solid."""
 
     NAMES: ClassVar[tuple[str, ...]] = ("squash_court",)
     name: str = "squash_court"

@@ -13,19 +13,19 @@ from radartwin.features.families import families
 
 @dataclass
 class GapConfig:
-    """Strength of each difference between the testbed and the twin: 1 as published, 0 off, 2 doubled.
+    """Strength of each gap, a deliberate difference between testbed and twin: 1 is the published size, 0 is off, 2 is doubled.
 
-    The named module states the size of the difference at strength 1 and its source.
+    The module named in the comment states the size of the difference at strength 1 and the source of this size.
     """
 
-    geometry: float = not_negative(1.0)  # errors of the twin's scan (radartwin/reconstruct/scanner)
+    geometry: float = not_negative(1.0)  # scan errors in the twin's geometry (radartwin/reconstruct/scanner)
     materials: float = not_negative(1.0)  # thickness and permittivity of layers (radartwin/testbed/variation.py)
     roughness: float = not_negative(1.0)  # heights of surfaces (radartwin/testbed/variation.py)
     contents: float = not_negative(1.0)  # liquids and fill levels of vessels (radartwin/testbed/variation.py)
     clutter: float = not_negative(1.0)  # small objects and fixtures (radartwin/testbed/fixtures.py); fewer below 1
-    hardware: float = not_negative(1.0)  # the radar (radartwin/radar/hardware.py)
-    trajectory: float = not_negative(1.0)  # rover, turntable, times of frames (radartwin/testbed/motion_errors.py)
-    placement: float = not_negative(1.0)  # of the target (radartwin/testbed/motion_errors.py)
+    hardware: float = not_negative(1.0)  # errors of the radar hardware (radartwin/radar/hardware.py)
+    trajectory: float = not_negative(1.0)  # errors of rover motion, turntable and frame times (radartwin/testbed/motion_errors.py)
+    placement: float = not_negative(1.0)  # errors of the target's position (radartwin/testbed/motion_errors.py)
     solver: float = not_negative(1.0)  # above 0: finer rays and one more bounce (radartwin/testbed/testbed.py)
 
     def __post_init__(self) -> None:
@@ -34,7 +34,7 @@ class GapConfig:
 
 @dataclass
 class MeasuredConfig:
-    """The measured domain, which the twin is compared with: here the virtual testbed."""
+    """The measured recordings that the twin is compared with. This option takes them from the virtual testbed."""
 
     provider: str = "testbed"
     gap: GapConfig = field(default_factory=GapConfig)
@@ -45,7 +45,7 @@ class MeasuredConfig:
 
 @dataclass
 class RecordingsConfig(MeasuredConfig):
-    """Real recordings. Of the gaps only `geometry`, the errors of the twin's scan, has an effect."""
+    """Real recordings as the measured recordings. Of the fields of GapConfig, only `geometry` then has an effect."""
 
     provider: str = "recordings"
     folder: str = path_name("")  # a recording set (docs/recording-sets.md)
@@ -64,7 +64,7 @@ class RecordingsConfig(MeasuredConfig):
 
 @dataclass
 class FeaturesConfig:
-    """The features of a recording: a set (radartwin/features/families.py), minus some of its families."""
+    """The features of a recording: a feature set (radartwin/features/families.py), optionally without some of its feature families."""
 
     name: str = "raw"  # rotation | depth | lateral | raw
     without: list[str] = field(default_factory=list)  # families to leave out, such as brightness
@@ -79,12 +79,12 @@ class EncoderConfig:
 
     hidden: int = positive(128)
     temperature: float = positive(0.07)
-    epochs: int = positive(100)  # at most
+    epochs: int = positive(100)  # maximum number of epochs
     patience: int = positive(10)
     batch: int = positive(512)
     learning_rate: float = positive(3e-3)
     weight_decay: float = not_negative(1e-4)
-    symmetric: bool = False  # InfoNCE from text to radar too
+    symmetric: bool = False  # whether to add the InfoNCE loss from text to radar
     paired: float = not_negative(0.0)  # few_shot: weight of the loss between simulated and measured rows of the same case
 
     def __post_init__(self) -> None:
@@ -93,13 +93,13 @@ class EncoderConfig:
 
 @dataclass
 class SupervisionConfig:
-    """The measured recordings that training may use, and the training itself."""
+    """The measured recordings that training may use, and the training settings."""
 
     mode: str = choice("label_free", "calibrated", "few_shot")  # none | one unlabelled reflector recording | labelled recordings
     shots: int = 0  # few_shot: labelled recordings per class
-    seeds: int = positive(5)  # trainings to average
+    seeds: int = positive(5)  # number of trainings whose results are averaged
     copies: int = positive(30)  # noisy copies of each simulated recording
-    trees: int = positive(100)  # of a forest
+    trees: int = positive(100)  # trees of a random forest
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
 
     def __post_init__(self) -> None:
@@ -117,13 +117,13 @@ class SupervisionConfig:
 
 @dataclass
 class CampaignConfig:
-    """The recordings that the tables share. An empty list of objects stands for the whole catalogue, or for the rover's set."""
+    """The recordings that the tables share. An empty list of objects means the whole catalogue, or the objects of the rover study."""
 
     turntable_objects: list[str] = field(default_factory=list)
     turntable_distances_m: list[float] = positive([1.0])
-    reflector_distances_m: list[float] = positive([0.5, 1.0, 1.5, 2.0])  # of the corner reflector on the turntable
+    reflector_distances_m: list[float] = positive([0.5, 1.0, 1.5, 2.0])  # from the radar to the corner reflector on the turntable
     frames_per_turn: int = positive(36)
-    turns: int = positive(2)  # of a measured recording; the twin simulates one turn
+    turns: int = positive(2)  # revolutions of a measured recording; the twin simulates one revolution
     reflector_repeats: int = positive(3)  # measured recordings of the reflector on the turntable, each placed anew
     rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])
     rail_repeats: int = positive(2)
@@ -144,13 +144,13 @@ class CampaignConfig:
 
 @dataclass
 class ProfileConfig:
-    """The amount of computation: `quick` shows every claim on two cores in minutes, `paper` makes the committed tables in docs/results."""
+    """The amount of computation. `quick` shows every claim on two cores in minutes; `paper` makes the committed tables in docs/results."""
 
     name: str = "quick"
     repeats: int = positive(3)  # radar positions in each room for the comparison of simulators
-    resamples: int = positive(1000)  # of the bootstrap
+    resamples: int = positive(1000)  # number of bootstrap samples
     scan_rooms: list[str] = field(default_factory=lambda: ["lab"])  # rooms that the virtual phone scans
-    scan_strengths: list[float] = positive([1.0])  # of its errors
+    scan_strengths: list[float] = positive([1.0])  # strengths of the phone's scan errors
     campaign: CampaignConfig = field(default_factory=CampaignConfig)
 
     def __post_init__(self) -> None:
@@ -159,7 +159,7 @@ class ProfileConfig:
 
 @dataclass
 class TrackingConfig:
-    """The store of runs: the MLflow server `uri`, or SQLite in the output folder."""
+    """Where runs are tracked: on the MLflow server `uri`, or in SQLite in the output folder."""
 
     backend: str = choice("mlflow", "off")
     uri: str | None = url("set MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD instead")
@@ -176,7 +176,7 @@ class ExperimentConfig:
     """The table to compute."""
 
     name: str | None = None
-    module: str | None = None  # of an experiment outside the folder experiments/
+    module: str | None = None  # module name of an experiment outside the folder experiments/
     distances_m: list[float] = positive([])
     pairs: list[str] = field(default_factory=list)  # recordings that the gallery shows: OBJECT/ROOM/MOTION/DISTANCE_M
 

@@ -14,8 +14,8 @@ class TrajectoryConfig:
 
     kind: str = ""
     distance_m: float = positive(1.0)  # from the radar to the target's axis at the start
-    height_m: float = positive(1.0)  # of the radar above the floor, where neither position_m nor a file gives it
-    frames: int | None = positive(None)  # null: the whole motion
+    height_m: float = positive(1.0)  # radar above the floor; used if neither position_m nor a file gives the height
+    frames: int | None = positive(None)  # number of frames; null: all frames of the motion
 
     def __post_init__(self) -> None:
         check_selector("trajectory.kind", self.kind, type(self).kind)
@@ -24,10 +24,10 @@ class TrajectoryConfig:
 
 @dataclass
 class StartTrajectory(TrajectoryConfig):
-    """Base of the motions that begin at a configured pose of the radar."""
+    """Base class of the motions that begin at a configured pose of the radar."""
 
     position_m: list[float] | None = triple("[x,y,z] in metres")  # null: the room's bench, or inside a scan's low-x end
-    heading_deg: float = finite(0.0)  # of the radar's boresight, from +x to the left
+    heading_deg: float = finite(0.0)  # direction of the radar's boresight, counted from +x to the left
 
 
 @dataclass
@@ -43,12 +43,12 @@ class TurntableTrajectory(StartTrajectory):
     """Radar at rest, target turning about its vertical axis."""
 
     kind: str = "turntable"
-    period_s: float = positive(25.0)  # of one revolution
+    period_s: float = positive(25.0)  # duration of one revolution
 
 
 @dataclass
 class LinearTrajectory(StartTrajectory):
-    """Base of the motions along a straight line."""
+    """Base class of the motions along a straight line."""
 
     length_m: float = positive(1.0)
     speed_mps: float = positive(0.2)
@@ -61,7 +61,7 @@ class RailTrajectory(LinearTrajectory):
     kind: str = "rail"
     length_m: float = positive(0.6)
     speed_mps: float = positive(0.1)
-    angle_deg: float = finite(0.0)  # of the motion: 0 away from the radar (radial), 90 to the radar's left
+    angle_deg: float = finite(0.0)  # direction of the motion: 0 away from the radar (radial), 90 to the radar's left
 
 
 @dataclass
@@ -95,12 +95,12 @@ class FileTrajectory(TrajectoryConfig):
 
     kind: str = "file"
     path: str = path_name("")  # TUM or CSV text, or a ROS bag
-    start_s: float = not_negative(0.0)  # of the first frame, after the first pose
-    axes: str = choice("sensor", "optical")  # of the poses: sensor (x forward, z up) | optical (z forward, y down)
-    topic: str | None = None  # of a ROS bag
-    frame: str | None = None  # of a ROS bag's transforms
-    mount_m: list[float] | None = triple("three numbers")  # position of the radar in the frame of the poses
-    mount_deg: list[float] | None = triple("three numbers")  # its roll, pitch, yaw
+    start_s: float = not_negative(0.0)  # time from the first pose in the file to the first frame
+    axes: str = choice("sensor", "optical")  # axes of the poses: sensor (x forward, z up) | optical (z forward, y down)
+    topic: str | None = None  # topic of a ROS bag with the poses
+    frame: str | None = None  # coordinate frame to follow in the transforms of a ROS bag
+    mount_m: list[float] | None = triple("three numbers")  # position of the radar in the coordinate frame of the poses
+    mount_deg: list[float] | None = triple("three numbers")  # roll, pitch and yaw of the radar in this frame
 
     def __post_init__(self) -> None:
         super().__post_init__()

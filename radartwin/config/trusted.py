@@ -1,7 +1,7 @@
-"""Checks of a composed configuration that may come from a stranger: which code it names, and whether it holds a secret.
+"""Check a composed configuration from an untrusted source: which code it names, and whether it holds a secret.
 
-Hydra calls the function that a `_target_` names, logging calls those under "()" and "class", and `env_set` changes the environment of
-started processes. `${oc.env:NAME}` would write a key into the logs and results that store the configuration.
+Hydra calls the function that a `_target_` names, the logging module calls functions named under "()" and "class", and `env_set` changes the
+environment of started processes. `${oc.env:NAME}` would write a secret key into the logs and results that store the configuration.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _LOGGING = re.compile(r"logging\.(handlers\.)?[A-Z]\w+|colorlog\.ColoredFormatte
 
 
 def check_targets(config: Any) -> None:
-    """Refuse a configuration that would call code outside radartwin and Hydra's launchers.
+    """Raise ConfigError for a configuration that would call code outside radartwin and Hydra's launchers.
 
     Args:
-        config: composed, with Hydra's own node.
+        config: the composed configuration with the node `hydra`.
     Raises:
-        ConfigError: with the key and the code.
+        ConfigError: names the key and the code.
     """
     from omegaconf import OmegaConf
 
@@ -43,7 +43,7 @@ def check_targets(config: Any) -> None:
 
 
 def check_secrets(config: Any) -> None:
-    """Refuse a composed configuration with a secret of the environment. Raises ConfigError with the key, without the secret."""
+    """Raise ConfigError if a composed configuration holds a secret of the environment. The message names the key, not the secret."""
     from omegaconf import OmegaConf
 
     for path, value in _leaves(OmegaConf.to_container(config, resolve=True, throw_on_missing=False)):
@@ -52,7 +52,7 @@ def check_secrets(config: Any) -> None:
 
 
 def _is_trusted(target: str) -> bool:
-    """Whether a trusted module defines the target. A module that only imports it (radartwin.runs.dashboard.os.system) is not enough."""
+    """Return whether a trusted module defines the target. Importing it there (radartwin.runs.dashboard.os.system) is not enough."""
     module, _, name = target.rpartition(".")
     try:
         if not target.startswith(TRUSTED) or importlib.util.find_spec(module) is None:

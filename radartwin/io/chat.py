@@ -1,8 +1,8 @@
-"""Chat with a language model behind an OpenAI-compatible server: vLLM, Ollama, LM Studio or a service.
+"""Ask a language model on an OpenAI-compatible server: vLLM, Ollama, LM Studio or a commercial service.
 
-A request is POST URL/chat/completions with a JSON schema for the answer. Time-outs and the status codes in RETRIED are tried again after
-growing pauses, or after the pause that the server asks for in Retry-After; other errors end the request. The key comes from the environment
-and is never written. docs/decisions/012-own-or-library.md says why this is not the openai package.
+A request is POST URL/chat/completions with a JSON schema for the answer. After a time-out or a status code in RETRIED the client tries
+again, with growing pauses or with the pause that the server asks for in Retry-After; other errors end the request. The API key comes from
+the environment and is never written to a file. docs/decisions/012-own-or-library.md explains why the openai package is not used.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ LONGEST_PAUSE_S = 120.0
 
 
 class NoAnswerInTime(BackendError):
-    """Every try of one request took too long. Other requests may succeed; after any other error they cannot."""
+    """All tries of one request timed out. Other requests may still succeed, which is not so after any other error."""
 
 
 @dataclass
 class Endpoint:
-    """A model on a server. Several threads may share it.
+    """A language model on a server. Several threads may share the object.
 
     Args:
         url: base address of the API, with /v1.
         timeout_s: time limit of one try.
         requests: number of tries of one request.
         pause_s: pause before the second try; each further pause is twice as long.
-        key_variable: environment variable with the bearer token; it may be unset.
-        max_tokens: longest answer.
-        key: bearer token in place of the variable's.
+        key_variable: name of the environment variable with the bearer token; the variable may be unset.
+        max_tokens: maximum length of the answer.
+        key: bearer token; replaces the environment variable.
     Raises:
-        ConfigError: the address is not valid; on a request, the key cannot be sent.
+        ConfigError: the address is not valid. A request raises it if the key contains characters that cannot be sent.
     """
 
     url: str = field(repr=False)  # it may hold a password
@@ -69,19 +69,19 @@ class Endpoint:
 
     @property
     def shown(self) -> str:
-        """The address without user, password and query."""
+        """Return the address without user, password and query, for messages."""
         parts = urlsplit(self.url)
         return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], parts.path.rstrip("/"), "", ""))
 
     def client(self) -> httpx.Client:
-        """A client that several requests can share. The caller closes it."""
+        """Create an HTTP client that several requests can share. The caller closes it."""
         import httpx
 
         return httpx.Client(timeout=self.timeout_s, headers={"Authorization": f"Bearer {key}"} if (key := self._secret) else {})
 
     @property
     def _secret(self) -> str:
-        """The bearer token, or "". Raises ConfigError for a token that cannot be sent; the message does not contain the token."""
+        """Return the bearer token, or "". Raises ConfigError for a token that cannot be sent; the message does not contain the token."""
         key = (self.key if self.key is not None else os.environ.get(self.key_variable, "")).strip()
         if not (key.isascii() and key.isprintable()):
             raise ConfigError(f"{self.key_variable} holds characters that no key has; copy the key again")
@@ -90,13 +90,13 @@ class Endpoint:
     def complete(
         self, messages: Sequence[Mapping[str, Any]], schema: Mapping[str, Any], name: str, client: httpx.Client | None = None
     ) -> str:
-        """The model's answer.
+        """Send the messages to the model and return its answer.
 
         Args:
-            messages: {"role", "content"} as in the API.
-            schema: JSON schema of the answer. A server that refuses response_format gets the request without it, so the caller checks the
-                answer.
-            client: a client from `client`, if several requests share it.
+            messages: dictionaries with "role" and "content", as in the OpenAI API.
+            schema: JSON schema of the answer. If a server refuses response_format, the request is sent without the schema, so the caller
+                must check the answer.
+            client: HTTP client that `client()` returned, if several requests share it.
         Raises:
             NoAnswerInTime: the last try timed out.
             BackendError: there is no connection, the server refuses, or it is not OpenAI-compatible.
@@ -121,7 +121,7 @@ class Endpoint:
         return hidden(text, self._secret) if isinstance(text, str) else ""
 
     def _post(self, client: httpx.Client, body: Mapping[str, Any]) -> httpx.Response:
-        """The response after as many tries as its status needs."""
+        """Post the request, try again where the status allows it, and return the response."""
         import httpx
 
         problem, error_type = "", BackendError
@@ -156,7 +156,7 @@ class Endpoint:
 
 
 def _retry_after(response: httpx.Response, otherwise: float, now: Callable[[], float] = time.time) -> float:
-    """Seconds to wait by the Retry-After header, which holds a number or a date; `otherwise` without the header."""
+    """Return the seconds to wait according to the Retry-After header (a number or a date), or `otherwise` without the header."""
     header = response.headers.get("retry-after", "").strip()
     try:
         return max(0.0, float(header))

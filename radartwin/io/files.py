@@ -1,6 +1,6 @@
-"""Files that are complete or absent also after a kill, arrays read from files, and locks between processes.
+"""Write files atomically, read arrays from files, and lock files between processes.
 
-A file is written under a temporary name beside its target, forced to the disk and renamed.
+A file is written under a temporary name beside its target, forced to the disk and renamed. So it is complete or absent, even after a kill.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from radartwin.errors import InputError, OutputError
 if TYPE_CHECKING:
     import numpy as np
 
-TEMPORARY = ".tmp"  # suffix of everything unfinished, so that a start can remove what a killed process left
+TEMPORARY = ".tmp"  # suffix of every unfinished file or folder, so that the next start can remove those of killed processes
 _UNFINISHED = re.compile(rf"\..+\.radartwin-(\d{{1,9}}){re.escape(TEMPORARY)}")  # .NAME.radartwin-PID.tmp
 LOCK = "lock"  # file in an unfinished folder, locked by the process that fills the folder
 
 
 def check_folder(folder: Path) -> Path:
-    """Check that a folder can be made or written, without making it, so that long work is refused before it starts.
+    """Check that a folder can be created or written, without creating it. Called before long work starts.
 
     Raises:
         OutputError: a file is in the way, or the folder cannot be written.
@@ -44,7 +44,7 @@ def check_folder(folder: Path) -> Path:
 
 
 def make_folder(folder: Path) -> Path:
-    """Create the folder. Raises OutputError if it cannot be made or written."""
+    """Create the folder if it does not exist. Raises OutputError if it cannot be created or written."""
     check_folder(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -54,15 +54,15 @@ def make_folder(folder: Path) -> Path:
 
 
 def unfinished(path: Path) -> Path:
-    """The temporary name beside `path` under which this process writes it."""
+    """Return the temporary path beside `path` under which this process writes the file."""
     return path.with_name(f".{path.name}.radartwin-{os.getpid()}{TEMPORARY}")
 
 
 def write_atomically(path: Path, content: bytes | str) -> Path:
-    """Write the complete file or nothing.
+    """Write a file so that it is either complete or unchanged.
 
     Raises:
-        OutputError: the folder cannot be made or written. No temporary file is left.
+        OutputError: the folder cannot be created or written. No temporary file remains.
     """
     make_folder(path.parent)
     temporary = unfinished(path)
@@ -81,10 +81,10 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
 
 
 def read_arrays(source: Path | bytes) -> dict[str, np.ndarray]:
-    """The arrays of an .npz file by name. Nothing is unpickled.
+    """Read the arrays of an .npz file by name, without unpickling.
 
     Raises:
-        InputError: the content is no such archive, holds Python objects, or declares arrays that are much larger than the archive.
+        InputError: the content is not an .npz archive, holds Python objects, or declares arrays much larger than the archive.
         OSError: the file cannot be read.
     """
     import zipfile
@@ -105,10 +105,11 @@ def read_arrays(source: Path | bytes) -> dict[str, np.ndarray]:
 
 
 def read_array(path: Path) -> np.ndarray:
-    """The array of a .npy file. Nothing is unpickled.
+    """Read the array of a .npy file, without unpickling.
 
     Raises:
-        InputError: the file is no such array, holds Python objects, or declares an array larger than the file. OSError: it cannot be read.
+        InputError: the file is not a .npy array, holds Python objects, or declares an array larger than the file.
+        OSError: the file cannot be read.
     """
     import numpy as np
 
@@ -124,7 +125,7 @@ def read_array(path: Path) -> np.ndarray:
 
 
 def _check_archive(stream: IO[bytes], label: str) -> None:
-    """Check the headers of an archive before memory is allocated for its arrays. Rewinds the stream."""
+    """Check the headers of an .npz archive before memory is allocated for its arrays. Rewinds the stream."""
     import zipfile
 
     with zipfile.ZipFile(stream) as archive:
@@ -150,10 +151,10 @@ def _check_header(stream: IO[bytes], size: int, label: str) -> None:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """FOLDER/NAME of a file that an index in the folder names.
+    """Return FOLDER/NAME for a file name that was read from an index file in the folder.
 
     Raises:
-        InputError: the path leads out of the folder, by "..", from the root or through a link.
+        InputError: the path leads out of the folder by "..", as an absolute path or through a link.
     """
     path = folder / name
     if "\0" in name or not path.resolve().is_relative_to(folder.resolve()):
@@ -162,7 +163,7 @@ def inside(folder: Path, name: str) -> Path:
 
 
 def folder_bytes(folder: Path) -> int:
-    """Size of all files in a folder, in bytes; 0 if there is no folder."""
+    """Return the size of all files in a folder, in bytes; 0 if the folder does not exist."""
     total = 0
     for parent, _, names in os.walk(folder):
         for name in names:
@@ -172,7 +173,7 @@ def folder_bytes(folder: Path) -> int:
 
 
 def sync(path: Path, deep: bool = True) -> None:
-    """Force a file or folder to the disk, with `deep` also the content of the folder."""
+    """Force a file or folder from memory to the disk, with `deep` also the content of the folder."""
     if deep and path.is_dir():
         for child in path.iterdir():
             sync(child)
@@ -185,14 +186,14 @@ def sync(path: Path, deep: bool = True) -> None:
 
 @contextlib.contextmanager
 def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None]:
-    """Hold the file `path` as a lock between processes. The file exists only while a process holds the lock or waits for it.
+    """Within the `with`, hold a lock between processes on the file `path`. The file exists only while a process holds or awaits the lock.
 
     The kernel releases the lock of a process that dies.
 
     Args:
         waiting: called once if another process holds the lock.
     Raises:
-        OutputError: the file cannot be made or opened.
+        OutputError: the lock file cannot be created or opened.
     """
     holder = FileLock(path)
     while not holder.is_locked:
@@ -236,19 +237,19 @@ def _cannot_lock(path: Path, error: OSError) -> OutputError:
 
 
 def sweep(folder: Path) -> None:
-    """Remove the `unfinished` files of dead processes from the folder. Other files stay."""
+    """Remove the temporary files (see `unfinished`) of dead processes from the folder."""
     for path in sorted(folder.glob(f".*{TEMPORARY}")):
         if (ours := _UNFINISHED.fullmatch(path.name)) and path.is_file() and not alive(int(ours.group(1))):
             path.unlink(missing_ok=True)
 
 
 def drop_abandoned(folder: Path) -> None:
-    """Remove a folder that is filled under the lock FOLDER/lock, unless a living process holds that lock or waits for it.
+    """Remove an unfinished folder, unless a living process holds its lock FOLDER/lock or waits for this lock.
 
     The lock is held until the folder is empty, so a process that wants to fill the folder waits and then starts anew.
     """
     with contextlib.suppress(OSError):
-        folder.rmdir()  # empty: its process was killed before it held the lock
+        folder.rmdir()  # an empty folder is from a process that was killed before it held the lock
     with contextlib.suppress(OSError), FileLock(folder / LOCK).acquire(blocking=False):
         for child in folder.iterdir():
             if child.is_dir() and not child.is_symlink():
@@ -260,7 +261,7 @@ def drop_abandoned(folder: Path) -> None:
 
 
 def alive(process: int) -> bool:
-    """Whether a process with this id runs on this machine."""
+    """Return whether a process with this id runs on this machine."""
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):

@@ -1,7 +1,8 @@
-"""Memory that the C library keeps after it is freed, and memory of processes.
+"""Let the C library keep freed memory for reuse, and report the memory of processes.
 
-The arrays of a frame's paths hold tens of megabytes and live for milliseconds. The GNU C library maps each anew and returns it to the
-system, and clearing the pages again takes half the time of tracing an object that turns (radartwin/simulation/aspects.py).
+The path arrays of a frame take tens of megabytes and are freed after milliseconds. By default the GNU C library requests memory from the
+system for each array and returns it afterwards. The system clears these pages each time, which takes half the time of tracing a rotating
+object (radartwin/simulation/aspects.py).
 """
 
 import contextlib
@@ -17,9 +18,9 @@ _PAD_BYTES = 1 << 28
 
 @functools.cache
 def keep_freed() -> bool:
-    """Have this process keep the memory it frees; False where the C library is not GNU's or refuses.
+    """Make this process keep the memory that it frees. Returns False if the C library is not GNU's or refuses the setting.
 
-    The process stays at its largest size until `give_back`. Dr.Jit manages its own memory.
+    The process then stays at its largest size until `give_back` is called. Dr.Jit manages its own memory.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
@@ -29,7 +30,7 @@ def keep_freed() -> bool:
 
 
 def give_back() -> None:
-    """Return freed memory to the system, also that of Dr.Jit, so that other processes can use it."""
+    """Return freed memory, including Dr.Jit's, to the system, so that other processes can use it."""
     gc.collect()
     if "drjit" in sys.modules:
         sys.modules["drjit"].flush_malloc_cache()
@@ -38,7 +39,7 @@ def give_back() -> None:
 
 
 def resident_bytes(pid: int) -> float:
-    """Memory of a process in bytes; 0 where the system does not say."""
+    """Return the memory of a process in bytes; 0 if the system does not report it."""
     try:
         with open(f"/proc/{pid}/statm", encoding="ascii") as status:
             return float(status.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -47,7 +48,7 @@ def resident_bytes(pid: int) -> float:
 
 
 def free_bytes(otherwise: float) -> float:
-    """Memory in bytes that is free or can be freed; where the system does not say, half of all memory, else `otherwise`."""
+    """Return the available memory in bytes. If the system does not report it: half of all memory, or `otherwise` if that is unknown too."""
     try:
         with open("/proc/meminfo", encoding="ascii") as status:
             return next(1024.0 * int(line.split()[1]) for line in status if line.startswith("MemAvailable"))

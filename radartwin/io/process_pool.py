@@ -1,4 +1,4 @@
-"""Worker processes on concurrent.futures that end with their parent (docs/decisions/011-worker-pool.md)."""
+"""A pool of worker processes that end when their parent ends, built on concurrent.futures (docs/decisions/011-worker-pool.md)."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _in_worker = False
 class ProcessPool:
     """Up to `size` worker processes, started when they are needed.
 
-    A worker that dies breaks the pool: calls that are not finished raise BrokenProcessPool, and so does the next `submit`.
+    If a worker dies, the pool is broken: unfinished calls raise BrokenProcessPool, and so does the next `submit`.
 
     Args:
         prepare: called first in each worker.
-        import_main: False where workers must not import the script that the user started, which may lack `if __name__ == "__main__"`.
+        import_main: whether workers import the script that the user started; use False if it may lack `if __name__ == "__main__"`.
     """
 
     def __init__(self, size: int, prepare: Callable[[], object] | None = None, import_main: bool = True) -> None:
@@ -39,7 +39,7 @@ class ProcessPool:
         self._executor = ProcessPoolExecutor(size, context, _start, (lifeline, prepare))
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Call a function of a module in a worker. Arguments, value and exceptions are pickled."""
+        """Call a module-level function in a worker. Its arguments, value and exceptions are pickled."""
         with contextlib.nullcontext() if self._import_main else _without_main():
             future = self._executor.submit(_call, function, arguments)
         result: Future[Any] = Future()
@@ -55,19 +55,19 @@ class ProcessPool:
             result.set_result(value)
 
     def end(self) -> None:
-        """End the workers, also in the middle of a call."""
+        """End the workers, even during a call."""
         self._own_end.close()
         self._executor.shutdown(cancel_futures=True)
 
 
 def in_worker() -> bool:
-    """Whether this process is a worker of a ProcessPool."""
+    """Return whether this process is a worker of a ProcessPool."""
     return _in_worker
 
 
 @contextlib.contextmanager
 def _without_main() -> Iterator[None]:
-    """Hide the file of the main module, which `spawn` would import in the new process."""
+    """Within the `with`, hide the file of the main module, because `spawn` would import it in the new process."""
     main = sys.modules["__main__"]
     hidden = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}
     vars(main).update(dict.fromkeys(hidden))
@@ -99,5 +99,5 @@ def _end_with_parent(lifeline: Connection) -> None:
 def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[int, Any]:
     try:
         return os.getpid(), function(*arguments)
-    except SystemExit:  # from SIGTERM; the executor would take it for an error of the call and go on
+    except SystemExit:  # raised on SIGTERM; the executor would treat it as an error of the call and continue
         os._exit(1)

@@ -1,4 +1,4 @@
-"""Progress of long work on standard error: a bar on a terminal, plain lines elsewhere.
+"""Print the progress of long work on standard error: a bar on a terminal, plain lines elsewhere.
 
 >>> progress = Progress(quiet=True)
 >>> [x * x for x in progress.over([1, 2, 3], "squares")]
@@ -30,7 +30,7 @@ class Progress:
             print(line, file=sys.stderr, flush=True)
 
     def over(self, items: Iterable[T], label: str) -> Iterator[T]:
-        """The items, with progress after each."""
+        """Yield the items and print the progress after each item."""
         total = len(items) if isinstance(items, Sized) else None
         with self.task(label, total) as advance:
             for item in items:
@@ -39,7 +39,7 @@ class Progress:
 
     @contextlib.contextmanager
     def task(self, label: str, total: int | None = None) -> Iterator[Callable[[], None]]:
-        """Work of `total` steps. Call the yielded function after each step."""
+        """Show the progress of work with `total` steps. Call the yielded function after each step."""
         if self._quiet:
             yield lambda: None
         elif self._terminal:
@@ -67,7 +67,7 @@ class Progress:
 
 
 def _duration(seconds: float) -> str:
-    """To the second below two minutes, else to the minute.
+    """Format a duration: in seconds below two minutes, else in minutes.
 
     >>> _duration(99.6), _duration(119.7), _duration(3601)
     ('100 s', '2 min', '60 min')

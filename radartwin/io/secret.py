@@ -1,4 +1,4 @@
-"""Remove keys and passwords of the environment from text before it is logged, shown or stored."""
+"""Remove keys and passwords that are environment variables from text before the text is logged, shown or stored."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ HIDDEN = "***"
 
 
 def hidden(text: str, *more: str | None) -> str:
-    """The text without the values of VARIABLES and of `more`. Error messages of servers and libraries may repeat them.
+    """Replace the values of the environment variables VARIABLES and the strings in `more` by *** in a text.
+
+    This is needed because error messages of servers and libraries may repeat keys.
 
     >>> hidden("invalid key abc-123-def", "abc-123-def")
     'invalid key ***'

@@ -10,7 +10,7 @@ MAX_BYTES = 256 << 20  # parsed JSON takes up to twenty times the memory; 10,000
 
 
 def load(text: str | bytes) -> Any:
-    """The content of a JSON text. Raises ValueError if it is malformed, nested too deeply or too large.
+    """Parse a JSON text. Raises ValueError if the text is malformed, nested too deeply or too large.
 
     >>> load("[" * 100_000)
     Traceback (most recent call last):
@@ -25,7 +25,7 @@ def load(text: str | bytes) -> Any:
 
 
 def read(path: Path) -> Any:
-    """The content of a JSON file in UTF-8. Raises ValueError as `load` does, for a large file without reading all of it; OSError."""
+    """Parse a JSON file in UTF-8. Raises ValueError as `load` (without reading all of a file that is too large), and OSError."""
     with path.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
     return load(content.decode("utf-8"))

@@ -1,4 +1,4 @@
-"""Open pictures from other sources: only the formats that scanners write, and at most Pillow's limit of 179 million pixels.
+"""Open pictures from untrusted sources: only the formats that scanners write, and at most Pillow's limit of 179 million pixels.
 
 Pillow detects fifty formats by content and runs other programs for some, such as Ghostscript for EPS.
 """
@@ -15,10 +15,11 @@ FORMATS = ("PNG", "JPEG", "PPM", "TIFF")  # PPM includes PGM
 
 
 def open_picture(path: Path) -> Image:
-    """The picture with its header read; the pixels are read on first use. The caller closes it.
+    """Open a picture and read its header; the pixels are read on first use. The caller closes the picture.
 
     Raises:
-        FileNotFoundError; OSError: the file is of another format or has too many pixels.
+        FileNotFoundError: the file does not exist.
+        OSError: the file has another format or too many pixels.
     """
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""Read YAML from other sources: only plain types, and no aliases, because a few lines of aliases can expand beyond all memory."""
+"""Read YAML from untrusted sources: only plain types, and no aliases, because a few lines of aliases can fill all memory."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def loader() -> type[yaml.SafeLoader]:
-    """The loader class. An alias raises a yaml.YAMLError with its line."""
+    """Return the YAML loader class. It raises a yaml.YAMLError with the line number for an alias."""
     import yaml
     from yaml.composer import ComposerError
 
@@ -24,7 +24,7 @@ def loader() -> type[yaml.SafeLoader]:
 
 
 def load(text: str) -> Any:
-    """The content of one YAML document."""
+    """Parse one YAML document."""
     import yaml
 
     return yaml.load(text, loader())

@@ -1,4 +1,4 @@
-"""What a run logs to MLflow besides metrics: its table, models, input data and the load of the machine.
+"""Log a run's table, models, input data and machine load to MLflow.
 
 Only this module and radartwin/runs/tracking.py, which opens the store, import mlflow.
 """
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from mlflow.entities import DatasetInput, Metric
 
 LOADER = "radartwin.recognize.pyfunc"  # the module that MLflow loads a run's models with
-DIGEST_LENGTH = 32  # of a dataset; MLflow takes up to 36
+DIGEST_LENGTH = 32  # characters of a dataset's digest; MLflow takes up to 36
 BATCH = 1000  # metrics that MLflow takes in one call
-SYSTEM = "system/"  # metrics of this prefix have a page of their own in MLflow
+SYSTEM = "system/"  # MLflow shows metrics with this prefix on a separate page
 SYSTEM_METRICS = "MLFLOW_ENABLE_SYSTEM_METRICS_LOGGING"
 
 
@@ -66,7 +66,7 @@ def log_table(client: MlflowClient, run_id: str, rows: Sequence[Mapping[str, Any
 
 
 def log_models(client: MlflowClient, run_id: str, folder: Path) -> None:
-    """Log each subfolder NAME as a python_function model models/NAME of the run. The subfolder is its data, and nothing is pickled."""
+    """Log each subfolder NAME as the python_function model models/NAME of the run. The subfolder holds the model's data, without pickle."""
     from mlflow import pyfunc
 
     for model in sorted(folder.iterdir()):
@@ -79,7 +79,7 @@ def log_models(client: MlflowClient, run_id: str, folder: Path) -> None:
 
 
 def datasets(inputs: Mapping[str, Sequence[str]]) -> list[DatasetInput]:
-    """One dataset per kind of product. Its digest is the product's key, or a digest of all keys if there are several products."""
+    """Return one MLflow dataset per kind of product. Its digest is the product's key, or a digest of all keys of several products."""
     from mlflow.entities import Dataset, DatasetInput
 
     found = []
@@ -94,7 +94,7 @@ def datasets(inputs: Mapping[str, Sequence[str]]) -> list[DatasetInput]:
 
 @contextlib.contextmanager
 def machine(run_id: str, uri: str) -> Iterator[list[Metric]]:
-    """Samples of processor, memory, disk, network and GPU load during the `with`, if SYSTEM_METRICS is set.
+    """Within the `with`, sample processor, memory, disk, network and GPU load, if SYSTEM_METRICS is set. Yields the list of samples.
 
     The caller logs the samples, because MLflow's own thread would write to the SQLite database at any time and two writers at once fail.
     MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL sets the interval in seconds.
@@ -136,12 +136,12 @@ def machine(run_id: str, uri: str) -> Iterator[list[Metric]]:
 
 
 def log_metrics(client: MlflowClient, run_id: str, metrics: Sequence[Metric]) -> None:
-    """Log any number of metrics."""
+    """Log the metrics in batches that MLflow accepts."""
     for first in range(0, len(metrics), BATCH):
         client.log_batch(run_id, metrics=metrics[first : first + BATCH])
 
 
 def comparison(experiment_id: str, run_ids: Sequence[str]) -> str:
-    """Description of a sweep's parent run in Markdown: a link that compares its jobs in the dashboard."""
+    """Return the description of a sweep's parent run in Markdown: a link that compares the sweep's jobs in the dashboard."""
     runs, experiments = (quote(json.dumps(ids, separators=(",", ":"))) for ids in (list(run_ids), [experiment_id]))
     return f"[Compare its {len(run_ids)} latest jobs](#/compare-runs?runs={runs}&experiments={experiments})"

@@ -1,4 +1,4 @@
-"""The commit of the checkout that computed a result."""
+"""Find the git commit of the checkout that computes a result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 @functools.cache
 def commit() -> tuple[str, bool]:
-    """Commit of the checkout that this package runs from, and whether files differ from it; ("none", False) outside a checkout."""
+    """Return the commit of this package's checkout, and whether files differ from the commit; ("none", False) outside a checkout."""
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return "none", False

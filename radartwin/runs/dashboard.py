@@ -27,10 +27,10 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> int:
-    """Serve until Ctrl-C, SIGTERM or SIGHUP; the exit status of the server.
+    """Start MLflow's server, wait until Ctrl-C, SIGTERM or SIGHUP, and return the server's exit status.
 
     Args:
-        port: None means 5000, or a free port if 5000 is taken.
+        port: of the server; None means 5000, or another free port if 5000 is taken.
     Raises:
         ConfigError: tracking is off or goes to another server.
         BackendError: the chosen port is taken.
@@ -46,7 +46,7 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     tracker.prepare()
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]
     command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
-    # MLflow would start seven processes for jobs with language models.
+    # By default MLflow starts seven more processes for language-model jobs, which RadarTwin does not use.
     environment = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", **os.environ}
     with contextlib.suppress(KeyboardInterrupt), _interrupted_by_signals():
         # In a session of its own the server does not receive Ctrl-C, so this process ends the server and all that it started.
@@ -63,7 +63,7 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
 
 @contextlib.contextmanager
 def _interrupted_by_signals() -> Iterator[None]:
-    """Within the `with`, each of the signals raises KeyboardInterrupt."""
+    """Within the `with`, make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt."""
 
     def interrupt(*_: object) -> NoReturn:
         raise KeyboardInterrupt
@@ -77,7 +77,7 @@ def _interrupted_by_signals() -> Iterator[None]:
 
 
 def _end(server: subprocess.Popen[bytes]) -> None:
-    """End the server and the processes that it started: by SIGTERM, after some seconds by SIGKILL."""
+    """End the server and the processes that it started with SIGTERM, and after some seconds with SIGKILL."""
     for number in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(server.pid, number)

@@ -1,4 +1,4 @@
-"""The interface between the runner and an experiment: a module with `run(config, store, progress) -> Result`.
+"""The interface between the runner and an experiment. An experiment is a module with `run(config, store, progress) -> Result`.
 
 The runner imports the module that the configuration names (`experiment.module`, or experiments.NAME for `experiment.name`). A finished
 result is a product of the store, so a second run reads it back.
@@ -46,11 +46,11 @@ class Result:
 
     Attributes:
         table: name of the table.
-        rows: dictionaries with columns that name the case, then SCORE_COLUMNS and `run_keys`.
-        figures: by name, functions that draw a figure; for a result read from the store, paths of the files without suffix.
-        metrics: scalars to track, about thirty at most; no brackets in their names.
+        rows: of the table, as dictionaries: the columns that name the case, then SCORE_COLUMNS and `run_keys`.
+        figures: functions that draw a figure, by name; for a result read from the store, paths of the figure's files without suffix.
+        metrics: scalars that MLflow shows, by name; about thirty at most, without brackets in their names.
         keys: keys of the products that the result was computed from.
-        run_key: set by the runner.
+        run_key: key of the run's product; the runner sets it.
         models: trained models by name; for a result read from the store, their folders.
     """
 
@@ -65,11 +65,11 @@ class Result:
 
 @dataclass(frozen=True)
 class Table:
-    """How the report shows the rows of an experiment. The experiment's module declares it as `TABLE`.
+    """Describes how the report shows the rows of an experiment. Each experiment module declares its table as `TABLE`.
 
     Attributes:
-        name: of the experiment (conf/experiment/NAME.yaml) and of the table's files.
-        chart: (rows) -> an HTML page, the interactive chart beside the figures.
+        name: of the experiment (conf/experiment/NAME.yaml) and of the files of the table.
+        chart: function of the rows that returns the HTML page of an interactive chart, shown beside the figures.
     """
 
     name: str
@@ -91,7 +91,7 @@ class Experiment(Protocol):
 
 
 def module_name(experiment: ExperimentConfig) -> str:
-    """Name of the module of the configured experiment. Raises ConfigError if no experiment is named, or the name is not valid."""
+    """Return the module name of the configured experiment. Raises ConfigError if no experiment is named or its name is not valid."""
     if not experiment.module and not experiment.name:
         raise ConfigError("no experiment was named; add experiment=NAME (radartwin run --help lists them)")
     name = experiment.module or f"experiments.{experiment.name}"
@@ -102,10 +102,10 @@ def module_name(experiment: ExperimentConfig) -> str:
 
 
 def load(experiment: ExperimentConfig) -> Experiment:
-    """The module of the configured experiment, imported.
+    """Import and return the module of the configured experiment.
 
     Raises:
-        ConfigError: there is no such module, or it has no function `run`.
+        ConfigError: the module does not exist, or has no function `run`.
     """
     name = module_name(experiment)
     study.add_to_path()
@@ -124,7 +124,7 @@ def load(experiment: ExperimentConfig) -> Experiment:
 
 
 def declared(experiment: ExperimentConfig) -> Table:
-    """The `TABLE` of the configured experiment's module. Raises ConfigError where it has none."""
+    """Return the `TABLE` of the configured experiment's module. Raises ConfigError if the module declares none."""
     table = getattr(load(experiment), "TABLE", None)
     if not isinstance(table, Table):
         raise ConfigError(f"experiment module {module_name(experiment)} declares no table; add TABLE = Table(name, title, caption)")
@@ -132,10 +132,10 @@ def declared(experiment: ExperimentConfig) -> Table:
 
 
 def check_rows(table: str, rows: list[dict[str, Any]]) -> None:
-    """Check that every row has the score columns, a known verdict, and an interval that holds its value.
+    """Check that every row has the score columns, a known verdict, and a value inside its confidence interval.
 
     Raises:
-        InputError: names table, row and column.
+        InputError: a row is wrong; the message names table, row and column.
     """
     for number, row in enumerate(rows, 1):
         where = f"table {table}, row {number}"
@@ -181,10 +181,10 @@ def save(result: Result, folder: Path) -> None:
 
 
 def read(product: Product) -> Result:
-    """The result in a product folder. Its figures are paths without suffix; .png, .pdf and .html exist.
+    """Read the result from a product folder. Its figures are paths without suffix; a .png, .pdf and .html file of each exists.
 
     Raises:
-        InputError: the product is no result, or names files outside of its folder.
+        InputError: the product is not a result, or names files outside its folder.
     """
     try:
         content = product.read_json("result")
@@ -197,7 +197,7 @@ def read(product: Product) -> Result:
 
 
 def _plain(value: Any) -> Any:
-    """The value as JSON can hold it: Python scalars in place of NumPy's, None in place of NaN."""
+    """Convert a value for JSON: NumPy scalars become Python scalars, and NaN becomes None."""
     if isinstance(value, bool) or value is None or isinstance(value, str):
         return value
     if isinstance(value, numbers.Integral):

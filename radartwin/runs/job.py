@@ -1,4 +1,4 @@
-"""One job of a sweep, as a launcher calls it: run the experiment, write an outcome, raise nothing.
+"""Run one job of a sweep for a launcher: run the experiment, write the outcome to a file, and raise no exception.
 
 An exception in a launcher would lose the rest of the sweep. So a job writes files into its folder, and the parent of the sweep reads them:
 
@@ -36,10 +36,11 @@ STATUSES = (DONE, CACHED, FAILED, REFUSED, UNFINISHED)
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one job ended: done, cached (finished before), failed (a defect, or killed), refused (the user's input), not run.
+    """How one job ended. The status is done, cached (finished by an earlier run), failed (by a defect or a kill), refused (because of wrong
+    user input) or not run.
 
     Attributes:
-        line: counts of products, or the reason of a failure.
+        line: number of products computed and reused, or the reason of a failure.
         seconds: wall-clock time.
         log: path of the log; empty if the log is empty.
     """
@@ -61,7 +62,7 @@ class Outcome:
 
     @classmethod
     def read(cls, folder: Path) -> Outcome | None:
-        """The outcome in a job's folder; None if the job has not ended."""
+        """Read the outcome from a job's folder; None if the job has not ended."""
         try:
             return cls(**json.loads((folder / OUTCOME).read_text(encoding="utf-8")))
         except FileNotFoundError:
@@ -69,12 +70,12 @@ class Outcome:
 
 
 def job_name(overrides: Sequence[str]) -> str:
-    """The overrides that distinguish a job from the others of its sweep, such as materials=void,seed=1."""
+    """Join the overrides that distinguish a job from the other jobs of its sweep, such as materials=void,seed=1."""
     return ",".join(f"{key}={value}" for key, value in naming(overrides).items()) or "defaults"
 
 
 def job(composed: DictConfig) -> None:
-    """The task function that Hydra's launchers call, in any process or on any machine."""
+    """Run one job; Hydra's launchers call this task function, in any process or on any machine."""
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 
@@ -109,7 +110,7 @@ def _outcome(composed: DictConfig, overrides: Sequence[str]) -> Outcome:
 
 @contextlib.contextmanager
 def _logged(path: Path, echo: bool) -> Iterator[None]:
-    """Write standard error to the file, and with `echo` also to the terminal."""
+    """Within the `with`, write standard error to the file, and with `echo` also to the terminal."""
     with contextlib.ExitStack() as stack:
         log = stack.enter_context(path.open("w", encoding="utf-8", buffering=1))
         stack.enter_context(contextlib.redirect_stderr(cast(Any, _Both(log, sys.stderr)) if echo else log))
@@ -117,7 +118,7 @@ def _logged(path: Path, echo: bool) -> Iterator[None]:
 
 
 class _Both(io.TextIOBase):
-    """Writes to two streams. It is not a terminal, so progress is printed as lines."""
+    """A stream that writes to two streams. It does not count as a terminal, so progress is printed as lines."""
 
     def __init__(self, first: TextIO, second: TextIO) -> None:
         self._streams = (first, second)

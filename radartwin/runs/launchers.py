@@ -1,8 +1,8 @@
 """Run the jobs of a sweep with one of Hydra's launchers (serial, joblib, SLURM), so that a killed job does not end the sweep.
 
 With Hydra's own multirun the first killed worker loses all jobs. Here each job writes an outcome into a folder (radartwin/runs/job.py).
-If the launcher fails, jobs that had started run again one by one. A job that dies again when it runs alone has failed; the others continue
-together.
+If the launcher fails, this module runs the jobs that had started again, one at a time. A job that crashes again when it runs alone has
+failed. The other jobs continue together.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from radartwin.io import files
 from radartwin.runs.job import FAILED, LOG, STARTED, Outcome, job, job_name
 
 POLL_S = 0.2
-ALONE_TRIES = 2  # one kill may come from outside, two in a row hardly
+ALONE_TRIES = 2  # tries of a job that runs alone: another program may kill the job once, but hardly twice in a row
 
 
 class Launcher:
-    """The launcher of one sweep.
+    """Runs the jobs of one sweep with a launcher of Hydra.
 
     Args:
         hydra_overrides: overrides of Hydra's settings, such as `hydra/launcher=joblib` and `hydra.launcher.n_jobs=2`.
         folder: folder of the sweep; job N writes its files into folder/N.
-        say: receives a line per finished job.
+        say: called with one line of text for each finished job.
     Raises:
         ConfigError: the launcher or a setting is unknown, or would call code outside radartwin and the launchers.
     """
@@ -38,7 +38,7 @@ class Launcher:
         self._plugin = launcher([*hydra_overrides, path_override("hydra.sweep.dir", folder)], config_dirs, job)
 
     def run(self, jobs: Mapping[int, Sequence[str]], total: int) -> None:
-        """Run the jobs (overrides by number) until each has an outcome. Raises the launcher's error if no job has started."""
+        """Run the jobs (overrides by job number) until each has an outcome. Raises the launcher's error if no job has started."""
         waiting = dict(jobs)
         with self._watched(list(jobs), total):
             while waiting:

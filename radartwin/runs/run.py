@@ -1,7 +1,7 @@
-"""One experiment: compose the configuration, compute or read back the result, track it. For sweeps see radartwin/runs/sweep.py.
+"""Run one experiment: compose the configuration, compute or read the result, track it in MLflow. For sweeps see radartwin/runs/sweep.py.
 
-The result is in the store before it is in MLflow. If tracking fails at the end, the run only warns, and the next start of the same run
-tracks the result.
+The run saves its result in the store first and then tracks it in MLflow. If tracking fails, the run only warns, and the next run of the
+same configuration tracks the result.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ _UNNAMED = ("experiment", "output", "jobs", "tracking", "hydra")  # overrides th
 
 
 def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Progress | None = None) -> tuple[Result, Counts]:
-    """The result of a composed experiment, computed or read back, and the counts of products that were built and found.
+    """Compute the result of a composed experiment, or read it from the store if an earlier run finished.
+
+    Returns: the result, and the numbers of products that were computed and that were found in the store.
 
     Raises:
         UserError: the configuration cannot be run.
@@ -73,7 +75,7 @@ def _run_experiment(config: Config, overrides: Sequence[str], progress: Progress
 
 
 def _keys_by_kind(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
-    """Keys by the kind of their product. A key outside the store belongs to a recording set of the user."""
+    """Group product keys by the kind of their product. A key that the store does not hold belongs to a recording set of the user."""
     found: dict[str, list[str]] = {}
     for key in keys:
         place = next(store.root.glob(f"*/{key}"), None)
@@ -82,36 +84,37 @@ def _keys_by_kind(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
 
 
 def finished(config: Config) -> bool:
-    """Whether the store holds the complete run of this configuration."""
+    """Return whether the store holds the finished run of this configuration."""
     return Store(Path(config.output) / "cache").holds(RUN, *_identity(config))
 
 
 def run_key(config: Config) -> str:
-    """Key of the run of this configuration, with the source code as it is now."""
+    """Return the key of a run of this configuration with the current source code."""
     return Store(Path(config.output) / "cache").key(RUN, *_identity(config))
 
 
 def _identity(config: Config) -> tuple[dict[str, Any], list[str]]:
-    """What forms the key of a run: its configuration, what its module adds (such as the machine that it times), and the module."""
+    """Return the specification that forms a run's key, and the experiment's module. The specification holds the configuration and the
+    additions of the module, such as the machine of a timing experiment."""
     own = getattr(load(config.experiment), "identity", dict)()
     return {"config": semantic(config), **own}, [module_name(config.experiment)]
 
 
 def naming(overrides: Sequence[str]) -> dict[str, str]:
-    """The overrides that name a run, by key: {"materials": "void"}."""
+    """Return the overrides that distinguish a run from others of its table, by key, such as {"materials": "void"}."""
     pairs = (override.lstrip("+~").partition("=") for override in overrides)
     return {key: value for key, _, value in pairs if key.partition(".")[0].partition("/")[0] not in _UNNAMED}
 
 
 def summary(result: Result) -> str:
-    """Number of rows by verdict and the metrics, as lines for a terminal."""
+    """Format the number of rows by verdict and the metrics as lines for a terminal."""
     verdicts = ", ".join(f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in VERDICTS)
     numbers = [f"  {name} = {value:.4g}" for name, value in result.metrics.items()]
     return "\n".join([f"{result.table}: {len(result.rows)} rows ({verdicts}); run {result.run_key[:8]}", *numbers])
 
 
 def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
-    """`radartwin run`: one experiment. Returns the exit status."""
+    """Run one experiment for `radartwin run`. Returns the exit status."""
     extend_path(config_dirs)
     config = compose(overrides, config_dirs)
     result, counts = run_experiment(config, overrides)
@@ -124,7 +127,7 @@ def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
 
 
 def extend_path(config_dirs: Sequence[Path]) -> None:
-    """Find a user's experiment module in the folder of its configuration or the folder around that, here and in worker processes."""
+    """Make the user's experiment modules importable, here and in workers, from each configuration folder and its parent folder."""
     for folder in config_dirs:
         for root in (str(folder.resolve()), str(folder.resolve().parent)):
             if root not in sys.path:

@@ -1,7 +1,8 @@
-"""`radartwin run --search METRIC`: settings that maximise or minimise a metric, with Optuna.
+"""`radartwin run --search METRIC`: search for settings that maximise or minimise a metric, with Optuna.
 
-Optuna proposes settings, the launcher of the sweep runs them, and Optuna gets the metric. The study is saved in output/search/NAME.db,
-named after the search space, so the same command continues it. A trial whose run is already finished is read from the store.
+Optuna proposes settings, the launcher of the sweep runs them, and Optuna receives the metric. The study is saved in output/search/NAME.db,
+where NAME follows from the search space, so the same command continues the study. A trial whose run is already finished is read from the
+store.
 """
 
 from __future__ import annotations
@@ -47,10 +48,10 @@ class SearchGoal:
 
 
 def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGoal) -> int:
-    """Run trials until the study has enough and print the best one. Returns the exit status.
+    """Run trials until the study has the requested number, and print the best trial. Returns the exit status.
 
     Raises:
-        ConfigError: no override is an interval or a choice, or the experiment does not have the metric.
+        ConfigError: no override is an interval or a choice, or the experiment has no metric of this name.
         BackendError: Optuna is not installed, or its database cannot be used.
     """
     extend_path(config_dirs)
@@ -74,9 +75,9 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
 
 
 def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistribution]]:
-    """The fixed overrides, and the distribution of each searched setting.
+    """Split overrides into the fixed overrides and the distribution of each setting to search over.
 
-    interval(a,b) is continuous, tag(log,interval(a,b)) continuous on a logarithmic scale, range(a,b,step) and a,b,c are choices.
+    interval(a,b) is continuous, tag(log,interval(a,b)) is continuous on a logarithmic scale; range(a,b,step) and a,b,c are choices.
 
     Raises:
         ConfigError: an override cannot be parsed, or an interval is empty.
@@ -100,7 +101,10 @@ def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistributi
 
 
 def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribution], goal: SearchGoal) -> tuple[Study, Path]:
-    """The study of this space and its file, opened or created. Trials of a killed process are queued again."""
+    """Open or create the Optuna study of this search space. Trials that a killed process left unfinished are queued again.
+
+    Returns: the study, and the path of its file.
+    """
     optuna = _optuna()
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     described = {key: repr(distribution) for key, distribution in searched.items()}
@@ -111,7 +115,7 @@ def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribu
         with files.lock(place.with_name(f".{place.name}.lock")):
             storage = optuna.storages.RDBStorage(f"sqlite:///{place.as_posix()}", engine_kwargs={"connect_args": {"timeout": 60}})
             study = optuna.create_study(storage=storage, study_name=name, direction=goal.direction, load_if_exists=True)
-    except Exception as error:  # SQLAlchemy's, alembic's and SQLite's own
+    except Exception as error:  # SQLAlchemy, alembic and SQLite each raise errors of their own types
         if isinstance(error, UserError):
             raise
         reason = " ".join(str(error).split())[:200]
@@ -150,7 +154,7 @@ def _report(study: Study, trial: Trial, outcome: Outcome, metric: str) -> None:
 
 
 def _finished(study: Study) -> list[Any]:
-    """Completed trials, and failed trials that have a reason; not those that a kill interrupted."""
+    """Return the completed trials and the trials that failed for a stated reason, but not the trials that a kill interrupted."""
     optuna = _optuna()
     complete = study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.FAIL))
     return [trial for trial in complete if trial.state == optuna.trial.TrialState.COMPLETE or "reason" in trial.user_attrs]

@@ -1,7 +1,7 @@
-"""A sweep on SLURM: hydra-submitit-launcher submits the jobs, and squeue says which of them still run.
+"""Run a sweep on SLURM: hydra-submitit-launcher submits the jobs, and squeue reports which of them still run.
 
-The launcher's own waiting stops at the first killed job, and never ends on a cluster without accounting. Here a job has ended when its
-outcome is written (radartwin/runs/job.py) or when the queue no longer holds the job.
+hydra-submitit-launcher itself stops waiting at the first killed job, and never stops on a cluster without accounting. In this module a job
+has ended when its outcome is written (radartwin/runs/job.py) or when the queue no longer holds the job.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from radartwin.errors import BackendError
 from radartwin.runs.job import FAILED, LOG, Outcome, job_name
 
 POLL_S = float(os.environ.get("RADARTWIN_SLURM_POLL", "5"))
-GRACE_S = 4 * POLL_S  # a file written on a node appears here with a delay
+GRACE_S = 4 * POLL_S  # wait for the outcome of a job that left the queue: files of a node appear here with a delay
 WAITING = ("PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "REQUEUED", "SUSPENDED", "RESIZING", "SIGNALING", "STAGE_OUT", "STOPPED")
 
 
@@ -85,17 +85,17 @@ class SlurmSweep(SlurmLauncher):
         Outcome(job_name(named), FAILED, reason, log=log).write(place)
 
     def _place(self, overrides: Sequence[str]) -> Path:
-        """The folder of a job. radartwin/runs/launchers.py names it by an override."""
+        """Return the folder of a job, which radartwin/runs/launchers.py passes as an override."""
         assert self.config is not None
         name = next(o.partition("=")[2].strip("'") for o in overrides if o.startswith("hydra.sweep.subdir="))
         return Path(str(self.config.hydra.sweep.dir)) / name
 
 
-UNREACHABLE: dict[str, str] = {}  # the queue did not answer; an empty queue is another dictionary
+UNREACHABLE: dict[str, str] = {}  # returned if the queue does not answer; compared by identity, so an empty queue differs from it
 
 
 def queue_states(array: str) -> dict[str, str]:
-    """States of the jobs of an array that the queue still knows, by job id, such as {"12_3": "RUNNING"}."""
+    """Return the states of an array's jobs that are still in the queue, by job id, such as {"12_3": "RUNNING"}."""
     command = ["squeue", "--noheader", "--array", "--states=all", f"--jobs={array}", "--format=%i %T"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode and "Invalid job id" not in done.stderr:

@@ -11,7 +11,7 @@ from radartwin.errors import MissingError
 
 
 def add_to_path() -> Path | None:
-    """Make experiments/ and analysis/ importable; the root of their checkout, or None outside a checkout."""
+    """Make experiments/ and analysis/ importable. Returns the root of their checkout, or None outside a checkout."""
     for root in (Path(__file__).resolve().parents[2], Path.cwd()):
         if (root / "experiments" / "__init__.py").is_file() and (root / "analysis" / "__init__.py").is_file():
             if str(root) not in sys.path:
@@ -21,7 +21,7 @@ def add_to_path() -> Path | None:
 
 
 def module(name: str) -> ModuleType:
-    """A module of the study by name. Raises MissingError outside a checkout."""
+    """Import and return a module of experiments/ or analysis/ by name. Raises MissingError outside a checkout."""
     if add_to_path() is None:
         raise MissingError("tables and the report need experiments/ and analysis/; run this from a checkout of the repository")
     return importlib.import_module(name)

@@ -1,7 +1,8 @@
-"""`radartwin run -m`: one job per combination of values, and a table of jobs at the end.
+"""`radartwin run -m`: run one job per combination of values, and print a table of the jobs at the end.
 
-All jobs are composed before the first one starts, so that a wrong key is found early. A finished run is read from the store; the launcher
-that hydra/launcher names runs the others. A sweep has no state beside its runs, so the same command resumes it.
+The configurations of all jobs are composed before the first job starts, so that a wrong key is found early. Jobs that an earlier run
+finished are read from the store; the launcher that hydra/launcher names runs the other jobs. A sweep stores nothing besides its runs, so
+the same command resumes an interrupted sweep.
 """
 
 from __future__ import annotations
@@ -43,9 +44,9 @@ class Sweep:
     """A running sweep: its folder, its parent run in MLflow, its launcher, and the outcomes so far.
 
     Args:
-        first: configuration of one of its jobs; all jobs have the same table and output.
+        first: configuration of one of its jobs; all jobs have the same table and output folder.
         hydra_overrides: the launcher and its settings.
-        title: name of the parent run: the overrides that distinguish the sweep from others of the same table.
+        title: name of the parent run: the overrides that distinguish this sweep from other sweeps of the same table.
     """
 
     def __init__(self, first: Config, hydra_overrides: Sequence[str], config_dirs: Sequence[Path], title: str) -> None:
@@ -79,7 +80,7 @@ class Sweep:
             self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
 
     def run(self, jobs: Mapping[int, tuple[list[str], Config]], total: int | None = None) -> None:
-        """Run the jobs (overrides and configuration by number); finished ones are read from the store."""
+        """Run the jobs (overrides and configuration by job number). Jobs that are already finished are read from the store."""
         total = total or len(jobs)
         self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
         waiting: dict[int, list[str]] = {}
@@ -117,13 +118,13 @@ class Sweep:
 
 
 def split(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The overrides of the experiment, and those of Hydra's own settings."""
+    """Split overrides into those of the experiment and those of Hydra's own settings."""
     hydras = [o for o in overrides if o.lstrip("+~").startswith(("hydra.", "hydra/"))]
     return [o for o in overrides if o not in hydras], hydras
 
 
 def composed(jobs: Sequence[list[str]], config_dirs: Sequence[Path] = ()) -> list[Config]:
-    """The configuration of each job. Raises ConfigError that names the first job whose configuration is wrong."""
+    """Compose the configuration of each job. Raises a ConfigError that names the first job whose configuration is wrong."""
     configs, composer = [], Composer(config_dirs)
     for job in jobs:
         try:
@@ -134,7 +135,7 @@ def composed(jobs: Sequence[list[str]], config_dirs: Sequence[Path] = ()) -> lis
 
 
 def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
-    """The outcome of a job whose run is already finished; None if the job has to run."""
+    """Return the outcome of a job whose run is already finished; None if the job has to run."""
     started = time.monotonic()
     try:
         if not finished(config):
@@ -148,7 +149,7 @@ def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
 
 
 def table_text(outcomes: Iterable[Outcome]) -> str:
-    """One line per job, with the reason and the log of each job that did not finish."""
+    """Format the outcomes as one line per job, with the reason and the log file of each job that did not finish."""
     lines = []
     for outcome in sorted(outcomes, key=lambda o: STATUSES.index(o.status)):
         log = f"; log {outcome.log}" if outcome.log and not outcome.finished else ""
@@ -157,7 +158,7 @@ def table_text(outcomes: Iterable[Outcome]) -> str:
 
 
 def table_csv(outcomes: Iterable[Outcome]) -> str:
-    """The jobs as CSV: job, status, run_key, a column per metric, line, log, seconds."""
+    """Format the outcomes as CSV with the columns job, status, run_key, one per metric, line, log and seconds."""
     rows = list(outcomes)
     metrics = sorted({name for row in rows for name in row.metrics})
     text = io.StringIO()

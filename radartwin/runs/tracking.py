@@ -1,8 +1,8 @@
 """Track runs in MLflow: in SQLite in the output folder, or on a server.
 
-Several processes that open a new SQLite database at once destroy it, and writers that meet fail. So one file lock protects every access to
-the database; artifacts are plain files and need no lock. A run locks the database twice for a short time: to create the run, and to end it
-with all metrics, tags and datasets.
+If several processes open a new SQLite database at once, they destroy it; if two processes write at once, a write fails. So one file lock
+protects every access to the database; artifacts are plain files and need no lock. A run locks the database twice for a short time: first to
+create the run, and then to end it with all metrics, tags and datasets.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ if TYPE_CHECKING:
 
 DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
 KIND = {"mlflow.experimentKind": "custom_model_development"}  # then the page of an experiment opens on the table of runs
-PROCESS = "process"  # tag: host and process id that compute a run
+PROCESS = "process"  # tag of a run: host name and process id that compute the run
 COMPARED = 100  # number of jobs that the link of a parent run compares
-MAX_METRICS = 40  # about thirty scalars a run; curves and tables are artifacts
+MAX_METRICS = 40  # of one run; runs have about thirty scalars, and curves and tables are artifacts
 
 
 class Tracker:
-    """Tracking of one output folder. The constructor only checks the database; `prepare` opens it.
+    """Tracks the runs of one output folder in MLflow. The constructor only checks the database; `prepare` opens it.
 
     Args:
         config: with backend "off" every method does nothing.
-        output: root of everything written.
+        output: root folder of all output.
     Raises:
         BackendError, OutputError: the SQLite database cannot be opened or created.
     """
@@ -61,7 +61,7 @@ class Tracker:
 
     @property
     def artifacts(self) -> str | None:
-        """Folder of the artifacts beside a SQLite database, as a URI; None for a server."""
+        """Return the URI of the artifact folder beside a SQLite database; None for a server."""
         return (self._database.absolute().parent / ARTIFACTS).as_uri() if self._database else None
 
     @property
@@ -70,19 +70,19 @@ class Tracker:
         return self._database.with_name(f".{self._database.name}.lock")
 
     def prepare(self) -> None:
-        """Create or open the store. The parent of a sweep calls this before its jobs start."""
+        """Create or open MLflow's store. The parent of a sweep calls this before its jobs start."""
         if not self.off:
             with self._exclusive():
                 self._connect()
 
     @contextlib.contextmanager
     def run(self, table: str, key: str, name: str, params: Mapping[str, str]) -> Iterator[Record]:
-        """Track the work inside the `with` as a run that finishes with the record's metrics and artifacts, or fails with the error.
+        """Track the work inside the `with` as one MLflow run. Yields the record of what to log; an error marks the run as failed.
 
         Args:
             table: name of the MLflow experiment.
-            key: run key, a tag. An unfinished run of the same key was killed and is marked as killed.
-            name: name of the run; the short key is appended.
+            key: run key, stored as a tag. An unfinished run with the same key must have been killed, so it is marked as killed.
+            name: of the run; the first characters of the key are appended.
         """
         record = Record()
         if self.off:
@@ -110,7 +110,7 @@ class Tracker:
                 warnings.warn(f"run {key[:8]} is not complete in MLflow: {lost}; its result is kept", stacklevel=1)
 
     def sweep(self, table: str, name: str) -> str | None:
-        """Open the parent run of a sweep and return its id; None if tracking is off. A sweep that is resumed keeps its parent run."""
+        """Open the parent run of a sweep and return its id; None if tracking is off. A resumed sweep continues its earlier parent run."""
         if self.off:
             return None
         sweep_key = hashlib.sha256(f"{table} {name}".encode()).hexdigest()[:32]
@@ -123,7 +123,7 @@ class Tracker:
             return self._create(client, experiment_id, name, {**artifacts.tags(table, "sweep"), "sweep_key": sweep_key}, None)
 
     def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"], table: Path | None = None) -> None:
-        """End the parent run with the table of its jobs and a link that compares them. A failure is only a warning."""
+        """End the parent run with the table of its jobs and a link that compares them. If this fails, only warn."""
         if run_id is None:
             return
         try:
@@ -139,7 +139,7 @@ class Tracker:
             warnings.warn(f"the sweep is not complete in MLflow: {lost}; its runs are kept", stacklevel=1)
 
     def known(self, table: str, key: str) -> bool:
-        """Whether a run of this key is finished in the store, or a living process of this machine computes it."""
+        """Return whether MLflow holds a finished run with this key, or a living process of this machine computes the run."""
         if self.off:
             return True
         with self._visit() as client:
@@ -148,7 +148,7 @@ class Tracker:
 
     @contextlib.contextmanager
     def _visit(self) -> Iterator[MlflowClient]:
-        """The store, under its lock. Errors of the store become BackendError."""
+        """Yield the client of MLflow's store while holding the lock. Errors of the store become BackendError."""
         with self._exclusive():
             client = self._connect()
             with _store_errors(self.uri):
@@ -235,7 +235,7 @@ def quieten() -> None:
 
 
 def _check_database(path: Path) -> None:
-    """Refuse a database that cannot work, because mlflow would retry for minutes."""
+    """Raise BackendError for a database that cannot be used, because mlflow would retry for minutes."""
     if signs := [sign for sign in "?#%" if sign in str(path)]:
         raise _unusable(path, f"mlflow misreads '{signs[0]}' in the path of a database")
     if not path.exists():
@@ -252,7 +252,7 @@ def _check_database(path: Path) -> None:
 
 @contextlib.contextmanager
 def _store_errors(uri: str) -> Iterator[None]:
-    """Turn errors of the store into one line that names the store."""
+    """Within the `with`, turn errors of MLflow's store into a BackendError of one line that names the store."""
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
@@ -266,7 +266,7 @@ def _store_errors(uri: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _short_timeouts() -> Iterator[None]:
-    """Try a server twice for 10 s each, where mlflow would try for minutes. The user's settings take precedence."""
+    """Within the `with`, let mlflow try a server twice for 10 s each instead of for minutes. The user's settings take precedence."""
     ours = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1", "MLFLOW_HTTP_REQUEST_TIMEOUT": "10"}
     added = {name: value for name, value in ours.items() if name not in os.environ}
     os.environ.update(added)
@@ -283,13 +283,13 @@ def _unusable(store: object, reason: str) -> BackendError:
 
 
 def _one_line(error: Exception) -> str:
-    """The message of SQLite inside the errors around it; otherwise the first line."""
+    """Return SQLite's own message if the error wraps one; otherwise the first line of the error."""
     if found := re.search(r"\(sqlite3\.\w+\) ([^\n\[]+)", str(error)):
         return found.group(1).strip()
     return hidden((str(error).splitlines() or [type(error).__name__])[0])[:200]
 
 
 def _alive(found: Mapping[str, str]) -> bool:
-    """Whether the process in the tags of a run still runs on this machine."""
+    """Return whether the process that the tags of a run name still runs on this machine."""
     host, _, process = found.get(PROCESS, "").rpartition(":")
     return host == socket.gethostname() and process.isdecimal() and files.alive(int(process))

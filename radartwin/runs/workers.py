@@ -1,6 +1,6 @@
-"""Calls spread over worker processes. A result must not depend on which worker computed it; only its run time may.
+"""Distribute function calls over worker processes. A result must not depend on which worker computed it; only the run time may.
 
-Within `reused` the workers of one task go on to the next, with all modules imported and all kernels compiled.
+Within `reused`, the workers of one task also do the next task, so modules stay imported and kernels stay compiled.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from radartwin.store import products
 
 BYTES_PER_WORKER = 8e9  # memory of one worker that simulates the atrium
 IDLE_BYTES = 2e9  # memory that a worker may keep between two tasks
-FEWEST_ITEMS = 4  # for fewer items a second process is not worth its start
+FEWEST_ITEMS = 4  # below this number, starting a second process takes longer than it saves
 
 _pool: ProcessPool | None = None
 _reusing = False
 
 
 def worker_count(jobs: int, items: int) -> int:
-    """Number of workers for so many items; 1 means that this process does the work itself.
+    """Return the number of workers for a number of items; 1 means that this process does the work itself.
 
     Args:
-        jobs: as configured; 0 means as many as there are cores and memory for. At most one worker per two items is used.
+        jobs: configured number of workers; 0 means as many as cores and memory allow. There is at most one worker per two items.
     """
     if items < FEWEST_ITEMS or in_worker():
         return 1
@@ -40,7 +40,7 @@ def worker_count(jobs: int, items: int) -> int:
 
 @contextlib.contextmanager
 def reused() -> Iterator[None]:
-    """Within the `with`, workers wait for the next task after each one."""
+    """Within the `with`, keep the workers alive between tasks."""
     global _reusing
     before, _reusing = _reusing, True
     try:
@@ -52,13 +52,14 @@ def reused() -> Iterator[None]:
 
 
 def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: int, done: Callable[[], None] = lambda: None) -> list[Any]:
-    """[function(*item) for item in items], in workers where there are enough items.
+    """Return [function(*item) for item in items], computed by workers if there are enough items.
 
     Args:
         function: a function of a module; its arguments and results can be pickled.
-        jobs: as for `worker_count`. done: called after each item.
+        jobs: see `worker_count`.
+        done: called after each item.
     Raises:
-        as `run`.
+        UserError, BackendError: as `run`.
     """
     count = worker_count(jobs, len(items))
     if count == 1:
@@ -89,15 +90,15 @@ def run(
     count: int,
     fresh: bool = False,
 ) -> None:
-    """Call a function in `count` workers until there are no more arguments.
+    """Call a function repeatedly in `count` workers until `next_call` gives no more arguments.
 
     Args:
-        next_call: arguments of the next call for the worker with this number (0 to count - 1); None at the end.
-        on_result: called with each value, in the order of completion.
-        fresh: start new workers, for work whose run time is measured: earlier work must not make it faster.
+        next_call: gets a worker's number (0 to count - 1) and returns the arguments of its next call, or None at the end.
+        on_result: called with each returned value, in the order of completion.
+        fresh: start new workers. Run-time measurements need this, because earlier work in a worker makes later work faster.
     Raises:
-        UserError: raised by the function. BackendError: a worker died or ran out of memory. Any other error is a defect of the function
-            and carries the worker's traceback.
+        UserError: raised by the function.
+        BackendError: a worker died or ran out of memory. Any other error is a defect of the function and carries the worker's traceback.
     """
     pool = _pool_of(count, fresh)
     running: dict[Future[Any], int] = {}
@@ -134,7 +135,7 @@ def _failed(reason: str) -> BackendError:
 
 
 def _counted(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, products.Counts]:
-    """The value of the call and the counts of the products that it built and found."""
+    """Return the value of the call, and the numbers of products that the call computed and found in the store."""
     with products.counting() as counts:
         value = function(*arguments)
     if memory.resident_bytes(os.getpid()) > IDLE_BYTES:
@@ -143,7 +144,7 @@ def _counted(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[
 
 
 def _pool_of(count: int, fresh: bool) -> ProcessPool:
-    """The waiting pool if it is large enough and none of its workers has died; else a new one."""
+    """Return the idle pool if it is large enough and none of its workers has died; else a new pool."""
     global _pool
     if _pool is not None and (fresh or _pool.size < count or not _responds(_pool)):
         _end_pool()

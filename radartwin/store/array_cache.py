@@ -1,7 +1,7 @@
-"""A cache of named arrays: the most recent entries in memory, more in a folder that several processes may share.
+"""A cache of named arrays. The most recent entries are in memory; more are in a folder that several processes may share.
 
-An entry is one .npz file named by its key, whole or absent. A damaged entry is removed with a warning. When the folder exceeds its size
-limit, the least recently used entries go first.
+Each entry is one .npz file, named by its key and never partly written. A damaged entry is removed with a warning. When the folder exceeds
+its size limit, the least recently used entries are removed.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from radartwin.io import files
 
 T = TypeVar("T")
 Arrays = Mapping[str, np.ndarray]
-IN_MEMORY = 4  # entries, some tens of megabytes each
-MAX_BYTES = 4_000_000_000  # of a folder
+IN_MEMORY = 4  # entries held in memory, some tens of megabytes each
+MAX_BYTES = 4_000_000_000  # size limit of a cache folder
 _SUFFIX = ".npz"
 
 
 class ArrayCache:
-    """Named arrays by key.
+    """Stores named arrays by key.
 
     Args:
-        folder: keeps entries beyond this process; None keeps them in memory only.
+        folder: where entries remain after this process ends; None keeps entries in memory only.
         in_memory: number of entries to hold in memory.
         max_bytes: size limit of the folder.
     Raises:
-        OutputError: the folder cannot be made or written.
+        OutputError: the folder cannot be created or written.
 
     >>> cache = ArrayCache()
     >>> cache.put("key", {"length_m": np.ones(3)})
@@ -54,10 +54,11 @@ class ArrayCache:
             files.sweep(self.folder)
 
     def get(self, key: str, read: Callable[[Arrays], T]) -> T | None:
-        """What `read` makes of the entry; None if there is no entry.
+        """Return `read(arrays)` for the entry of this key; None if there is no entry.
 
         Args:
-            read: must not write to the arrays. Its ValueError, LookupError or TypeError means that the entry is damaged.
+            read: converts the arrays of the entry and must not change them. If it raises ValueError, LookupError or TypeError, the entry
+                counts as damaged.
         """
         with self._lock:
             if key in self._recent:
@@ -81,7 +82,7 @@ class ArrayCache:
             return found
 
     def put(self, key: str, arrays: Arrays) -> None:
-        """Keep the arrays. If the disk is full, warn and keep them in memory only."""
+        """Store the arrays. If the disk is full, warn and keep them in memory only."""
         with self._lock:
             self._remember(key, arrays)
             if self.folder is None:
@@ -126,7 +127,7 @@ _shared = ArrayCache()
 
 
 def shared() -> ArrayCache:
-    """The cache of this process: in memory, unless `in_folder` names a folder."""
+    """Return the cache that this process shares: in memory only, unless `in_folder` names a folder."""
     return _shared
 
 

@@ -1,4 +1,4 @@
-"""`radartwin clean`: which computed products an output folder holds, how large they are, and their deletion."""
+"""`radartwin clean`: list the computed products of an output folder with their sizes, and delete them on request."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CACHE = "cache"  # in the output folder; everything in it can be computed again
 
 
 def cache_bytes(output: Path) -> dict[str, int]:
-    """Bytes of each kind of product in OUTPUT/cache, largest first."""
+    """Return the size in bytes of each kind of product in OUTPUT/cache, largest first."""
     folder = Path(output) / CACHE
     kinds = [path for path in sorted(folder.iterdir()) if path.is_dir() and not path.is_symlink()] if folder.is_dir() else []
     sizes = {kind.name: files.folder_bytes(kind) for kind in kinds}
@@ -20,7 +20,7 @@ def cache_bytes(output: Path) -> dict[str, int]:
 
 
 def clean(output: Path, cache: bool) -> int:
-    """Print the size of each kind of product and, with `cache`, delete them all; the exit status.
+    """Print the size of each kind of product and, with `cache`, delete all products. Returns the exit status.
 
     Raises:
         OutputError: a product cannot be deleted.

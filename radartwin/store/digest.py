@@ -1,8 +1,8 @@
 """Digests (SHA-256) that form the keys of products: of a configuration, of source code and of input files.
 
-A key has to change whenever a result could change. The digest of source code covers whole packages: every package that holds a module
-which the stage imports, directly or indirectly. A package is a folder two levels deep, such as radartwin.simulation; a file beside such
-folders counts by itself. Comments, docstrings, layout and imports for type checkers do not change a digest.
+A key must change whenever the result could change. The digest of source code covers whole packages: every package with a module that the
+computation imports, directly or indirectly. A package is a folder two levels deep, such as radartwin.simulation; a file beside such folders
+counts as its own package. Comments, docstrings, layout and imports for type checkers do not change a digest.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 
 def spec_digest(spec: Any) -> str:
-    """Digest of a tree of dictionaries, lists, arrays, dataclasses and scalars; the order of dictionary keys does not matter."""
+    """Return the digest of a tree of dictionaries, lists, arrays, dataclasses and scalars. The order of dictionary keys does not matter."""
     return hashlib.sha256(canonical(spec).encode()).hexdigest()
 
 
 def canonical(spec: Any) -> str:
-    """The tree as JSON with sorted keys. Raises TypeError for a value without a plain form."""
+    """Write the tree as JSON with sorted keys. Raises TypeError for a value that JSON cannot represent."""
     return json.dumps(_plain(spec), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
@@ -54,7 +54,7 @@ def _plain(value: Any) -> Any:
 
 
 def semantic(description: Any) -> dict[str, Any]:
-    """The fields of a dataclass that decide a result: no field marked `unkeyed`, and the content of a file in place of its path."""
+    """Return the fields of a dataclass that influence a result, without `unkeyed` fields, and with a file's content in place of its path."""
     out = {}
     for field in dataclasses.fields(description):
         value = getattr(description, field.name)
@@ -67,14 +67,14 @@ def semantic(description: Any) -> dict[str, Any]:
 
 
 def array_digest(array: np.ndarray) -> str:
-    """Digest of type, shape and bytes of an array: faster than `spec_digest` where arrays are large."""
+    """Return the digest of an array's type, shape and bytes. For large arrays this is faster than `spec_digest`."""
     total = hashlib.sha256(f"{array.dtype.str} {array.shape}:".encode())
     total.update(array.tobytes())
     return total.hexdigest()
 
 
 def path_digest(path: Path) -> str:
-    """Digest of a file's bytes, or of a folder's relative file names and bytes. Raises MissingError if there is neither."""
+    """Return the digest of a file's bytes, or of a folder's relative file names and bytes. Raises MissingError if the path is absent."""
     if path.is_file():
         files = [path]
     elif path.is_dir():
@@ -90,12 +90,12 @@ def path_digest(path: Path) -> str:
 
 
 def source_digest(entries: Iterable[str]) -> str:
-    """Digest of all packages that hold a module reached from the entries.
+    """Return the digest of the source code of all packages that the entries import, directly or indirectly.
 
     Args:
-        entries: modules or packages where the stage starts, such as "experiments.campaign.truth" or "radartwin.simulation".
+        entries: modules or packages where the computation starts, such as "experiments.campaign.truth" or "radartwin.simulation".
     Raises:
-        ConfigError: an entry is neither.
+        ConfigError: an entry is neither a module nor a package.
     """
     return _source_digest(tuple(entries))
 
@@ -112,7 +112,7 @@ def _source_digest(entries: tuple[str, ...]) -> str:
 
 @functools.cache
 def import_closure(entries: tuple[str, ...]) -> frozenset[str]:
-    """Modules of radartwin and the study that the entries import, directly or indirectly, also inside functions."""
+    """Return the modules of radartwin and experiments that the entries import, directly or indirectly, also inside functions."""
     reached: set[str] = set()
     waiting = [*_with_parents(name for entry in entries for name in _members(entry))]
     while waiting:
@@ -124,14 +124,14 @@ def import_closure(entries: tuple[str, ...]) -> frozenset[str]:
 
 
 def include(top: str) -> None:
-    """Count the source of one more top-level package or module, such as a user's own experiment."""
+    """Include one more top-level package or module in source digests, such as a user's own experiment."""
     if top not in _tops:
         _tops.add(top)
         forget()
 
 
 def forget() -> None:
-    """Read all source again for the next digest."""
+    """Forget all source code read so far, so that the next digest reads it again."""
     for function in (_source_digest, import_closure, _imports, _parsed, _source):
         function.cache_clear()
 
@@ -140,7 +140,7 @@ _tops = {"radartwin", "experiments"}  # constraints.txt pins the version of ever
 
 
 def _members(name: str) -> list[str]:
-    """The modules of a package two levels deep; of every other name the module itself; [] where there is none."""
+    """Return the modules of a package two levels deep, or the module itself for any other name; [] if no such module exists."""
     folder = _location(name)
     if name.count(".") == 1 and folder and folder.is_dir():
         parts = (path.relative_to(folder).with_suffix("").parts for path in sorted(folder.rglob("*.py")))
@@ -150,7 +150,7 @@ def _members(name: str) -> list[str]:
 
 @functools.cache
 def _imports(name: str) -> frozenset[str]:
-    """The modules that one module imports, and the packages around them."""
+    """Return the modules that one module imports, and the packages that contain them."""
     package = name if _source(name) == _init(name) else name.rpartition(".")[0]
     found: set[str] = set()
     for node in _parsed(name).imports:
@@ -166,7 +166,7 @@ def _imports(name: str) -> frozenset[str]:
 
 
 def _with_parents(names: Iterable[str]) -> frozenset[str]:
-    """Those of the names that are modules, and the packages around them, which Python runs first."""
+    """Return the names that are modules, and the packages that contain them, because Python runs these packages first."""
     parents = {".".join(parts[:n]) for parts in (name.split(".") for name in names) for n in range(1, len(parts) + 1)}
     return frozenset(name for name in parents if _source(name))
 
@@ -182,7 +182,7 @@ class _Parsed(NamedTuple):
 def _parsed(name: str) -> _Parsed:
     path, collecting = _source(name), gc.isenabled()
     assert path is not None
-    gc.disable()  # a syntax tree holds no circles, and searching it for them takes most of the time
+    gc.disable()  # a syntax tree has no reference cycles, and the search for cycles would take most of the time
     try:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         statements = list(_statements([tree]))
@@ -199,7 +199,7 @@ def _parsed(name: str) -> _Parsed:
 
 
 def _statements(nodes: Iterable[Any]) -> Iterator[Any]:
-    """The nodes and all statements inside them, but for blocks that only a type checker reads."""
+    """Yield the nodes and all statements inside them, except blocks that only a type checker reads."""
     for node in nodes:
         yield node
         for block in ("orelse",) if _for_type_checkers(node) else ("body", "orelse", "finalbody", "handlers", "cases"):
@@ -211,7 +211,7 @@ def _for_type_checkers(node: Any) -> bool:
 
 
 def _lazy(package: str) -> dict[str, str]:
-    """Names that a package loads on first use and their modules: the dictionary of its __init__.py (radartwin/__init__.py)."""
+    """Return the names that a package loads on first use, with their modules, from the dictionary in its __init__.py."""
     path = _source(package)
     if path is None or path != _init(package):
         return {}
@@ -226,7 +226,7 @@ def _lazy(package: str) -> dict[str, str]:
 
 @functools.cache
 def _source(name: str) -> Path | None:
-    """The source file of a module, found without importing it; None where there is none, or outside the counted packages."""
+    """Find the source file of a module without importing it; None if it has no file or is not part of the digested packages."""
     location = _location(name)
     if location is None:
         return None
@@ -239,7 +239,7 @@ def _init(name: str) -> Path | None:
 
 
 def _location(name: str) -> Path | None:
-    """Where the file or folder of a module lies, without suffix."""
+    """Return the path of a module's file or folder, without suffix."""
     top, *rest = name.split(".")
     if top not in _tops:
         return None

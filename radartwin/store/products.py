@@ -1,10 +1,10 @@
-"""The store of computed products. A product is a folder named by its key; it is complete or absent.
+"""The store of computed products. A product is a folder named by its key, and is never incomplete.
 
     output/cache/KIND/KEY/          the product: the files that `build` wrote, and meta.json
-    output/cache/KIND/KEY.tmp/      a product under construction, with a lock; the next start removes what a killed process left
+    output/cache/KIND/KEY.tmp/      a product under construction, with a lock; the next start removes folders that killed processes left
 
 The key is a digest of the specification, of the source code of the packages that compute the product, and of its input files
-(radartwin/store/digest.py). A product is computed again only if its files no longer have the sizes and SHA-256 sums in meta.json.
+(radartwin/store/digest.py). A stored product is computed again only if its files no longer have the sizes and SHA-256 sums in meta.json.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ KEY_LENGTH = 32  # 128 bits of the digest name the folder
 SHORT = 8
 META = "meta.json"
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-RUN = "run"  # the kind of a scored experiment
+RUN = "run"  # the kind of product that holds the result of an experiment
 
 
 @dataclass(frozen=True)
 class Product:
-    """A finished folder of the store. `reused` is False if this call computed it."""
+    """A finished product of the store. `reused` is False if this call computed the product."""
 
     path: Path
     key: str
     reused: bool
 
     def arrays(self, name: str = "arrays") -> dict[str, np.ndarray]:
-        """The arrays that `save_arrays` wrote."""
+        """Read the arrays that `save_arrays` wrote."""
         return files.read_arrays(self.path / f"{name}.npz")
 
     def read_json(self, name: str) -> Any:
@@ -56,8 +56,10 @@ class Product:
 
 @dataclass
 class Counts:
-    """Products, as (kind, key), that were built, and those that were found in the store. A product that is found after it was built counts
-    as built."""
+    """The sets of products, as (kind, key), that were built and that were found in the store.
+
+    A product that is first built and then found counts as built.
+    """
 
     built: set[tuple[str, str]] = field(default_factory=set)
     found: set[tuple[str, str]] = field(default_factory=set)
@@ -76,7 +78,7 @@ class Counts:
 
     @property
     def by_kind(self) -> Counter[str]:
-        """Numbers by "KIND built" and "KIND reused"."""
+        """Return the number of products of each kind, with keys such as "KIND built" and "KIND reused"."""
         built, reused = (Counter(kind for kind, _ in some) for some in (self.built, self.found - self.built))
         return Counter({f"{kind} built": n for kind, n in built.items()} | {f"{kind} reused": n for kind, n in reused.items()})
 
@@ -92,7 +94,7 @@ _open_counts: list[Counts] = []
 
 @contextlib.contextmanager
 def counting() -> Iterator[Counts]:
-    """Counts of all products that this process and its workers fetch within the `with`, from any store."""
+    """Within the `with`, count all products that this process and its workers fetch from any store."""
     counts = Counts()
     _open_counts.append(counts)
     try:
@@ -102,18 +104,18 @@ def counting() -> Iterator[Counts]:
 
 
 def count(more: Counts) -> None:
-    """Add what a worker fetched to the counts that are open in this process."""
+    """Add the counts of a worker to all counts that are active in this process."""
     for counts in _open_counts:
         counts.built |= more.built
         counts.found |= more.found
 
 
 class Store:
-    """The cache below one output folder. Any number of processes may share it.
+    """The product cache of one output folder. Any number of processes may share it.
 
     Args:
-        root: usually output/cache. It is created, and unfinished products of killed processes are removed.
-        say: receives a line when another process is computing a needed product, and when a product is damaged.
+        root: folder of the cache, usually output/cache. It is created, and unfinished products of killed processes are removed.
+        say: called with a message when another process is computing a needed product, and when a product is damaged.
     Raises:
         OutputError: the folder cannot be written.
     """
@@ -127,7 +129,7 @@ class Store:
                 files.drop_abandoned(work)
 
     def key(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], inputs: Mapping[str, str] | None = None) -> str:
-        """Key of a product; the arguments are those of `fetch`."""
+        """Return the key of a product; for the arguments see `fetch`."""
         parts = {"kind": kind, "spec": spec, "source": source_digest(entries), "inputs": dict(inputs or {})}
         return spec_digest(parts)[:KEY_LENGTH]
 
@@ -139,16 +141,17 @@ class Store:
         build: Callable[[Path], object],
         inputs: Mapping[str, str] | None = None,
     ) -> Product:
-        """The product of this specification, from the store or built now.
+        """Return the product of this specification. If the store does not hold it, build it first.
 
         Args:
-            kind: folder of the cache, such as "recording". A product of kind "run" counts as scored, every other as simulated.
-            spec: everything that decides the content: plain values, arrays and dataclasses.
+            kind: subfolder of the cache, such as "recording". A product of kind "run" counts as scored, every other product as simulated.
+            spec: everything that determines the content: plain values, arrays and dataclasses.
             entries: modules or packages where the computation starts. Their packages and all packages that they import enter the key.
-            build: fills an empty folder. If it returns a mapping, meta.json keeps it as "told". If it raises, nothing is kept.
+            build: writes the product's files into an empty folder. If it returns a mapping, meta.json stores the mapping as "told". If it
+                raises an exception, the folder is removed.
             inputs: digests of files that the computation reads, by name.
         Raises:
-            OutputError: the disk is full or can only be read.
+            OutputError: the disk is full or read-only.
         """
         entries = list(entries)
         key = self.key(kind, spec, entries, inputs)
@@ -158,7 +161,7 @@ class Store:
         return product
 
     def holds(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], inputs: Mapping[str, str] | None = None) -> bool:
-        """Whether the complete product is in the store. Computes nothing."""
+        """Return whether the store holds the complete product, without computing it."""
         return self._complete(self.root / kind / self.key(kind, spec, list(entries), inputs))
 
     def _fetch(self, kind: str, key: str, build: Callable[[Path], object], described: dict[str, Any]) -> Product:
@@ -179,7 +182,7 @@ class Store:
         return Product(final, key, reused=False)
 
     def _complete(self, product: Path) -> bool:
-        """Whether the files are as they were written. Their content is read the first time; later only sizes are compared."""
+        """Return whether the files are as they were written. The first check of a product reads their content, later checks only sizes."""
         complete = _as_written(product, read=product not in self._verified)
         if complete:
             self._verified.add(product)
@@ -216,7 +219,7 @@ def _sizes(folder: Path) -> dict[str, int]:
 
 
 def _as_written(product: Path, read: bool) -> bool:
-    """Whether every file has the size, and with `read` the content, that meta.json records. Other files are allowed, links are not."""
+    """Return whether every file has the size, and with `read` the content, that meta.json records. Allows extra files, but no links."""
     try:
         meta = untrusted_json.read(product / META)
         if not meta["bytes"].items() <= _sizes(product).items() or any(path.is_symlink() for path in product.rglob("*")):
@@ -233,7 +236,7 @@ def _sha256(file: Path) -> str:
 
 @contextlib.contextmanager
 def _disk_errors(root: Path) -> Iterator[None]:
-    """Turn the error of a full or read-only disk into one line for the user."""
+    """Within the `with`, turn the error of a full or read-only disk into an OutputError of one line."""
     try:
         yield
     except UserError:
