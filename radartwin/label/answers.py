@@ -1,8 +1,9 @@
-"""An answer about one surface: its schema, and the material that follows from it.
+"""Parse and check an answer about one surface, and derive the surface's material from the answer.
 
-The schema has one of the 23 MINC categories, a confidence, a reason and an optional name. The name gives a material that the category
-leaves open, such as the material under paint or of "other". For objects the schema also has the wall thickness and the contents, from which
-a layered shell is built. If an answer violates the schema, the model receives the error message of the schema and is asked again.
+An answer has one of the 23 MINC categories, a confidence, a reason and an optional name. The name states a material that the category does
+not determine, such as the material under paint, or a material in "other". For objects, the answer also has the wall thickness and the
+contents, from which a layered shell is built. If an answer violates the schema, the model receives the schema's error message and is asked
+again.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from radartwin.materials.roughness import CLASSES
 
 Kind = Literal["surface", "object"]
 
-# Contents of an object, with their material; None for a solid object or unknown contents.
+# The material for each kind of contents; None for a solid object or unknown contents.
 CONTENTS: dict[str, str | None] = {
     "empty": "air",
     "water-like liquid": "water",
@@ -40,11 +41,11 @@ class Answer:
 
     Attributes:
         material: MINC category.
-        confidence: 0 to 1, or None if not given.
+        confidence: 0 to 1, or None if the answer has none.
         wall_thickness_mm, contents: for objects; None if unknown.
-        named: name of the material, more exact than the category; None if the category is exact.
-        invalid: all attempts were invalid, so `material` is "other".
-        attempts: number of attempts.
+        named: name of the material, if it is more exact than the category; otherwise None.
+        invalid: whether all attempts were invalid, so that `material` is "other".
+        attempts: number of attempts until this answer.
     """
 
     material: str
@@ -57,13 +58,13 @@ class Answer:
     attempts: int = 1
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields that differ from their defaults."""
+        """Return the fields that differ from their defaults, as plain values."""
         default = asdict(Answer(""))
         return {key: value for key, value in asdict(self).items() if key == "material" or value != default[key]}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Answer:
-        """The inverse of `to_dict`.
+        """Make an answer from plain values; the inverse of `to_dict`.
 
         Raises:
             LabelError: a field is unknown, or the category is not a MINC category.
@@ -78,7 +79,7 @@ class Answer:
 
     @classmethod
     def none(cls, why: str, attempts: int) -> Answer:
-        """The answer for a surface without a valid answer."""
+        """Return the answer "other" for a surface that got no valid answer."""
         return cls("other", 0.0, f"no valid answer in {attempts} attempts: {why}"[:REASON_CHARACTERS], invalid=True, attempts=attempts)
 
 
@@ -98,15 +99,15 @@ def _schema(kind: Kind) -> str:
 
 
 def schema(kind: Kind) -> dict[str, Any]:
-    """The JSON schema of an answer about a "surface" or an "object"."""
+    """Return the JSON schema of an answer about a "surface" or an "object"."""
     return json.loads(_schema(kind))
 
 
 def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) -> Answer:
-    """An answer from what a model wrote, or from a JSON object.
+    """Parse an answer from the text of a model or from a JSON object, and check it against the schema.
 
     Args:
-        names: replace a material outside MINC that `radartwin.materials.names` knows by its closest category.
+        names: whether to replace a material outside MINC by its closest category, if `radartwin.materials.names` knows the material.
     Raises:
         LabelError: the answer is invalid; the message can be sent to the model.
 
@@ -127,7 +128,13 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
 
 
 def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
-    """Material and roughness in metres of an answer, and whether the material is a stand-in or an uncertain build-up.
+    """Derive the material of an answer.
+
+    Returns:
+        The material.
+        The roughness in metres.
+        Whether the material is a substitute material or its layers are uncertain.
+
 
     >>> material_of(Answer("painted", named="concrete"))[0], material_of(Answer("other", named="mineral fibre ceiling tiles"))[0]
     ('concrete', Layered(layers=(('ceiling_board', 0.015),), backing='air'))
@@ -140,17 +147,19 @@ def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
         texture = next((n for n in (found.name, found.material) if isinstance(n, str) and n in CLASSES), None)
         rough = roughness_m(texture) if texture and answer.material not in COVERED else rough
     shell = interior(base, answer.wall_thickness_mm, answer.contents)
-    # The name may confirm the build-up of the category, which is then exact.
+    # If the name confirms the layers of the category, they are exact.
     confirms = found is None or found.category in (answer.material, *COVERED)
     stand_in = entry.stand_in(exact=found is not None or shell != base) if confirms or found is None else found.stand_in
     return shell, rough, stand_in or (shell != base and answer.contents not in ("empty", "solid", "unknown"))
 
 
 def specified(answer: Answer) -> Resolved | None:
-    """The material that the name of an answer adds to its category; None for an unknown name or a material of another category.
+    """Return the material that the answer's name specifies; None if the name is unknown, or names a material of another category.
 
-    Paint and wallpaper may cover any material. In all other cases a name of another category contradicts the answer, and the category
-    counts. In a name such as "tile on concrete", a covered category means the lower material, any other category the upper material.
+    Paint and wallpaper may cover any material. For all other categories, a name of another category contradicts the answer, and the
+    category
+    is used. In a name such as "tile on concrete", the lower material is used if the category is a cover such as paint, otherwise the upper
+    material.
     """
     parts = re.split(r"\b(?:on|onto|over)\b", answer.named or "")
     found = mentioned(parts[-1 if answer.material in COVERED else 0]) or mentioned(answer.named or "")
@@ -161,7 +170,7 @@ def specified(answer: Answer) -> Resolved | None:
 
 
 def _build_up(found: Resolved, entry: Row) -> str | Layered:
-    """The usual build-up of a named material: the layers of its own row, its common sheet, or a sheet as thick as the category."""
+    """Return the usual layers of a named material: those of its table row, or its common sheet, or a sheet as thick as the category's."""
     if isinstance(found.material, Layered):
         return found.material
     if found.material in BUILD_UPS and found.name not in PERMITTIVITY and found.category is None:
@@ -174,7 +183,9 @@ def _build_up(found: Resolved, entry: Row) -> str | Layered:
 
 
 def interior(material: str | Layered, wall_thickness_mm: float | None, contents: str | None) -> str | Layered:
-    """A shell of the outermost layer of the material, backed by the contents; the material itself if either is unknown.
+    """Return a shell that consists of the material's outermost layer and is backed by the contents.
+
+    If the wall thickness or the contents are unknown, the material itself is returned.
 
     >>> interior("hdpe", 1.0, "water-like liquid")
     Layered(layers=(('hdpe', 0.001),), backing='water')
@@ -187,7 +198,7 @@ def interior(material: str | Layered, wall_thickness_mm: float | None, contents:
 
 
 def _first_object(text: str) -> dict[str, Any]:
-    """The first JSON object in a text, because models often add words and fences around it."""
+    """Return the first JSON object in a text. Models often write words and code fences around it."""
     start = text.find("{")
     if start < 0:
         raise LabelError(f"no JSON object in {text.strip()[:80]!r}")
@@ -199,11 +210,11 @@ def _first_object(text: str) -> dict[str, Any]:
 
 
 def _closest_category(name: str) -> str:
-    """The MINC category of a known name outside MINC: its own, or the category of the same material, or `other`."""
+    """Return the closest MINC category of a known name outside MINC: its own, or that of the same material, or `other`."""
     try:
         found = resolve(name)
     except MaterialError:
-        return name  # the schema then refuses it
+        return name  # an unknown name violates the schema
     if found.category is not None:
         return found.category
     return next((category for category in CATEGORIES if row(category).material == found.material), "other")

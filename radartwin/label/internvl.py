@@ -1,8 +1,9 @@
-"""Provider of answers from InternVL on this machine through transformers, with weights from a folder or a name known to transformers.
+"""Answer questions with InternVL on this machine through transformers. The weights come from a folder or from a transformers model name.
 
-The model class is AutoModelForImageTextToText, which transformers registers for the configuration. This module prepares the pictures like
-the processor of the model with one tile each (resized to the square of the model, ImageNet mean and deviation), because that processor
-needs torchvision, which has no build for the installed torch. Decoding is greedy, so the same weights give the same answer.
+transformers chooses the model class through AutoModelForImageTextToText. This module prepares each picture as one tile: it resizes the
+picture
+to the square input of the model, and normalises it with ImageNet mean and deviation. The model's own processor does the same, but needs
+torchvision, which has no build for the installed torch. Decoding is greedy, so the same weights give the same answer.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ MAX_NEW_TOKENS = 256
 
 
 class InternVL:
-    """The provider.
+    """A provider that answers questions with InternVL on this machine.
 
     Args:
         model: folder or name of InternVL weights in the transformers format (names of published weights end in -hf).
@@ -68,7 +69,7 @@ class InternVL:
         self._tokens_per_picture = round(patches * config.downsample_ratio**2)
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
-        """Records one by one.
+        """Yield each question with its record, one by one.
 
         Raises:
             BackendError: the memory of the device is too small.
@@ -84,7 +85,7 @@ class InternVL:
             yield question, Record.of(question, answer, self.model, self.name)
 
     def _complete(self, pictures: torch.Tensor, messages: Sequence[Message]) -> str:
-        """The next message of the model."""
+        """Return the next message of the model."""
         import torch
 
         blocks = "".join(f"{BEGIN}{TOKEN * self._tokens_per_picture}{END}\n" for _ in range(len(pictures)))
@@ -104,7 +105,7 @@ class InternVL:
 
 
 def _prepared(jpeg: bytes, size: tuple[int, ...]) -> np.ndarray:
-    """A picture as network input, (3, height, width) float32."""
+    """Convert a JPEG picture to network input, (3, height, width) float32."""
     from PIL import Image
 
     with Image.open(io.BytesIO(jpeg)) as picture:

@@ -1,4 +1,4 @@
-"""Stores each answer as one JSON line as soon as it arrives, so that an interrupted run asks no question twice.
+"""Store each answer as one JSON line as soon as it arrives, so that the run after an interruption asks no question twice.
 
 A killed process leaves at most one incomplete line, which the next process removes.
 """
@@ -24,7 +24,7 @@ FORMAT = 1
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """An answer with its model, provider, prompt and pictures, and with the place of its surface."""
+    """An answer with its model and provider, the digests of its prompt and pictures, and the place of its surface."""
 
     key: str
     model: str
@@ -54,7 +54,7 @@ class Record:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Record:
-        """The inverse of `to_dict`.
+        """Make a record from plain values; the inverse of `to_dict`.
 
         Raises:
             LabelError: a value is missing, or the format has another version.
@@ -70,7 +70,7 @@ class Record:
 
 
 class Journal:
-    """The answers of one scene, appended to a file.
+    """The stored answers of one scene. New answers are appended to a file.
 
     Raises:
         LabelError: a line other than an incomplete last line is invalid, or the path is a link.
@@ -97,14 +97,14 @@ class Journal:
 
     @property
     def records(self) -> list[Record]:
-        """In order of arrival; of several records with one model and key, the last one."""
+        """Return the records in order of arrival. If several records have the same model and key, only the last of them is returned."""
         return list(self._records.values())
 
     def get(self, model: str, key: str) -> Record | None:
         return self._records.get((model, key))
 
     def append(self, record: Record) -> None:
-        """Store an answer; it is on the disk when this returns."""
+        """Append a record to the file. When this method returns, the record is on the disk."""
         make_folder(self.path.parent)
         try:
             with self.path.open("ab") as stream:

@@ -1,4 +1,4 @@
-"""`radartwin label`: asks about the surfaces of a scene folder, stores the answers, and writes the materials into its manifest."""
+"""Implement `radartwin label`: ask about the surfaces of a scene folder, store the answers, and write the materials into its manifest."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from radartwin.scene.storage import MANIFEST
 
 
 class Provider(Protocol):
-    """Answers questions with records, in any order; questions without an answer are left out.
+    """A source of answers. It yields the answered questions with their records, in any order, and leaves out questions without an answer.
 
     Attributes:
-        name: "recorded", "server" or "local", which the records store.
-        model: model that answers. Model and key of a question identify an answer. None accepts the answers of any model.
+        name: "recorded", "server" or "local"; the records store this name.
+        model: model that answers; None accepts the answers of any model. An answer is identified by its model and by the question's key.
     """
 
     @property
@@ -41,10 +41,10 @@ class Provider(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LabelTask:
-    """A scene folder with its questions.
+    """The questions about a scene folder.
 
     Attributes:
-        surfaces: indices of the surfaces to label; a surface that no view shows has no question.
+        surfaces: indices of the surfaces to label. A surface that no view shows has no question.
     """
 
     folder: Path
@@ -59,12 +59,14 @@ class LabelOptions:
 
     Attributes:
         provider: "recorded", "server" or "local".
-        model: model that answers; None takes the default of the provider, or any recorded answers. `answers` needs it.
-        url, timeout_s, concurrency: address of the server, time limit of a request, parallel requests.
-        export: folder to which the questions are written instead of labelling.
-        answers: file with answers, instead of a provider.
-        missing: "uniform:MATERIAL" for surfaces without an answer; None refuses them.
-        views: pictures per surface.
+        model: model that answers; None takes the provider's default, or the recorded answers of any model. `answers` needs a model.
+        url: address of the server.
+        timeout_s: time limit of one request.
+        concurrency: number of parallel requests.
+        export: folder for the questions; they are written there, and nothing is labelled.
+        answers: file with answers, which replaces the provider.
+        missing: "uniform:MATERIAL" gives this material to surfaces without an answer; None makes such a surface an error.
+        views: largest number of pictures per surface.
     """
 
     provider: str = "recorded"
@@ -79,10 +81,10 @@ class LabelOptions:
 
 
 def label_folder(folder: Path, options: LabelOptions, progress: Progress | None = None) -> list[str]:
-    """Label a scene folder, or write its questions.
+    """Label the surfaces of a scene folder, or export the questions about them.
 
     Returns:
-        Lines for the user: a table of the labels, or the folder of the questions.
+        Text lines for the user: a table of the labels, or the name of the folder with the questions.
     Raises:
         UserError: see `prepare`, `answer`, `import_answers`, `apply`.
     """
@@ -128,7 +130,7 @@ def _missing_label(text: str | None) -> Label | None:
 
 
 def load(folder: Path) -> Scene:
-    """The scene of a folder.
+    """Load the scene of a scene folder.
 
     Raises:
         MissingError, SceneError: the folder is not a scene folder, or the scene has no surfaces of a room.
@@ -142,7 +144,7 @@ def load(folder: Path) -> Scene:
 
 
 def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | None = None) -> LabelTask:
-    """The questions about all surfaces to label.
+    """Prepare the questions about all surfaces to label.
 
     Raises:
         InputError: the photographs beside the scene are invalid.
@@ -154,7 +156,9 @@ def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | 
 
 
 def answer(task: LabelTask, provider: Provider, progress: Progress | None = None) -> dict[int, Record]:
-    """Answers by surface index: stored answers first, then those of the provider, which are stored on arrival.
+    """Return the answers by surface index. Stored answers are reused; the provider answers the other questions.
+
+    Each answer of the provider is stored as soon as it arrives.
 
     Raises:
         BackendError: the provider did not answer all questions; its answers so far are stored.
@@ -182,7 +186,7 @@ def answer(task: LabelTask, provider: Provider, progress: Progress | None = None
 
 
 def import_answers(task: LabelTask, path: Path, model: str) -> dict[int, Record]:
-    """Answers of a file by surface index; they are stored if the whole file is valid.
+    """Read the answers in a file. Return them by surface index, and store them if the whole file is valid.
 
     Raises:
         MissingError, LabelError: the file is missing or invalid.
@@ -209,7 +213,7 @@ def apply(task: LabelTask, records: dict[int, Record], missing: Label | None = N
 
 
 def summary(scene: Scene) -> list[str]:
-    """Lines of a table of all surfaces, and a last line with the totals."""
+    """Return the text lines of a table of all surfaces. The last line holds the totals."""
     from radartwin.scene.viewer.page import material_label
 
     rows: list[Sequence[str]] = [("surface", "material", "MINC", "confidence", "stand-in", "from")]

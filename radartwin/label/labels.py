@@ -1,7 +1,8 @@
-"""Labels: the material of a surface with its source, how labels are applied to a scene, and how they are saved.
+"""Define labels (the material of a surface with its source), apply labels to a scene, and save them.
 
-The provenance of a labelled surface has the source, the confidence (None if not given), stand_in (whether a P.2040 row replaces the actual
-material) and the MINC category (minc, None if there is none). The provenance from the geometry stays beside them.
+The provenance of a labelled surface holds the source, the confidence (None if not given), stand_in (whether a P.2040 row is used as
+substitute
+for the actual material) and minc (the MINC category, or None). The provenance of the geometry stays unchanged beside these values.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.storage import MANIFEST, material_to_json
 
 VLM = "vlm"
-SCANNED = {"segment", "planar"}  # provenance that only the surfaces of a scan have
-# Provenance of the label; all other provenance is of the geometry and outlives the label.
+SCANNED = {"segment", "planar"}  # provenance keys that only the surfaces of a scan have
+# Provenance keys that belong to the label. All other keys belong to the geometry, and stay when the label changes.
 LABEL_KEYS = (
     "source", "confidence", "stand_in", "minc", "model", "reason", "provider", "transferred", "covered", "key", "named", "invalid",
     "missing", "wall_thickness_mm", "contents", "wrong",
@@ -35,7 +36,7 @@ Given = str | Layered | Answer | Record
 
 
 def belongs_to_room(surface: Surface) -> bool:
-    """Whether a source labels the surface: surfaces of the room, and all surfaces of a scan."""
+    """Return whether a material source labels the surface: true for surfaces of the room, and for all surfaces of a scan."""
     return surface.kind == "room" or not SCANNED.isdisjoint(surface.provenance)
 
 
@@ -55,12 +56,12 @@ def labelled(
     missing: Label | None = None,
     transferred: Callable[[int], bool] = lambda index: False,
 ) -> Scene:
-    """The scene with answers applied to the surfaces of the given indices; all other surfaces are unchanged.
+    """Apply answers to the surfaces with the given indices. All other surfaces stay unchanged.
 
     Args:
         answers: materials or answers by surface index.
         missing: label of surfaces without an answer.
-        transferred: whether the answer of a surface index was given for another scan.
+        transferred: function that returns whether the answer for a surface index was given for another scan.
     Raises:
         LabelError: surfaces without an answer, and no `missing`; the message names them.
     """
@@ -84,7 +85,7 @@ def labelled(
 
 
 def answer_label(given: Given, surface: Surface, transferred: bool = False) -> Label:
-    """The label of a surface from an answer or a material.
+    """Make the label of a surface from an answer or a material.
 
     The confidence of an answer from another scan is multiplied by the share of the surface that it covers.
     """
@@ -107,7 +108,7 @@ def answer_label(given: Given, surface: Surface, transferred: bool = False) -> L
 
 
 def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], source: str) -> Scene:
-    """The scene with the labels of a rule on the surfaces of the room; a surface for which the rule returns None is unchanged."""
+    """Label the surfaces of the room by a rule. A surface for which the rule returns None stays unchanged."""
     surfaces = []
     for index, surface in enumerate(scene):
         label = rule(index, surface) if belongs_to_room(surface) else None
@@ -122,7 +123,7 @@ def write_labels(folder: Path, scene: Scene) -> Path:
     """Write the labels of a scene into the manifest of its folder, completely or not at all; the geometry is unchanged.
 
     Args:
-        folder: folder of the same scene with other labels.
+        folder: folder that holds the same scene with other labels.
     Raises:
         SceneError: the folder now holds another scene.
         OutputError: the manifest cannot be written.

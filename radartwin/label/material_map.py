@@ -1,6 +1,6 @@
-"""A picture of a scan beside its material map: one view in the colours of the scan and in the colours of the MINC categories.
+"""Draw a scan beside its material map: the same view in the colours of the scan, and in colours that stand for the MINC categories.
 
-The legend names the simulated material of each visible category, by area.
+The legend names the simulated material of each visible category. The category with the largest area comes first.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from radartwin.scene.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# The colours resemble the materials; categories that are neighbours in a room differ in lightness.
+# The colours resemble the materials. Categories that often touch in a room differ in lightness.
 COLOURS = {
     "brick": "#b5533c", "carpet": "#6a3d9a", "ceramic": "#c7e9f1", "fabric": "#cc79a7", "foliage": "#3a9d3a", "food": "#e6ab02",
     "glass": "#56b4e9", "hair": "#4d2f12", "leather": "#7b3f00", "metal": "#3f4a54", "mirror": "#a6cee3", "other": "#ff00ff",
@@ -30,10 +30,10 @@ PIXELS = 700
 
 
 def material_map(scene: Scene, camera: Camera | None = None, titles: tuple[str, str] = ("scan", "materials")) -> Figure:
-    """Two panels, the labelled scene as scanned and by MINC category, with a legend of the visible categories and their materials.
+    """Draw two panels: the labelled scene as scanned, and coloured by MINC category, with a legend of visible categories and materials.
 
     Args:
-        camera: None takes a corner of the room that looks to the middle.
+        camera: None takes a camera in a corner of the room that looks to the middle.
     """
     import matplotlib.colors
     from matplotlib.patches import Patch
@@ -44,7 +44,7 @@ def material_map(scene: Scene, camera: Camera | None = None, titles: tuple[str, 
     shown = drawing.surfaces(seen)
     minc = [str(surface.provenance.get("minc") or "none") for surface in scene]
     palette = np.array([matplotlib.colors.to_rgb(COLOURS.get(name, NO_CATEGORY)) for name in minc] + [(1.0, 1.0, 1.0)])
-    # Brightness from the cosine of incidence makes edges between equal materials visible.
+    # Brightness by the cosine of incidence makes edges between faces of the same material visible.
     shade = np.ones(seen.face.shape)
     shade[seen.face >= 0] = 0.7 + 0.3 * np.abs(drawing.facing(camera, seen, seen.face >= 0))
     flat = palette[shown] * shade[..., None]
@@ -68,7 +68,7 @@ def material_map(scene: Scene, camera: Camera | None = None, titles: tuple[str, 
 
 
 def _materials(scene: Scene, minc: list[str], category: str) -> str:
-    """The material with most area of a category, and the number of its other materials."""
+    """Return the material with the largest area in a category, and the number of the category's other materials, as text."""
     from radartwin.scene.viewer.page import material_label
 
     areas: dict[str, float] = {}
@@ -81,7 +81,7 @@ def _materials(scene: Scene, minc: list[str], category: str) -> str:
 
 
 def corner_camera(scene: Scene, drawing: Drawing | None = None, pixels: int = PIXELS) -> Camera:
-    """A camera in the corner that shows most surfaces, at two thirds of the height, towards the opposite lower half."""
+    """Return a camera in the room corner with the best view of many surfaces, at two thirds of the height, looking slightly downwards."""
     drawing = drawing or Drawing(scene)
     low, high = scene.bounds
     best, best_score = None, -1.0

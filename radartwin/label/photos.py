@@ -1,4 +1,4 @@
-"""Photographs of a scene with their camera poses: `photos/*.jpg` and `photos.json` in the scene folder.
+"""Read and write photographs of a scene with their camera poses: `photos/*.jpg` and `photos.json` in the scene folder.
 
 Cameras follow OpenCV: the pose is 4x4 camera-to-world with x right, y down, z forward. The intrinsics are 3x3 in pixels of the stored
 picture, with the centre of the first pixel at (0, 0). Stored pictures are free of lens distortion.
@@ -29,9 +29,9 @@ class Photo:
     """One photograph.
 
     Attributes:
-        path: the JPEG.
+        path: path of the JPEG file.
         pose: (4, 4) camera-to-world.
-        intrinsics: (3, 3).
+        intrinsics: (3, 3), pixels.
     """
 
     path: Path
@@ -39,7 +39,7 @@ class Photo:
     intrinsics: np.ndarray
 
     def pixels(self) -> np.ndarray:
-        """The picture, (H, W, 3) uint8.
+        """Read the picture, (H, W, 3) uint8.
 
         Raises:
             MissingError, InputError: the file is missing, or not a picture.
@@ -54,7 +54,11 @@ class Photo:
 
 
 def save_photos(folder: Path, pictures: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> list[Photo]:
-    """Write (pixels (H, W, 3) uint8, pose (4, 4), intrinsics (3, 3)) into a scene folder, the index last.
+    """Write photographs into a scene folder. The index photos.json is written last.
+
+    Args:
+        folder: the scene folder.
+        pictures: triples of pixels (H, W, 3) uint8, pose (4, 4) and intrinsics (3, 3).
 
     Raises:
         PoseError, OutputError: a pose is not rigid; the folder cannot be written.
@@ -76,7 +80,7 @@ def save_photos(folder: Path, pictures: Iterable[tuple[np.ndarray, np.ndarray, n
 
 
 def load_photos(folder: Path) -> Sequence[Photo]:
-    """The photographs of a scene folder, none if it has no index.
+    """Load the photographs of a scene folder. A folder without photos.json has no photographs.
 
     Raises:
         InputError: the index is invalid, or names a file outside the folder.

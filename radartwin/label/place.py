@@ -1,7 +1,8 @@
-"""The place of a surface as points spread evenly over its area, to find the surface again in another scan of the same room.
+"""Describe the place of a surface by points spread evenly over its area, and find the surface again in another scan of the same room.
 
-Surfaces are matched by votes: each point of a surface votes for the nearest surface of the other scene, by distance and, if both are flat,
-by direction. The match tolerates the differences of a rescan (a few centimetres, a surface in two parts or with another margin) and does
+Surfaces are matched by votes: each point of a surface votes for the nearest surface of the other scene. If both surfaces are flat, the
+angle between them counts as additional distance. The match tolerates the differences of a rescan (a few centimetres, a surface in two parts
+or with another outline) and does
 not use names. Both scenes must have the same coordinate frame.
 """
 
@@ -17,15 +18,15 @@ import trimesh
 
 from radartwin.errors import LabelError
 
-SPACING_M, MIN_POINTS, MAX_POINTS = 0.25, 12, 400  # stored points: a floor of 25 m2 has 400
-REACH_M = 0.3  # limit of the distance to a surface: slightly above the spacing, because scans err by centimetres
-RIGHT_ANGLE_M = 0.4  # distance that a right angle between two planes counts as
-MIN_SHARE = 0.3  # share of the points of a surface that must lie on its match
+SPACING_M, MIN_POINTS, MAX_POINTS = 0.25, 12, 400  # spacing and number of the stored points; a floor of 25 m2 has 400 points
+REACH_M = 0.3  # largest distance of a matching surface: slightly above the spacing, because scans have errors of centimetres
+RIGHT_ANGLE_M = 0.4  # distance that counts as much as a right angle between two planes
+MIN_SHARE = 0.3  # smallest share of the points of a surface that lie on the matching surface
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Place of a surface in metres: centroid (3,), normal (3,) or None if not flat, area, bounds (2, 3) and points (N, 3)."""
+    """Place of a surface, in metres: centroid (3,), normal (3,) or None if it is not flat, area, bounds (2, 3) and points (N, 3)."""
 
     centroid: np.ndarray
     normal: np.ndarray | None
@@ -34,7 +35,7 @@ class Place:
     points: np.ndarray
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, lengths to the centimetre."""
+        """Return the place as plain values, with lengths rounded to centimetres."""
         return {
             "centroid_m": _rounded(self.centroid, 2),
             "normal": None if self.normal is None else _rounded(self.normal, 3),
@@ -45,7 +46,7 @@ class Place:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Place:
-        """The inverse of `to_dict`.
+        """Make a place from plain values; the inverse of `to_dict`.
 
         Raises:
             LabelError: a value is missing or has another shape.
@@ -60,7 +61,7 @@ class Place:
 
 
 def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:
-    """The place of a mesh with one point per squared spacing, from MIN_POINTS to MAX_POINTS points."""
+    """Compute the place of a mesh, with one point per area spacing_m^2, but at least MIN_POINTS and at most MAX_POINTS points."""
     corners = np.asarray(mesh.triangles, float)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     doubled = np.linalg.norm(cross, axis=1)
@@ -74,7 +75,10 @@ def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:
 
 
 def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, float] | None]:
-    """For each place, the index of the other place with most of its points, and their share; None below MIN_SHARE."""
+    """Match each place with the place in `among` that holds most of its points.
+
+    Returns: for each place, the index in `among` and the share of the points; None if the share is below MIN_SHARE.
+    """
     out: list[tuple[int, float] | None] = []
     for shares in _votes(places, among):
         winner = int(shares.argmax()) if shares.size else 0
@@ -83,12 +87,12 @@ def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, 
 
 
 def overlap(place: Place, other: Place) -> float:
-    """Share of the points of a place that lie on another place, 0 to 1."""
+    """Return the share of the points of a place that lie on another place, 0 to 1."""
     return float(_votes([place], [other])[0][0])
 
 
 def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
-    """For each place, the share of its points that vote for each other place, (len(among),)."""
+    """Return, for each place, the share of its points that vote for each place in `among`, (len(among),)."""
     from scipy.spatial import KDTree
 
     if not among:
@@ -114,7 +118,7 @@ def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
 
 
 def _spread_points(corners: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
-    """Deterministic points (count, 3) on triangles (F, 3, 3), spread evenly by weight (F,).
+    """Place `count` points (count, 3) on triangles (F, 3, 3), spread evenly in proportion to `weight` (F,), without random numbers.
 
     Inside a triangle they follow the R2 sequence (M. Roberts 2018, a Kronecker sequence of the plastic number).
     """

@@ -1,4 +1,4 @@
-"""Writes questions as a folder and reads answers from a file, so that a cluster, a person or another tool can answer them.
+"""Write questions to a folder and read answers from a file, so that a cluster, a person or another tool can answer the questions.
 
 The folder is self-contained: instructions (README.txt, prompt.txt), the questions (questions.jsonl), their pictures and the schema of an
 answer (schema_*.json). File names are digests of the questions, so that they do not reveal the surface.
@@ -37,7 +37,7 @@ NAME is the model or person that answered. If one line is invalid, no answer is 
 
 
 def export(questions: Sequence[Question], folder: Path) -> Path:
-    """Write the questions and their pictures, questions.jsonl last.
+    """Write the questions and their pictures to a folder. questions.jsonl is written last.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -63,9 +63,9 @@ def export(questions: Sequence[Question], folder: Path) -> Path:
 
 
 def read_answers(path: Path, questions: Sequence[Question], model: str) -> list[Record]:
-    """Answers to these questions from a JSONL file.
+    """Read the answers to these questions from a JSONL file.
 
-    A known material outside MINC is replaced by its closest category, because the question cannot be asked again.
+    A known material outside MINC is replaced by its closest category, because the question cannot be asked again here.
 
     Raises:
         MissingError: the file does not exist.

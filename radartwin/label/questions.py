@@ -1,7 +1,7 @@
-"""Questions to a vision-language model about the material of a surface, and the conversation until the answer is valid.
+"""Ask a vision-language model about the material of a surface, and repeat the question until the answer is valid.
 
-A question has a prompt, pictures, and the size and attitude that the scanner measured; it has no other information about the scene. The
-prompt has a version and a digest, which recorded answers store.
+A question consists of a prompt and pictures. The prompt states the size and orientation of the surface in the scan. The model gets no other
+information about the scene. Recorded answers store the version and the digest of the prompt.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from radartwin.materials.names import PERMITTIVITY
 from radartwin.scene.scene import Scene, Surface
 
 VERSION = 2
-ATTEMPTS = 3  # answers per question before the surface is `other`
+ATTEMPTS = 3  # largest number of answers per question; if all are invalid, the category is `other`
 Message = dict[str, str]  # role ("user" or "assistant") and content of one message of a conversation
 
-# Meanings of the categories, without examples of objects, because an example from the scanned room would give the answer away.
+# Meanings of the categories. They name no objects as examples, because an example from the scanned room would reveal the answer.
 MEANINGS = {
     "brick": "bare brickwork",
     "carpet": "carpet",
@@ -54,7 +54,7 @@ MEANINGS = {
     "wood": "wood and boards made of wood, also varnished or laminated",
 }
 
-# Names offered to the model: all rows of P.2040 and of the table of permittivities that are solids of a building.
+# Material names offered to the model: all building solids in the tables of ITU-R P.2040 and of permittivities.
 NAMES = tuple(sorted({*P2040, *PERMITTIVITY} - {"vacuum", "air", "ice", "wax", *(n for n in P2040 if "ground" in n)}))
 
 _TASK = """You see {pictures} of one place in a scanned room. In each picture the same {what} is outlined in magenta, with its surroundings.
@@ -86,10 +86,10 @@ class Question:
 
     Attributes:
         surface: index of the surface in the scene.
-        kind: "surface" of the room, or "object", which may have contents.
+        kind: "surface" for a surface of the room, or "object" for an object, which may have contents.
         text: the complete prompt.
-        crops: pictures of the surface; the last picture shows its surroundings.
-        place: place of the surface.
+        crops: pictures of the surface; the last picture also shows its surroundings.
+        place: position and extent of the surface, see `radartwin.label.place`.
     """
 
     surface: int
@@ -100,7 +100,7 @@ class Question:
 
     @cached_property
     def key(self) -> str:
-        """Digest of prompt and pictures, which does not reveal the name or index of the surface."""
+        """Digest of prompt and pictures. It does not reveal the name or index of the surface."""
         return hashlib.sha256("\n".join([self.text, *self.images]).encode()).hexdigest()
 
     @property
@@ -109,12 +109,12 @@ class Question:
 
     @property
     def images(self) -> tuple[str, ...]:
-        """SHA-256 of each picture."""
+        """SHA-256 digest of each picture."""
         return tuple(crop.digest for crop in self.crops)
 
 
 def prompt_digest() -> str:
-    """SHA-256 of the prompt without the facts of a surface, and of the schemas."""
+    """Return the SHA-256 digest of the schemas and of the prompt without the facts of a surface."""
     parts = [VERSION, _TASK, _INSIDE, _FORMAT, MEANINGS, NAMES, CONTENTS, schema("surface"), schema("object")]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -127,10 +127,12 @@ def questions(
     only: Sequence[int] | None = None,
     step: Callable[[], None] = lambda: None,
 ) -> list[Question]:
-    """A question for every surface, or those of `only`, that at least one view shows.
+    """Prepare a question for every surface that at least one view shows.
 
     Args:
+        photos: photographs of the scene; the mesh is rendered for surfaces that no photograph shows.
         views: largest number of pictures per surface.
+        only: indices of the surfaces; None takes all surfaces.
         step: callback after each surface.
     """
     indices = list(range(len(scene))) if only is None else list(only)
@@ -148,7 +150,7 @@ def _question(index: int, surface: Surface, crops: tuple[Crop, ...], floor_m: fl
 
 
 def prompt(kind: Kind, measured: str, origins: Sequence[str]) -> str:
-    """The prompt about a surface with the facts `measured` and one picture per origin, "photo" or "mesh"."""
+    """Return the prompt about a surface, with the facts `measured` and one picture per element of `origins` ("photo" or "mesh")."""
     count = len(origins)
     what_kind = "photograph" if "photo" in origins else "rendered picture"
     pictures = f"a {what_kind}" if count == 1 else f"{count} {what_kind}s"
@@ -163,7 +165,10 @@ def prompt(kind: Kind, measured: str, origins: Sequence[str]) -> str:
 
 
 def facts(surface: Surface, floor_m: float) -> str:
-    """Size, attitude and height in words, such as "2.4 m x 0.9 m, flat, upright, its middle 1.0 m above the lowest point of the scan"."""
+    """Describe size, orientation and height of a surface in words.
+
+    Example: "2.4 m x 0.9 m, flat, upright, its middle 1.0 m above the lowest point of the scan".
+    """
     place = place_of(surface.mesh)
     spread = np.asarray(surface.mesh.vertices)[np.unique(np.asarray(surface.mesh.faces))]
     height = place.centroid[2] - floor_m
@@ -188,12 +193,12 @@ def _length(metres: float) -> str:
 
 
 def ask(question: Question, complete: Callable[[list[Message]], str]) -> Answer:
-    """Ask until the answer fits the schema; the error message of an invalid answer is sent back.
+    """Ask a question until the answer fits the schema. After an invalid answer, the model receives the schema's error message.
 
-    The last attempt accepts a known material outside MINC as its closest category. Any other invalid answer becomes `other`.
+    In the last attempt, a known material outside MINC is replaced by its closest category. Any other invalid answer becomes `other`.
 
     Args:
-        complete: callback from the conversation so far to the next message of the model.
+        complete: function that takes the conversation so far and returns the next message of the model.
     """
     messages = [{"role": "user", "content": question.text}]
     problem = ""

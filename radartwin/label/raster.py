@@ -1,8 +1,9 @@
-"""Renders the triangles, depths and colours of a scene that a camera sees, with a deterministic z-buffer on the CPU.
+"""Render the triangles, depths and colours that a camera sees in a scene, with a deterministic z-buffer on the CPU.
 
-Homogeneous rasterisation (M. Olano, T. Greer, Graphics Hardware 1997): the ray d = (x, y, 1) of a pixel meets the triangle a, b, c if
-d.(b x c), d.(c x a) and d.(a x b) have the same sign. The depth is a.(b x c) over their sum, so that no triangle is clipped and no vertex
-is divided by its own depth. Both sides of a triangle are visible, because the outer side is unknown in a scan.
+Homogeneous rasterisation (M. Olano, T. Greer, Graphics Hardware 1997): the ray d = (x, y, 1) of a pixel hits the triangle a, b, c if
+d.(b x c), d.(c x a) and d.(a x b) have the same sign. The depth is a.(b x c) divided by the sum of these three products. Therefore no
+triangle must be clipped, and no vertex is divided by its own depth. Both sides of a triangle are visible, because a scan does not show
+which side is the outer side.
 """
 
 from __future__ import annotations
@@ -31,21 +32,27 @@ class Camera:
     height: int
 
     def part(self, left: float, top: float, right: float, bottom: float, width: int, height: int) -> Camera:
-        """The camera of a rectangle of this picture, scaled to another size; the edges are in pixels, the first pixel starts at -0.5."""
+        """Return the camera that shows a rectangle of this picture, at another picture size.
+
+        The edges of the rectangle are in pixels; the first pixel starts at -0.5.
+        """
         scale = np.diag([width / (right - left), height / (bottom - top), 1.0])
         shift = np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1.0]])
         centre = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1.0]])
         return Camera(self.pose, centre @ scale @ shift @ self.intrinsics, width, height)
 
     def widened(self, field_deg: float) -> Camera:
-        """The camera with another field of view; the picture is square."""
+        """Return the camera with another field of view and a square picture."""
         intrinsics = self.intrinsics.copy()
         intrinsics[0, 0] = intrinsics[1, 1] = self.width / (2 * np.tan(np.radians(field_deg) / 2))
         return Camera(self.pose, intrinsics, self.width, self.height)
 
     @classmethod
     def looking(cls, eye: np.ndarray, target: np.ndarray, field_deg: float, size: int) -> Camera:
-        """A camera with a square picture of `size` pixels from `eye` (3,) towards `target` (3,), upright unless it looks up or down."""
+        """Return a camera at `eye` (3,) that looks to `target` (3,), with a square picture of `size` x `size` pixels.
+
+        The camera is upright unless it looks straight up or down.
+        """
         forward = (target - eye) / np.linalg.norm(target - eye)
         up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
         right = np.cross(forward, up)
@@ -59,7 +66,12 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The visible triangle of each pixel: face (h, w), an index or -1, and depth (h, w) in metres along the axis, or inf."""
+    """The visible triangle of each pixel.
+
+    Attributes:
+        face: (h, w) index of the triangle; -1 where there is none.
+        depth: (h, w) depth along the camera's axis in metres; inf where there is no triangle.
+    """
 
     face: np.ndarray
     depth: np.ndarray
@@ -77,11 +89,11 @@ class Triangles:
         self.normal = cross / np.maximum(2 * self.area, 1e-300)[:, None]
 
     def of(self, index: int) -> slice:
-        """The faces of a surface."""
+        """Return the slice of the faces of a surface."""
         return slice(self.first_face[index], self.first_face[index + 1])
 
     def seen(self, camera: Camera) -> Seen:
-        """The visible triangle of each pixel of a camera."""
+        """Find the visible triangle of each pixel of a camera."""
         depth = np.full((camera.height, camera.width), np.inf)
         face = np.full((camera.height, camera.width), -1, np.int64)
         rays = np.linalg.inv(camera.intrinsics)
@@ -89,17 +101,20 @@ class Triangles:
         return Seen(face, depth)
 
     def surfaces(self, seen: Seen) -> np.ndarray:
-        """Surface index of each pixel, (h, w), or -1."""
+        """Return the surface index of each pixel, (h, w); -1 where there is no surface."""
         return np.where(seen.face >= 0, self.surface[np.maximum(seen.face, 0)], -1)
 
     def facing(self, camera: Camera, seen: Seen, mask: np.ndarray) -> np.ndarray:
-        """Cosine between ray and normal for the N pixels of the mask (h, w), (N,); negative if the front side is visible."""
+        """Return the cosine (N,) between ray and normal at the N pixels of `mask` (h, w). It is negative if the front side is visible."""
         rows, columns = np.nonzero(mask)
         rays = np.column_stack([columns, rows, np.ones(rows.size)]) @ np.linalg.inv(camera.intrinsics).T @ camera.pose[:3, :3].T
         return np.einsum("ij,ij->i", rays, self.normal[seen.face[rows, columns]]) / np.linalg.norm(rays, axis=1)
 
     def coarser(self, cell_m: float) -> Triangles:
-        """The surfaces with one vertex per surface and grid cell, without collapsed triangles; no surface loses all its triangles."""
+        """Simplify the surfaces: merge the vertices of a surface in each grid cell, and remove collapsed triangles.
+
+        Every surface keeps at least one triangle.
+        """
         vertex_surface = np.zeros(len(self.vertices), np.int64)
         vertex_surface[self.faces] = self.surface[:, None]
         # Walls are often at round coordinates. An irrational offset keeps a noisy wall within one layer of cells.
@@ -140,7 +155,7 @@ class Drawing(Triangles):
         self._min_shade = np.repeat(np.array([shade for _, _, shade in appearances]), np.diff(self.first_face))
 
     def picture(self, camera: Camera, seen: Seen) -> np.ndarray:
-        """The picture in the colours of the surfaces under a lamp at the camera, (h, w, 3) uint8, with a white background."""
+        """Render a picture (h, w, 3) uint8 in the colours of the surfaces, with a lamp at the camera and a white background."""
         weights = np.zeros((*seen.face.shape, 3), np.float32)
         out = np.full((*seen.face.shape, 3), BACKGROUND, np.float32)
         rays = np.linalg.inv(camera.intrinsics)
@@ -150,7 +165,7 @@ class Drawing(Triangles):
             texture = self._textures.get(int(index))
             if texture is not None:
                 own = (seen.face >= self.first_face[index]) & (seen.face < self.first_face[index + 1])
-                out[own] *= texture.at(seen.face[own] - self.first_face[index], weights[own])  # was painted white
+                out[own] *= texture.at(seen.face[own] - self.first_face[index], weights[own])  # painted white before
         return np.clip(np.rint(out), 0, 255).astype(np.uint8)
 
 
@@ -161,7 +176,7 @@ class _Texture:
         self._image, self._uv = image, uv
 
     def at(self, face: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Colour of the nearest texel at barycentric weights (N, 3) of faces (N,), (N, 3)."""
+        """Return the colour (N, 3) of the nearest texel at barycentric `weights` (N, 3) of the faces `face` (N,)."""
         height, width = self._image.shape[:2]
         u, v = np.einsum("nk,nkc->cn", weights, self._uv[face])
         column = np.minimum((np.mod(u, 1.0) * width).astype(int), width - 1)
@@ -170,7 +185,10 @@ class _Texture:
 
 
 def _appearance(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
-    """Corner colours (F, 3, 3) of a mesh (white with a texture), its texture or None, and the brightness at grazing incidence."""
+    """Return the corner colours (F, 3, 3) of a mesh, its texture or None, and the brightness at grazing incidence.
+
+    The corner colours are white if the mesh has a texture.
+    """
     visual, faces = mesh.visual, np.asarray(mesh.faces)
     kind = getattr(visual, "kind", None)
     flat = np.ones((len(faces), 3, 3), np.float32)
@@ -196,7 +214,7 @@ def _image(visual) -> np.ndarray | None:
 
 @compiled
 def _paint(points, faces, rays, face, corner_colour, min_shade, weights, out):
-    """Barycentric weights (h, w, 3) and shaded colours (h, w, 3) of the pixels whose face (h, w) is not -1."""
+    """Write barycentric weights (h, w, 3) and shaded colours (h, w, 3) of the pixels whose face (h, w) is not -1."""
     height, width = face.shape
     for v in range(height):
         for u in range(width):
@@ -225,7 +243,7 @@ def _paint(points, faces, rays, face, corner_colour, min_shade, weights, out):
 
 @compiled
 def _rasterise(points, faces, intrinsics, rays, depth, face):
-    """Fill depth (h, w) and face (h, w) from camera-frame points (V, 3) and faces (F, 3); the first face wins ties."""
+    """Fill `depth` (h, w) and `face` (h, w) from points (V, 3) in camera coordinates and faces (F, 3). The first face wins ties."""
     height, width = depth.shape
     fx, fy, cx, cy, skew = intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2], intrinsics[0, 1]
     for f in range(len(faces)):

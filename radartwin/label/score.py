@@ -1,9 +1,11 @@
-"""Scores of labels against the true materials: accuracy of the categories, and the error of the reflection in decibels.
+"""Compare labels with the true materials: compute the accuracy of the categories, and the error of the reflection in decibels.
 
-Every surface of the labelled scene is compared with the true surface that most of it lies on, weighted by its area. A label is right if its
-MINC category is the true category (`other` only if the material agrees). The error of a label is the electromagnetic distance
-(`radartwin.materials.distance`) between its material and the true material. Intervals are Wilson's (E. Wilson, JASA 22 (1927) 209) with the
-effective number of surfaces, (sum of areas)^2 / sum of areas^2, because one wall of 15 m2 is one decision and not fifteen.
+Every surface of the labelled scene is compared with the true surface that most of its area lies on. The area of a surface is its weight.
+A label is right if its MINC category is the true category; for `other`, the material must also agree. The error of a label is the
+electromagnetic distance
+(`radartwin.materials.distance`) between its material and the true material. The confidence intervals are Wilson's (E. Wilson, JASA 22
+(1927) 209), with (sum of
+areas)^2 / sum of areas^2 as the effective number of surfaces, because one wall of 15 m2 is one decision and not fifteen.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from radartwin.scene.scene import Scene
 if TYPE_CHECKING:
     import pandas as pd
 
-CLOSE_DB = 1.0  # smaller errors do not matter to the radar, because the speckle of a rough wall is 0.6 to 1.1 dB
+CLOSE_DB = 1.0  # the radar cannot observe a smaller error, because the speckle of a rough wall is 0.6 to 1.1 dB
 Z95 = 1.959963984540054
 
 
@@ -34,9 +36,10 @@ class Judged:
     """A labelled surface with its true category.
 
     Attributes:
-        label, truth: MINC categories; label is None for a material without a category.
-        distance_db: electromagnetic distance between both materials.
-        stand_in: the material of the label is a stand-in, or its build-up is uncertain.
+        label: MINC category of the label; None if the material has no category.
+        truth: true MINC category.
+        distance_db: electromagnetic distance between the label's material and the true material.
+        stand_in: whether the material of the label is a substitute material, or its layers are uncertain.
     """
 
     name: str
@@ -49,12 +52,14 @@ class Judged:
 
     @property
     def right(self) -> bool:
-        """Whether the category is true and, for `other`, whether the material agrees too."""
+        """Whether the category is the true category and, for `other`, whether the material also agrees."""
         return self.label == self.truth and (self.truth != "other" or self.distance_db <= CLOSE_DB)
 
 
 def judge(labelled: Scene, truth: Scene) -> list[Judged]:
-    """Each surface of a labelled scene that lies on a true surface; both scenes have one frame.
+    """Compare each surface of a labelled scene with the true surface that it lies on, if there is one.
+
+    Both scenes must have the same coordinate frame.
 
     Raises:
         SceneError: a true surface has no MINC category.
@@ -77,11 +82,14 @@ def judge(labelled: Scene, truth: Scene) -> list[Judged]:
 
 
 def accuracy_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """One row per true category in MINC's order, and a last row "all".
+    """Make a table of the label accuracy: one row per true category in MINC's order, and a last row "all".
 
-    Columns, weighted by area: minc, n (surfaces), area_m2, accuracy with low and high (95 %); close, the share within CLOSE_DB of the
-    truth, with close_low and close_high; mean_db, the mean distance; worst_db, the largest distance; guessed, the share of stand-ins and
-    uncertain build-ups.
+    Shares and means are weighted by area. Columns:
+    - minc: the category; n: number of surfaces; area_m2: their area.
+    - accuracy: share of right labels, with the 95 % interval low to high.
+    - close: share of labels with a distance of at most CLOSE_DB, with the 95 % interval close_low to close_high.
+    - mean_db, worst_db: mean and largest electromagnetic distance.
+    - guessed: share of labels with a substitute material or uncertain layers.
     """
     import pandas as pd
 
@@ -91,7 +99,9 @@ def accuracy_table(judged: Sequence[Judged]) -> pd.DataFrame:
 
 
 def wilson(weights: np.ndarray, hits: np.ndarray, z: float = Z95) -> tuple[float, float, float]:
-    """Weighted share of hits and Wilson's interval with the effective number of draws; nan without draws.
+    """Return the weighted share of hits, and the lower and upper end of Wilson's interval with the effective number of draws.
+
+    All three values are nan if there are no draws.
 
     >>> [round(value, 3) for value in wilson(np.ones(10), np.arange(10) < 8)]
     [0.8, 0.49, 0.943]

@@ -1,7 +1,8 @@
-"""Provider of answers from a vision-language model behind an OpenAI-compatible endpoint: vLLM, Ollama, LM Studio, or a service.
+"""Answer questions with a vision-language model behind an OpenAI-compatible endpoint: vLLM, Ollama, LM Studio, or a service.
 
-Several questions are asked in parallel through `radartwin.io.chat`, with their pictures as data URIs. Arrived answers are kept if others
-fail. A timeout concerns one question only. A server that refuses a request or is unreachable ends the requests.
+Several questions are asked in parallel through `radartwin.io.chat`, with their pictures as data URIs. If a request fails, the answers
+to other questions are still returned. After a timeout, only that question has no answer. If the server refuses a request or is unreachable,
+no further requests are sent.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ MAX_TOKENS = 400
 
 @dataclass
 class Server:
-    """The provider.
+    """A provider that answers questions with the model of a server.
 
     Args:
         url: base address of the API, with its /v1.
@@ -58,11 +59,12 @@ class Server:
         return f"Server(model={self.model!r}, url={self._endpoint.shown!r})"
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
-        """Records as they arrive, in any order.
+        """Yield each question with its record as it arrives, in any order.
 
         Raises:
-            BackendError: some questions have no answer. It is raised after all other answers, or at once if the server refuses a request
-                or is unreachable.
+            BackendError: some questions have no answer. The error is raised after all other answers, or at once if the server refuses a
+                request or is
+                unreachable.
         """
         down = self._endpoint.down
         down.clear()
@@ -100,7 +102,7 @@ class Server:
             messages = [{"role": first["role"], "content": [*shown, {"type": "text", "text": first["content"]}]}, *others]
             try:
                 return self._endpoint.complete(messages, schema(question.kind), f"answer_about_{question.kind}", client)
-            except NoAnswerInTime:  # concerns this question only
+            except NoAnswerInTime:  # the other questions go on
                 raise
             except BackendError:
                 self._endpoint.down.set()

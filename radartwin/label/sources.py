@@ -1,7 +1,7 @@
-"""Sources of material labels. A source is a callable from a scene to the labelled scene.
+"""Define the sources of material labels. A source is a callable that takes a scene and returns the labelled scene.
 
-A source labels the surfaces of kind "room" and all surfaces of a scan. The target under test keeps its material, because every experiment
-knows it and measures the effect of the room.
+A source labels the surfaces of kind "room" and all surfaces of a scan. The target keeps its material, because every experiment knows the
+target's material and measures the effect of the room.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TRUTH_SPACING_M = 0.1
 
 
 class MaterialSource(Protocol):
-    """Returns the scene with labels on every surface of the room; remaining surfaces share their mesh objects with the input."""
+    """A callable that returns the scene with a label on every surface of the room. The returned scene shares the input's mesh objects."""
 
     name: ClassVar[str]
 
@@ -35,7 +35,7 @@ class MaterialSource(Protocol):
 
 @dataclass(frozen=True)
 class SceneLabels:
-    """The labels in the manifest of the scene, unchanged."""
+    """A source that leaves the labels of the scene's manifest unchanged."""
 
     name: ClassVar[str] = "scene"
 
@@ -45,7 +45,7 @@ class SceneLabels:
 
 @dataclass(frozen=True)
 class Uniform:
-    """One smooth material for every room surface; the ablation of the paper uses plasterboard."""
+    """A source that gives one smooth material to every room surface. The paper's ablation uses plasterboard."""
 
     name: ClassVar[str] = "uniform"
     material: str | Layered = "plasterboard"
@@ -65,7 +65,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Void:
-    """No room: only the object and its stand remain."""
+    """A source that removes the room, so that only the target and its stand remain."""
 
     name: ClassVar[str] = "void"
 
@@ -76,12 +76,14 @@ class Void:
 
 @dataclass(frozen=True)
 class Truth:
-    """The true materials.
+    """A source that gives the true materials.
+
 
     Args:
         truth: material by surface name.
-        scene: true scene in the same frame; each surface takes the material of the surface that most of it lies on. It serves to score a
-            scan, not to label it.
+        scene: true scene in the same coordinate frame. Each surface takes the material of the true surface that most of its area lies on.
+            Use
+            it to evaluate a scan, not to label it.
     Raises:
         SceneError: the true material of a room surface is unknown.
     """
@@ -112,14 +114,14 @@ class Truth:
 
 @dataclass(frozen=True)
 class Random:
-    """The true labels with random errors at a known rate.
+    """A source that gives the true labels, with a known probability of random errors.
 
-    A wrong label is drawn uniformly from the other categories and has their material; a right label keeps the true material. The draws do
-    not depend on p, so a surface that is wrong at one p is wrong at every larger p.
+    A wrong label is drawn uniformly from the other categories, and has the material of the drawn category. A right label keeps the true
+    material. The random numbers do not depend on p, so a surface that is wrong at one p is wrong at every larger p.
 
     Args:
         p: probability that a label is wrong.
-        seed: seed of the draws, together with name and index of the surface.
+        seed: seed of the random numbers, together with name and index of the surface.
         among: "room" draws from the categories of the room, "all" from all MINC categories except `other`.
         truth: source of the true labels.
     Raises:
@@ -167,11 +169,11 @@ class Random:
 
 @dataclass(frozen=True)
 class Vlm:
-    """Answers of a vision-language model. A surface whose manifest already has such a label keeps it.
+    """A source that gives the answers of a vision-language model. A surface keeps such a label if the scene's manifest already holds it.
 
     Args:
-        answers: material or answer by surface name; None takes the recorded answers for the room, by place.
-        missing: uniform material of surfaces without an answer; None refuses them.
+        answers: material or answer by surface name; None matches the recorded answers for the room by place.
+        missing: uniform material of surfaces without an answer; None makes such a surface an error.
         model: model whose answers are used; None accepts every model.
     Raises:
         MissingError: the scene has no recorded answers.
@@ -201,14 +203,14 @@ class Vlm:
 
 
 def true_surfaces(scene: Scene, truth: Scene) -> list[Surface | None]:
-    """For each surface, the true surface that most of it lies on, or None."""
+    """Return, for each surface, the true surface that most of its area lies on, or None."""
     places = [place_of(surface.mesh, TRUTH_SPACING_M) for surface in truth]
     found = matches([place_of(surface.mesh) for surface in scene], places)
     return [None if match is None else truth.surfaces[match[0]] for match in found]
 
 
 def without_fragments(scene: Scene, truth: Scene) -> Scene:
-    """A scan without the fragments that lie on no true surface and thus have no true material."""
+    """Remove the fragments of a scan that lie on no true surface and therefore have no true material."""
     pairs = zip(scene, true_surfaces(scene, truth), strict=True)
     return Scene([surface for surface, match in pairs if match is not None or not belongs_to_room(surface)], scene.provenance)
 
@@ -217,7 +219,7 @@ SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (U
 
 
 def material_source(name: str, **options: object) -> MaterialSource:
-    """A source by its name in the configuration, e.g. `material_source("uniform", material="concrete")`.
+    """Make a source from its name in the configuration, e.g. `material_source("uniform", material="concrete")`.
 
     Raises:
         ConfigError: the source or an option of it is unknown.

@@ -1,8 +1,9 @@
-"""Pictures of a surface for a question: up to K crops with the surface outlined and its surroundings visible.
+"""Make pictures of a surface for a question: a few crops in which the surface is outlined and its surroundings are visible.
 
-The crops come from photographs that show the surface, otherwise from pictures of the mesh from viewpoints around the surface. The scene
-decides what hides the surface in both cases. Views are ranked by the visible share of the surface, its angle and its sharpness. Each
-further view must have another direction, and the last view is wide. The same scene gives the same bytes.
+The crops come from photographs that show the surface. If there are none, the mesh is rendered from viewpoints around the surface. In both
+cases the geometry of the scene decides which parts of the surface are hidden. Views are ranked by the size of the surface in the picture,
+the viewing angle and the sharpness. Each further view must have another direction, and the last view has a wide margin. The same scene
+gives the same bytes.
 """
 
 from __future__ import annotations
@@ -22,19 +23,19 @@ from radartwin.scene.scene import Scene
 SIZE = 512  # pixels of the longer side of a crop
 QUALITY = 88  # of the JPEG
 OUTLINE, HALO = (255, 0, 255), (0, 0, 0)
-RANKING_PIXELS = 64  # size of the pictures that rank the viewpoints
+RANKING_PIXELS = 64  # size of the rendered pictures that rank the viewpoints
 FIELD_DEG, WIDE_FIELD_DEG = 60.0, 90.0
-MARGIN, WIDE_MARGIN = 0.35, 1.5  # margin on every side of the surface over its size; the last view has the wide margin
-MIN_PIXELS = 24  # smallest surface in a photograph scaled to a width of 256 pixels
-MIN_SHARE = 0.01  # smallest share of a picture of the mesh, unless no viewpoint shows more
+MARGIN, WIDE_MARGIN = 0.35, 1.5  # margin on each side of the surface, relative to its size; the last view has the wide margin
+MIN_PIXELS = 24  # smallest number of pixels of the surface in a photograph scaled to a width of 256 pixels
+MIN_SHARE = 0.01  # smallest share of the surface in a rendered picture, unless no viewpoint shows more
 LARGE_M = 2.5
-MANY_FACES, CELL_M = 50_000, 0.08  # ranking uses meshes with more faces in cells of this size, the resolution of 64 pixels
-MIN_ANGLE_DEG = 20.0  # between the directions of two views of one surface
+MANY_FACES, CELL_M = 50_000, 0.08  # for ranking, a mesh with more faces is simplified to cells of this size, the resolution of 64 pixels
+MIN_ANGLE_DEG = 20.0  # smallest angle between the directions of two views of one surface
 
 
 @dataclass(frozen=True, eq=False)
 class Crop:
-    """A picture of a surface: JPEG bytes, from a "photo" or the "mesh", and the share of the pixels of the surface."""
+    """A picture of a surface: JPEG bytes, their origin ("photo" or "mesh"), and the share of the pixels that show the surface."""
 
     jpeg: bytes
     origin: str
@@ -56,7 +57,7 @@ class _View:
 
 @dataclass(eq=False)
 class Views:
-    """The views of all surfaces of a scene.
+    """Chooses views of the surfaces of a scene, and makes pictures of them.
 
     Attributes:
         count: largest number of crops per surface.
@@ -73,7 +74,7 @@ class Views:
         self._coarse = self._drawing if len(self._drawing.faces) < MANY_FACES else self._drawing.coarser(CELL_M)
 
     def crops(self, indices: Iterable[int], step: Callable[[], None] = lambda: None) -> dict[int, list[Crop]]:
-        """Crops of the surfaces with these indices; a surface that no view shows has none.
+        """Make the crops of the surfaces with these indices. A surface that no view shows has no crops.
 
         Args:
             step: callback after each surface.
@@ -89,7 +90,10 @@ class Views:
         return out
 
     def _chosen(self, views: list[_View]) -> list[tuple[_View, bool]]:
-        """The selected views, each with a flag for the wide margin, which the last view has, or the best one again."""
+        """Select views, each with a flag for the wide margin. The last view has the wide margin.
+
+        If there are too few views, the best view is repeated as the last view.
+        """
         chosen = _spread(views, self.count)
         if self.count == 1 or not chosen:
             return [(view, False) for view in chosen]
@@ -98,7 +102,7 @@ class Views:
         return [(view, k == len(chosen) - 1) for k, view in enumerate(chosen)]
 
     def _in_photos(self, indices: Sequence[int]) -> dict[int, list[_View]]:
-        """Views of each surface in the photographs, scored at a width of 256 pixels."""
+        """Return the views of each surface in the photographs, with a score computed at a picture width of 256 pixels."""
         views: dict[int, list[_View]] = {index: [] for index in indices}
         for photo in self.photos:
             pixels = photo.pixels()
@@ -120,7 +124,7 @@ class Views:
         return views
 
     def _centre(self, index: int) -> np.ndarray:
-        """The target of a camera: the middle of the surface, or the nearest triangle if the middle is empty."""
+        """Return the point for a camera to look at: the middle of the surface, or the nearest triangle if the middle is empty."""
         part = self._drawing.of(index)
         centres = self._drawing.vertices[self._drawing.faces[part]].mean(axis=1)
         middle = np.average(centres, axis=0, weights=np.maximum(self._drawing.area[part], 1e-12))
@@ -134,7 +138,7 @@ class Views:
         return away / max(float(np.linalg.norm(away)), 1e-9)
 
     def _around(self, index: int) -> list[_View]:
-        """Viewpoints around a surface at several distances and angles from which the mesh shows it, scored on small pictures."""
+        """Return rendered views of a surface from several distances and angles, with a score computed on small pictures."""
         part = self._drawing.of(index)
         centre = self._centre(index)
         corners = self._drawing.vertices[self._drawing.faces[part]].reshape(-1, 3)
@@ -151,7 +155,7 @@ class Views:
                 share = float(mask.mean())
                 if share == 0:
                     continue
-                # Triangles are visible from behind if the camera is outside the room or inside an object.
+                # If triangles are visible from behind, the camera is outside the room or inside an object.
                 backs = float((self._coarse.facing(camera, seen, seen.face >= 0) > 0).mean())
                 squareness = float(np.abs(self._coarse.facing(camera, seen, mask)).mean())
                 surroundings = float((seen.face >= 0).mean())
@@ -162,13 +166,13 @@ class Views:
         return clear or views
 
     def _free(self, index: int, centre: np.ndarray, direction: np.ndarray) -> float:
-        """Distance in metres from the surface at which another surface hides it."""
+        """Return the distance in metres from the surface beyond which another surface hides it."""
         camera = Camera.looking(centre, centre + direction, 2.0, 1)
         seen = self._coarse.seen(camera)
         return 0.9 * float(seen.depth[0, 0]) if self._coarse.surfaces(seen)[0, 0] != index else np.inf
 
     def _crop(self, index: int, view: _View, read: Callable[[Photo], np.ndarray], wide: bool) -> Crop | None:
-        """The rectangle around the surface with its outline, as JPEG; None if the view does not show the surface."""
+        """Crop the rectangle around the surface, with the surface's outline, as JPEG. Return None if the view does not show the surface."""
         whole = view.camera.widened(WIDE_FIELD_DEG) if wide and view.photo is None else view.camera
         small = _scaled(whole, 256)
         mask = self._drawing.surfaces(self._drawing.seen(small)) == index
@@ -187,10 +191,10 @@ class Views:
 
 
 def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
-    """Unit vectors (N, 3) towards the camera: about the normal at 15, 40 and 60 degrees, or all around a surface that is not flat.
+    """Return unit vectors (N, 3) towards the camera: at 15, 40 and 60 degrees from the normal, or all around a surface that is not flat.
 
-    A perpendicular view would not show the surroundings of a surface. A large surface, which fills every picture, is also viewed at 75
-    degrees (`steep`).
+    A perpendicular view would not show the surroundings of a surface. `steep` adds 75 degrees, for a large surface that fills every
+    picture.
     """
     if normal is None:
         tilt, count = np.radians([60.0, 80.0]), 8
@@ -207,7 +211,7 @@ def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
 
 
 def _spread(views: list[_View], count: int) -> list[_View]:
-    """The best views, each from another direction than the better ones."""
+    """Return the `count` best views that differ in direction."""
     chosen: list[_View] = []
     for view in sorted(views, key=lambda v: -v.score):
         if len(chosen) == count:
@@ -223,7 +227,7 @@ def _scaled(camera: Camera, width: int) -> Camera:
 
 
 def _sharpness(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Local sharpness, (height, width) in 0 to 1: the difference of the photograph from its blurred copy."""
+    """Return the local sharpness (height, width), 0 to 1: the difference between the photograph and its blurred copy."""
     from scipy.ndimage import uniform_filter
 
     grey = pixels.astype(np.float32).mean(axis=2)
@@ -234,12 +238,12 @@ def _sharpness(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 def outlined(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """The picture (h, w, 3) with the edge of the mask (h, w) drawn over it, also along the border of the picture."""
+    """Draw the edge of the mask (h, w) over the picture (h, w, 3), also along the border of the picture."""
     from scipy.ndimage import binary_dilation, binary_erosion, binary_opening
 
     cleaned = binary_opening(mask, iterations=1)
     if np.count_nonzero(cleaned) > 0.7 * np.count_nonzero(mask):
-        mask = np.asarray(cleaned)  # removes the specks of a ragged mesh, unless most of it is specks
+        mask = np.asarray(cleaned)  # removes the specks of a ragged mesh, unless most of the mask consists of specks
     edge = mask & np.logical_not(binary_erosion(mask, iterations=2))
     halo = np.logical_and(binary_dilation(edge, iterations=1), np.logical_not(edge))
     out = pixels.copy()
@@ -249,7 +253,7 @@ def outlined(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def _rectangle(mask: np.ndarray, small: Camera, camera: Camera, margin_of_size: float) -> tuple[float, float, float, float]:
-    """Rectangle (left, top, right, bottom) around the surface in pixels of the camera, at most twice as long as wide."""
+    """Return a rectangle (left, top, right, bottom) around the surface in pixels of `camera`, at most twice as long as wide."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     per_pixel = camera.width / small.width
     low = np.array([columns[0], rows[0]]) * per_pixel - 0.5
@@ -264,7 +268,7 @@ def _rectangle(mask: np.ndarray, small: Camera, camera: Camera, margin_of_size: 
 
 
 def _cut(pixels: np.ndarray, rectangle: tuple[float, float, float, float], camera: Camera) -> np.ndarray:
-    """A rectangle of a photograph in the size of the camera."""
+    """Cut a rectangle from a photograph and scale it to the picture size of `camera`."""
     from PIL import Image
 
     left, top, right, bottom = (edge + 0.5 for edge in rectangle)

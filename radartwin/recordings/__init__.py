@@ -1,1 +1,1 @@
-"""Recording sets: real captures with their index, data card and checks."""
+"""Store real captures as recording sets: folders with recordings, an index and a data card. Import, select and check them."""

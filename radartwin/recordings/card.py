@@ -1,4 +1,4 @@
-"""The data card of a recording set, card.yaml: origin, licence and units of the recordings."""
+"""Read, check and write card.yaml, the data card of a recording set: origin, licence and units of the recordings."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ UNITS = ("counts", "amplitude")
 
 @dataclass(frozen=True)
 class Card:
-    """The facts that a user of a recording set needs.
+    """The data card: facts that a user of a recording set needs.
 
     Attributes:
         name: name of the set.
-        licence: licence of the recordings, such as CC-BY-4.0; "private" for none.
-        units: unit of the samples as read: "counts" of the ADC, or "amplitude" (|a|^2 = received over transmitted power).
-        sensor: board, with its modifications.
-        who, when: person or group that made the recordings; date or period.
+        licence: licence of the recordings, such as CC-BY-4.0; "private" if there is none.
+        units: unit of the samples a as they are read: "counts" of the ADC, or "amplitude" (|a|^2 = received power / transmitted power).
+        sensor: radar board, with its modifications.
+        who: person or group that made the recordings.
+        when: date or period of the recordings.
         notes: any further text.
         extra: further keys of the file, which are preserved.
     """
@@ -39,7 +40,7 @@ class Card:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def problems(self) -> list[str]:
-        """One line per missing or invalid value."""
+        """Return one line of text per missing or invalid value."""
         hints = {"licence": "; give the licence of the recordings, such as CC-BY-4.0 or private", "units": f"; one of {', '.join(UNITS)}"}
         found = [f"{key} is missing{hints.get(key, '')}" for key in KEYS if key != "notes" and not getattr(self, key)]
         if self.units and self.units not in UNITS:
@@ -47,11 +48,11 @@ class Card:
         return found
 
     def values(self) -> dict[str, Any]:
-        """The card as a mapping; `of` is the inverse."""
+        """Return the card as a mapping; `of` is the inverse."""
         return {key: getattr(self, key) for key in KEYS} | dict(self.extra)
 
     def save(self, folder: Path) -> Path:
-        """Write FOLDER/card.yaml, complete or not at all. Raises RecordingError for a card with problems."""
+        """Write FOLDER/card.yaml, completely or not at all. Raises RecordingError for a card with problems."""
         import yaml
 
         if problems := self.problems():
@@ -73,7 +74,7 @@ class Card:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Card:
-        """A card from plain values, which become text; YAML may have read a date, for example."""
+        """Make a card from plain values. Each value is converted to text, because YAML may have read it as a date, for example."""
         known = {key: "" if values.get(key) is None else str(values[key]).strip() for key in KEYS}
         return cls(**known, extra={str(key): value for key, value in values.items() if key not in KEYS})
 

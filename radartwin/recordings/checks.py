@@ -1,4 +1,4 @@
-"""Checks a recording set in one pass: card, index, files, radars, trajectories and samples."""
+"""Check a recording set in one pass: card, index, files, radars, trajectories and samples."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from radartwin.recordings.index import INDEX, RECORDINGS, TRAJECTORIES, Row, rea
 from radartwin.recordings.studio_log import PACKET_BYTES
 from radartwin.recordings.trajectory import frame_poses
 
-CLIPPED_SHARE = 1e-3  # a judgement: above this share of values at full scale, the harmonics of clipping are not small
-EDGE_FRAMES = 16  # frames that decide whether I and Q are exchanged, because one frame of few chirps errs by 1 to 2 dB
+CLIPPED_SHARE = 1e-3  # largest tolerated share of samples at full scale, by judgement; above it, clipping causes notable harmonics
+EDGE_FRAMES = 16  # frames for the test whether I and Q are exchanged; with one frame of few chirps its power ratio errs by 1 to 2 dB
 LOST_SHARE = 0.01  # share of frames with lost samples above which a set is not usable, even if its log reports them
 
 
 @dataclass(frozen=True)
 class Problem:
-    """The place of a problem, and one line with the problem and its remedy."""
+    """A problem of a set: where it is, and one line of text with the problem and its remedy."""
 
     where: str
     text: str
@@ -38,7 +38,7 @@ class Problem:
 
 @dataclass
 class Report:
-    """The result of `examine`: problems make a set unusable, notes do not. `bytes` is the size of the recordings."""
+    """The result of `examine`. Problems make a set unusable, notes do not. `bytes` is the total size of the recordings."""
 
     rows: list[Row] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
@@ -49,7 +49,7 @@ class Report:
     frames: int = 0
 
     def counts(self, column: str) -> Counter[str]:
-        """Number of rows per value of a column."""
+        """Count the rows per value of a column."""
         found = Counter(row.value(column) for row in self.rows)
         number = column == "distance_m"
         keys = sorted(found, key=lambda value: (value is None, value))
@@ -57,7 +57,7 @@ class Report:
 
 
 def examine(folder: str | Path, progress: Progress | None = None) -> Report:
-    """All problems of the set in a folder. Every recording is read once, one after the other.
+    """Find all problems of the set in a folder. Every recording is read once, one after the other.
 
     Raises:
         MissingError: the folder does not exist.
@@ -106,7 +106,7 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
 
 
 def check_samples(recording: Recording, row: Row, card: Card | None = None) -> tuple[list[str], list[str]]:
-    """Problems of the samples of one recording, and notes on them, one line each."""
+    """Check the samples of one recording. Return its problems and its notes, one line of text each."""
     problems, notes = [], []
     if not recording.iq.any():
         return ["all samples are zero; record again with the sensor started"], notes
@@ -136,7 +136,7 @@ def check_samples(recording: Recording, row: Row, card: Card | None = None) -> t
 
 
 def clipped_share(recording: Recording) -> float:
-    """Share of int16 values at the limits of their range."""
+    """Return the share of int16 values that are at the limits of the int16 range."""
     limit = FULL_SCALE * (recording.scale or np.inf) * (1 - 1e-6)
     parts = recording.iq.view(np.float32)
     clipped = sum(int(np.count_nonzero(np.abs(parts[block]) >= limit)) for block in recording.frame_blocks())
@@ -144,9 +144,9 @@ def clipped_share(recording: Recording) -> float:
 
 
 def zero_filled_frames(recording: Recording) -> list[int]:
-    """Frames in which half a packet or more is zero, which the capture card writes for a lost packet."""
+    """Return the indices of frames with at least half a packet of zeros, because the capture card writes zeros for lost packets."""
     per_sample = 2 if recording.radar.real_sampling else 4
-    run = PACKET_BYTES // per_sample // 2  # a packet of zeros covers an aligned run of half its length, wherever the packet begins
+    run = PACKET_BYTES // per_sample // 2  # wherever a packet of zeros begins, it covers an aligned block of half its length
     per_frame = recording.iq[0].size
     found: set[int] = set()
     for block in recording.frame_blocks():
@@ -157,7 +157,7 @@ def zero_filled_frames(recording: Recording) -> list[int]:
 
 
 def _any_by_channel(recording: Recording) -> np.ndarray:
-    """Whether a channel has a sample that is not zero, (tx, rx)."""
+    """Return a mask (tx, rx) of the channels that have a sample other than zero."""
     return np.logical_or.reduce([recording.iq[block].any(axis=(0, 1, 4)) for block in recording.frame_blocks()])
 
 
@@ -169,7 +169,7 @@ def _trajectory(path: Path, row: Row, recording: Recording) -> Iterator[str]:
 
 
 def _unindexed(folder: Path, rows: list[Row]) -> Iterator[Problem]:
-    """Recordings on disk without a row, for example from an interrupted writer."""
+    """Yield a problem for each recording on disk that has no row in the index, for example because an import was interrupted."""
     known = {row.recording for row in rows}
     for path in sorted((folder / RECORDINGS).glob("*")):
         if path.suffix in (".bin", ".json") and path.stem not in known and not path.name.startswith("."):
@@ -177,16 +177,16 @@ def _unindexed(folder: Path, rows: list[Row]) -> Iterator[Problem]:
 
 
 def few(items: Sequence[object], most: int = 5) -> str:
-    """The first items as text."""
+    """Return the first items as text."""
     return ", ".join(map(str, items[:most])) + (", ..." if len(items) > most else "")
 
 
 def same_radar(radar: Radar, other: Radar) -> bool:
-    """Whether two recordings may be in one set: only the frame rate and the name, which is a file name, may differ."""
+    """Return whether recordings of these radars may be in one set: only the frame rate and the name of the radar file may differ."""
     return replace(radar, frame_rate_hz=other.frame_rate_hz, name=other.name) == other
 
 
 def difference(radar: Radar, other: Radar) -> str:
-    """The fields in which two radars differ, without the name, as text."""
+    """Return the fields in which two radars differ, without their names, as text."""
     pairs = {key: (value, getattr(other, key)) for key, value in vars(radar).items() if key != "name" and value != getattr(other, key)}
     return ", ".join(key if len(f"{a}{b}") > 60 else f"{key} {a} instead of {b}" for key, (a, b) in pairs.items())

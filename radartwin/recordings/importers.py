@@ -1,7 +1,8 @@
-"""Imports captures of other tools into a recording set.
+"""Import captures from other tools into a recording set.
 
 A capture is a raw .bin of the DCA1000 (with .mmwave.json and LogFile.csv beside it, possibly in several parts), a .npy cube, or a
-recording of this package. Its conditions come from values for all captures, a mapping file (radartwin/recordings/mapping.py), or both.
+recording of this package. The conditions of a capture come from values for all captures, a mapping file (radartwin/recordings/mapping.py),
+or both.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from radartwin.recordings.recording_set import RecordingSet
 
 @dataclass(frozen=True)
 class Plan:
-    """One capture to import: its first file, its row, and its trajectory file."""
+    """One capture to import: its first file, its row for the index, and its trajectory file."""
 
     capture: Path
     row: Row
@@ -50,23 +51,24 @@ def import_captures(
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> tuple[RecordingSet, list[Row]]:
-    """Add every capture of a file or folder to a new or existing set. Captures that the set already has are skipped.
+    """Import every capture of a file or folder into a new or existing set. Captures that the set already holds are skipped.
 
     Rows and card are checked before the first capture is read. A new set is created after the first capture is read.
 
     Args:
         source: a capture, or a folder of captures.
         out: folder of the set.
-        values: keys of the card of a new set, and columns for all rows, which the entries of the mapping override.
-        radar: radar of all captures; None reads the description of each capture.
-        cut: drop an incomplete frame at the end of a raw capture.
-        say: callback for notes on a capture: lost packets, missing frames, no log.
+        values: values of the card of a new set, and index columns of all rows. Entries of the mapping override these columns.
+        mapping: mapping file, see `radartwin.recordings.mapping`.
+        radar: radar of all captures; None reads the radar description beside each capture.
+        cut: drop an incomplete frame at the end of a raw capture; by default such a capture is an error.
+        say: callback that receives notes on a capture, such as lost packets, missing frames or a missing log.
     Returns:
-        The set, and the new rows.
+        The recording set, and the rows that were added to its index.
     Raises:
         MissingError: there is no capture or no radar description, or an entry of the mapping matches no capture.
         InputError: a row is invalid, or the card is incomplete.
-        RecordingError: a capture cannot be read, or has another radar or other units. The set then has all captures before it.
+        RecordingError: a capture cannot be read, or has another radar or other units. The set then holds all captures before this capture.
     """
     source, out, mapping, values = Path(source), Path(out), mapping or CaptureMap(), dict(values or {})
     shared = {key: value for key, value in values.items() if key not in KEYS}
@@ -86,12 +88,12 @@ def import_captures(
             raise RecordingError(f"{item.capture}: its samples are {kind}, but the card has units={card.units}; make a separate set")
         target = target or RecordingSet.create(out, card)
         added.append(target.add(recording, replace(item.row, extra={**columns, **item.row.extra}), item.trajectory))
-    assert target is not None  # it existed, or the first capture created it
+    assert target is not None  # the set existed, or the first capture created it
     return target, added
 
 
 def key_values(words: Iterable[str]) -> dict[str, str]:
-    """KEY=VALUE words as a mapping. Raises InputError for another word, or a key that is given twice."""
+    """Return KEY=VALUE words as a mapping. Raises InputError for a word of another form, or for a key that is given twice."""
     out: dict[str, str] = {}
     for word in words:
         key, separator, value = word.partition("=")
@@ -104,7 +106,10 @@ def key_values(words: Iterable[str]) -> dict[str, str]:
 
 
 def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Callable[[str], None] = lambda line: None) -> list[Plan]:
-    """The captures to import; errors as for `import_captures`. Missing repetition numbers are counted in the order of the file names."""
+    """List the captures to import. Missing repetition numbers are counted in the order of the file names.
+
+    Raises errors as `import_captures`.
+    """
     captures, root = find_captures(source), source if source.is_dir() else source.parent
     columns_per_capture = columns_of(captures, root, mapping.entries)
     if skipped := [capture for capture, columns in zip(captures, columns_per_capture, strict=True) if columns is None]:
@@ -135,7 +140,10 @@ def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Call
 
 
 def find_captures(source: Path) -> list[Path]:
-    """Captures of a folder and its subfolders, or one file; the first part of a capture in parts. Raises MissingError for none."""
+    """Find the captures in a folder and its subfolders; a file is returned alone. A capture in several parts is listed as its first part.
+
+    Raises MissingError if there is no capture.
+    """
     if not source.is_dir():
         if not source.is_file():
             raise MissingError(f"{source}: no such capture; give a .bin, a .npy or a folder of them")
@@ -148,7 +156,7 @@ def find_captures(source: Path) -> list[Path]:
 
 
 def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False) -> tuple[Recording, dict[str, str], list[str]]:
-    """The recording, further columns for its row, and notes on it, one line each.
+    """Read a capture. Return the recording, further columns for its row, and notes on it (one line each).
 
     Raises:
         MissingError: the radar description is missing.
@@ -178,7 +186,7 @@ def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False
 
 
 def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dict[str, str], list[str]]:
-    """Columns for the row of a capture and notes, from the log beside it, which goes into the provenance."""
+    """Return index columns and notes from the log beside a capture. Also copy the log's values into the recording's provenance."""
     columns: dict[str, str] = {}
     notes: list[str] = []
     expected = {"configured": configured}
@@ -203,7 +211,7 @@ def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dic
 
 
 def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> Card:
-    """The card of the existing set, which must not contradict the values, or a new card from the values."""
+    """Return the card of the existing set, after checking that `values` do not contradict it, or make a new card from `values`."""
     if target is not None:
         for key in sorted(values.keys() & KEYS):
             value = values[key]
@@ -217,19 +225,19 @@ def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> 
 
 
 def _whole(recording: Recording) -> bool:
-    """Whether all samples are whole numbers within int16, like the counts of an ADC."""
+    """Return whether all samples are whole numbers within int16, like the counts of an ADC."""
     parts = np.stack([recording.iq.real, recording.iq.imag])
     return bool(np.array_equal(parts, np.rint(parts)) and np.abs(parts).max() <= dca1000.FULL_SCALE + 1)
 
 
 def _name(capture: Path, root: Path) -> str:
-    """A valid recording name from the path below the source."""
+    """Make a valid recording name from the capture's path relative to `root`."""
     relative = capture.relative_to(root).with_name(studio_log.capture_prefix(capture))
     return re.sub(r"[^A-Za-z0-9._-]+", "_", "_".join(relative.parts)).lstrip("._-")
 
 
 def _configured_frames(description: Path | None) -> int:
-    """numFrames of a mmWave Studio description; 0 for an unlimited number or another kind of description."""
+    """Return numFrames of an mmWave Studio radar description; 0 if it is unlimited, or if the description has another format."""
     if description is None:
         return 0
     try:

@@ -1,6 +1,6 @@
-"""A mapping file assigns conditions to captures whose folders and names are given.
+"""Read mapping files, which assign recording conditions (object, distance, ...) to captures by their folders and file names.
 
-A YAML file has the card of a new set and entries in order, of which later entries override earlier entries:
+A YAML mapping file holds the card of a new set, and a list of entries. A later entry overrides the values of earlier entries:
 
     card: {name: court, licence: CC-BY-4.0, sensor: IWR1843BOOST, who: A. Researcher, when: 2026-03-01}
     captures:
@@ -35,7 +35,7 @@ _TOKEN = re.compile(r"(\*\*)|(\*)|\{([A-Za-z_]\w*)\}")
 
 @dataclass(frozen=True)
 class Entry:
-    """Columns of the index, as text, for the captures that match a pattern."""
+    """Values of index columns, as text, for the captures that match a pattern."""
 
     file: str
     columns: Mapping[str, str]
@@ -43,7 +43,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class CaptureMap:
-    """The content of a mapping file: keys of the card, and entries."""
+    """The content of a mapping file: values of the card, and entries."""
 
     card: Mapping[str, Any] = field(default_factory=dict)
     entries: Sequence[Entry] = ()
@@ -67,7 +67,9 @@ def read_mapping(path: str | Path) -> CaptureMap:
 
 
 def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -> list[dict[str, str] | None]:
-    """Columns of every capture from the entries that match it, None if no entry does; without entries, no columns for any capture.
+    """Return the index columns of every capture, from the entries that match the capture.
+
+    A capture that no entry matches gives None. If there are no entries at all, every capture gives an empty dictionary.
 
     Raises:
         MissingError: an entry matches no capture.

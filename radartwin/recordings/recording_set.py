@@ -1,4 +1,4 @@
-"""A set of recordings on disk, which experiments compare with simulations.
+"""Read and write a set of recordings on disk, which experiments compare with simulations.
 
     SET/
       card.yaml                  name, licence, units, sensor, who, when, notes
@@ -8,8 +8,9 @@
       trajectories/FILE          poses of the radar, TUM text or CSV; times in seconds from the first frame, or from -start_s
                                  if the index has a column start_s
 
-A folder with a card is a set. All recordings of a set have one radar, at any frame rate. The index is written last, and a recording without
-a row is not part of the set. A writer may therefore be killed at any moment, and adding the same name again completes its work.
+A folder is a recording set if it has a card.yaml. All recordings of a set have the same radar, but may differ in frame rate. A recording
+belongs to the set only if the index has a row for it, and the row is written after the recording's files. A process may therefore be killed
+while it writes; adding a recording of the same name again then completes the set.
 """
 
 from __future__ import annotations
@@ -37,16 +38,16 @@ from radartwin.recordings.index import COLUMNS, INDEX, RECORDINGS, TRAJECTORIES,
 from radartwin.recordings.trajectory import frame_poses
 
 LOCK = "index.lock"
-_SAME_DISTANCE_M = 1e-4  # because the index rounds
+_SAME_DISTANCE_M = 1e-4  # distances this close are equal, because the index stores rounded distances
 
 
 class RecordingSet:
-    """A set of recordings; `load` and `create` return instances.
+    """A set of recordings. Use `load` or `create` to make an instance.
 
     Attributes:
         folder: folder of the set.
         card: data card of the set.
-        rows: rows in the order of the index.
+        rows: rows of the index, one per recording, in the order of the index.
 
     >>> mugs = RecordingSet.load("set").recordings(object="mug", distance_m=[1.0, 2.0])   # doctest: +SKIP
     """
@@ -56,7 +57,7 @@ class RecordingSet:
 
     @classmethod
     def create(cls, folder: str | Path, card: Card) -> RecordingSet:
-        """A new set, or the existing set if it has the same card, so that the same call continues an interrupted one.
+        """Create a set, or open the existing set if it has the same card. The same call therefore continues an interrupted one.
 
         Raises:
             OutputError: the folder cannot be written, or it holds other files.
@@ -79,7 +80,7 @@ class RecordingSet:
 
     @classmethod
     def load(cls, folder: str | Path) -> RecordingSet:
-        """Read card and index; recordings are read on demand.
+        """Open a set: read its card and its index. The recordings are read only when they are used.
 
         Raises:
             MissingError: the folder is missing or not a set.
@@ -107,22 +108,24 @@ class RecordingSet:
 
     @property
     def columns(self) -> list[str]:
-        """Columns of the index, further columns last."""
+        """Names of the index columns; columns beyond the standard columns come last."""
         return [*COLUMNS, *dict.fromkeys(key for row in self.rows for key in row.extra)]
 
     @property
     def radar(self) -> Radar:
-        """The radar of all recordings. Raises MissingError for a set without recordings."""
+        """The radar of all recordings of the set. Raises MissingError if the set has no recordings."""
         if not self.rows:
             raise MissingError(f"{self.folder}: the set has no recordings yet; add some with radartwin import")
         return read_radar_of(self.path(self.rows[0]))
 
     def path(self, row: Row) -> Path:
-        """Path of a recording, without suffix."""
+        """Return the path of a recording's files, without the suffix .bin or .json."""
         return self.folder / RECORDINGS / row.recording
 
     def select(self, **conditions: Any) -> list[Row]:
-        """Rows with given values, as in select(object="mug", distance_m=[0.5, 1.0], split="test"); a collection lists alternatives.
+        """Return the rows with the given values; a collection lists alternatives.
+
+        Example: select(object="mug", distance_m=[0.5, 1.0], split="test").
 
         Raises:
             InputError: a column that the index does not have.
@@ -133,7 +136,7 @@ class RecordingSet:
         return [row for row in self.rows if all(_matches(row.value(column), value) for column, value in conditions.items())]
 
     def recordings(self, **conditions: Any) -> Iterator[tuple[Row, Recording]]:
-        """The selected rows with their recordings, which are read one by one. Errors as for `select` and `read`.
+        """Yield each selected row with its recording, which is read when the iteration reaches it. Raises errors as `select` and `read`.
 
         Raises:
             MissingError: no recording has these values.
@@ -145,7 +148,7 @@ class RecordingSet:
         return ((row, self.read(row)) for row in rows)
 
     def read(self, row: Row) -> Recording:
-        """The recording of a row. If its file has no sensor poses, they come from the trajectory of the row.
+        """Read the recording of a row. If the recording's file has no sensor poses, they come from the row's trajectory file.
 
         Raises:
             MissingError, RecordingError: files are missing or do not belong together.
@@ -157,7 +160,7 @@ class RecordingSet:
         return recording
 
     def digest(self, row: Row) -> str:
-        """32 hexadecimal digits that change with the content of the recording, for run keys."""
+        """Return 32 hexadecimal digits that change with the content of the recording. The run keys include them."""
         total = hashlib.sha256()
         for path in recording_files(self.path(row)):
             with path.open("rb") as stream:
@@ -165,7 +168,10 @@ class RecordingSet:
         return total.hexdigest()[:32]
 
     def course(self, row: Row) -> tuple[Radar, int, NDArray[np.float64] | None]:
-        """Radar, number of frames, and poses (F, 4, 4), or None for a radar at rest, without reading the samples. Errors as for `read`."""
+        """Return the radar, the number of frames, and the radar's poses (F, 4, 4), without reading the samples.
+
+        The poses are None for a radar at rest. Raises errors as `read`.
+        """
         radar, (samples, described) = read_radar_of(self.path(row)), recording_files(self.path(row))
         if not samples.is_file():
             raise MissingError(f"{samples}: no such file; a recording needs a .bin and a .json of the same name")
@@ -176,12 +182,12 @@ class RecordingSet:
         return radar, frames, np.asarray(poses, float) if poses is not None and len(poses) == frames > 1 else None
 
     def add(self, recording: Recording, row: Row, trajectory: str | Path | None = None) -> Row:
-        """Write a recording, then its row, completely or not at all. Several processes may add to one set.
+        """Add a recording and its row in the index, completely or not at all. Several processes may add to one set.
 
         Args:
             trajectory: a file with the poses of the radar, which is copied to trajectories/NAME.suffix.
         Returns:
-            The row in the index.
+            The row as the index stores it.
         Raises:
             InputError: the row is invalid, the set already has its name or its conditions, or the radar differs.
             OutputError: the set cannot be written.
@@ -214,12 +220,12 @@ class RecordingSet:
         return row
 
     def problems(self, progress: Progress | None = None) -> list[Problem]:
-        """All problems of the set on disk, including its samples."""
+        """Return all problems of the set on disk, including those of the samples."""
         return examine(self.folder, progress).problems
 
 
 def read_radar_of(path: Path) -> Radar:
-    """The radar of a recording, without reading its samples. Raises MissingError, RecordingError."""
+    """Read the radar of a recording, without reading the samples. Raises MissingError or RecordingError."""
 
     described = recording_files(path)[1]
     if not described.is_file():

@@ -1,11 +1,11 @@
-"""The LogFile.csv that mmWave Studio and the DCA1000 command line write beside a raw capture.
+"""Read the LogFile.csv that mmWave Studio and the DCA1000 command-line tool write beside a raw capture.
 
-The log has lines "key - value" or "key : value": settings first, then one section per data type ("Raw Data :"). If the card separates
-data types, there are several sections, which this package does not read. The card fills lost packets with zeros in the .bin, so only the
-log and the zeros show the loss, not the file size.
+The log has lines "key - value" or "key : value": settings first, then one section per data type ("Raw Data :"). This package does not
+read logs with several sections, which exist if the capture card separates data types. The card writes zeros for lost packets into the
+.bin. Only the log and the zeros show the loss, because the file size does not change.
 
-References: DCA1000EVM data capture card user's guide (TI SPRUIJ4), raw mode; a log of 143473 packets for 100 frames of 2088960 bytes
-(../shared/data/radar/iwr6843_static_room) agrees with its payload of 1456 bytes.
+References: DCA1000EVM data capture card user's guide (TI SPRUIJ4), raw mode; a log with 143473 packets for 100
+frames of 2088960 bytes (../shared/data/radar/iwr6843_static_room) agrees with the guide's payload of 1456 bytes per packet.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct",
 
 @dataclass(frozen=True)
 class StudioLog:
-    """The values of a log.
+    """The values of a LogFile.csv.
 
     Attributes:
-        lanes: number of LVDS lanes; None if the log does not give it.
+        lanes: number of LVDS lanes; None if the log does not state it.
         received, lost, out_of_sequence: numbers of packets; lost packets are zeros in the .bin.
         lost_bytes: number of zero bytes for lost packets.
         started, ended: local time of the recording computer, ISO 8601 without zone; None for an interrupted capture.
@@ -43,7 +43,7 @@ class StudioLog:
     ended: str | None
 
     def frames(self, frame_bytes: int) -> int:
-        """Whole frames in the .bin. If the last packet was padded, this may be one more than the radar sent, but never fewer."""
+        """Return the number of whole frames in the .bin. If the last packet was padded, this may be one more than the radar sent."""
         return (self.received + self.lost) * PACKET_BYTES // frame_bytes
 
 
@@ -81,7 +81,10 @@ def read_log(path: str | Path) -> StudioLog:
 
 
 def find_log(capture: Path) -> Path | None:
-    """The log of a .bin: PREFIX_Raw_LogFile.csv or PREFIX_LogFile.csv, else the only log beside the only capture, else None."""
+    """Find the log of a .bin: PREFIX_Raw_LogFile.csv or PREFIX_LogFile.csv.
+
+    If neither exists and the folder has one capture and one log, that log is returned. Otherwise None is returned.
+    """
     prefix = capture_prefix(capture)
     for name in (f"{prefix}_Raw_LogFile.csv", f"{prefix}_LogFile.csv"):
         if (capture.parent / name).is_file():
@@ -92,7 +95,7 @@ def find_log(capture: Path) -> Path | None:
 
 
 def capture_prefix(capture: Path) -> str:
-    """The name of a capture without the suffix _Raw_0, _Raw_1, ... that the card adds per file of at most 1 GB.
+    """Return the name of a capture without the suffix _Raw_0, _Raw_1, ... The capture card starts a new file after at most 1 GB.
 
     >>> capture_prefix(Path("mug_Raw_0.bin"))
     'mug'
@@ -101,15 +104,15 @@ def capture_prefix(capture: Path) -> str:
 
 
 def is_part(capture: Path) -> bool:
-    """Whether the file name has a number from the card."""
+    """Return whether the file name has a part number from the capture card."""
     return _PART.fullmatch(capture.stem) is not None
 
 
 def parts(capture: Path) -> list[Path]:
-    """The files of one capture in order: PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ..., or `capture` alone if it has no number.
+    """Return the files of one capture in order: PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ... A capture without a part number is returned alone.
 
     Raises:
-        MissingError: a number is missing.
+        MissingError: a part is missing.
     """
     if not is_part(capture):
         return [capture]

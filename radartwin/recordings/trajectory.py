@@ -1,4 +1,4 @@
-"""Poses of the radar at the frames of a recording, from its trajectory file."""
+"""Compute the poses of the radar at the frames of a recording from its trajectory file."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from radartwin.scene.trajectories.file import read_track
 
 
 def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.ndarray:
-    """Sensor poses (F, 4, 4) at the frames. Up to half a frame beyond either end of the file, the end pose is used.
+    """Interpolate the sensor poses (F, 4, 4) at the frames. A frame up to half a frame period outside the file takes the nearest pose.
 
     Args:
         path: a trajectory file that `read_track` accepts.
-        start_s: time of the first frame on the clock of the file.
+        start_s: time of the first frame on the clock of the trajectory file, seconds.
+        frames: number of frames.
+        rate_hz: frame rate.
     Raises:
         MissingError, PoseError: the file is missing or unreadable.
         RecordingError: the file does not cover the frames.

@@ -1,1 +1,1 @@
-"""The virtual measurement campaign. It differs from the twin on purpose."""
+"""A simulated measurement campaign that takes the place of real measurements. It differs from the twin on purpose."""

@@ -1,13 +1,15 @@
-"""Slow drift of small objects in the room during a recording, each along its own level direction.
+"""Simulate the slow drift of small objects in the room during a recording. Each object moves along its own horizontal direction.
 
-A shift of a tenth of a millimetre changes an echo's phase by a third of a radian. Objects that the log holds at rest therefore still change
-the background between the revolutions of a turntable. All objects follow one course, the room's temperature. The room is traced at its
-middle state, at both ends and at enough states between that neighbours lie at most 0.2 mm apart. A polynomial through these states gives
-the signal at every frame, with an error of 0.02 for an echo straight back, whose phase is 4 pi s / lambda (tested); shifts across the line
-of sight change the phase less.
+At 77 GHz, a shift of 0.1 mm changes the phase of an echo by a third of a radian. Objects that should be at rest therefore change the
+background between the revolutions of a turntable. All shifts are proportional to one random process, the room's temperature, whose value
+is called the state. The room is simulated at the middle state, at both extreme states and at enough states between them that an object
+moves at most 0.2 mm between neighbouring states. A polynomial in the state through these signals gives the signal at every frame. For a
+path straight back to the radar, whose phase is 4 pi s / lambda for a shift s, the polynomial's error is less than 0.02 of the path's
+amplitude (tested). A shift across the line of sight changes the phase less.
 
-The size is an order of magnitude. Over half a metre, a degree expands plastics by 0.05 mm, and ten per cent of relative humidity expands
-wood and cardboard by a few tenths of a millimetre. Boards settle and cables sway by as much.
+The default size of the drift is an order of magnitude. A plastic object of half a metre expands by 0.05 mm per degree. Wood and cardboard
+of this length expand by a few tenths of a millimetre if the relative humidity rises by ten per cent. Boards settle and cables sway by
+similar lengths.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from numpy.typing import NDArray
 from radartwin.scene.scene import Surface
 from radartwin.scene.trajectories.trajectory import pose
 
-REACH = 2.0  # largest state, standard deviations; the course is reflected there
+REACH = 2.0  # largest absolute state, standard deviations; the random process is reflected at this value
 STEP_M = 0.2e-3  # largest shift of an object between neighbouring states
 _BATCH = 64  # frames
 
@@ -31,7 +33,7 @@ class DriftErrors:
     """Size and speed of the drift.
 
     Attributes:
-        creep_m: standard deviation of each object's shift.
+        creep_m: standard deviation of each object's shift over time.
         settling_s: correlation time of the room's temperature.
     """
 
@@ -55,7 +57,7 @@ class Drift:
     course: NDArray[np.float64]
 
     def at(self, frames: slice = slice(None)) -> NDArray[np.complex64]:
-        """Difference (F, T, R, N) from the room at rest."""
+        """Return the room's signal at the frames minus its signal at rest, (F, T, R, N)."""
         at = self.course[frames]
         nodes = np.linspace(-REACH, REACH, len(self.states))
         weights = np.ones((len(at), len(nodes)))
@@ -66,23 +68,23 @@ class Drift:
         return np.tensordot(weights.astype(np.float32), self.states, axes=1).astype(np.complex64)
 
     def add_to(self, iq: NDArray[np.complex64]) -> None:
-        """Add the drift to all chirps of iq (F, C, T, R, N), in place."""
+        """Add the drift's signal to all chirps of iq (F, C, T, R, N), in place."""
         for first in range(0, len(iq), _BATCH):
             block = slice(first, first + _BATCH)
             iq[block] += self.at(block)[:, None]
 
 
 def traced(signal: Callable[[float], NDArray], errors: DriftErrors) -> NDArray[np.complex64]:
-    """The `states` (S, T, R, N) of a Drift; `signal` returns (T, R, N) of the room at a state in standard deviations."""
+    """Compute `Drift.states` (S, T, R, N). `signal` maps a state (standard deviations) to the room's signal (T, R, N)."""
     half = max(1, int(np.ceil(REACH * errors.creep_m / STEP_M - 1e-9)))
     return np.stack([signal(state) for state in np.linspace(-REACH, REACH, 2 * half + 1)]).astype(np.complex64)
 
 
 def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, errors: DriftErrors, seed: int) -> list[Surface]:
-    """The surfaces, with the named ones shifted to a state (standard deviations), each in its own direction.
+    """Return the surfaces; those in `names` are shifted to `state` (standard deviations), each in its own direction.
 
     Args:
-        seed: of the room; all its recordings share the directions.
+        seed: seed of the room. All recordings of one room share the directions.
     """
     out = []
     for surface in surfaces:
@@ -95,7 +97,7 @@ def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, e
 
 
 def course(times_s: NDArray[np.float64], errors: DriftErrors, seed: int) -> NDArray[np.float64]:
-    """State (F,) at each frame of one recording, standard deviations: a stationary random process, reflected at REACH."""
+    """Draw the state (F,) at each frame of one recording, standard deviations: a stationary random process, reflected at REACH."""
     draws = np.random.default_rng(np.random.SeedSequence([seed, *b"drift of a recording"])).standard_normal(len(times_s))
     memory = np.exp(-np.maximum(np.diff(times_s, prepend=times_s[:1]), 0.0) / errors.settling_s)
     out = draws.copy()

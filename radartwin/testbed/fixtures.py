@@ -1,9 +1,10 @@
-"""Surfaces of the measurement equipment, which a scan of the room does not contain.
+"""Build surfaces of the measurement equipment (tripod, rover, turntable drive, cables), which a scan of the room does not contain.
 
-Each function returns surfaces placed relative to the sensor or the target. `provenance["fixture"]` marks them, so that the testbed's
-clutter gap can leave them out. All parts keep 1 cm from each other and from other surfaces, because faces in contact shadow each other.
-Sizes are those of ordinary parts (a photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a geared motor in a box); no drawing of
-such a rig is published.
+Each function returns surfaces placed relative to the sensor or the target. `provenance["fixture"]` marks them, so that the testbed can
+leave them out when its clutter differs less from the scan (`Gaps.clutter`). All parts stay 1 cm apart and 1 cm from other surfaces,
+because faces in contact shadow each other.
+Sizes are those of ordinary parts (a photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a geared motor in a box); we know of no
+published drawing of such a rig.
 """
 
 from __future__ import annotations
@@ -23,11 +24,12 @@ _SIDES = 24  # of cylinders
 
 
 def tripod(sensor_pose: np.ndarray, spread_m: float = 0.35) -> Scene:
-    """A tripod under a radar at rest: head and three legs to the floor at z = 0, one of them behind the radar.
+    """Build a tripod under a radar at rest: a head, and three legs to the floor at z = 0. One leg stands behind the radar.
 
     Args:
-        sensor_pose: (4, 4), level.
-        spread_m: distance of the feet from the vertical below the radar.
+        sensor_pose: (4, 4), with a horizontal viewing direction.
+
+        spread_m: horizontal distance of the feet from the radar.
     Raises:
         SceneError: the radar is lower than 0.3 m.
     """
@@ -44,12 +46,12 @@ def tripod(sensor_pose: np.ndarray, spread_m: float = 0.35) -> Scene:
 
 
 def rover(height_m: float = 0.4) -> Scene:
-    """A rover under and behind its radar, in the radar's frame; it moves with `{ROVER: sensor_poses}`.
+    """Build a rover under and behind its radar, in the radar's coordinates. Pass the motion `{ROVER: sensor_poses}` to move it.
 
     Chassis and wheels are one metal block 3 cm above the floor. Computer and battery are on its rear, and a mast is behind the radar.
 
     Args:
-        height_m: of the radar above the floor.
+        height_m: height of the radar above the floor.
     Raises:
         SceneError: the radar is lower than 0.3 m.
     """
@@ -65,11 +67,14 @@ def rover(height_m: float = 0.4) -> Scene:
 
 
 def turntable_drive(position: np.ndarray, thickness_m: float = 0.03) -> Scene:
-    """Motor and gear under a turntable's disc, beside its post (see `rooms.support(position)`), not square to a radar on x.
+    """Build the motor and gear under a turntable's disc, beside its post (see `rooms.support(position)`).
+
+    The box is turned, so that no face is perpendicular to the line of sight of a radar on the x axis.
+
 
     Args:
-        position: (3,), the top of the disc.
-        thickness_m: of the disc.
+        position: (3,) of the top of the disc.
+        thickness_m: thickness of the disc.
     Raises:
         SceneError: the disc is too low for a motor.
     """
@@ -83,29 +88,29 @@ def turntable_drive(position: np.ndarray, thickness_m: float = 0.03) -> Scene:
 
 
 def radar_rig(sensor_pose: np.ndarray) -> Scene:
-    """Equipment for the radar of a turntable campaign: tripod and cable."""
+    """Build the equipment at the radar of a turntable campaign: tripod and cable."""
     return tripod(sensor_pose) + _hanging_cable(sensor_pose)
 
 
 def target_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
-    """Equipment for the target of a turntable campaign, whose disc has its top at `target` (3,): drive and cable."""
+    """Build the equipment at the target of a turntable campaign: drive and cable. `target` (3,) is the top of the turntable's disc."""
     return turntable_drive(target) + _lying_cable(sensor_pose, target)
 
 
 def turntable_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
-    """All equipment of a turntable campaign."""
+    """Build all equipment of a turntable campaign, at the radar and at the target."""
     return radar_rig(sensor_pose) + target_rig(sensor_pose, target)
 
 
 def _hanging_cable(sensor_pose: np.ndarray) -> Scene:
-    """A cable from behind a radar at rest to the floor."""
+    """Build a cable that hangs from behind a radar at rest to the floor."""
     height = float(sensor_pose[2, 3])
     hanging = _rod(np.array([-0.10, 0.06, height - 0.02]), np.array([-0.16, 0.06, 3 * GAP]), 0.004)
     return Scene([_fixture("cable_radar", hanging, "plastic").moved(_on_floor(sensor_pose))])
 
 
 def _lying_cable(sensor_pose: np.ndarray, target: np.ndarray, length_m: float = 0.8) -> Scene:
-    """A cable along the floor from below the target to its left."""
+    """Build a cable that lies on the floor, from below the target to the left."""
     across = sensor_pose[:3, 1]
     foot = np.array([target[0], target[1], 0.0])
     lying = _rod(foot + 0.15 * across + [0, 0, 0.014], foot + (0.15 + length_m) * across + [0, 0, 0.014], 0.004)
@@ -113,7 +118,7 @@ def _lying_cable(sensor_pose: np.ndarray, target: np.ndarray, length_m: float = 
 
 
 def _on_floor(sensor_pose: np.ndarray) -> np.ndarray:
-    """The pose on the floor below a level sensor pose."""
+    """Return the pose on the floor below a sensor pose with a horizontal viewing direction."""
     out = pose([*sensor_pose[:2, 3], 0.0])
     out[:2, :2] = sensor_pose[:2, :2]
     return out
@@ -132,7 +137,7 @@ def _turned_box(centre: list[float], size: list[float], yaw_deg: float) -> trime
 
 
 def _rod(one: np.ndarray, other: np.ndarray, radius_m: float) -> trimesh.Trimesh:
-    """A closed cylinder between two points."""
+    """Build a closed cylinder between two points."""
     along = np.asarray(other, float) - one
     length = float(np.linalg.norm(along))
     rotation = np.asarray(trimesh.geometry.align_vectors([0, 0, 1], along / length))[:3, :3]

@@ -1,24 +1,27 @@
-"""Errors of motion: from the nominal poses in the log to the true poses of rover, rail, turntable and placed objects.
+"""Add motion errors to nominal poses: compute the true poses of a rover, rail, turntable or placed object from the logged poses.
 
-The log holds the nominal pose of frame f at time f over the frame rate. Each kind of error is a frozen dataclass with `scaled(strength)`.
-Strength 0 returns the nominal poses exactly. One random generator gives one course of errors, so equal seeds give equal courses.
+The recording stores the nominal (logged) pose of frame f, for the time f / frame rate. Each kind of error is a frozen dataclass with
+`scaled(strength)`. At strength 0 the true poses equal the nominal poses exactly. Equal seeds give equal errors.
 
-The defaults were chosen before any table was scored. Where no value for such a rig is published, the default is an order of magnitude:
-- Rover slip: 1.5 % of the path, half of it constant (wheel size, load), half changing over 0.3 m. The uncalibrated odometry of a
+The defaults were chosen before any table was computed. Where no value for such equipment is published, the default is an order of
+magnitude:
+- Rover slip: 1.5 % of the path, half of its variance constant (wheel size, load), half with a correlation length of 0.3 m. The uncalibrated
+  odometry of a
   differential drive has an error of 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans. Robotics and Automation 12 (1996)
-  869, from memory). A log with a corrected wheel size keeps the rest. Mecanum wheels slip more.
-- Rover heading: 0.9 degrees per metre, from a swerve drive's "1 degree per 45 in" (gwhs/FalconRecharged2021, issue 6), and 0.5 degrees at
-  the start, for a rover aligned with half a metre of tape to 4 mm.
-- Rover start: 1 cm, for a wheel placed by hand on a mark on the floor.
+  869, cited from memory). After the wheel size in the log is corrected, the remaining error is smaller. Mecanum wheels slip more.
+- Rover heading: 0.9 degrees per metre, from "1 degree per 45 in" reported for a swerve drive (gwhs/FalconRecharged2021, issue 6), and 0.5
+  degrees at the start, for a rover aligned to 4 mm with half a metre of tape.
+- Rover start: 1 cm, for a wheel placed by hand on a marked position on the floor.
 - Rover ripple: order of magnitude for moulded wheels: 80 mm diameter, 0.5 mm out of round, one period per revolution.
-- Rover bob: 0.5 mm of height over 0.1 m, order of magnitude for rollers of a mecanum wheel and floor joints.
+- Rover bob: 0.5 mm of height with a correlation length of 0.1 m, order of magnitude for rollers of a mecanum wheel and floor joints.
 - Rail: 2 mm at the start, for a carriage set against its stop by hand; 0.5 % of the path, for belt and pulley; 0.1 mm per revolution of a
   pulley with a circumference of 40 mm. Orders of magnitude.
-- Turntable: start 5 degrees, a third of a second between recording and motor, started by hand; rate 1 %, for a motor without an encoder,
-  half of the variance constant, half changing within a fifth of a revolution with load and supply; ripple 0.5 degrees twelve times per
-  revolution from the gear; wobble 0.2 degrees, 0.5 mm at the rim of a disc with 15 cm radius. Orders of magnitude.
-- Placement: 5 mm along x and y (a tape is read to half a centimetre), 2 mm off the axis of rotation, 2 degrees of yaw (an object turned by
-  eye against a mark).
+- Turntable, all orders of magnitude. Start angle: 5 degrees, because recording and motor are started by hand, a third of a second apart.
+  Rotation rate: 1 %, for a motor without an encoder; half of the variance is constant, half changes with load and supply within a fifth
+  of a revolution. Ripple: 0.5 degrees, twelve times per revolution, from the gear. Wobble: 0.2 degrees, which is 0.5 mm at the rim of a
+  disc with 15 cm radius.
+- Placement: 5 mm along x and y (a tape is read to half a centimetre), 2 mm off the axis of rotation, 2 degrees of yaw (an object aligned by
+  eye with a marked direction).
 """
 
 from __future__ import annotations
@@ -33,16 +36,16 @@ from scipy.spatial.transform import Rotation, Slerp
 
 
 class _Errors:
-    """Sizes of errors, and `settings`: lengths and counts that strength does not scale."""
+    """Base class of the error sizes. `settings` names the lengths and counts that `strength` does not scale."""
 
     settings: ClassVar[tuple[str, ...]] = ()
 
     def scaled(self, strength: float) -> Self:
-        """The errors at another strength; 0 gives none."""
+        """Return the errors with their sizes multiplied by `strength`; 0 gives no errors."""
         return replace(self, **{name: strength * value for name, value in self._sizes().items()})  # pyright: ignore[reportArgumentType, reportCallIssue]
 
     def none(self) -> bool:
-        """Whether all sizes are zero."""
+        """Return whether all error sizes are zero."""
         return not any(self._sizes().values())
 
     def _sizes(self) -> dict[str, Any]:
@@ -54,11 +57,12 @@ class RoverErrors(_Errors):
     """Errors of a wheeled platform. Lengths and angles are standard deviations; ripple is an amplitude.
 
     Attributes:
-        slip: relative to the path; half of it changes over slip_length_m.
-        start_m: along world x and y.
-        heading_deg: at the start; drift_deg_per_m: growth of the heading error along the path.
-        ripple_m: along the path, one period per circumference of a wheel with diameter wheel_m.
-        bob_m: of the height; it changes over bob_length_m.
+        slip: relative to the path length. Half of its variance is constant, half has the correlation length slip_length_m.
+        start_m: error of the start position along world x and y.
+        heading_deg: heading error at the start.
+        drift_deg_per_m: growth of the heading error along the path.
+        ripple_m: periodic error along the path, with one period per circumference of a wheel with diameter wheel_m.
+        bob_m: error of the height, with the correlation length bob_length_m.
     """
 
     settings = ("slip_length_m", "wheel_m", "bob_length_m")
@@ -75,12 +79,12 @@ class RoverErrors(_Errors):
 
 @dataclass(frozen=True)
 class RailErrors(_Errors):
-    """Errors of a carriage on a rail. Standard deviations; ripple is an amplitude.
+    """Errors of a carriage on a rail. Sizes are standard deviations; ripple is an amplitude.
 
     Attributes:
-        start_m: at the start.
-        stretch: relative to the path.
-        ripple_m: along the path, one period per circumference pulley_m.
+        start_m: error of the start position along the rail.
+        stretch: error relative to the path length.
+        ripple_m: periodic error along the path, with one period per pulley circumference pulley_m.
     """
 
     settings = ("pulley_m",)
@@ -96,9 +100,11 @@ class TurntableErrors(_Errors):
 
     Attributes:
         start_deg: standard deviation of the angle at the start.
-        rate: relative standard deviation of the speed; half of its variance changes within rate_turns revolutions.
+        rate: relative standard deviation of the rotation rate. Half of its variance is constant, half changes within rate_turns
+            revolutions.
         ripple_deg: amplitude of a periodic angle error with ripple_cycles periods per revolution.
-        wobble_deg: standard deviation of the axis tilt about each level direction; pivot_m: depth of the bearing below the pose's origin.
+        wobble_deg: standard deviation of the axis tilt about each horizontal direction.
+        pivot_m: depth of the bearing below the pose's origin.
     """
 
     settings = ("rate_turns", "ripple_cycles", "pivot_m")
@@ -113,7 +119,7 @@ class TurntableErrors(_Errors):
 
 @dataclass(frozen=True)
 class PlacementErrors(_Errors):
-    """Errors of objects placed by hand: standard deviations along x and y, off the axis of rotation, and of the yaw."""
+    """Errors of objects placed by hand: standard deviations of x and y, of the offset from the axis of rotation, and of the yaw."""
 
     offset_m: float = 5e-3
     eccentric_m: float = 2e-3
@@ -121,9 +127,10 @@ class PlacementErrors(_Errors):
 
 
 def at_times(poses: NDArray[np.float64], rate_hz: float, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nominal poses (F, 4, 4) of times f/rate_hz, at other times (T,) s.
+    """Interpolate nominal poses (F, 4, 4), given at the times f / rate_hz, at other times (T,) in seconds.
 
-    Positions are linear between frames and beyond the ends; rotations are interpolated between frames and constant beyond the ends.
+    Positions are linear between frames, and extrapolated linearly beyond the ends. Rotations are interpolated between frames, and
+    constant beyond the ends.
 
     >>> step = np.tile(np.eye(4), (2, 1, 1))
     >>> step[1, 0, 3] = 1.0
@@ -144,7 +151,7 @@ def at_times(poses: NDArray[np.float64], rate_hz: float, times_s: NDArray[np.flo
 
 
 def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """True poses of a platform on a level floor with nominal poses (F, 4, 4)."""
+    """Draw the true poses (F, 4, 4) of a wheeled platform on a level floor from its nominal poses (F, 4, 4)."""
     steps = np.diff(poses[:, :3, 3], axis=0)
     path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
     slow = (rng.standard_normal() + _wander(path[:-1], errors.slip_length_m, rng)) / np.sqrt(2)
@@ -166,7 +173,7 @@ def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Genera
 
 
 def rail(poses: NDArray[np.float64], errors: RailErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """True poses of a carriage on a straight rail with nominal poses (F, 4, 4)."""
+    """Draw the true poses (F, 4, 4) of a carriage on a straight rail from its nominal poses (F, 4, 4)."""
     start, stretch = errors.start_m * rng.standard_normal(), errors.stretch * rng.standard_normal()
     phase = rng.uniform(0, 2 * np.pi)
     if errors.none():
@@ -180,12 +187,12 @@ def rail(poses: NDArray[np.float64], errors: RailErrors, rng: np.random.Generato
 
 
 def turns(poses: NDArray[np.float64]) -> bool:
-    """Whether an object with poses (F, 4, 4) rotates. An object that moves without rotating is on a rail."""
+    """Return whether an object with poses (F, 4, 4) rotates. An object that moves without rotating is on a rail."""
     return bool(np.abs(poses[:, :3, :3] - poses[:1, :3, :3]).max() > 1e-9)
 
 
 def turntable_angles(nominal_rad: NDArray[np.float64], errors: TurntableErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Angle errors of a turntable at nominal angles (F,), radians."""
+    """Draw the angle errors (F,) of a turntable at its nominal angles (F,), radians."""
     start, rate = np.radians(errors.start_deg) * rng.standard_normal(), rng.standard_normal()
     phase = rng.uniform(0, 2 * np.pi)
     since = nominal_rad - nominal_rad[:1]
@@ -198,13 +205,13 @@ def turntable_angles(nominal_rad: NDArray[np.float64], errors: TurntableErrors, 
 
 
 def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """True poses of an object on a turntable with a vertical axis and nominal poses (F, 4, 4)."""
+    """Draw the true poses (F, 4, 4) of an object on a turntable with a vertical axis from its nominal poses (F, 4, 4)."""
     angle = np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
     error = turntable_angles(angle, errors, rng)
     tilts = np.radians(errors.wobble_deg) * rng.standard_normal((2, 2))
     if errors.none():
         return poses.copy()
-    fixed, turning = (_tilt(x, y) for x, y in tilts)  # tilt of the stand, and of the disc on its bearing
+    fixed, turning = (_tilt(x, y) for x, y in tilts)  # the stand's tilt stays constant, the disc's tilt rotates with the disc
     out = poses.copy()
     spun = _about_z(error) @ poses[:, :3, :3]
     out[:, :3, :3] = fixed @ spun @ turning
@@ -214,9 +221,10 @@ def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.rando
 
 
 def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, rng: np.random.Generator) -> dict[str, NDArray[np.float64]]:
-    """True poses (F, 4, 4) by name of objects that stand together.
+    """Draw the true poses (F, 4, 4), by name, of objects that are placed together by hand.
 
-    All have the same offset, and each the same yaw about its own axis. Rotating objects also stand off their axis of rotation.
+    All objects get the same offset along x and y, and the same yaw, each about its own vertical axis. Rotating objects also get an offset
+    from their axis of rotation.
     """
     offset = errors.offset_m * rng.standard_normal(2)
     eccentric = errors.eccentric_m * rng.standard_normal(2)
@@ -235,7 +243,7 @@ def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, r
 
 
 def _wander(path: NDArray[np.float64], length_m: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """A stationary random course of unit variance along a path (Ornstein-Uhlenbeck process with this correlation length)."""
+    """Draw a stationary Ornstein-Uhlenbeck process of unit variance along a path, with the correlation length `length_m`."""
     draws = rng.standard_normal(len(path))
     memory = np.exp(-np.diff(path, prepend=path[:1]) / length_m)
     out = draws.copy()
@@ -245,7 +253,7 @@ def _wander(path: NDArray[np.float64], length_m: float, rng: np.random.Generator
 
 
 def _about_z(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotations (..., 3, 3) about the vertical."""
+    """Return rotation matrices (..., 3, 3) about the vertical."""
     out = np.zeros((*np.shape(angle), 3, 3))
     out[..., 0, 0] = out[..., 1, 1] = np.cos(angle)
     out[..., 1, 0] = np.sin(angle)

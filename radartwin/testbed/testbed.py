@@ -1,10 +1,13 @@
 """The virtual testbed: a measurement campaign that differs from the twin on purpose.
 
-The truth is the exact scene with its own materials, roughness and contents (radartwin.testbed.variation), its clutter and its equipment
-(radartwin.testbed.fixtures). It is simulated with more rays and one bounce more than the twin, through an imperfect radar
-(radartwin.radar.hardware), and rover, turntable and target deviate from the log (radartwin.testbed.motion_errors). The testbed is not
-reality: tables scored against it test the method and each named gap. It never uses the twin's scan, labels or settings. Every gap has a
-strength: 1 as committed, 0 off, 2 doubled.
+The true scene has the exact geometry. Its materials, roughness and contents deviate from the nominal values
+(radartwin.testbed.variation), and it also contains clutter and measurement equipment (radartwin.testbed.fixtures). It is simulated with
+more rays and one more reflection order than the twin, and recorded by an imperfect radar (radartwin.radar.hardware). Rover, turntable and
+target deviate from their logged poses (radartwin.testbed.motion_errors).
+
+Each kind of difference between testbed and twin is called a gap and has a strength: 0 removes the gap, 1 is the default, 2 doubles it.
+The testbed is not reality: a table computed with it tests the method and shows the effect of each gap. The testbed never uses the twin's
+scan, labels or settings.
 """
 
 from collections import Counter
@@ -23,24 +26,24 @@ from radartwin.simulation.simulate import simulate
 from radartwin.testbed import motion_errors as errors
 from radartwin.testbed.variation import own_contents, own_material, own_roughness
 
-CLUTTER_SHIFT_M = 0.02  # standard deviation of small objects since the scan, along x and y; an order of magnitude for a room in use
+CLUTTER_SHIFT_M = 0.02  # shift of small objects since the scan, standard deviation along x and y; order of magnitude
 TRUTH_RAYS_PER_WAVELENGTH2 = 4.0
 TRUTH_BOUNCES = 5
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """Strengths of the testbed's gaps; the field names are those of the configuration's `measured.gap`.
+    """Strengths of the gaps between testbed and twin. The configuration's `measured.gap` has the same field names.
 
     Attributes:
-        materials: thickness and permittivity of layers.
-        roughness: roughness heights.
-        clutter: presence and position of small objects and equipment that the scan does not contain; below 1 some are missing.
+        materials: deviations of the layers' thickness and permittivity.
+        roughness: deviations of the roughness heights.
+        clutter: small objects and equipment that the scan does not contain; at a strength below 1 some of them are missing.
         hardware: imperfections of the radar.
-        trajectory: motion of rover, rail and turntable, and frame times.
-        solver: finer simulation, on or off.
-        placement: position of the target.
-        contents: contents of vessels.
+        trajectory: errors of rover, rail, turntable and frame times.
+        solver: finer simulation; any strength above 0 switches it on.
+        placement: error of the target's position.
+        contents: deviations of the contents of vessels.
     """
 
     materials: float = 1.0
@@ -57,12 +60,14 @@ OFF = Gaps(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) -> Scene:
-    """The true scene.
+    """Return the true scene: the given scene with the deviations of the gaps.
+
 
     Args:
-        scene: with all clutter and equipment, and nominal materials and roughness.
-        seed: of the campaign. A surface with the same name and the same room (provenance) is equal in all its recordings.
-        clutter: names of surfaces that a scan does not contain; surfaces of radartwin.testbed.fixtures are marked by their provenance.
+        scene: the scene with all clutter and equipment, and nominal materials and roughness.
+        seed: seed of the campaign. A surface with the same name and the same room (provenance) is equal in all recordings.
+        clutter: names of surfaces that a scan does not contain; surfaces of radartwin.testbed.fixtures need no entry, because their
+            provenance marks them.
     """
     surfaces, room = [], str(scene.provenance.get("room", ""))
     repeats: Counter[str] = Counter()
@@ -82,23 +87,23 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) ->
 
 @dataclass(frozen=True)
 class Actual:
-    """True poses at the frames of one recording: of the sensor, (F, 4, 4) or (1, 4, 4), and of objects by name."""
+    """True poses at the frames of one recording: of the sensor (F, 4, 4) or (1, 4, 4), and of the objects, by name."""
 
     sensor_poses: np.ndarray
     motion: dict[str, np.ndarray]
 
 
 def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: float, gaps: Gaps, seed: int) -> Actual:
-    """The true poses for the nominal poses of one recording.
+    """Draw the true poses of one recording from its nominal poses.
 
     A moving sensor is on a rover. A rotating object is on a turntable, and an object that moves without rotating is on a rail. Objects at
     rest only have placement errors.
 
     Args:
-        sensor_poses: nominal, (F, 4, 4), (1, 4, 4) or (4, 4).
-        motion: nominal poses (F, 4, 4) or (1, 4, 4) by name.
+        sensor_poses: nominal poses of the sensor, (F, 4, 4), (1, 4, 4) or (4, 4).
+        motion: nominal poses of objects by name, (F, 4, 4) or (1, 4, 4).
         rate_hz: frame rate.
-        seed: of this repetition.
+        seed: seed of this repetition of the recording.
     """
     sensor = np.asarray(sensor_poses, float).reshape(-1, 4, 4)
     clock, wheels, table, carriage, placing = (
@@ -133,12 +138,12 @@ def record(
     seed: int,
     variant: str = "auto",
 ) -> Recording:
-    """One recording of the truth, with its own motion errors, placement and noise, and the nominal poses of the log.
+    """Simulate one recording of the true scene, with its own motion errors, placement and noise. The recording stores the nominal poses.
 
     Args:
         scene: from `truth`.
-        sensor_poses, motion: nominal, as for `actual`.
-        seed: of this repetition.
+        sensor_poses, motion: nominal poses, as for `actual`.
+        seed: seed of this repetition of the recording.
     """
     true = actual(sensor_poses, motion, radar.frame_rate_hz, gaps, seed)
     recording = clean(scene, radar, true.sensor_poses, true.motion, gaps, variant)
@@ -151,16 +156,16 @@ def record(
 def clean(
     scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None, gaps: Gaps, variant: str = "auto"
 ) -> Recording:
-    """The recording of an ideal receiver behind the IF filter, without noise, leakage and other effects of a single repetition.
+    """Simulate a recording before receiver effects: after the IF filter, but without noise, leakage and other effects of one repetition.
 
-    It depends on the hardware gap only through the presence of the filter, so one clean recording serves all strengths above 0, all boards
-    and all seeds.
+    The strength of the hardware gap only decides whether the IF filter is simulated. The result can therefore be reused for all strengths
+    above 0, all boards and all seeds.
 
     Args:
         scene: from `truth`.
         sensor_poses, motion: true poses, as in `simulate`.
     Returns:
-        A Recording of the nominal radar; its provenance describes the filter.
+        A Recording of the nominal radar. Its provenance describes the filter.
     """
     fine = gaps.solver > 0
     hardware = Hardware().scaled(gaps.hardware)
@@ -174,15 +179,15 @@ def clean(
 
 
 def received(recording: Recording, hardware: Hardware, seed: int, first_frame: int = 0) -> Recording:
-    """Apply phase noise, leakage, thermal noise and the ADC of one repetition to a clean recording.
+    """Apply the receiver effects of one repetition (phase noise, leakage, thermal noise, ADC) to a recording from `clean`.
 
-    Each frame has its own random generator from the seed and the frame's number, so a part of the frames gives the same samples as the
+    Seed and frame number determine the random numbers of each frame. A subset of the frames therefore gives the same samples as in the
     whole recording.
 
     Args:
-        recording: from `clean`, or some of its frames.
-        hardware: at strength 0 the samples stay unchanged, also without noise.
-        seed: of the repetition.
+        recording: a recording from `clean`, or some of its frames.
+        hardware: at strength 0 the samples stay unchanged, without any noise.
+        seed: seed of the repetition.
         first_frame: number of the first frame in the whole recording.
     """
     radar = recording.radar

@@ -1,15 +1,17 @@
-"""Deviations of a surface from its nominal thickness, permittivity, roughness and contents.
+"""Draw deviations of a surface from its nominal thickness, permittivity, roughness and contents.
 
 Each function takes one surface, a strength (0 leaves the surface unchanged) and the surface's own random generator, and draws the same
-random numbers at every strength. The spreads were chosen before any table was scored:
-- thickness: 5 %. Plasterboard of 12.5 mm is sold to +-0.5 mm (EN 520), 4 %.
-- permittivity: standard deviations of 10 % of the real part, and of a factor exp(0.5) of the loss. The rows of ITU-R P.2040-4 for one
-  material (concrete to floorboard, ten with several rows) differ by 11 % and by 0.51 in the logarithm at 100 GHz. Metal and air are exact.
-- roughness: a factor exp(0.7) of the height, the factor of two in the literature (radartwin/materials/roughness.py). A surface given as
-  smooth gets 0.1 mm for metal and otherwise 0.3 mm, the smoothest value of the paper's own calibration, 0.3 to 3 mm (implementation
-  section).
-- contents: 10 % of a liquid's permittivity, the uncertainty of its recipe (radartwin/materials/liquids.py), and a headspace of 5 to 15 %
-  of the height for neck and shoulder, an order of magnitude.
+random numbers at every strength. The default spreads were chosen before any table was computed:
+- thickness: 5 %. EN 520 allows +-0.5 mm for plasterboard of 12.5 mm, which is 4 %.
+- permittivity: 10 % (real part), and a factor exp(0.5) (loss), as standard deviations. The rows of ITU-R P.2040-4 for one
+  material (concrete to floorboard, ten with several rows) differ at 100 GHz by
+  11 % in the real part, and by 0.51 in the logarithm of the loss. Metal and air are exact.
+- roughness: a factor exp(0.7) of the height, which is the factor of two between values in the literature
+  (radartwin/materials/roughness.py). A nominally smooth surface gets 0.1 mm if it is metal. Otherwise it gets 0.3 mm, the lower end of the
+  range of 0.3 to 3 mm in the paper's own calibration (implementation section).
+- contents: 10 % of a liquid's permittivity, the uncertainty of its recipe (radartwin/materials/liquids.py), and a headspace of 5 to 15 % of
+  the
+  height for neck and shoulder of the vessel, an order of magnitude.
 """
 
 from __future__ import annotations
@@ -26,12 +28,12 @@ HEIGHT_SIGMA = 0.7
 ROUGHNESS_M = {"metal": 0.1e-3}
 ROUGHNESS_OTHER_M = 0.3e-3
 CONTENTS_SIGMA = 0.10
-HEADSPACE = 0.10  # mean share of the height
+HEADSPACE = 0.10  # mean headspace, as a fraction of the vessel's height
 _EXACT = ("metal", "air", "vacuum")
 
 
 def own_material(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
-    """The surface with log-normal deviations of layer thickness and permittivity."""
+    """Return the surface with log-normal deviations of layer thickness and permittivity."""
     stack = surface.material if isinstance(surface.material, Layered) else None
     count = len(stack.layers) if stack else 0
     thickness = np.exp(strength * THICKNESS_SIGMA * rng.standard_normal(count))
@@ -50,7 +52,7 @@ def own_material(surface: Surface, strength: float, rng: np.random.Generator) ->
 
 
 def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
-    """The surface with a deviating roughness height; a smooth surface becomes rough."""
+    """Return the surface with a deviating roughness height; a nominally smooth surface becomes rough."""
     factor = float(np.exp(strength * HEIGHT_SIGMA * rng.standard_normal()))
     if strength == 0:
         return surface
@@ -61,7 +63,10 @@ def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -
 
 
 def own_contents(surface: Surface, strength: float, rng: np.random.Generator) -> list[Surface]:
-    """A vessel with a deviating liquid and a headspace, as a filled and an empty part with one name; other surfaces unchanged."""
+    """Return a vessel with a deviating liquid and a headspace, as a filled part and an empty part with the same name.
+
+    Other surfaces are returned unchanged.
+    """
     factor = float(np.exp(strength * CONTENTS_SIGMA * rng.standard_normal()))
     empty = strength * HEADSPACE * rng.uniform(0.5, 1.5)
     material = surface.material

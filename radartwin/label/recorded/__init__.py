@@ -1,8 +1,8 @@
-"""Provider of recorded answers, which are stored in the scene folder or ship with the package for its room.
+"""Answer questions with recorded answers, which are stored in the scene folder or ship with the package for the scene's room.
 
-A recorded answer is found by the digest of the question (prompt and pictures), or by place. A rescan has other pictures of the same
-surfaces, so each surface takes the answer of the recorded surface that it overlaps most. `ROOM/answers.json` beside this file holds the
-shipped answers of a room.
+The digest of a question (prompt and pictures) identifies its recorded answer. A new scan of the same room has other pictures and therefore
+other digests. A surface of such a scan takes the answer of the recorded surface that it overlaps most. `ROOM/answers.json` beside this file
+holds the shipped answers of a room.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from radartwin.scene.scene import Scene
 
 SHIPPED = Path(__file__).resolve().parent
 FORMAT, VERSION = "radartwin-answers", 1
-ANSWERS = "answers.json"  # file of a room
+ANSWERS = "answers.json"  # name of the file with the answers of one room
 CHAIR = "arkit_lidar_chair_scan"
 SCANS = {"sha256:aa3721d1a49ccb05": CHAIR, "sha256:fd3b6640d1bcd7d2": CHAIR}  # `scan_of` of the real scan: its frames, its exported mesh
 JOURNAL = Path("labels") / "answers.jsonl"  # in a scene folder
@@ -32,7 +32,7 @@ JOURNAL = Path("labels") / "answers.jsonl"  # in a scene folder
 
 @dataclass(frozen=True)
 class Recorded:
-    """The provider.
+    """A provider that answers questions with recorded answers.
 
     Args:
         records: recorded answers.
@@ -44,7 +44,9 @@ class Recorded:
     name: str = "recorded"
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
-        """Answers to the same questions, otherwise answers for the same place, which have another key than the question."""
+        """Yield questions with their records: the record of the same question, else the record of the surface at the same place.
+
+        The record of another question at the same place has another key than the question."""
         by_key = {record.key: record for record in self._usable()}
         unmatched = []
         for question in questions:
@@ -57,7 +59,7 @@ class Recorded:
                 yield question, record
 
     def by_place(self, places: Sequence[Place]) -> list[Record | None]:
-        """For each place, the record of the surface that it overlaps most, or None without sufficient overlap."""
+        """Return, for each place, the record of the surface that it overlaps most; None if no overlap is sufficient."""
         usable = self._usable()
         found = matches(places, [record.place for record in usable])
         return [None if match is None else usable[match[0]] for match in found]
@@ -67,20 +69,20 @@ class Recorded:
 
 
 def room_of(scene: Scene) -> str | None:
-    """The room whose shipped answers apply to a scene, from the room or scan in its provenance and not from file names, or None."""
+    """Return the room whose shipped answers apply to a scene, or None. The scene's provenance decides it, not file names."""
     name = str(scene.provenance.get("room") or scene.provenance.get("scan_of"))
     room = SCANS.get(name, name)
     return room if room in DIGESTS else None
 
 
 def shipped_rooms() -> list[str]:
-    """Rooms whose answers ship with the package."""
+    """Return the names of the rooms whose answers ship with the package."""
     return sorted(DIGESTS)
 
 
 @functools.cache
 def shipped(room: str) -> tuple[Record, ...]:
-    """The shipped records of a room.
+    """Return the shipped records of a room.
 
     Raises:
         MissingError: no records ship for the room.
@@ -96,16 +98,18 @@ def shipped(room: str) -> tuple[Record, ...]:
 
 
 def ship(folders: Path | Sequence[Path], room: str, to: Path = SHIPPED, about: str = "") -> Path:
-    """Write the shipped answers of a room and their digest, from the answers that the manifests of labelled scene folders name.
+    """Write the answers of a room, and their digest, to the files that ship with the package.
+
+    The answers are those that the manifests of labelled scene folders name.
 
     Args:
-        folders: scene folders of one room labelled by `radartwin label`, from one or several scans.
-        to: folder with the folders of the rooms and digests.py.
+        folders: scene folders of one room, from one or several scans, labelled by `radartwin label`.
+        to: folder that holds digests.py and one folder per room.
         about: model, date and method of the answers, as text.
     Returns:
-        Path of the answers.json.
+        The path of the answers.json that was written.
     Raises:
-        MissingError: a folder has no stored answers that its manifest names.
+        MissingError: a folder does not store the answers that its manifest names.
     """
     records = {}
     for folder in [folders] if isinstance(folders, Path) else folders:
@@ -123,7 +127,7 @@ def ship(folders: Path | Sequence[Path], room: str, to: Path = SHIPPED, about: s
 
 
 def load_records(path: Path) -> list[Record]:
-    """Records of an answers.json.
+    """Read the records of an answers.json.
 
     Raises:
         LabelError: the file is invalid.
@@ -138,17 +142,17 @@ def load_records(path: Path) -> list[Record]:
 
 
 def save_records(path: Path, room: str, records: Sequence[Record], about: str = "") -> Path:
-    """Write an answers.json, sorted by key so that the same answers give the same bytes; `about` as in `ship`."""
+    """Write an answers.json, sorted by key, so that the same answers give the same bytes. For `about` see `ship`."""
     lines = [json.dumps(record.to_dict(), separators=(",", ":")) for record in sorted(records, key=lambda r: (r.key, r.model))]
     head = f'{{"format": "{FORMAT}", "version": {VERSION}, "room": {json.dumps(room)}, "about": {json.dumps(about)}, "answers": [\n'
     return write_atomically(path, head + ",\n".join(lines) + "\n]}\n")
 
 
 def records_for(scene: Scene, folder: Path | None) -> list[Record]:
-    """All records that apply to a scene: those in its folder, then those that ship for its room.
+    """Return all records that apply to a scene: first those in its folder, then those that ship for its room.
 
     Raises:
-        MissingError: there are none.
+        MissingError: there are no such records.
     """
     records = Journal(folder / JOURNAL).records if folder is not None else []
     room = room_of(scene)

@@ -1,7 +1,7 @@
-"""A virtual phone with LiDAR, which scans scenes with a known truth.
+"""A virtual phone with LiDAR. It scans scenes whose true geometry and materials are known.
 
-`raster` finds visible triangles, `look`, `light` and `shading` colour them, `camera` takes one view, `sensor` adds errors, `walk` moves the
-phone, and `scan` combines them.
+`raster` finds the visible triangles. `look`, `light` and `shading` compute their colours. `camera` computes one view, `sensor` adds errors,
+and `walk` moves the phone. `scan` combines all of these modules.
 """
 
 from radartwin.testbed.scanner.scan import ScanTruth, scan

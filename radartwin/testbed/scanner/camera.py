@@ -1,4 +1,4 @@
-"""One view of a scene by the phone: true depth, its source, and the colour picture."""
+"""Compute one view of the phone's camera: the true depth, the face that reflects at each pixel, and the colour picture."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ NOT_SEEN = -1
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sight:
-    """The first reflection of light along each pixel's ray; (h, w) each.
+    """The first surface that reflects light along each pixel's ray. All arrays have shape (h, w).
 
     Attributes:
-        depth: float32 metres to the reflecting surface, through panes and via mirrors; infinite outside the scene.
-        face: int32 reflecting face, -1 outside.
-        first: int32 index of the first surface on the ray, including panes and mirrors; -1 outside.
+        depth: float32 depth of the reflecting surface in metres, through panes and via mirrors; infinite where the ray leaves the scene.
+        face: int32 index of the reflecting face; -1 where the ray leaves the scene.
+        first: int32 index of the first surface on the ray, including panes and mirrors; -1 where the ray leaves the scene.
         pane, mirror: whether the ray passes a pane, or is reflected by a mirror.
-        cosine: float32 of the angle between the ray and the face's normal; 0 outside.
+        cosine: float32 cosine of the angle between the ray and the face's normal; 0 where the ray leaves the scene.
     """
 
     depth: np.ndarray
@@ -37,7 +37,7 @@ class Sight:
 
 
 class _Reflection(NamedTuple):
-    """Pixels (h, w) of a mirror, the reflected faces and depths (h, w), and the mirrored camera's pose."""
+    """The pixels (h, w) of a mirror, the faces and depths (h, w) visible in it, and the mirrored camera's pose."""
 
     where: np.ndarray
     face: np.ndarray
@@ -46,7 +46,7 @@ class _Reflection(NamedTuple):
 
 
 class _Hits(NamedTuple):
-    """Solid faces and depths (h, w), panes in front of them, and reflections."""
+    """The visible solid faces and their depths (h, w), the panes in front of them, and the reflections in mirrors."""
 
     face: np.ndarray
     depth: np.ndarray
@@ -56,7 +56,7 @@ class _Hits(NamedTuple):
 
 
 def sight(look: Look, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]) -> Sight:
-    """True depth and its source for a camera at `pose`, with pictures of `size` (width, height)."""
+    """Return the true depth and the reflecting face of each pixel, for a camera at `pose` with pictures of `size` (width, height)."""
     face, depth, pane, pane_depth, reflections = _hits(look, pose, intrinsics, size)
     first = np.where(face >= 0, look.surface[face], NOT_SEEN)
     first = np.where(pane >= 0, look.surface[pane], first)
@@ -71,7 +71,7 @@ def sight(look: Look, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int,
 def picture(
     look: Look, light: Light, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int], rng: np.random.Generator
 ) -> np.ndarray:
-    """Colour picture (h, w, 3) uint8 sRGB, with vignetting and grain."""
+    """Render the colour picture (h, w, 3), uint8 sRGB, with vignetting and grain."""
     hits = _hits(look, pose, intrinsics, size)
     linear = shaded(look, light, hits.face, hits.depth, pose, intrinsics)
     for where, face, depth, virtual in hits.reflections:
@@ -100,7 +100,7 @@ def _hits(look: Look, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int,
 
 
 def _reflection(look: Look, index: int, face: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]) -> _Reflection:
-    """The reflection in the mirror surface `index`."""
+    """Return the reflection that the camera sees in the mirror with surface index `index`."""
     own = look.surface == index
     where = (face >= 0) & own[face]
     front = int(np.bincount(face[where]).argmax())  # the visible side, because a mirror may be a thin box

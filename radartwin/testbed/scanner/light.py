@@ -1,7 +1,7 @@
-"""Light in a room: lamps under the ceiling with shadows, ambient light, reflections of the room, and the sky outside.
+"""Model the light in a room: lamps under the ceiling with shadows, ambient light, reflections of the room, and the sky outside.
 
-The light is plausible, not measured. Its pictures only need to be readable by a person or by a model that names materials. Shadows are
-depth cubes around each lamp. Reflections come from one colour cube around the centre of the room, without parallax.
+The light is plausible, not measured, because the pictures only need to be readable by a person or by a model that names materials. A depth
+cube map around each lamp gives the shadows. One colour cube map around the centre of the room gives the reflections, without parallax.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ CUBE = np.array(
 
 
 def light_of(look: Look) -> Light:
-    """Lamps, shadows and reflections of a scene, with the exposure for its centre."""
+    """Compute the lamps, shadows and reflections of a scene, and the exposure of a camera at its centre."""
     corners = look.triangles.reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
     lamps = _lamps(low, high)
@@ -50,7 +50,7 @@ def light_of(look: Look) -> Light:
 
 
 def shaded(look: Look, light: Light, face: np.ndarray, depth: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
-    """Linear colour (h, w, 3) float32 of faces (h, w) at depths (h, w); the sky where face is -1."""
+    """Return the linear colour (h, w, 3) float32 of the pixels that show `face` (h, w) at `depth` (h, w); -1 in `face` shows the sky."""
     out = np.empty((*face.shape, 3), np.float32)
     width = face.shape[1]
     point, normal, ray = np.ones((3, width, 3))
@@ -62,7 +62,7 @@ def shaded(look: Look, light: Light, face: np.ndarray, depth: np.ndarray, pose: 
 def through_glass(
     look: Look, light: Light, behind: np.ndarray, face: np.ndarray, depth: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray
 ) -> None:
-    """Add panes (h, w), -1 for none, to the picture `behind` in place: a faint green and a reflection of the room."""
+    """Add glass panes to the picture `behind`, in place: a green tint and a reflection of the room. `face` is -1 where there is no pane."""
     glaze(face, depth, np.ascontiguousarray(pose), _lens(intrinsics), look.normals, light.room, behind)
 
 
@@ -78,7 +78,7 @@ def _lamps(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _cube_cameras(position: np.ndarray, pixels: int):
-    """Pose and intrinsics of the six cameras of a cube."""
+    """Yield the pose and intrinsics of the six cameras of a cube map."""
     intrinsics = np.array([[pixels / 2, 0, pixels / 2 - 0.5], [0, pixels / 2, pixels / 2 - 0.5], [0, 0, 1]])
     for axes in CUBE:
         pose = np.eye(4)
@@ -87,14 +87,14 @@ def _cube_cameras(position: np.ndarray, pixels: int):
 
 
 def _depths(look: Look, position: np.ndarray) -> np.ndarray:
-    """Depth cube (6, S, S) around a lamp."""
+    """Return the depth cube map (6, S, S) around a lamp."""
     size = (SHADOW_PIXELS, SHADOW_PIXELS)
     cameras = _cube_cameras(position, SHADOW_PIXELS)
     return np.stack([nearest_faces(look.triangles, look.solid, pose, intrinsics, size, near_m=0.3)[1] for pose, intrinsics in cameras])
 
 
 def _extremes(shadows: np.ndarray) -> np.ndarray:
-    """Smallest and largest depth (..., 2) of each pixel and the eight to its right and below; border pixels repeat."""
+    """Return the smallest and largest depth (..., 2) in the 3 x 3 block that starts at each pixel; border pixels are repeated."""
     out = np.empty((*shadows.shape, 2), np.float32)
     for k, extreme in enumerate((np.minimum, np.maximum)):
         rows = shadows.copy()

@@ -1,6 +1,7 @@
-"""The appearance of a scene's surfaces: textures in one pool, texture coordinates as affine maps, and optical properties.
+"""Describe the appearance of a scene's surfaces: pixels of all textures in one array, texture coordinates, and optical properties.
 
-The optical properties come from the true materials. A stack of glass and air in front of air is transparent. The MINC classes metal and
+The optical properties come from the true materials. Layers of glass and air are transparent if they have air behind them. The MINC classes
+metal and
 mirror reflect. Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
 """
 
@@ -15,7 +16,7 @@ from trimesh.visual import ColorVisuals
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene, Surface
 
-LEVELS = 7  # resolution levels of a texture, each half the size of the previous level
+LEVELS = 7  # resolution levels of a texture; each level has half the size of the previous level
 METAL_SHEEN, DIELECTRIC_SHEEN = 0.55, 0.04  # reflectance at normal incidence: brushed metal; glass and lacquer of index 1.5
 # Organic materials are bright at the laser's 0.94 um regardless of their colour: leaves, wood and dyed cloth reflect 0.4 to 0.7
 # (Kokaly et al. 2017, USGS Spectral Library Version 7, Data Series 1035).
@@ -31,12 +32,12 @@ OTHER = (170, 170, 170)
 
 
 class Look(NamedTuple):
-    """The appearance of a scene's faces; textures are pooled.
+    """The appearance of a scene's faces. The pixels of all textures are stored in one array.
 
     Attributes:
-        triangles: (F, 3, 3) world. normals: (F, 3).
-        surface: (F,) index in the scene.
-        clear: (F,) transparent. mirror: (F,) a mirror.
+        triangles: (F, 3, 3) corners in world coordinates. normals: (F, 3).
+        surface: (F,) index of the face's surface in the scene.
+        clear: (F,) bool, transparent. mirror: (F,) bool.
         metal: (F,) bool. organic: (F,) bool, bright in the near infrared. sheen: (F,) reflectance at normal incidence.
         to_uv: (F, 2, 4) affine map from world to pixels of the texture's finest level.
         texture: (F,) number of the texture, -1 for none. tint: (F, 3) linear colour of a face without texture.
@@ -63,7 +64,8 @@ class Look(NamedTuple):
 
 
 def look_of(scene: Scene) -> Look:
-    """The appearance of a scene.
+    """Compute the appearance of a scene.
+
 
     >>> from radartwin.scene.scene import Scene, Surface
     >>> pane = Surface(trimesh.creation.box((1, 1, 0.01)), Layered([("glass", 0.01)]), "pane")
@@ -116,7 +118,7 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
 
 
 def _is_clear(surface: Surface) -> bool:
-    """Whether the surface is transparent: layers of glass and air only, with air behind."""
+    """Return whether the surface is transparent, which means that it has only layers of glass and air, with air behind them."""
     stack = surface.material
     if not isinstance(stack, Layered) or stack.backing not in ("air", "vacuum"):
         return False
@@ -125,7 +127,7 @@ def _is_clear(surface: Surface) -> bool:
 
 
 def to_linear(srgb: np.ndarray) -> np.ndarray:
-    """Linear light 0..1 of sRGB values 0..255, IEC 61966-2-1."""
+    """Convert sRGB values 0..255 to linear light 0..1, by IEC 61966-2-1."""
     s = np.asarray(srgb, dtype=np.float64) / 255
     return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
 
@@ -137,7 +139,7 @@ def _outer(material: str | Layered) -> str:
 
 
 def _picture(mesh: trimesh.Trimesh):
-    """Pillow picture and texture coordinates (V, 2) of a textured mesh, or (None, None)."""
+    """Return the Pillow picture and the texture coordinates (V, 2) of a mesh; (None, None) without a texture."""
     visual = mesh.visual
     uv = getattr(visual, "uv", None)
     material = getattr(visual, "material", None)
@@ -146,7 +148,10 @@ def _picture(mesh: trimesh.Trimesh):
 
 
 def _affine(triangles: np.ndarray, normals: np.ndarray, corner: np.ndarray) -> np.ndarray:
-    """Affine maps (F, 2, 4) from triangle corners to texture coordinates (F, 3, 2), constant along the normal."""
+    """Return affine maps (F, 2, 4) that take the triangles' corners to the texture coordinates `corner` (F, 3, 2).
+
+    The texture coordinates do not change along the normal.
+    """
     edges = np.stack([triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0], normals], axis=1)
     sound = np.abs(np.linalg.det(edges)) > 1e-14
     inverse = np.zeros_like(edges)
@@ -158,7 +163,7 @@ def _affine(triangles: np.ndarray, normals: np.ndarray, corner: np.ndarray) -> n
 
 
 def _pooled(pictures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels of all levels of all pictures in one array, and offset, width and height of each level."""
+    """Return the pixels of all levels of all pictures in one array, and the offset, width and height of each level."""
     pixels, levels, offset = [np.zeros((1, 3), np.uint8)], np.zeros((max(len(pictures), 1), LEVELS, 3), np.int64), 1
     for number, picture in enumerate(pictures):
         level = picture

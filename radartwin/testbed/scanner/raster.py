@@ -1,4 +1,4 @@
-"""Rasterise triangles for a pinhole camera: the nearest face and its depth at every pixel, with scan lines and a depth buffer."""
+"""Rasterise triangles for a pinhole camera with scan lines and a depth buffer: find the nearest face and its depth at every pixel."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ def nearest_faces(
     depth: np.ndarray | None = None,
     near_m: float = NEAR_M,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Nearest drawn face at every pixel.
+    """Find the nearest face at every pixel, among the faces in `drawn`.
 
     Args:
         triangles: (F, 3, 3) in the world, visible from both sides.
-        drawn: (F,) mask of the drawn faces.
+        drawn: (F,) mask of the faces to draw.
         pose: (4, 4) camera-to-world, OpenCV axes. intrinsics: (3, 3). size: (width, height).
-        depth: (h, w) limit; only faces in front of it are drawn.
-        near_m: nearer parts of faces are cut off.
+        depth: (h, w) largest depth; faces behind it are not drawn.
+        near_m: parts of faces nearer than this are cut off.
     Returns:
-        Face (h, w) int32, -1 for none, and its depth (h, w) float32 along the camera axis, infinite for none.
+        Index of the face, (h, w) int32; -1 where there is no face.
+        Depth of the face along the camera axis, (h, w) float32; infinite where there is no face.
 
     >>> wall = np.array([[[-9.0, -9, 2], [9, -9, 2], [0, 18, 2]]])
     >>> face, depth = nearest_faces(wall, np.ones(1, bool), np.eye(4), np.array([[8.0, 0, 4], [0, 8, 4], [0, 0, 1]]), (8, 8))

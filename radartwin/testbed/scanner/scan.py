@@ -1,4 +1,4 @@
-"""Scan a scene with the virtual phone: the frames that the phone writes, and the truth for scoring."""
+"""Scan a scene with the virtual phone: compute the frames that the phone writes, and the true values for evaluation."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from radartwin.testbed.scanner.look import ORGANIC_REFLECTANCE, Look, look_of, t
 from radartwin.testbed.scanner.sensor import Sensor, drifted, measured
 from radartwin.testbed.scanner.walk import Walk, walked
 
-FRAMES = (100, 360)  # limits of the number of frames
-FRAMES_PER_M2 = 0.9  # of the surface of the room's bounding box
+FRAMES = (100, 360)  # smallest and largest number of frames
+FRAMES_PER_M2 = 0.9  # per surface area of the room's bounding box
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ScanTruth:
-    """The truth of a scan, which the reconstruction must not use.
+    """The true values of a scan, which the reconstruction must not use.
 
     Attributes:
-        names: of the scene's surfaces, in their order.
+        names: names of the scene's surfaces, in the order of the scene.
         poses: (N, 4, 4) true camera poses.
-        surface: (N, h, w) int16, surface of each pixel's depth; -1 without depth, or if the depth mixes two surfaces.
-        first: (N, h, w) int16, first surface on each ray, including panes and mirrors; -1 outside.
-        depth_m: (N, h, w) float32, true depth of the reflecting surface; 0 outside.
+        surface: (N, h, w) int16, index of the surface at each pixel's depth; -1 without depth, or if the depth mixes two surfaces.
+        first: (N, h, w) int16, index of the first surface on each ray, including panes and mirrors; -1 where the ray leaves the scene.
+        depth_m: (N, h, w) float32, true depth of the reflecting surface; 0 where the ray leaves the scene.
     """
 
     names: tuple[str, ...]
@@ -55,13 +55,13 @@ def scan(
 
     Args:
         strength: factor on noise, dropouts, flying pixels and drift; 0 is an ideal sensor.
-        frames: number of frames; by default from the room's size.
+        frames: number of frames; None derives it from the room's size.
         walk: motion of the phone, or its true camera poses (N, 4, 4), OpenCV axes.
         sensor: errors of the phone.
         colour_every: every n-th frame has colour; 0 for none.
         progress: called as progress(done, total) after each frame.
     Returns:
-        The frames at the poses that the phone estimates, and the truth.
+        The frames, with the poses that the phone estimates, and the true values.
     Raises:
         SceneError: an empty scene, no free place to stand, or values out of range.
         PoseError: poses that are not rigid.
@@ -106,7 +106,7 @@ def scan(
 
 
 def _poses(scene: Scene, walk: Walk | np.ndarray, frames: int | None, rng: np.random.Generator) -> np.ndarray:
-    """True camera poses (N, 4, 4)."""
+    """Return the true camera poses (N, 4, 4): the given ones, or those of a walk."""
     if isinstance(walk, Walk):
         x, y, z = np.ptp(scene.bounds, axis=0)
         return walked(scene, frames or int(np.clip(FRAMES_PER_M2 * 2 * (x * y + y * z + z * x), *FRAMES)), walk, rng)
@@ -114,7 +114,9 @@ def _poses(scene: Scene, walk: Walk | np.ndarray, frames: int | None, rng: np.ra
 
 
 def _reflectance(look: Look) -> np.ndarray:
-    """Reflectance (F,) in the near infrared: mean luminance of a face's texture or tint, at least ORGANIC_REFLECTANCE if organic."""
+    """Return the reflectance (F,) in the near infrared: the mean luminance of a face's texture or tint. Organic faces have at least
+    ORGANIC_REFLECTANCE.
+    """
     weights = np.array([0.2126, 0.7152, 0.0722])
     bright = look.tint @ weights
     last = look.levels.shape[1] - 1

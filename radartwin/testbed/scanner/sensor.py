@@ -1,19 +1,19 @@
-"""Errors of a phone with LiDAR: depth noise, confidence, dropouts and drift, with the source of each value.
+"""Simulate the errors of a phone with LiDAR: depth noise, confidence, dropouts and pose drift, with the source of each value.
 
 Sources
     [Apple]  Apple newsroom, 18 March 2020: the LiDAR scanner reaches 5 m. ARDepthData documentation: depth is along the camera's axis,
              256 x 192; confidence is low on "surfaces that are highly reflective, or that have high light absorption".
     [L21]    Luetzenburg, Kroon, Bjork 2021, Scientific Reports 11:22221: 576 laser spots (24 x 24); +-1 cm on objects over 10 cm.
-    [TY23]   Teo and Yang 2023, Developments in the Built Environment 14:100169 (iPad Pro): held still, points lie within 1 mm of their
-             best plane; moving, 1 cm on average.
+    [TY23]   Teo and Yang 2023, Developments in the Built Environment 14:100169 (iPad Pro): points lie within 1 mm of
+             their best plane if the device is held still, and within 1 cm on average if it moves.
     [K22]    Kim et al. 2022, Sensors 22:9873: ARKit's relative pose error grows by about 0.02 m per second of walking (1 m/s).
     [L24]    Lin et al. 2024, Handheld mapping of specular surfaces using consumer-grade flash LiDAR, ICCP: panes return the room
              behind them and mirrors the mirrored room, so that both look like holes.
     [X25]    Xiang et al. 2025, Depth enhancement from a practical light-weight dToF sensor, arXiv:2504.01596: specular surfaces lose
              spots or return anomalies.
-    [chair]  Measured on the 24 real frames of shared/data/scans/arkit_lidar_chair_scan against the vendor's mesh (0.5 to 4 m): share
-             of high, medium and low confidence, its fall with range and along edges, residual of each, spatial smoothness. Table in
-             docs/decisions/005-virtual-scanner.md.
+    [chair]  Measured on the 24 real frames of shared/data/scans/arkit_lidar_chair_scan against the vendor's mesh (0.5 to 4 m): fraction
+             of pixels with high, medium and low confidence, how the confidence falls with range and at edges, depth residual for each
+             confidence, and spatial smoothness. See the table in docs/decisions/005-virtual-scanner.md.
 
 The depth map is a smooth interpolation of the 24 x 24 spots, guided by the colour picture [L21]. Errors of neighbouring pixels are
 correlated (uncorrelated part 0.7 mm [chair]), errors of different frames are not.
@@ -31,32 +31,42 @@ from radartwin.testbed.scanner.camera import Sight
 
 @dataclasses.dataclass(frozen=True)
 class Sensor:
-    """Parameters of the phone. The `strength` of `scan` multiplies those marked *.
+    """Parameters of the phone. The argument `strength` of `scan` multiplies the parameters marked with *.
 
     Attributes:
-        size: pixels of the depth map [Apple].
-        colour_size: pixels of the colour picture; 4:3 as on the phone, but coarser for speed.
-        focal_px: of the depth map: 193 for 256 pixels, 67 degrees wide [chair].
+        size: width and height of the depth map in pixels [Apple].
+        colour_size: width and height of the colour picture in pixels; 4:3 as on the phone, but coarser for speed.
+        focal_px: focal length of the depth map in pixels: 193 for 256 pixels, a field of view of 67 degrees [chair].
         range_m: largest depth [Apple].
         spots: number of laser spots across and down the map [L21].
-        noise_m, noise_per_m: * standard deviation of pixels with high confidence, 4 mm + 1 mm per metre. 68 % of those in [chair] lie
-            within 7 to 9 mm of the vendor's mesh from 1 to 3.5 m, including the mesh's own error; +-1 cm in [L21], 1 cm in [TY23].
-        white_m: * standard deviation of the uncorrelated part [chair].
-        unsure: * factors on the noise by confidence low, medium, high: residuals of 20 to 110, 12 to 43 and 8 mm at 68 % [chair].
-        medium_signal, high_signal: reflectance x cosine / range^2 at which half the pixels reach that confidence. In [chair] half have high
-            confidence at 2.9 m and half have low confidence at 3.4 m, on concrete in the shade with an assumed reflectance of 0.2 and
+        noise_m, noise_per_m: * standard deviation of the depth of pixels with high confidence, 4 mm + 1 mm per metre. In [chair], 68 % of
+            these pixels lie within 7 to 9 mm of the vendor's mesh at 1 to 3.5 m, including the mesh's own error. [L21] gives +-1 cm and
+            [TY23] 1 cm.
+        white_m: * standard deviation of the depth noise that is uncorrelated between pixels [chair].
+        unsure: * factors on the depth noise for low, medium and high confidence. In [chair] the 68 % quantiles of the residuals are 20 to
+            110,
+            12 to 43 and 8 mm.
+        medium_signal, high_signal: value of reflectance x cosine / range^2 at which half the pixels reach this confidence. In [chair] half
+            of the
+            pixels have high confidence at 2.9 m, and half have low confidence at 3.4 m, on concrete in the shade with an assumed
+            reflectance of 0.2 and
             cosine of 0.7.
         border: columns at the left edge with low, and with at most medium, confidence, because no spots reach them [chair].
         signal_spread: standard deviation of the logarithm of the signal over a map (speckle, colour) [chair].
-        edge_jump: relative depth step within three pixels that makes an edge.
-        flying: * share of edge pixels between front and back. Edge pixels have high, medium, low confidence in 19, 53 and 27 % [chair].
-        metal_dropout: * share of spots lost on metal at more than metal_deg from its normal [X25]; the share is an assumption.
-        pane_dropout: * share of spots lost through glass; the others return from behind it [L24]; the share is an assumption.
-        metal_signal: factor on the signal of bare metal, which reflects most of it elsewhere [Apple, X25]; an assumption.
-        drift_m: * standard deviation per axis after one metre of walking, growing with the square root: 0.02 m in three axes [K22].
-        yaw_deg: * the same for the heading. Roll and pitch do not drift, because the phone measures gravity. If the heading caused all of
-            the 0.02 m in [K22], it would be 0.66 degrees; this is a sixth of that, because translation also drifts: an assumption.
-        tilt_deg: * standard deviation of roll and pitch about gravity, per frame; an assumption.
+        edge_jump: smallest relative depth step within three pixels that counts as an edge.
+        flying: * fraction of edge pixels whose depth lies between front and back surface. In [chair], 19 % of edge pixels have high, 53 %
+            medium and 27 % low confidence.
+        metal_dropout: * fraction of laser spots lost on metal at more than metal_deg from its normal [X25]; the value is an assumption.
+        pane_dropout: * fraction of laser spots lost at glass; the other spots measure the surface behind it [L24]; the value is an
+            assumption.
+        metal_signal: factor on the signal of bare metal, which reflects most light away from the phone [Apple, X25]; an assumption.
+        drift_m: * standard deviation of the position error per axis after one metre of walking. It grows with the square root of the path.
+            [K22] gives 0.02 m in three axes.
+        yaw_deg: * standard deviation of the heading error after one metre of walking. Roll and pitch do not drift, because the phone
+            measures gravity. A heading error that caused all of the 0.02 m in [K22] would be 0.66 degrees. The default is an assumed sixth
+            of 0.66 degrees,
+            because the position also drifts.
+        tilt_deg: * standard deviation of the roll and pitch error relative to gravity, per frame; an assumption.
     """
 
     size: tuple[int, int] = (256, 192)
@@ -83,7 +93,7 @@ class Sensor:
     tilt_deg: float = 0.05
 
     def intrinsics(self, size: tuple[int, int]) -> np.ndarray:
-        """Intrinsics (3, 3) of a picture of `size` (width, height) with the depth map's view."""
+        """Return the intrinsics (3, 3) of a picture of `size` (width, height) with the same view as the depth map."""
         scale = size[0] / self.size[0]
         return np.array([[self.focal_px * scale, 0, (size[0] - 1) / 2], [0, self.focal_px * scale, (size[1] - 1) / 2], [0, 0, 1]])
 
@@ -91,12 +101,15 @@ class Sensor:
 def measured(
     seen: Sight, reflectance: np.ndarray, metal: np.ndarray, sensor: Sensor, strength: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The sensor's measurement of a view.
+    """Simulate the depth sensor's measurement of one view.
 
     Args:
-        reflectance: (h, w) of the reflecting surface, 0..1. metal: (h, w) bool.
+        reflectance: (h, w), of the reflecting surface, 0..1.
+        metal: (h, w) bool, whether the reflecting surface is metal.
     Returns:
-        Depth (h, w) float32, 0 for none; confidence (h, w) uint8; and a mask (h, w) of the depths that mix both sides of an edge.
+        Depth (h, w) float32 in metres; 0 where the sensor measures no depth.
+        Confidence (h, w) uint8: 0 low, 1 medium, 2 high.
+        Mask (h, w) of the pixels whose depth mixes both sides of an edge.
     """
     truth = np.where(np.isfinite(seen.depth), seen.depth, 0).astype(np.float64)
     shape = truth.shape
@@ -114,7 +127,7 @@ def measured(
     confidence[:, low:medium] = np.minimum(confidence[:, low:medium], 1)
 
     sigma = strength * (sensor.noise_m + sensor.noise_per_m * truth) * np.array(sensor.unsure)[confidence]
-    # The map is smooth, so the noise must not step where the confidence does.
+    # The depth map is smooth, so the noise must not jump where the confidence jumps.
     sigma = ndimage.uniform_filter(sigma, 5)
     depth = truth + sigma * _smooth(rng, shape, sensor.spots) + strength * sensor.white_m * rng.standard_normal(shape)
 
@@ -131,9 +144,9 @@ def measured(
 
 
 def drifted(poses: np.ndarray, sensor: Sensor, strength: float, rng: np.random.Generator) -> np.ndarray:
-    """The phone's estimates of poses (N, 4, 4): the first is true, then position and heading drift as a random walk.
+    """Return the phone's estimates of its poses (N, 4, 4). The first pose is exact; then position and heading drift as a random walk.
 
-    ARKit corrects the drift when it recognises a place. This model does not, so the end of a long walk is worse than on the phone.
+    ARKit corrects the drift when it recognises a place. This model does not correct it, so its errors after a long walk are larger.
     """
     step = np.sqrt(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
     heading = np.radians(strength * sensor.yaw_deg) * step * rng.standard_normal(len(step))
@@ -159,19 +172,19 @@ def drifted(poses: np.ndarray, sensor: Sensor, strength: float, rng: np.random.G
 
 
 def _smooth(rng: np.random.Generator, shape: tuple[int, ...], spots: tuple[int, int]) -> np.ndarray:
-    """Standard normal field (h, w), interpolated between spots and scaled to unit variance."""
+    """Draw a standard normal field (h, w), interpolated between the laser spots and scaled to unit variance."""
     field = _between(rng.standard_normal((spots[1] + 2, spots[0] + 2)), shape, spots)
     return field / np.sqrt(_between(np.ones((spots[1] + 2, spots[0] + 2)), shape, spots, squared=True))
 
 
 def _uniform(rng: np.random.Generator, shape: tuple[int, ...], spots: tuple[int, int]) -> np.ndarray:
-    """Uniform 0..1 field (h, w), constant in the patch of each spot."""
+    """Draw a field (h, w), uniform in 0..1, that is constant around each laser spot."""
     rows, columns = np.arange(shape[0]) * spots[1] // shape[0], np.arange(shape[1]) * spots[0] // shape[1]
     return rng.random((spots[1], spots[0]))[rows][:, columns]
 
 
 def _between(values: np.ndarray, shape: tuple[int, ...], spots: tuple[int, int], squared: bool = False) -> np.ndarray:
-    """Bilinear interpolation (h, w) between spots; squared weights give the variance of independent spots."""
+    """Interpolate bilinearly between the laser spots, (h, w). `squared` uses squared weights, as for the variance of independent spots."""
     v, u = np.arange(shape[0]) * spots[1] / shape[0] + 0.5, np.arange(shape[1]) * spots[0] / shape[1] + 0.5
     i, j = v.astype(int), u.astype(int)
     q, p = (v - i)[:, None], (u - j)[None, :]

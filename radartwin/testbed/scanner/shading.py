@@ -9,7 +9,7 @@ import numpy as np
 from radartwin.compiled import compiled, innermost
 from radartwin.testbed.scanner.look import LEVELS, to_linear
 
-AMBIENT = 0.45  # share of ambient light
+AMBIENT = 0.45  # fraction of the light that is ambient
 LINEAR = to_linear(np.arange(256)).astype(np.float32)  # of sRGB values
 
 
@@ -18,9 +18,10 @@ class Light(NamedTuple):
 
     Attributes:
         lamps: (L, 3) positions.
-        shadows: (L, 6, S, S) float32 depth around each lamp.
-        extremes: (L, 6, S, S, 2) float32 smallest and largest of the nine depths that decide the shadow of a point in that pixel.
-        room: (6, M, M, 3) float32 linear colour around the centre; blurred: the same at a lower resolution.
+        shadows: (L, 6, S, S) float32 depth cube map around each lamp.
+        extremes: (L, 6, S, S, 2) float32 smallest and largest of the nine depths that decide the shadow of a point in this pixel.
+        room: (6, M, M, 3) float32 linear colour cube map around the room's centre.
+        blurred: `room` at a lower resolution.
         exposure: factor from linear light to the picture.
     """
 
@@ -45,7 +46,7 @@ class Row(NamedTuple):
 
 @innermost
 def _side(x, y, z):
-    """The side of CUBE in a direction, the two coordinates on it (-1..1), and the distance along its axis."""
+    """Return the side of CUBE in a direction, the two coordinates on this side (-1..1), and the distance along its axis."""
     ax, ay, az = abs(x), abs(y), abs(z)
     if ax >= ay and ax >= az:
         return (0, -y / ax, -z / ax, ax) if x > 0 else (1, y / ax, -z / ax, ax)
@@ -56,7 +57,7 @@ def _side(x, y, z):
 
 @innermost
 def _sky(z, channel):
-    """Linear colour of the sky or the ground in a direction with vertical part z."""
+    """Return the linear colour of the sky or the ground in a direction with vertical component z."""
     if z > 0:
         low, high = (1.5, 1.6, 1.75), (0.75, 1.1, 1.8)
         return low[channel] + (high[channel] - low[channel]) * min(1.5 * z, 1.0)
@@ -82,7 +83,7 @@ def _around(room, x, y, z, colour):
 
 @innermost
 def _lit(shadows, extremes, lamp, x, y, z):
-    """Share of a lamp's light at an offset from the lamp, from nine samples of its depth cube."""
+    """Return the fraction of a lamp's light that reaches a point at this offset from the lamp, from nine samples of the depth cube map."""
     side, u, v, forward = _side(x, y, z)
     n = shadows.shape[2]
     a, b = (u + 1) * n / 2 - 1, (v + 1) * n / 2 - 1
@@ -98,7 +99,7 @@ def _lit(shadows, extremes, lamp, x, y, z):
 
 @innermost
 def _illuminate(width, row, light):
-    """Write the light on a row of points; lamp by lamp, because neighbouring points read the same part of a depth cube."""
+    """Write the light on a row of points, lamp by lamp, because neighbouring points read the same part of a depth cube map."""
     for u in range(width):
         row.light[u] = AMBIENT * (0.8 + 0.2 * row.normal[u, 2])
     for k in range(len(light.lamps)):
@@ -114,14 +115,14 @@ def _illuminate(width, row, light):
 
 @innermost
 def _paint(f, x, y, z, spread, look, colour):
-    """Write the linear colour of face f at a point to `colour` (3,); a pixel covers `spread` metres there."""
+    """Write the linear colour of face f at a point to `colour` (3,). A pixel covers `spread` metres at this point."""
     to_uv, pool, levels = look.to_uv, look.pool, look.levels
     t = look.texture[f]
     if t < 0:
         for c in range(3):
             colour[c] = look.tint[f, c]
         return
-    # The texture level with about the pixel's size on the surface; bilinear, repeated.
+    # Read the texture level whose texels have about the pixel's size on the surface; bilinear, the texture repeats.
     a = to_uv[f, 0, 0] * x + to_uv[f, 0, 1] * y + to_uv[f, 0, 2] * z + to_uv[f, 0, 3]
     b = to_uv[f, 1, 0] * x + to_uv[f, 1, 1] * y + to_uv[f, 1, 2] * z + to_uv[f, 1, 3]
     density = np.sqrt(to_uv[f, 0, 0] ** 2 + to_uv[f, 0, 1] ** 2 + to_uv[f, 0, 2] ** 2)
@@ -141,7 +142,7 @@ def _paint(f, x, y, z, spread, look, colour):
 
 @innermost
 def shade(face, depth, pose, lens, look, light, row, out):
-    """Write the colour of each pixel, row by row."""
+    """Write the colour of each pixel to `out`, row by row."""
     height, width = face.shape
     for v in range(height):
         _place_row(v, face, depth, pose, lens, look.normals, row)
@@ -197,7 +198,7 @@ def _place_row(v, face, depth, pose, lens, normals, row):
 
 @compiled
 def glaze(face, depth, pose, lens, normals, room, out):
-    """Tint the pixels of `out` with a pane in front, and add the pane's reflection."""
+    """Tint the pixels of `out` that have a pane in front, and add the pane's reflection."""
     clear, reflected = (0.84, 0.88, 0.86), np.empty(3)
     for v in range(face.shape[0]):
         for u in range(face.shape[1]):

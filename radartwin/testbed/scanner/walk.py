@@ -1,4 +1,4 @@
-"""The path of a person with the phone through a room: a closed walk clear of furniture, with a panning camera."""
+"""Plan the path of a person with the phone through a room: a closed walk that avoids furniture, with a panning camera."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ class Walk:
         eye_m: height of the phone.
         clearance_m: smallest distance from walls and furniture.
         pan_deg: rotation between frames.
-        down_deg: lowest elevation of the camera; up_deg: highest, or None to show the ceiling's edge from 1.5 m away.
-        turns_per_nod: revolutions during one period of the elevation.
-        tremble_deg: standard deviation of the hand's rotation.
+        down_deg: lowest elevation of the camera.
+        up_deg: highest elevation; None chooses the elevation that shows the ceiling's edge from 1.5 m away.
+        turns_per_nod: revolutions of the camera during one period of its elevation.
+        tremble_deg: standard deviation of the rotation by the trembling hand.
     """
 
     eye_m: float = 1.5
@@ -41,7 +42,7 @@ class Walk:
 
 
 def walked(scene: Scene, frames: int, walk: Walk, rng: np.random.Generator) -> np.ndarray:
-    """Camera poses (N, 4, 4), OpenCV axes, evenly spaced along a closed walk.
+    """Return camera poses (N, 4, 4) with OpenCV axes, evenly spaced along a closed walk.
 
     Raises:
         SceneError: no free place to stand.
@@ -64,7 +65,7 @@ def walked(scene: Scene, frames: int, walk: Walk, rng: np.random.Generator) -> n
 
 
 def look_along(positions: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, roll: np.ndarray) -> np.ndarray:
-    """Camera poses (N, 4, 4), OpenCV axes, from positions (N, 3), azimuth, elevation and roll (N,) in radians.
+    """Return camera poses (N, 4, 4) with OpenCV axes for positions (N, 3) and azimuth, elevation and roll (N,) in radians.
 
     >>> look_along(np.zeros((1, 3)), np.zeros(1), np.zeros(1), np.zeros(1))[0, :3, 2].tolist()
     [1.0, 0.0, 0.0]
@@ -80,7 +81,7 @@ def look_along(positions: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, roll: 
 
 
 def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
-    """Points (M, 2) of a smooth closed tour over the free floor."""
+    """Return points (M, 2) of a smooth closed tour over the free floor."""
     low, high = scene.bounds
     shape = tuple(np.ceil((high - low)[:2] / CELL_M).astype(int) + 1)
     blocked = np.zeros(shape, dtype=bool)
@@ -109,7 +110,10 @@ def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
 
 
 def _tour(stops: np.ndarray, free: np.ndarray, clear: np.ndarray) -> np.ndarray:
-    """Cells (M, 2) of a closed tour through all stops: shortest paths that prefer clearance, in an order by nearest neighbour and 2-opt."""
+    """Return the cells (M, 2) of a closed tour through all stops.
+
+    Nearest neighbour and 2-opt choose the sequence of the stops. Shortest paths that prefer clearance connect the stops.
+    """
     cells = np.argwhere(free)
     number = np.full(free.shape, -1)
     number[free] = np.arange(len(cells))
