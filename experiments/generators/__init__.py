@@ -1,1 +1,1 @@
-"""Scripts that write the shipped files: text anchors, recorded questions, repeatability."""
+"""Scripts that write files of the package: text embeddings of the objects, questions about surfaces, and repeatability limits."""

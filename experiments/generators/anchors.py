@@ -1,6 +1,6 @@
-"""Write the shipped text anchors again after a description in the catalogue changes: `python -m experiments.generators.anchors`.
+"""Write the package's text anchors (text embeddings of the objects' descriptions): `python -m experiments.generators.anchors`.
 
-Needs the extra `text`.
+Run this script after a description in the catalogue changes. It needs the extra `text`.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Write the questions again that the shipped answers belong to.
+"""Write the questions to which the package contains recorded answers of the vision-language model.
 
     python -m experiments.generators.questions lab --out FOLDER
 
-A room is scanned and reconstructed as it was when its answers were recorded (virtual scan, strength 1, seed 0); the real chair scan gives
-its frames and its exported mesh. Questions and pictures are written as by `radartwin label SCENE --export`, and their digests are compared
-with those in the shipped records.
+A room is scanned and reconstructed as it was when its answers were recorded (virtual scan, strength 1, seed 0). The real chair scan is used
+in two forms: its frames and its exported mesh. Questions and pictures are written as by `radartwin label SCENE --export`, and their digests
+are compared with those in the recorded answers.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DATA = Path("../shared/data/scans") / CHAIR
 
 
 def asked(room: str, data: Path = DATA) -> list[Question]:
-    """The questions of a room's scan, or of both forms of the chair scan.
+    """Return the questions of a room's scan, or of both forms of the chair scan (frames and exported mesh).
 
     Args:
         data: folder of the chair scan.
@@ -48,20 +48,21 @@ def asked(room: str, data: Path = DATA) -> list[Question]:
 
 
 def exact(room: str, questions: Sequence[Question]) -> float:
-    """Share of the questions, by surface area, whose text and pictures equal those of the shipped answers."""
+    """Return the share of the questions, by surface area, whose text and pictures equal those of the recorded answers."""
     keys = {record.key for record in shipped(room)}
     return sum(q.place.area_m2 for q in questions if q.key in keys) / sum(q.place.area_m2 for q in questions)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Make the questions that the shipped answers belong to, and compare them.")
+    parser = argparse.ArgumentParser(description="Write the questions of the recorded answers, and compare their digests.")
     parser.add_argument("room", choices=shipped_rooms())
     parser.add_argument("--out", type=Path, required=True, help="folder for the questions and their pictures")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the real chair scan")
     options = parser.parse_args()
     questions = asked(options.room, options.data)
     export(questions, options.out)
-    print(f"{options.out}: {len(questions)} questions; {exact(options.room, questions):.1%} of their area has its shipped answer by digest")
+    share = exact(options.room, questions)
+    print(f"{options.out}: {len(questions)} questions; {share:.1%} of their area has a recorded answer with the same digest")
 
 
 if __name__ == "__main__":

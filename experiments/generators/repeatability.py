@@ -1,10 +1,10 @@
-"""Measure the repeatability limits of features, which are the unit of a model's error.
+"""Measure the repeatability limits of features, in which simulator=auto expresses a model's error.
 
     python -m experiments.generators.repeatability            writes radartwin/adaptive/repeatability.json, about twenty core minutes
 
-The testbed records each object REPEATS times at one metre: placed again by hand, with new draws of the drive's slip, the turntable's
-wobble, the room's drift and the receiver noise. There is a limit for each object, and a pooled one for unknown objects. The standard
-deviation of so few recordings is uncertain by a third, and the limit allows for that.
+The testbed records each object REPEATS times at one metre. For each recording the object is placed again, with new random draws of the
+drive's slip, the turntable's wobble, the room's drift and the receiver noise. The file has a limit for each object, and a pooled limit for
+unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits include a margin for this.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from radartwin.store.products import Store
 
 REPEATS = 5
 DISTANCE_M = 1.0
-ROOM = "squash_court"  # of drives
+ROOM = "squash_court"  # room of the drives
 DRIVEN = ("track", "multipath", "window", "extent", "brightness", "profile")
 FAMILIES: dict[Motion, tuple[str, ...]] = {
     "turntable": ("harmonics", "envelope", "extent", "brightness", "multipath", "profile"),
@@ -42,7 +42,7 @@ Read = tuple[Sequence[str], np.ndarray]
 
 
 def repeated(config: Config, motion: Motion) -> list[list[Case]]:
-    """The cases to record, by object."""
+    """Return the cases to record: one list of REPEATS cases per object."""
     campaign = config.profile.campaign
     if motion == "turntable":
         from radartwin.scene.objects.catalogue import catalogue
@@ -56,7 +56,7 @@ def repeated(config: Config, motion: Motion) -> list[list[Case]]:
 
 
 def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
-    """Feature names and values (recordings, features) of one object."""
+    """Return the feature names and the values (recordings, features) of one object."""
     rows = []
     for case in cases:
         processed = campaign.processed("measured", case)[1]
@@ -66,10 +66,10 @@ def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
 
 
 def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
-    """Content of the shipped file.
+    """Return the content of the file of limits.
 
     Args:
-        groups: {motion: {object: names and values}}.
+        groups: {motion: {object: (feature names, values (recordings, features))}}.
     """
 
     def rounded(some: Sequence[Read]) -> dict[str, float]:
@@ -84,7 +84,7 @@ def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure the limits and write the file."""
+    """Measure the repeatability limits and write the file."""
     config = compose(["experiment=campaign"])
     config = replace(config, profile=replace(config.profile, campaign=replace(config.profile.campaign, turns=1)))
     progress = Progress()

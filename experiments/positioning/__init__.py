@@ -1,1 +1,1 @@
-"""The paper's Table 1: what each system can do."""
+"""The paper's Table 1, which compares the capabilities of simulation systems."""

@@ -1,6 +1,6 @@
-"""Checks of what the systems that run here can do. Each check exercises a capability within seconds and simulates no recording.
+"""Checks of the capabilities of the systems that run here. Each check takes seconds and simulates no whole recording.
 
-A check returns the content of its cell, and whether it agrees with the paper's cell.
+A check returns (content of its cell in the table, whether this agrees with the paper's cell).
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from radartwin.simulation.paths import Paths
 
 Check = Callable[[], tuple[str, bool]]
 ROOM_M = (4.0, 3.0, 2.5)
-BOUNCES = 4  # in the paper's row
+BOUNCES = 4  # number of bounces in the paper's row
 FORMATS = (".glb", ".ply", ".obj")
-CATEGORIES = 23  # in MINC
+CATEGORIES = 23  # number of MINC categories
 RADAR = Radar.iwr1843(element="isotropic")
 
 
@@ -46,7 +46,7 @@ def _bounces(simulator: Backend) -> int:
 
 
 def _materials_matter(simulator: Backend) -> bool:
-    """Whether a metal room returns more power than a wooden one."""
+    """Return whether a metal room returns more power than a wooden room."""
     metal, wood = (sum(float(np.abs(p.amplitude).max()) for p in _traced(simulator, _box(m))) for m in ("metal", "wood"))
     return metal > 1.5 * wood
 
@@ -69,7 +69,7 @@ def _four_bounces() -> tuple[str, bool]:
 
 
 def _mechanism(simulator: Callable[[], Backend], words: str) -> Check:
-    """Rays from the radar find a wall at its range."""
+    """Return a check that rays from the radar find the nearest surface of a room at its range; `words` is the content of the cell."""
 
     def check() -> tuple[str, bool]:
         nearest = min(float(part.length_m.min()) / 2 for part in _traced(simulator(), _box()))
@@ -79,7 +79,7 @@ def _mechanism(simulator: Callable[[], Backend], words: str) -> Check:
 
 
 def _mesh_formats() -> tuple[str, bool]:
-    """A room's mesh keeps its area in every file format."""
+    """Check that a room's mesh keeps its area in every file format."""
     from radartwin.reconstruct.mesh_file import load_scan
 
     mesh, read = _box().surfaces[0].mesh, []
@@ -92,7 +92,7 @@ def _mesh_formats() -> tuple[str, bool]:
 
 
 def _scanned_room() -> tuple[str, bool]:
-    """A mesh as a phone writes it, one piece of small noisy triangles, becomes a room with walls."""
+    """Check that a mesh as from a phone, one piece of small noisy triangles, becomes a room with walls."""
     from radartwin.reconstruct.build import ScanOptions, reconstruct
 
     mesh: Any = _box().surfaces[0].mesh.subdivide_to_size(0.12)
@@ -106,7 +106,7 @@ def _scanned_room() -> tuple[str, bool]:
 
 
 def _labelled() -> tuple[str, bool]:
-    """The model's recorded answers become materials of the package, and every category has a material."""
+    """Check that the vision-language model's recorded answers become materials of the package, and that every category has a material."""
     from radartwin import materials
     from radartwin.label.sources import material_source
     from radartwin.materials.minc import MINC, names_in
@@ -120,7 +120,7 @@ def _labelled() -> tuple[str, bool]:
 
 
 def _no_measurement() -> tuple[str, bool]:
-    """No module that reconstructs, labels or simulates imports a module that reads recordings of a campaign."""
+    """Check that no module that reconstructs, labels or simulates imports a module that reads measured recordings."""
     from radartwin.store.digest import import_closure
 
     reached = import_closure(("radartwin.reconstruct.build", "radartwin.label.sources", "radartwin.simulation.simulate"))
@@ -128,7 +128,7 @@ def _no_measurement() -> tuple[str, bool]:
 
 
 def _targets() -> tuple[str, bool]:
-    """The catalogue has objects of more than one shape class and more than one material class."""
+    """Check that the catalogue has objects of more than one shape class and more than one material class."""
     entries = objects.catalogue().values()
     classes = [{getattr(entry, kind) for entry in entries} for kind in ("shape", "material_class")]
     return "objects & materials", all(len(kinds) > 1 for kinds in classes)

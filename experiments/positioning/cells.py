@@ -1,8 +1,8 @@
 """The paper's Table 1, cell by cell, with the sentences of the paper about each cell.
 
-The first source of every cell is the table itself (`tab:positioning`); SAID adds sentences of the paper's text. A test compares both with
-the paper if it lies beside the checkout. "yes", "partly", "no" and "-" stand for the table's marks: present, partly present, absent, and
-not applicable.
+The first source of every cell is the table itself (`tab:positioning`); SAID adds quotations from the paper's text. A test compares both
+with the paper if the paper lies beside the checkout. "yes", "partly", "no" and "-" stand for the table's marks: present, partly present,
+absent, and not applicable.
 """
 
 from __future__ import annotations
@@ -56,6 +56,6 @@ SAID: dict[tuple[str, str], str] = {
 
 
 def source(system: str, axis: str) -> str:
-    """The source of a cell."""
+    """Return the source of a cell as text."""
     said = SAID.get((system, axis))
     return f'{axis}: Table 1 and the text, "{said}"' if said else f"{axis}: Table 1"

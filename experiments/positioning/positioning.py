@@ -1,8 +1,9 @@
-"""Where this system stands among others: the paper's Table 1, the source of every cell, and checks of the systems that run here.
+"""This system compared with others: the paper's Table 1, the source of every cell, and checks of the systems that run here.
 
 The cells of other systems are the paper's (`cells`). Our row holds the results of the checks in `capabilities`; a cell is empty if its
-check fails. Sionna RT and the re-implemented RF-Genesis run here too, so two cells of each are checked. A row holds if every checked cell
-agrees with the paper. The paper's claim that no other system has all capabilities is counted from the paper's own cells.
+check fails. Sionna RT and the re-implemented RF-Genesis run here too, so two cells of each are checked. The verdict of a row is "holds" if
+every checked cell agrees with the paper. The paper claims that no other system has all capabilities; the last row counts such systems in
+the paper's own cells.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ TABLE = Table(
     title="Among other systems",
     caption="Table 1 of the paper. The cells of other systems are the paper's. Our cells are the result of checks of the code; a cell "
     "is empty where the check contradicts the paper. Two cells each of Sionna RT and of the re-implemented RF-Genesis are "
-    "checked too. A row holds if every checked cell agrees with the paper. n counts checked cells.",
+    "checked too. The verdict of a row is that all its checked cells agree with the paper. n counts checked cells.",
 )
 
 DOMAINS = {"RF-Genesis": "capability check of the re-implementation"}
@@ -29,7 +30,7 @@ MATERIALS_BY_HAND = ("EM solvers", "Sionna RT")  # the paper says "manual per-su
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table, and the number of other systems with every mark."""
+    """Return the rows of the table, and a row with the number of other systems that have every mark."""
     rows = [row(system) for system in progress.over(list(CELLS), "systems")]
     rows.append(others_with_all())
     ours = next(r for r in rows if r["method"] == OURS)
@@ -37,7 +38,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def row(system: str) -> dict[str, Any]:
-    """The row of one system."""
+    """Run the checks of one system and return its row."""
     cells: dict[str, str] = dict(zip(AXES, CELLS[system], strict=True))
     notes: list[str] = []
     agree: list[bool] = []
@@ -59,7 +60,7 @@ def row(system: str) -> dict[str, Any]:
 
 
 def others_with_all() -> dict[str, Any]:
-    """The number of other systems with all three marks whose materials are not assigned by hand."""
+    """Return a row with the number of other systems that have all three marks and whose materials are not assigned by hand."""
     marked = [s for s, cells in CELLS.items() if s != OURS and all(cells[AXES.index(axis)] == "yes" for axis in TICKS)]
     rivals = [system for system in marked if system not in MATERIALS_BY_HAND]
     note = f"all three marks: {', '.join(marked)}; of these with materials not given by hand: {', '.join(rivals) or 'none'}"

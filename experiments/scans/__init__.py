@@ -1,1 +1,1 @@
-"""Reconstruction and labelling tables."""
+"""Tables about the reconstruction of scans and the labelling of materials."""

@@ -1,4 +1,4 @@
-"""Distance of a reconstructed mesh from the true scene, and the share of the seen surface that the mesh contains."""
+"""Distance of a reconstructed mesh from the true scene, and the share of the true surface, as far as seen, that the mesh contains."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from radartwin.scene.scene import Scene
 from radartwin.testbed.scanner.scan import ScanTruth
 
 SAMPLE_M = 0.04  # distance between compared points
-COVERED_M = 0.05  # a true point with the mesh within this distance is covered
-SAME_M, SAME = 0.01, 0.01  # absolute and relative tolerance of depth for a pixel that saw a point
+COVERED_M = 0.05  # a true point is covered if the mesh is within this distance
+SAME_M, SAME = 0.01, 0.01  # absolute and relative tolerance between a point's depth and that of the pixel that saw it
 GRAZING = 0.02  # cosine between ray and normal below which a surface is edge-on and not seen
 ALIGN_STEPS, ALIGN_GATE_M = 15, 0.15
 FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # random samples of the mesh
@@ -28,11 +28,11 @@ class Accuracy:
     """Distances in metres.
 
     Attributes:
-        median_m, p95_m: from the mesh to the truth, after the rigid motion of the mesh that fits best, because a scan's own frame is
-            arbitrary.
-        placed_median_m, placed_p95_m: the same without that motion.
-        shift_m, turn_deg: size of the motion.
-        coverage: share of the seen true area with the mesh within COVERED_M, after the motion.
+        median_m, p95_m: distance from the mesh to the true surfaces, after the rigid motion that fits the mesh best, because the
+            coordinate frame of a scan is arbitrary.
+        placed_median_m, placed_p95_m: the same distance without the rigid motion.
+        shift_m, turn_deg: translation and rotation angle of the rigid motion.
+        coverage: share of the seen true area that has the mesh within COVERED_M, after the rigid motion.
         seen: share of the true area that the sensor saw.
         by_surface: name -> (covered share of its seen area, seen area in m2).
     """
@@ -55,7 +55,8 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
     """Compare a mesh fused from a virtual scan with the true scene.
 
     Args:
-        truth, frames: of the scan: camera poses, surface and depth of each pixel, intrinsics.
+        truth: true camera poses of the scan, and true surface and depth of each pixel.
+        frames: frames of the scan, for their intrinsics.
     """
     nearest = Nearest([s.mesh for s in scene], SAMPLE_M)
     points = _some(covered(np.asarray(mesh.triangles), SAMPLE_M)[0], COMPARED_POINTS)
@@ -90,7 +91,7 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
 
 
 def fitted(points: np.ndarray, nearest: Nearest) -> np.ndarray:
-    """Rigid transform (4, 4) that brings points (N, 3) closest to the surfaces, point to plane."""
+    """Return the rigid transform (4, 4) that brings points (N, 3) closest to the surfaces, by point-to-plane distance."""
     from scipy.spatial.transform import Rotation
 
     some = _some(points, FIT_POINTS)
@@ -121,12 +122,14 @@ def _some(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def seen_points(points: np.ndarray, normals: np.ndarray, surface: np.ndarray, truth: ScanTruth, lenses: Sequence[np.ndarray]) -> np.ndarray:
-    """Which of the points (N,) with normals (N, 3) on surfaces (N,) a pixel of the scan measured.
+    """Return whether (N,) a pixel of the scan saw each point.
 
-    A pixel measured a point that faces the camera if it hit the point's surface and if its true depth is that of the point's own plane on
-    the pixel's ray. So the far side of a thin plate does not count as seen.
+    A pixel saw a point that faces the camera if the pixel hit the point's surface, and if the pixel's true depth equals the depth at which
+    its ray meets the point's plane. Therefore the far side of a thin plate does not count as seen.
 
     Args:
+        points, normals: (N, 3) positions and normals.
+        surface: (N,) index of each point's surface.
         lenses: intrinsics (3, 3) of each frame.
     """
     seen = np.zeros(len(points), dtype=bool)
@@ -152,6 +155,6 @@ def seen_points(points: np.ndarray, normals: np.ndarray, surface: np.ndarray, tr
 
 
 def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
-    """What a virtual scan saw of its scene, for `experiments.scans.segment_score`."""
+    """Return a function that tells which points of the scene a virtual scan saw, for `experiments.scans.segment_score`."""
     lenses = [frame.intrinsics for frame in frames]
     return lambda points, normals, surface: seen_points(points, normals, surface, truth, lenses)

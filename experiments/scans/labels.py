@@ -1,9 +1,9 @@
-"""Material labels of the virtual scans by source: accuracy against the truth, and the error of the reflection.
+"""Accuracy of the material labels of the virtual scans, and the reflection error of wrong labels, for three sources of labels.
 
 The scans of `experiments.scans.virtual_scan` are labelled by the recorded answers of the vision-language model, by one uniform material,
-and at random. Labels are scored by area. A label is right if it is the true MINC category. A label is close if the reflection of its
-material is within 1 dB of the true material's, over angles and the frequency sweep: plaster instead of paint is close, metal instead of
-wood is not. Each source is then compared with uniform plasterboard by its mean error in decibels.
+and at random. Labels are scored by area. A label is right if it is the true MINC category. A label is close if the mean reflection of its
+material, over angles and the frequency sweep, is within 1 dB of the true material's: plaster instead of paint is close, metal instead of
+wood is not. Each source is then compared with uniform plasterboard by its mean reflection error in decibels.
 """
 
 from __future__ import annotations
@@ -28,12 +28,13 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="labels",
-    title="What surfaces are made of, and what a wrong answer costs",
+    title="Material labels, and the reflection error of wrong labels",
     caption="The virtual scans are labelled by the recorded answers of a general-purpose vision-language model, by one material "
     "everywhere, and at random. The model saw the exported pictures and the prompt only. Labels are compared with the true "
     "materials by area. A label is within 1 dB if the mean reflection of its material, over angles and the frequency sweep, is "
-    "within 1 dB of the true material's. The gain of a source over plasterboard everywhere, in mean dB, is judged for each "
-    "room. Intervals are Wilson intervals at the effective number of surfaces; those of the gain are bootstraps over surfaces.",
+    "within 1 dB of the true material's. The gain of a source is the decrease of the mean reflection error in dB relative to "
+    "plasterboard everywhere; it is judged for each room. Intervals of shares are Wilson intervals at the effective number of "
+    "surfaces; intervals of the gain are bootstraps over surfaces.",
 )
 
 SOURCES: dict[str, dict[str, Any]] = {
@@ -69,14 +70,14 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
-    if source == "random":  # drawn from the room's own categories, never the right one
+    if source == "random":  # labels are drawn from the categories of the room; the right category is never drawn
         scene = material_source("true", scene=truth)(without_fragments(scene, truth))
         return material_source("random", seed=seed, **SOURCES[source])(scene)
     return material_source(source, **SOURCES[source])(scene)
 
 
 def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
-    """Share of the scan's area with a recorded answer, found by question or by place; the rest took a stand-in."""
+    """Return a row with the share of the scan's area that has a recorded answer; the other surfaces have the substitute material."""
     area = np.array([s.mesh.area for s in scene])
     share = float(area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum())
     return {
@@ -87,7 +88,7 @@ def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
 
 
 def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict[str, Any]]:
-    """Rows of each source over all categories, and rows of the recorded answers by category."""
+    """Return the rows of each source over all categories, and the rows of the recorded answers by category."""
     rows = []
     for source, found in judged.items():
         for line in accuracy_table(found).to_dict("records"):
@@ -108,7 +109,7 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
 
 
 def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: Config, key: str) -> dict[str, Any]:
-    """Mean improvement of a source over uniform plasterboard in dB, weighted by area, with a bootstrap over surfaces."""
+    """Return a row with a source's mean improvement over uniform plasterboard in dB, weighted by area, with a bootstrap over surfaces."""
     areas = np.array([j.area_m2 for j in judged[source]])
     gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])
     drawn = np.random.default_rng(config.seed).integers(len(gain), size=(config.profile.resamples, len(gain)))

@@ -1,9 +1,10 @@
-"""From a scan to surfaces: accuracy of the reconstruction, and whether every surface becomes one segment.
+"""Accuracy of the reconstruction of a scan, and whether every true surface becomes one segment.
 
 Scans of procedural rooms (experiments/scans/virtual_scan.py) are scored against the true room, which the reconstruction never reads. The
-paper gives no figures for its scan, so the targets are the project's own. Two targets need an explanation. A wall counts as one segment
-from an intersection over union of 0.8: a wall that is cut at a door or grown over its neighbour stays below, a wall behind furniture does
-not. Half of the glass is required, because a depth sensor returns nothing from glass and only its frame completes it.
+paper gives no figures for its scan, so the targets are the project's own. Two targets need an explanation. A wall counts as one segment if
+the intersection over union of wall and segment exceeds 0.8. A wall that is cut at a door, or merged with its neighbour, stays below 0.8; a
+wall behind furniture does not. For glass the target is only half of the area, because a depth sensor measures nothing on glass, and the
+reconstruction completes a pane only from its frame.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="scan",
     title="From a scan to surfaces",
-    caption="A virtual phone with LiDAR walks through each procedural room. Its frames are fused, segmented and outlined like those of "
-    "a user, and scored against the true room. Strength scales every error of the phone. The project chose the targets, and "
-    "checks them at every strength. n counts scans, or true surfaces of which the phone saw at least 0.25 m2, missed ones "
-    "included. Intervals are bootstraps over these.",
+    caption="A virtual phone with LiDAR moves through each procedural room. Its frames are fused, segmented and outlined like those of "
+    "a user, and scored against the true room. The strength scales every error of the phone. The project chose the targets, and "
+    "checks them at every strength. n counts scans, or true surfaces of which the phone saw at least 0.25 m2, including surfaces "
+    "without a segment. Intervals are bootstraps over the scans or surfaces.",
 )
 
 ROOTS = ["experiments.scans.scan"]
@@ -60,11 +61,11 @@ TARGETS: dict[str, tuple[str, float | None, bool]] = {
     "false_panes_m2": ("completed as panes where there is no glass, m2", None, False),
 }
 LARGE_M2 = 1.0
-SEEDS = {("lab", 1.0): 3}  # number of scans of a case, in the paper profile; other cases have one
+SEEDS = {("lab", 1.0): 3}  # (room, strength) -> number of scans in the paper profile; other cases have one scan
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Score scans of every room at every strength of the scanner's errors."""
+    """Score the scans of every room at every strength of the scanner's errors."""
     cases = [(room, strength) for room in config.profile.scan_rooms for strength in config.profile.scan_strengths]
     rows: list[dict[str, Any]] = []
     scored: dict[tuple[str, float], list[dict[str, Any]]] = {}
@@ -81,7 +82,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -> Product:
-    """Scores of a room's scan, from the store or computed now."""
+    """Return the scores of a room's scan, from the store or computed now."""
     scan = virtual_scan.fetch(config, store, room, strength, seed)
     spec = {**virtual_scan.specification(config, room, strength, seed), "of": scan.key}
     return store.fetch(
@@ -90,7 +91,7 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -
 
 
 def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
-    """Scores of a reconstructed scene folder against its scan; the scan's depth is rendered again, which is fast."""
+    """Return the scores of a reconstructed scene folder against the true room; the scan is repeated to know which surfaces it saw."""
     import trimesh
 
     from experiments.scans.accuracy import accuracy, sighted
@@ -113,7 +114,7 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
 
 
 def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resamples: int, seed: int, key: str) -> list[dict[str, Any]]:
-    """Rows of one room and strength: over scans for scores of a whole scan, else over the surfaces of all scans."""
+    """Return the rows of one room and strength. Scores of a whole scan are averaged over scans, the others over all scans' surfaces."""
     surfaces = [s for scan in scans for s in scan["surfaces"]]
     clear = [s for scan in scans for s in scan["clear"]]
     split = [s for s in surfaces if s["segment"] != "-"]
@@ -145,7 +146,7 @@ def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resam
 
 
 def _by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -> statistics.Estimate:
-    """Mean weighted by area, with a bootstrap over surfaces."""
+    """Return the mean weighted by area, with an interval from a bootstrap over surfaces."""
     drawn = np.random.default_rng(seed).integers(len(values), size=(resamples, len(values)))
     means = (values * areas)[drawn].sum(axis=1) / areas[drawn].sum(axis=1)
     value = float(np.average(values, weights=areas))
@@ -154,7 +155,7 @@ def _by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -
 
 
 def _row(room: str, strength: float, metric: str, claim: str, found: statistics.Estimate, scans: int, key: str) -> dict[str, Any]:
-    """One row; a limit is checked at every strength, a metric without limit is only shown."""
+    """Return one row. A metric with a limit gets a verdict at every strength; a metric without limit is only shown."""
     _, limit, least = TARGETS[metric]
     holds = limit is not None and (found.value >= limit if least else found.value <= limit)
     return {
@@ -165,7 +166,7 @@ def _row(room: str, strength: float, metric: str, claim: str, found: statistics.
 
 
 def _figure(scores: dict[tuple[str, float], dict[str, Any]]) -> Figure:
-    """Overlap of every true surface against its area, by room."""
+    """Draw the intersection over union of every true surface with its segment against the surface's area, by room."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN, height_in=3.0)
     for colour, room in zip(PALETTE, dict.fromkeys(room for room, _ in scores), strict=False):
         strength = min((s for r, s in scores if r == room), key=lambda s: abs(s - 1))

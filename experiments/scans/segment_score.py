@@ -1,12 +1,12 @@
-"""Quality of a segmentation against a room with known truth.
+"""Quality of a segmentation of a scan, compared with the true surfaces of the room.
 
-A true surface in separate pieces, such as the legs of a table, is scored piece by piece. The segment of a surface is the one that holds
-most of it, among the segments that lie mostly on the surface. A surface without such a segment has recall 0. Recall is the share of the
-seen surface that lies in its segment: evenly spread true points are looked up in the scan, within REACH_M and with an agreeing normal.
-Precision is the share of the segment that lies on the surface. IoU is the common part over the union of segment and seen surface.
-Completed area where nothing was seen counts for neither if it lies on the surface, and against both if it does not. Boundary error is the
-distance from the edges of segments to the nearest edge of a true surface. Depth sensors miss glass and mirrors, so these are scored apart
-and over their whole true area.
+A true surface in separate pieces, such as the legs of a table, is scored piece by piece. Among the segments that lie mostly on a surface,
+the segment that holds most of the surface is the surface's segment. A surface without such a segment has recall 0. Recall is the share of
+the seen surface that lies in its segment: evenly spread true points are looked up in the scan, within REACH_M and with an agreeing normal.
+Precision is the share of the segment that lies on the surface. IoU is the intersection of segment and seen surface, over their union.
+A reconstruction may complete areas that the sensor did not see. Completed area on the true surface does not change precision or recall;
+completed area off the true surface lowers precision. Boundary error is the distance from the edges of segments to the nearest edge of a
+true surface. Depth sensors miss glass and mirrors, so these surfaces are scored separately and over their whole true area.
 """
 
 from __future__ import annotations
@@ -29,10 +29,13 @@ MIN_AREA_M2 = 0.25
 
 @dataclass(frozen=True)
 class SurfaceScore:
-    """One true surface: its seen area (the whole area for glass) and its segment, "-" for none; precision is then NaN.
+    """Score of one true surface.
 
     Attributes:
-        boundary_m: median along the segment's edge.
+        area_m2: seen area; for glass and mirrors the whole area.
+        segment: name of its segment, or "-" if it has none; precision is then NaN.
+        boundary_m: median of the boundary error along the segment's edge.
+        clear: whether the surface is glass or a mirror.
         flush: share of the seen area that is at most FLUSH_M above another surface, where depth cannot separate the two.
         through: for glass and mirrors, the share in segments that are at least half glass or mirror.
     """
@@ -51,17 +54,18 @@ class SurfaceScore:
 
 @dataclass(frozen=True)
 class Score:
-    """Means over the true surfaces of at least MIN_AREA_M2 without glass and mirrors; precision over those with a segment.
+    """Means over the true surfaces of at least MIN_AREA_M2, without glass and mirrors. Precision is over the surfaces with a segment.
 
     Attributes:
-        area_recall, area_precision: the same weighted by area.
-        found: share of these surfaces with IoU of at least one half.
-        right: share of the segments of that size that are the best segment of some surface and lie on it with at least half of their area.
-        boundary_median_m, boundary_p95_m: of all segments that hold a scored surface.
-        clear_recall: for glass and mirrors, the share in segments that are at least half glass or mirror.
+        area_recall, area_precision: recall and precision weighted by area.
+        found: share of these surfaces with an IoU of at least 0.5.
+        right: share of the segments of at least MIN_AREA_M2 that are the best segment of a surface and lie on it with at least half of
+            their area.
+        boundary_median_m, boundary_p95_m: boundary error over all segments of these surfaces.
+        clear_recall: for glass and mirrors, the share of their area in segments that are at least half glass or mirror.
         missed_flush: share of the missed area that belongs to surfaces flush with another surface.
-        surfaces: every surface of that size, largest first.
-        clear: glass and mirrors.
+        surfaces: score of each of these surfaces, largest first.
+        clear: scores of glass and mirrors.
     """
 
     precision: float
@@ -79,7 +83,7 @@ class Score:
     clear: list[SurfaceScore] = field(repr=False)
 
     def lines(self) -> list[str]:
-        """The scores as text, one surface per line, then the means."""
+        """Return the scores as lines of text: one surface per line, then the means."""
         head = f"{'surface':24} {'m2':>7} {'segment':>14} {'recall':>7} {'precision':>9} {'IoU':>6} {'edge mm':>8} {'flush':>6}"
         rows = [
             f"{s.name[:24]:24} {s.area_m2:7.2f} {s.segment[:14]:>14} {s.recall:7.3f} {s.precision:9.3f} {s.iou:6.3f} "
@@ -99,10 +103,13 @@ class Score:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """A segmentation: samples, one per SPACING_M^2, and edges.
+    """A segmentation, as points on the scan and on the edges of segments.
 
-    Samples: (N, 3) points, (N, 3) normals, (N,) segments, -1 for none. Edges of segments: (E, 3) points, (E,) segments. Then the segments'
-    names.
+    Attributes:
+        points, normals: (N, 3) samples of the scan, one per SPACING_M^2, and their normals.
+        label: (N,) segment of each sample, -1 for none.
+        edges, edge_of: (E, 3) points on the edges of segments, and (E,) their segments.
+        names: names of the segments.
     """
 
     points: np.ndarray
@@ -117,7 +124,7 @@ def score_segments(mesh: trimesh.Trimesh, segments: Sequence[Segment], truth: Sc
     """Score a segmented scan; the sides of one body count as one segment.
 
     Args:
-        sighted: what the sensor saw of the truth (`experiments.scans.accuracy.sighted`); everything by default.
+        sighted: function that tells which true points the sensor saw (`experiments.scans.accuracy.sighted`); by default all points.
     Raises:
         SceneError: there is no truth to compare with.
     """
@@ -137,10 +144,10 @@ def score_segments(mesh: trimesh.Trimesh, segments: Sequence[Segment], truth: Sc
 
 
 def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> Score:
-    """Score a reconstructed scene. Its surfaces are the segments, with filled and completed areas.
+    """Score a reconstructed scene. Its surfaces are the segments, with filled holes and completed areas.
 
     Args:
-        sighted: what the sensor saw of the truth (`experiments.scans.accuracy.sighted`); everything by default.
+        sighted: function that tells which true points the sensor saw (`experiments.scans.accuracy.sighted`); by default all points.
     Raises:
         SceneError: there is no truth to compare with.
     """
@@ -219,7 +226,7 @@ def _score(found: _Found, scene: Scene, sighted: Sighted | None) -> Score:
 
 
 def _table(row: np.ndarray, column: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Area in m2 of samples by row and column; -1 means none."""
+    """Return the area (m2) of the samples for each pair of row and column; samples with index -1 are left out."""
     both = (row >= 0) & (column >= 0)
     return np.bincount(row[both] * shape[1] + column[both], minlength=shape[0] * shape[1]).reshape(shape) * SPACING_M**2
 

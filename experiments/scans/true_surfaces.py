@@ -1,4 +1,4 @@
-"""True surfaces for scoring a segmentation: cut into separate pieces, sampled evenly, with what the sensor saw of each piece."""
+"""True surfaces for scoring a segmentation: cut into separate pieces and sampled evenly, with a mark for samples that the sensor saw."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 from radartwin.reconstruct.distance import covered, spread
 from radartwin.scene.scene import Scene, Surface
 
-SPACING_M = 0.04  # between points on scan and truth
+SPACING_M = 0.04  # distance between samples, on the scan and on the true surfaces
 REACH_M = 0.12  # a point farther from every true surface belongs to none
 AGREEING = 0.7  # least cosine of agreeing normals, so that the floor is not the underside of an object on it
 APART_M = 0.05  # a wider gap splits a true surface
@@ -23,7 +23,7 @@ FLUSH_M = 0.015  # a smaller step between surfaces is within a phone's depth noi
 SHARP = np.radians(30.0)
 CLEAR = ("glass", "mirror")  # MINC categories that depth sensors see through
 
-# (points (N, 3), normals (N, 3), surfaces (N,)) of the scanned scene -> (N,) whether the sensor measured each point.
+# (points (N, 3), normals (N, 3), surfaces (N,)) of the scanned scene -> (N,) whether the sensor saw each point.
 Sighted = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -34,8 +34,9 @@ class Truth:
     Attributes:
         scene: the pieces, each a surface.
         clear: (K,) whether a piece is glass or a mirror.
-        points, normals, piece: (N, 3), (N, 3), (N,) samples, one per SPACING_M^2, and the piece of each.
-        seen: (N,) whether the sensor measured them.
+        points, normals: (N, 3) samples, one per SPACING_M^2, and their normals.
+        piece: (N,) piece of each sample.
+        seen: (N,) whether the sensor saw each sample.
         outlines: (E, 3) points on the pieces' edges.
     """
 
@@ -49,7 +50,7 @@ class Truth:
 
     @classmethod
     def of(cls, truth: Scene, sighted: Sighted | None = None) -> Truth:
-        """A true scene in pieces; without `sighted` everything counts as seen."""
+        """Cut a true scene into pieces and sample them. Without `sighted` all samples count as seen."""
         parts = [(piece, number) for number, surface in enumerate(truth) for piece in pieces(surface)]
         scene = Scene(piece for piece, _ in parts)
         samples = [spread(s.mesh, SPACING_M) for s in scene]
@@ -62,9 +63,9 @@ class Truth:
         return cls(scene, clear, points, normals, piece, seen, np.concatenate([outline_points(s.mesh) for s in scene]))
 
     def owners(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-        """Piece (M,) of points (M, 3) with normals (M, 3), -1 for none: the nearest with an agreeing normal, or else the nearest.
+        """Return a function that finds the piece (M,) of points (M, 3) with normals (M, 3).
 
-        The samples used here cover the edges of every piece.
+        The piece of a point is the nearest piece with an agreeing normal, otherwise the nearest piece, and -1 if none is within REACH_M.
         """
         samples = [covered(np.asarray(s.mesh.triangles, dtype=float), SPACING_M) for s in self.scene]
         unit = np.repeat(np.arange(len(self.scene)), [len(at) for at, _ in samples])
@@ -73,7 +74,7 @@ class Truth:
         return lambda points, directions: nearest(tree, unit, normals, points, directions)
 
     def flush(self) -> np.ndarray:
-        """Share (K,) of each piece's seen points that are at most FLUSH_M above another piece beside or behind it."""
+        """Return the share (K,) of each piece's seen samples that are within FLUSH_M of the level of another, parallel piece."""
         tree = KDTree(self.points)
         here = np.flatnonzero(self.seen)
         _, near = tree.query(self.points[here], k=24, distance_upper_bound=3 * SPACING_M, workers=-1)
@@ -90,7 +91,10 @@ class Truth:
 def nearest(
     tree: KDTree, owner: np.ndarray, owner_normals: np.ndarray, points: np.ndarray, normals: np.ndarray, strict: bool = False
 ) -> np.ndarray:
-    """Owner (N,) of the nearest sample within REACH_M, -1 for none; agreeing normals come first, and `strict` accepts no other."""
+    """Return the owner (N,) of the sample nearest to each point, and -1 if no sample is within REACH_M.
+
+    Samples with agreeing normals are preferred; `strict` accepts only these.
+    """
     ranks: Any = range(1, min(10, tree.n) + 1)
     distance, near = tree.query(points, k=ranks, distance_upper_bound=REACH_M, workers=-1)
     known = np.isfinite(distance)
@@ -103,7 +107,7 @@ def nearest(
 
 
 def pieces(surface: Surface) -> list[Surface]:
-    """The parts of a surface that are more than APART_M apart, largest first."""
+    """Split a surface into parts that are more than APART_M apart, largest first."""
     mesh = surface.mesh.copy()
     mesh.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=6)
     points, face = covered(np.asarray(mesh.triangles, dtype=float), APART_M / 2)
@@ -121,7 +125,7 @@ def pieces(surface: Surface) -> list[Surface]:
 
 
 def outline_points(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M / 2) -> np.ndarray:
-    """Points (N, 3) along the open and the sharp edges of a mesh."""
+    """Return points (N, 3) along the open and the sharp edges of a mesh."""
     vertices, index = np.unique(np.round(np.asarray(mesh.vertices), 6), axis=0, return_inverse=True)
     welded = trimesh.Trimesh(vertices, index.reshape(-1)[np.asarray(mesh.faces)], process=False)
     pairs, count = np.unique(welded.edges_sorted, axis=0, return_counts=True)

@@ -1,6 +1,6 @@
-"""A virtual phone's scan of a procedural room, reconstructed and stored: the twin's knowledge of the room.
+"""Scan a procedural room with a virtual phone, reconstruct the scan and store it. The twin knows the room only from this scan.
 
-A phone with LiDAR walks through the room (radartwin.testbed.scanner). Its noise, dropouts and drift follow published evaluations, and
+The phone with LiDAR moves through the room (radartwin.testbed.scanner). Its noise, dropouts and drift follow published evaluations, and
 `strength` scales all of them. Its frames are fused, segmented and outlined like those of a user.
 """
 
@@ -23,9 +23,9 @@ FOLDER = "scene"
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None) -> Product:
-    """A scanned and reconstructed room, from the store or computed now; `seed` defaults to the configuration's.
+    """Return a scanned and reconstructed room, from the store or computed now. `seed` defaults to the configuration's seed.
 
-    At strength 0 the product is the room itself, without the clutter that a scan may miss.
+    At strength 0 the product is the true furnished room itself, without the clutter of the scanned room.
     """
     spec = specification(config, room, strength, seed)
 
@@ -39,17 +39,17 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int | 
 
 
 def key(config: Config, store: Store, room: str, strength: float) -> str:
-    """Key of the product of `fetch`, whether it exists or not."""
+    """Return the store key of the product of `fetch`, whether the product exists or not."""
     return store.key(KIND, specification(config, room, strength), ROOTS)
 
 
 def specification(config: Config, room: str, strength: float, seed: int | None = None) -> dict[str, Any]:
-    """Everything that decides a scan."""
+    """Return all parameters that determine a scan, for its store key."""
     return {"room": room, "strength": strength, "seed": config.seed if seed is None else seed}
 
 
 def scanned(out: Path, room: str, strength: float, seed: int) -> Scene:
-    """Scan a room and reconstruct it into the folder `out`."""
+    """Scan a room, reconstruct it into the folder `out`, and return the scene."""
     from radartwin.reconstruct.build import reconstruct
     from radartwin.reconstruct.frames.folder import save_frames
     from radartwin.testbed.scanner import scan
@@ -61,5 +61,5 @@ def scanned(out: Path, room: str, strength: float, seed: int) -> Scene:
 
 
 def scene_of(product: Product) -> Scene:
-    """The reconstructed scene of a product."""
+    """Load the reconstructed scene of a product."""
     return Scene.load(product.path / FOLDER)

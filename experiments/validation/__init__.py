@@ -1,1 +1,1 @@
-"""The tracer against independent oracles and against Sionna RT."""
+"""Comparisons of the tracer with independent reference values (oracles), with Sionna RT and with RF-Genesis."""

@@ -1,17 +1,19 @@
 """Panel images of this tracer against Sionna RT and against exact image sources, path by path, in the procedural rooms.
 
-Both references have infinite mirrors only. The tracer's images carry the Fresnel factor of openings and obstacles, and a corner of m walls
-is the sum of its orders. Paths with equal directions and length are therefore added first, and levels are judged for paths with a clear
-first Fresnel zone; for the other paths the difference is reported, because it is what an infinite mirror misses.
+Both references treat every wall as an infinite mirror. The tracer's images include the Fresnel factor of openings and obstacles. An echo
+from a corner of m walls is the sum over the sequences in which a path can hit the walls. Paths with equal directions and length are
+therefore added first. Levels are judged for paths with a clear first Fresnel zone. For the other paths the level difference is only
+reported, because an infinite mirror is wrong there.
 
-Sionna RT searches paths from a point back to itself ("co-located"), where it misses corners, because their mirror points lie on edges.
-With the receiver APART_M aside it finds one order of each corner. In the first case the lengths are Sionna's own, in single precision; in
-the second the facets of its paths are used and the path is computed for one point.
+Sionna RT searches paths from a point back to itself ("co-located"), where it misses corners, because their mirror points lie on edges. With
+the receiver moved aside by APART_M ("apart") it finds one sequence of walls for each corner. In the co-located case the path lengths are
+Sionna's own, in single precision. In the apart case only the facets of Sionna's paths are used, and each path is computed again for one
+point.
 
 A reference path within DYNAMIC_DB of the strongest is matched to a path of ours with equal length and directions, within the tolerances of
-`path_match`. These are wider than the errors of either method and narrower than the differences between paths. Paths over small or curved
-surfaces are traced by tubes here and are counted apart. "Share of ours it has" is the opposite direction, for our images within
-DYNAMIC_DB. The image sources are those of the room's six planes and contain no furniture.
+`path_match`. These are wider than the errors of either method and narrower than the differences between paths. Paths that reflect at small
+or curved surfaces are traced by tubes here and are counted separately. The metric "share of ours it has" is the share of our images within
+DYNAMIC_DB that the reference has too. The image sources are those of the room's six planes and contain no furniture.
 """
 
 from __future__ import annotations
@@ -52,9 +54,9 @@ TABLE = Table(
     caption="Specular paths of up to four bounces in the procedural rooms, down to 40 dB below the strongest path. Three methods are "
     "compared with this tracer's panel images: image sources of the room's six planes, Sionna RT with transmitter and receiver "
     "at one point, and Sionna RT with the receiver 3 cm aside. At one point Sionna RT misses the echoes of corners; with the "
-    "receiver aside it finds one of the orders of a corner. Paths are matched by length and by both directions. Levels are "
-    "judged where the first Fresnel zone is clear, because an infinite mirror is wrong where an edge cuts the zone. n counts "
-    "paths. Intervals are bootstraps over paths.",
+    "receiver aside it finds one of the sequences in which a path can hit the walls of a corner. Paths are matched by length and by "
+    "both directions. Levels are judged where the first Fresnel zone is clear, because an infinite mirror is wrong where an edge "
+    "cuts the zone. n counts paths. Intervals are bootstraps over paths.",
 )
 
 ROOMS, DETAILS = ("lab", "atrium", "squash_court"), ("shell", "furnished")
@@ -73,14 +75,15 @@ CLAIMS = {
 
 @dataclass(frozen=True)
 class Compared:
-    """One reference against ours at one place.
+    """Comparison of one reference's paths with ours at one place. Only strong paths, within DYNAMIC_DB of the strongest, are compared.
 
     Attributes:
-        matched: (N,) whether each path of the reference has a partner.
-        length_mm, level_db, cut_level_db: errors of length, of the level of clear paths and of the level of other paths, for matched
-            paths.
-        ours_matched: whether each of our paths has a partner.
-        small: number of the reference's paths over small surfaces.
+        matched: (N,) whether each path of the reference has a partner among ours.
+        length_mm: (M,) length errors of the matched paths.
+        level_db: level errors of the matched paths with a clear first Fresnel zone.
+        cut_level_db: level errors of the other matched paths.
+        ours_matched: whether each of our paths has a partner in the reference.
+        small: number of the reference's paths that reflect at small surfaces.
     """
 
     matched: np.ndarray
@@ -92,7 +95,7 @@ class Compared:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compare all rooms: profile=quick from one place in each, profile=paper from `profile.repeats` places."""
+    """Compare the paths in all rooms: at one place in each with profile=quick, at `profile.repeats` places with profile=paper."""
     places = 1 if config.profile.name == "quick" else config.profile.repeats
     compared: dict[tuple[str, str, str], list[Compared]] = {}
     shown: dict[str, dict[str, PathSet]] = {}
@@ -114,14 +117,14 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _found(room: str, detail: str, place: int, seed: int) -> dict[str, PathSet]:
-    """Our paths and those of each reference at one place."""
+    """Return our paths and those of each reference at one place, by name."""
     scene, pose = rooms.room(room, detail=detail), pose_in(room, place, seed)
     found = {"ours": ours(scene, pose)} | {name: reference(name, scene, pose) for name in REFERENCES}
     return {name: cleared(one, found["image sources"]) for name, one in found.items()}
 
 
 def pose_in(room: str, place: int, seed: int) -> np.ndarray:
-    """(4, 4) near the rover's start, off every plane of symmetry, tilted so that no image lies on the antenna's axis."""
+    """Return a sensor pose (4, 4) near the rover's start, off all symmetry planes, tilted so that no image lies on the antenna's axis."""
     pose = rooms.bench(room).sensor_pose.copy()
     draw = np.random.default_rng([seed, place])
     pose[:3, 3] += draw.uniform([0.05, 0.05, 0.02], [0.35, 0.35, 0.6])
@@ -130,13 +133,13 @@ def pose_in(room: str, place: int, seed: int) -> np.ndarray:
 
 
 def ours(scene: Scene, pose: np.ndarray) -> PathSet:
-    """Panel images: those of the tracer's paths that have mirrors."""
+    """Return the paths of our panel images: the tracer's paths that have mirrors."""
     parts = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=BOUNCES)).paths(scene, RADAR, pose[None])
     return together(_of_paths(Paths.concatenate([part for part in parts if part.mirror is not None])))
 
 
 def reference(name: str, scene: Scene, pose: np.ndarray) -> PathSet:
-    """Paths of one of REFERENCES."""
+    """Return the paths of the reference `name`, one of REFERENCES."""
     if name == "image sources":
         return _images(scene, pose)
     if name == "Sionna, apart":
@@ -167,7 +170,7 @@ def _of_paths(paths: Paths, small: np.ndarray | None = None) -> PathSet:
 
 
 def _of_answer(scene: Scene, mesh: sionna.Mesh, answer: dict[str, np.ndarray], pose: np.ndarray) -> PathSet:
-    """Paths with Sionna's own lengths and hit points."""
+    """Return the paths with Sionna's own lengths and hit points."""
     vertex, count = answer["vertex"], (answer["face"] >= 0).sum(axis=1)
     ends = (vertex[:, 0], vertex[np.arange(len(vertex)), count - 1])
     lines = [(end - pose[:3, 3]) @ pose[:3, :3] for end in ends]
@@ -177,7 +180,7 @@ def _of_answer(scene: Scene, mesh: sionna.Mesh, answer: dict[str, np.ndarray], p
 
 
 def _small(scene: Scene, mesh: sionna.Mesh, face: np.ndarray) -> np.ndarray:
-    """(N,) whether a path leads over surfaces that are traced by tubes here."""
+    """Return whether (N,) each path reflects at a surface that this tracer traces by tubes."""
     built = geometry.build([s.mesh for s in scene])
     surfaces = np.unique(built.surface[panel_room.small_faces(scene.surfaces, built)])
     return np.any(np.isin(mesh.surface[face], surfaces) & (face >= 0), axis=1)
@@ -188,20 +191,20 @@ def _middle(amplitude: np.ndarray, frequencies_hz: np.ndarray) -> np.ndarray:
 
 
 def frequency_hz(scene: Scene) -> float:
-    """The frequency node nearest to the middle of the sweep. Between nodes amplitudes are interpolated, which is not compared here."""
+    """Return the frequency node nearest to the middle of the sweep, so that interpolation between nodes adds no difference."""
     high = RADAR.start_frequency_hz + RADAR.sampled_bandwidth_hz
     nodes = reflection_table.build([(s.material, s.roughness_m) for s in scene], RADAR.start_frequency_hz, high).frequencies_hz
     return float(_middle(nodes[None], nodes)[0])
 
 
 def cleared(found: PathSet, images: PathSet) -> PathSet:
-    """The paths, with the Fresnel zones that the image sources give; a path over furniture counts as not clear."""
+    """Return the paths with `clear` taken from the matching image source; a path that reflects at furniture has none and is not clear."""
     index = partners(found, images)
     return replace(found, clear=np.where(index >= 0, images.clear[index], False))
 
 
 def compare(theirs: PathSet, mine: PathSet) -> Compared:
-    """Match a reference's strong paths with all of ours, and our strong paths with all of the reference's."""
+    """Match the strong paths of a reference with all of our paths, and our strong paths with all paths of the reference."""
     strong = theirs.strong(DYNAMIC_DB)
     small = int(strong.small.sum())
     strong = strong.where(~strong.small)
@@ -220,7 +223,7 @@ def compare(theirs: PathSet, mine: PathSet) -> Compared:
 
 
 def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> list[dict[str, Any]]:
-    """Rows of one room and reference: shares, and mean absolute errors over paths."""
+    """Return the rows of one room and reference: shares of matched paths, and mean absolute errors over paths."""
     low_high = config.profile.resamples, config.seed
 
     def row(metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None) -> dict[str, Any]:
@@ -250,7 +253,7 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
 
 
 def _figure(shown: dict[str, dict[str, PathSet]]) -> Figure:
-    """Level against half the length, room by room."""
+    """Draw the level of each path against half its length, one panel per room."""
     drawing, panels = figure(len(ROOMS), len(DETAILS), width_in=PAGE_WIDTH_IN, height_in=6.4, sharex=True, sharey=True)
     looks = {
         "ours": ("o", "none", PALETTE[0], 6.0), "image sources": ("+", PALETTE[1], PALETTE[1], 5.0),

@@ -1,11 +1,11 @@
-"""Errors of RF-Genesis, a naive tracer: levels, range law, convergence and speed of each version of simulator=rfgenesis.
+"""Errors of RF-Genesis, a naive tracer: levels, range law, convergence and measured target speed of each version of simulator=rfgenesis.
 
 Each row has the expectation from physics, the result of the published program on the same case (column paper; versions `shipped` and
-`columns`), and the result of the re-implementation. A claim holds if the two programs agree within SAME_DB or SAME_EXPONENT. Rows of the
-`corrected` version show what the corrected program would return; the published program gives no value for them.
+`columns`), and the result of the re-implementation. A claim holds if the two programs agree within a tolerance (the constants SAME_*). Rows
+of the `corrected` version show what the program returns after its errors are corrected; the published program gives no value for them.
 
     radartwin run experiment=baselines
-    python -m experiments.validation.baselines          seconds of whole frames with the original's own signal generator
+    python -m experiments.validation.baselines          prints the seconds of whole frames with the published program's signal generator
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from radartwin.store.products import Store
 
 SIZE_M = 0.1  # leg of the trihedral, radius of the sphere, edge of the plate
 CLOSED_FORM_RATIO_DB = 10 * math.log10(4 / 3 * SIZE_M**2 / (SPEED_OF_LIGHT / 77e9) ** 2)  # 4 pi a^4 / (3 lambda^2) over pi r^2
-SAME_DB = 6.0  # one pixel row more or less on a target of five rows
+SAME_DB = 6.0  # tolerance; a target covers about five pixel rows, and one row more or less changes the level by decibels
 SAME_EXPONENT = 1.0
 SAME_GROWTH, SAME_MPS = 0.2, 0.005
 SPEED_MPS = 0.2
@@ -47,7 +47,7 @@ TARGETS: dict[str, Callable[[], trimesh.Trimesh]] = {
 
 
 def published_radar() -> Radar:
-    """The configuration in the published program (TI1843_config.json), whose ADC starts 6 us into the chirp."""
+    """Return the radar of the published program's configuration (TI1843_config.json); its ADC starts 6 us into the chirp."""
     half = SPEED_OF_LIGHT / 77e9 / 2
     slope = 60.012e12
     return Radar(
@@ -58,7 +58,10 @@ def published_radar() -> Radar:
 
 
 def plate_db(distance_m: float, frequency_hz: float = 78.72e9) -> float:
-    """Level of the facing plate by physical optics: A^2/(4 pi R^2)^2 of the far field times the Fresnel integral of its square aperture."""
+    """Return the level of the facing plate by physical optics.
+
+    It is the far-field value A^2/(4 pi R^2)^2 times the Fresnel integral of the square aperture.
+    """
     wavelength = SPEED_OF_LIGHT / frequency_hz
     edge = SIZE_M * math.sqrt(1 / (wavelength * distance_m))  # k x^2/R = (pi/2) u^2 with u = 2 x/sqrt(lambda R)
     sine, cosine = fresnel(edge)
@@ -67,7 +70,7 @@ def plate_db(distance_m: float, frequency_hz: float = 78.72e9) -> float:
 
 
 def level_db(mesh: trimesh.Trimesh, distance_m: float, simulator: Backend) -> float:
-    """Peak of the Hann-windowed range profile of a target on boresight: received over transmitted power."""
+    """Return the peak of the Hann-windowed range profile of a target on boresight: received over transmitted power in dB."""
     radar = Radar.iwr1843(element="isotropic")
     facing = mesh.copy().apply_transform(np.diag([-1.0, -1.0, 1.0, 1.0]))
     motion = {"target": trajectory.pose([distance_m, 0.0, 0.0])[None]}
@@ -78,13 +81,13 @@ def level_db(mesh: trimesh.Trimesh, distance_m: float, simulator: Backend) -> fl
 
 
 def trihedral_over_sphere_db(simulator: Backend, distances_m: Iterable[float]) -> np.ndarray:
-    """(n,) ratio of the two targets' levels at each distance."""
+    """Return the ratio (n,) of the trihedral's level to the sphere's at each distance, in dB."""
     meshes = TARGETS["trihedral"](), TARGETS["sphere"]()
     return np.array([level_db(meshes[0], d, simulator) - level_db(meshes[1], d, simulator) for d in distances_m])
 
 
 def range_exponents(simulator: Backend, distances_m: Sequence[float] | np.ndarray) -> dict[str, float]:
-    """Exponent n of a power law R^-n, fitted to the levels of each target."""
+    """Return for each target the exponent n of a power law R^-n, fitted to its levels."""
     decades = 10 * np.log10(distances_m)
     return {
         name: -float(np.polyfit(decades, [level_db(make(), d, simulator) for d in distances_m], 1)[0]) for name, make in TARGETS.items()
@@ -92,12 +95,12 @@ def range_exponents(simulator: Backend, distances_m: Sequence[float] | np.ndarra
 
 
 def plate_levels_db(version: str, grids: Sequence[int]) -> list[float]:
-    """Level of the plate at 3 m for each number of pixels per side."""
+    """Return the level of the plate at 3 m for each number of pixels per side."""
     return [level_db(TARGETS["plate"](), 3.0, backend("rfgenesis", version=version, grid=grid)) for grid in grids]
 
 
 def speed_read_mps(simulator: Backend, radar: Radar, speed_mps: float = SPEED_MPS) -> float:
-    """Speed of a receding plate, read from one transmitter's chirps at the wavelength of 77 GHz."""
+    """Return the Doppler speed of a receding plate, from one transmitter's chirps and the wavelength of 77 GHz."""
     poses = np.array([trajectory.pose([2 + speed_mps * frame / radar.frame_rate_hz, 0.0, 0.0]) for frame in range(3)])
     scene = Scene([Surface(TARGETS["plate"](), "metal", "plate")])
     iq = simulate(scene, radar, np.eye(4)[None], motion={"plate": poses}, simulator=simulator).iq[1, :, 0, 0]
@@ -109,7 +112,7 @@ def speed_read_mps(simulator: Backend, radar: Radar, speed_mps: float = SPEED_MP
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table; only the result is stored, because a case takes a fraction of a second."""
+    """Compute the table. Single cases are not stored, because each takes a fraction of a second."""
     rows: list[dict] = []
 
     def add(case: str, metric: str, expected: str, paper: str, values: Sequence[float] | np.ndarray, agrees: bool | None) -> None:
@@ -154,9 +157,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def main() -> None:
-    """Print the seconds of one frame by the published program and by tubes, for an object alone and in a furnished room.
+    """Print the seconds of one frame by RF-Genesis and by this tracer, for an object alone and in a furnished room.
 
-    The frames of tubes are those of a turning target; the room at rest is traced in a first call that is not timed.
+    This tracer simulates a turning target; it traces the room, which is at rest, in a first call that is not timed.
     """
     radar, bench, distance_m = Radar.iwr1843(), rooms.lab_bench(), 1.0
     turning = trajectory.turntable(bench.target_position(distance_m), FRAMES, radar.frame_rate_hz)

@@ -1,4 +1,4 @@
-"""Matching of two methods' paths by length and by the directions at both ends."""
+"""Match the paths of two methods by length and by the directions at both ends."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 LENGTH_M, ANGLE_DEG = 0.005, 0.5
-SAME_M, SAME_DEG = 2e-5, 0.01  # between paths of one image: a hundred times single precision at 10 m
+SAME_M, SAME_DEG = 2e-5, 0.01  # largest difference between paths of one image: a hundred times single precision at 10 m
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,8 @@ class PathSet:
         length_m: (N,).
         departure, arrival: (N, 3) directions in the sensor frame.
         amplitude: (N,) complex, in the middle of the frequency sweep.
-        small: (N,) whether the path leads over a small surface.
-        clear: (N,) whether its Fresnel zone is known to be clear.
+        small: (N,) whether the path reflects at a small surface.
+        clear: (N,) whether the path's first Fresnel zone is known to be free of edges and obstacles.
     """
 
     length_m: np.ndarray
@@ -30,6 +30,7 @@ class PathSet:
     clear: np.ndarray
 
     def where(self, keep: np.ndarray) -> PathSet:
+        """Return the paths that `keep`, a mask or indices, selects."""
         return PathSet(*(values[keep] for values in vars(self).values()))
 
     @property
@@ -37,12 +38,12 @@ class PathSet:
         return 20 * np.log10(np.abs(self.amplitude) + 1e-30)
 
     def strong(self, dynamic_db: float) -> PathSet:
-        """The paths within `dynamic_db` of the strongest."""
+        """Return the paths within `dynamic_db` of the strongest path."""
         return self.where(self.level_db >= self.level_db.max(initial=-np.inf) - dynamic_db)
 
 
 def together(found: PathSet) -> PathSet:
-    """Add paths of the same image into one path."""
+    """Return the paths with all paths of the same image added into one path."""
     left, groups = np.ones(len(found.length_m), bool), []
     for i in np.argsort(-np.abs(found.amplitude), kind="stable"):
         if left[i]:
@@ -56,13 +57,13 @@ def together(found: PathSet) -> PathSet:
 
 
 def _apart_deg(found: PathSet, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
-    """(N,) the larger of the angles at both ends, from chords, because a cosine loses small angles."""
+    """Return the larger of the angles (N,) at both ends in degrees, from chords, because cosines are inaccurate for small angles."""
     chords = [np.linalg.norm(one - other, axis=1) for one, other in ((found.departure, departure), (found.arrival, arrival))]
     return np.degrees(2 * np.arcsin(np.clip(np.maximum(*chords) / 2, 0, 1)))
 
 
 def partners(of: PathSet, among: PathSet) -> np.ndarray:
-    """(N,) index of the path of `among` that is nearest in length and angle and within the tolerances, or -1."""
+    """Return for each path of `of` the index (N,) of the path of `among` nearest in length and angle; -1 if none is within tolerance."""
     out = np.full(len(of.length_m), -1)
     for i in range(len(out)):
         misfit = np.maximum(

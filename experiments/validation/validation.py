@@ -1,7 +1,7 @@
 """Validation card: every physics check with its case, reference value, our value, error, limit and verdict.
 
-The cases live in experiments/validation/oracles and are also the physics tests (tests/physics/test_validation.py). profile=quick computes
-a short choice of sizes, seeds and angles of the cases that take seconds; profile=paper computes everything.
+The cases are in experiments/validation/oracles and are also the physics tests (tests/physics/test_validation.py). profile=quick runs only
+the cases that take seconds, with some of their sizes, seeds and angles; profile=paper runs all cases in full.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ TABLE = Table(
     title="What the tracer is checked against",
     caption="Every check of the simulator against an independent reference: closed forms, Mie and layered-cylinder series, near-field "
     "quadrature, image sources of rectangular rooms, transfer matrices and exact kinematics. No reference shares code with the "
-    "tracer. A row compares n values; its reference and our value are those of the largest difference. The column value is the "
-    "error, which must stay below the limit.",
+    "tracer. A row compares n values; it shows the reference and our value where they differ most. The column value is the "
+    "error, which must not exceed the limit.",
 )
 
 DOMAIN = "oracle"
@@ -41,7 +41,7 @@ LAYOUT = ("{:<11.11}", "{:<82.82}", "{:<58.58}", "{:>9.9}", "{:>9.9}", "{:>8.8}"
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute every case of the profile; rows in the order of the card."""
+    """Compute every case of the profile and return the rows in the order of the card."""
     full = config.profile.name != "quick"
     chosen = [(number, full) for number, case in enumerate(CASES) if full or case.cost == "quick"]
     with progress.task("validation cases", len(chosen)) as done:
@@ -63,7 +63,7 @@ def _row(number: int, full: bool) -> dict[str, Any]:
 
 
 def row(case: Case, full: bool) -> dict[str, Any]:
-    """One row of the card. For a case that cannot be tested, the oracle column gives the reason."""
+    """Compute a case and return its row of the card. For a case that cannot be tested, the oracle column gives the reason."""
     shared = {"subject": case.subject, "case": case.name, "claim": case.claim}
     score = {"limit": case.limit, "unit": case.unit or "-", "run_keys": "", "metric": case.metric, "paper": None, "low": None, "high": None}
     started = time.perf_counter()
@@ -83,7 +83,7 @@ def row(case: Case, full: bool) -> dict[str, Any]:
 
 
 def page(rows: list[dict[str, Any]]) -> str:
-    """The card as text, one line per case, with failures in capitals."""
+    """Return the card as text, one line per case, with the verdict FAILS in capitals."""
     line = "  ".join(LAYOUT)
     out = [line.format("subject", "case", "oracle", "reference", "ours", "error", "limit", "", "verdict")]
     for r in rows:
@@ -94,7 +94,7 @@ def page(rows: list[dict[str, Any]]) -> str:
 
 
 def _pattern_figure(full: bool) -> Figure:
-    """Trihedral against azimuth and plate against angle, with their references."""
+    """Draw the cross-section of a trihedral over azimuth and of a plate over angle, with their references."""
     azimuth = np.linspace(-30, 30, 121 if full else 31)
     reference, ours = targets.pattern(azimuth)
     drawing, (left, right) = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
@@ -119,7 +119,7 @@ def _pattern_figure(full: bool) -> Figure:
 
 
 def _ray_count_figure(full: bool) -> Figure:
-    """Largest error over sizes and grid offsets against rays per square wavelength."""
+    """Draw the largest error, over sizes and grid offsets, against the number of rays per square wavelength."""
     drawing, axes = figure(1, 1, width_in=COLUMN_WIDTH_IN, height_in=2.6)
     densities = DENSITIES if full else DENSITIES[:5:2]
     for number, target in enumerate(targets.TARGETS):
@@ -132,7 +132,7 @@ def _ray_count_figure(full: bool) -> Figure:
 
 
 def _near_figure(full: bool) -> Figure:
-    """Effective cross-section against distance."""
+    """Draw the effective cross-section of the targets against distance."""
     distances = np.geomspace(0.3, 10, 41 if full else 13)
     drawing, axes = figure(1, 1, width_in=COLUMN_WIDTH_IN, height_in=2.6)
     for number, (name, (_, meshes)) in enumerate(near.MESHES.items()):
@@ -145,7 +145,7 @@ def _near_figure(full: bool) -> Figure:
 
 
 def _room_figure(full: bool) -> Figure:
-    """Range profile of the squash court by image sources and by this tracer."""
+    """Draw the range profile of the squash court by image sources and by this tracer."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN, height_in=2.4)
     methods = [("tubes", 1_200_000, "tubes, 1.2M rays"), ("tubes", 2_900_000, "tubes, 2.9M rays"), ("panels", 1_200_000, "panel images")]
     exact = np.zeros(1)

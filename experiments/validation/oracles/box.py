@@ -1,8 +1,9 @@
 """All image sources of a rectangular room, with vector reflection at every wall. Ref: J. Allen, D. Berkley, JASA 65 (1979) 943.
 
-The image with (i, j, k) reflections along x, y, z is reached by the unfolded straight line, which crosses its walls in order. A monostatic
-path into an edge or corner crosses several walls at once. Each order of these walls is weighted by the share of directions around the line
-in which it occurs, because the stationary phase weights all directions alike.
+The unfolded path to the image with (i, j, k) reflections along x, y, z is a straight line that crosses the image's walls one after another.
+A monostatic path into an edge or corner crosses several walls at one point, so their sequence is ambiguous. If the line is shifted slightly
+aside, the direction of the shift decides the sequence. Each sequence is weighted by its share of all directions, because the stationary
+phase weights all directions alike.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,12 +14,12 @@ import numpy as np
 from experiments.validation.oracles.case import SPEED_OF_LIGHT
 
 Reflection = Callable[[float], tuple[complex, complex]]  # (te, tm) at a cosine of incidence, exp(+j omega t)
-TURNS = 720  # sampled directions around a line
+TURNS = 720  # number of directions in which a line is shifted
 ASIDE = 1e-7
 
 
 def images(size_m: np.ndarray, sensor_m: np.ndarray, bounces: int) -> Iterator[tuple[np.ndarray, np.ndarray, list[tuple[int, float]]]]:
-    """(index (3,), image position (3,), [(axis, plane coordinate)] of its walls) of all images of 1 to `bounces` reflections."""
+    """Yield (index (3,), image position (3,), [(axis, plane coordinate)] of its walls) of every image of 1 to `bounces` reflections."""
     for index in product(range(-bounces, bounces + 1), repeat=3):
         if not 1 <= sum(map(abs, index)) <= bounces:
             continue
@@ -32,13 +33,13 @@ def images(size_m: np.ndarray, sensor_m: np.ndarray, bounces: int) -> Iterator[t
 def image_sum(
     size_m: np.ndarray, sensor_m: np.ndarray, axis: np.ndarray, reflection: Reflection, bounces: int, frequency_hz: np.ndarray
 ) -> np.ndarray:
-    """Received amplitude (F,) between isotropic antennas of one polarisation axis, with the phase exp(+j k L).
+    """Return the received amplitude (F,) of all images between isotropic antennas at one point, with the phase exp(+j k L).
 
     Args:
-        size_m: (3,) of the room, which has a corner at zero.
-        sensor_m: (3,) transmitter and receiver in the room.
-        axis: (3,) unit, polarisation of both antennas before projection across the ray.
-        reflection: the same for all walls and frequencies.
+        size_m: (3,) size of the room, which has a corner at zero.
+        sensor_m: (3,) position of transmitter and receiver.
+        axis: (3,) unit vector, polarisation of both antennas before projection across the ray.
+        reflection: reflection coefficients of all walls at all frequencies.
     """
     total = np.zeros(len(frequency_hz), complex)
     for amplitude, length, _ in image_paths(size_m, sensor_m, axis, reflection, bounces):
@@ -51,7 +52,7 @@ def image_sum(
 def image_paths(
     size_m: np.ndarray, sensor_m: np.ndarray, axis: np.ndarray, reflection: Reflection, bounces: int
 ) -> Iterator[tuple[complex, float, int]]:
-    """(product of reflections and polarisations, length in metres, bounces) of every image."""
+    """Yield (product of reflections and polarisations, path length in metres, number of bounces) of every image."""
     for index, place, walls in images(size_m, sensor_m, bounces):
         line = place - sensor_m
         length = float(np.linalg.norm(line))
@@ -67,7 +68,7 @@ def image_paths(
 
 
 def orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.ndarray) -> Iterator[tuple[tuple[int, ...], float]]:
-    """Orders in which a path crosses its walls, with their shares of the directions around the line."""
+    """Yield every sequence (as axes) in which a path crosses its walls, with its share of the directions around the line."""
     first = np.eye(3)[np.argmin(np.abs(direction))]
     u = np.cross(direction, first)
     u /= np.linalg.norm(u)
@@ -85,7 +86,7 @@ def across(axis: np.ndarray, ray: np.ndarray) -> np.ndarray:
 
 
 def carried(axes: Sequence[int], direction: np.ndarray, axis: np.ndarray, reflections: Sequence[Reflection]) -> complex:
-    """Received field of a path that meets walls across these axes in turn, each with its own reflection."""
+    """Return the received field of a path that hits walls across `axes` one after another, each with its own reflection."""
     ray = direction.copy()
     field = across(axis, ray).astype(complex)
     for wall, reflection in zip(axes, reflections, strict=True):

@@ -14,7 +14,7 @@ SPEED_OF_LIGHT = 299_792_458.0
 FREQUENCY_HZ = 77e9
 WAVELENGTH_M = SPEED_OF_LIGHT / FREQUENCY_HZ
 WAVENUMBER = 2 * np.pi / WAVELENGTH_M
-# Tables beside the checkout, not part of it; a case that needs an absent table is untestable.
+# Folder of reference tables beside the checkout. A case whose table is absent is untestable.
 REFERENCE = Path(__file__).resolve().parents[4] / "shared" / "reference"
 OBJECTS = REFERENCE.parent / "data" / "objects"
 
@@ -25,7 +25,7 @@ class Finding:
 
     Attributes:
         reference, ours: the two values where they differ most, in the unit of the case; NaN if the claim is about many values at once.
-        error: compared with the limit, never negative.
+        error: error that is compared with the limit, never negative.
         n: number of comparisons.
     """
 
@@ -36,7 +36,7 @@ class Finding:
 
 
 class Untestable(Exception):
-    """Something that the case needs is absent; the message names it."""
+    """A file or package that the case needs is absent; the message names it."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,12 @@ class Case:
     Attributes:
         name: unique, lower case with hyphens.
         subject: group of the card.
-        claim: the claim, for a reader.
+        claim: the claim in words, as the card shows it.
         oracle: how the reference value is computed, and its source.
         metric: the compared quantity, with unit.
-        limit: largest error that holds.
-        unit: of error and limit.
-        compare: the comparison; True takes all sizes, seeds, angles and densities, False a short choice.
+        limit: largest error for which the claim holds.
+        unit: unit of error and limit.
+        compare: the comparison. The argument True takes all sizes, seeds, angles and densities; False takes a few.
         cost: "quick" cases run in every profile, "full" cases in the paper profile only.
     """
 
@@ -70,24 +70,24 @@ class Case:
 
 
 def db(power: Any) -> Any:
-    """Decibels of a power."""
+    """Return a power in decibels."""
     return 10 * np.log10(power)
 
 
 def worst(pairs: Sequence[tuple[float, float]]) -> Finding:
-    """The finding of the (reference, ours) pair with the largest difference."""
+    """Return the finding of the (reference, ours) pair with the largest difference."""
     reference, ours = max(pairs, key=lambda pair: abs(pair[1] - pair[0]))
     return Finding(reference, ours, abs(ours - reference), len(pairs))
 
 
 def rms(differences: Sequence[float] | np.ndarray) -> Finding:
-    """Root mean square of differences that should be zero."""
+    """Return a finding whose error is the root mean square of differences that should be zero."""
     value = float(np.sqrt(np.mean(np.square(differences))))
     return Finding(0.0, value, value, len(differences))
 
 
 def reference_rows(name: str) -> list[dict[str, str]]:
-    """Rows of a reference table. Raises Untestable if it is absent."""
+    """Return the rows of a reference table. Raises Untestable if the table is absent."""
     path = REFERENCE / name
     if not path.is_file():
         raise Untestable(f"reference table {name} is not here")

@@ -12,12 +12,12 @@ from scipy.special import hankel2e, jve
 
 
 def _orders(size: float) -> np.ndarray:
-    """Sufficient orders for a cylinder of this circumference in wavelengths. Ref: Wiscombe, Appl. Opt. 19 (1980) 1505."""
+    """Return the orders n that the series needs for a circumference of `size` wavelengths. Ref: Wiscombe, Appl. Opt. 19 (1980) 1505."""
     return np.arange(int(np.ceil(size + 4.05 * size ** (1 / 3) + 10)) + 1)
 
 
 def conductor_width(radius_m: float, wavelength_m: float) -> float:
-    """Backscatter echo width of a perfect conductor, metres.
+    """Return the backscatter echo width of a perfectly conducting cylinder in metres.
 
     >>> bool(abs(conductor_width(0.5, 0.004) / (np.pi * 0.5) - 1) < 1e-3)
     True
@@ -26,12 +26,12 @@ def conductor_width(radius_m: float, wavelength_m: float) -> float:
 
 
 def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float) -> float:
-    """Backscatter echo width of concentric layers in air, metres.
+    """Return the backscatter echo width of concentric layers in air in metres.
 
     Args:
         radii_m: outer radius of each layer, outermost first.
-        permittivities: of the layers, outermost first; one fewer than radii means a perfectly conducting core.
-        wavelength_m: in air.
+        permittivities: permittivity of each layer, outermost first; if there is one fewer than radii, the core conducts perfectly.
+        wavelength_m: wavelength in air.
     """
     k0 = 2 * np.pi / wavelength_m
     order = _orders(k0 * radii_m[0])
@@ -40,7 +40,7 @@ def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], w
 
 
 def coefficients(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float, order: np.ndarray) -> np.ndarray:
-    """(N,) coefficients of the scattered wave sum (-j)^n a_n H_n(k r) exp(j n phi) for an incident wave of unit field."""
+    """Return the coefficients a_n (N,) of the scattered wave sum (-j)^n a_n H_n(k r) exp(j n phi) for an incident wave of unit field."""
     k0 = 2 * np.pi / wavelength_m
     # E'/E at each radius, computed outwards from the core
     slope = None
@@ -62,7 +62,7 @@ def coefficients(radii_m: Sequence[float], permittivities: Sequence[complex], wa
 
 
 def _carried(order: np.ndarray, k: complex, inner: float | None, outer: float, slope: np.ndarray | None) -> np.ndarray:
-    """E'/E at the outside of a layer from E'/E at its inside; the core has no inside."""
+    """Return E'/E at the outer radius of a layer from E'/E at its inner radius; the core has no inner radius."""
     j, dj = _bessel(order, k * outer)
     if inner is None or slope is None:
         return k * dj / j
@@ -77,12 +77,12 @@ def _carried(order: np.ndarray, k: complex, inner: float | None, outer: float, s
 
 
 def _bessel(order: np.ndarray, z: complex) -> tuple[np.ndarray, np.ndarray]:
-    """J_n and its derivative, both times exp(-|Im z|)."""
+    """Return J_n and its derivative, both times exp(-|Im z|)."""
     value = jve(order, z)
     return value, jve(order - 1, z) - order / z * value
 
 
 def _hankel(order: np.ndarray, z: complex) -> tuple[np.ndarray, np.ndarray]:
-    """H_n of the second kind and its derivative, both times exp(+j z)."""
+    """Return H_n of the second kind and its derivative, both times exp(+j z)."""
     value = hankel2e(order, z)
     return value, hankel2e(order - 1, z) - order / z * value

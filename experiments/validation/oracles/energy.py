@@ -19,14 +19,16 @@ from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
-PIECES = 3  # parts per direction of a tube that crosses an edge
+PIECES = 3  # a tube that crosses an edge is split into this number of parts per direction
 
 
 def bistatic(
     mesh: trimesh.Trimesh, sources: np.ndarray, receivers: np.ndarray, *, cross: bool = False, density: float = 16.0, bounces: int = 1
 ) -> np.ndarray:
-    """(F,) received amplitudes of a metal target without gains, from sources (F, 3) to receivers (F, 3); V, or H received of V if
-    `cross`."""
+    """Return the received amplitudes (F,) of a metal target between isotropic antennas, from sources (F, 3) to receivers (F, 3).
+
+    The source transmits V. The receiver receives V, or H if `cross`.
+    """
     variant.activate()
     built = geometry.build([mesh])
     table = reflection_table.build([("metal", 0.0)], FREQUENCY_HZ)
@@ -42,7 +44,7 @@ def bistatic(
 
 
 def _swapped(full: bool) -> Finding:
-    """Transmitter and receiver, 1 and 5 cm apart, exchange places; single bounces."""
+    """Compare the amplitudes of single bounces before and after transmitter and receiver, 1 or 5 cm apart, exchange places."""
     meshes = [objects.plate(0.1, 0.1), objects.sphere(0.033), objects.cylinder(0.033, 0.12)]
     pairs = []
     for distance in (0.5, 1.0, 2.0) if full else (1.0,):
@@ -55,14 +57,14 @@ def _swapped(full: bool) -> Finding:
 
 
 def _swapped_images(full: bool) -> Finding:
-    """Every image path in closed concrete rooms against the path in the opposite direction, for levels within 40 dB of the strongest."""
+    """Compare every image path in closed concrete rooms with its reversed path, for levels within 40 dB of the strongest."""
     pairs = []
     for room in ROOMS if full else ("office",):
         _, size, sensor = ROOMS[room]
         chosen = traced.settings("panels", max_bounces=4)
         for paths in traced.trace(room_scene(size, "concrete"), traced.MONOSTATIC, traced.pose(sensor, rotation()), chosen):
             keys = np.column_stack([paths.departure, paths.arrival, paths.length_m])
-            # the orders of a corner share one line, and their sum is one path
+            # the sequences of walls at a corner have equal lines, so their sum counts as one path
             near = KDTree(keys).query_pairs(1e-6, output_type="ndarray")
             links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(keys), len(keys)))
             _, group = connected_components(links, directed=False)
@@ -79,9 +81,10 @@ def _swapped_images(full: bool) -> Finding:
 
 
 def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
-    """Solid angle of triangles (N, 3, 3) that do not hide one another. Ref: A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30
-    (1983)
-    125."""
+    """Return the solid angle of triangles (N, 3, 3) that do not hide one another, seen from `point`.
+
+    Ref: A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
+    """
     a, b, c = (triangles - point).transpose(1, 0, 2)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     triple = np.einsum("ni,ni->n", a, np.cross(b, c))
@@ -90,9 +93,10 @@ def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
 
 
 def _scattered(corner: bool, full: bool) -> Finding:
-    """Power through a sphere of receivers, both polarisations, over the power that meets the target. The reference is 0 dB; more than
-    that is
-    an error."""
+    """Compare the power through a sphere of receivers, in both polarisations, with the power that hits the target.
+
+    The reference is a ratio of 0 dB. Only a larger ratio is an error.
+    """
     source = np.array([1.0, 0.04, 0.03])
     count = 12_000 if full else 2500
     place = np.arange(count) + 0.5
@@ -114,7 +118,10 @@ def _scattered(corner: bool, full: bool) -> Finding:
 
 
 def _diffuse(full: bool) -> Finding:
-    """Mean power of clouds on a rough concrete wall over the quadrature of a Lambert lobe with (1 - Ament^2) of Fresnel's power."""
+    """Compare the mean diffuse power of a rough concrete wall with the quadrature of a Lambert lobe.
+
+    The lobe has (1 - Ament^2) times the power that a smooth wall reflects by Fresnel's formulas.
+    """
     try:
         from radartwin.simulation import diffuse
     except ImportError:
@@ -138,7 +145,7 @@ def _diffuse(full: bool) -> Finding:
 
 
 def lambert_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float, wavelength_m: float) -> float:
-    """Diffuse power over transmitted power of a concrete rectangle at x = 0, antennas along z, by Gauss-Legendre quadrature."""
+    """Return the diffuse power over transmitted power of a concrete rectangle at x = 0, antennas along z, by Gauss-Legendre quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(200)
     (y0, z0), (y1, z1) = corners[0, 1:], corners[2, 1:]
     y, z = np.meshgrid((y0 + y1) / 2 + (y1 - y0) / 2 * nodes, (z0 + z1) / 2 + (z1 - z0) / 2 * nodes, indexing="ij")

@@ -1,4 +1,4 @@
-"""Kinematics of a small moving sphere: Doppler, azimuth and phase per millimetre, read from samples by code of this module only."""
+"""Kinematics of a small moving sphere: Doppler, azimuth and phase per millimetre. Only code of this module evaluates the samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RADAR = traced.ARRAY
 
 
 def _seen(centres_m: np.ndarray, sensors: np.ndarray | None = None) -> np.ndarray:
-    """Samples (F, loops, tx, rx, samples) of a small metal sphere at these positions (F, 3)."""
+    """Return samples (F, loops, tx, rx, samples) of a small metal sphere at these positions (F, 3)."""
     poses = np.array([traced.pose(centre) for centre in centres_m])
     scene = rt.Scene([rt.Surface(objects.sphere(RADIUS_M, 4), "metal", "ball")])
     sensor = np.eye(4)[None] if sensors is None else sensors
@@ -22,20 +22,20 @@ def _seen(centres_m: np.ndarray, sensors: np.ndarray | None = None) -> np.ndarra
 
 
 def _matched(iq: np.ndarray, range_m: float) -> np.ndarray:
-    """Correlation over the samples with a point at this range, Hann weighted: (...,)."""
+    """Return the Hann-weighted correlation (...,) of samples (..., samples) with the echo of a point at this range."""
     frequency = traced.frequencies(RADAR)
     return (iq * np.exp(-4j * np.pi * frequency / SPEED_OF_LIGHT * range_m) * np.hanning(len(frequency))).sum(axis=-1)
 
 
 def _middle_hz() -> float:
-    """Frequency of a matched phase: the Hann-weighted mean of the sweep."""
+    """Return the frequency to which the phase of `_matched` belongs: the Hann-weighted mean of the sweep."""
     frequency = traced.frequencies(RADAR)
     weight = np.hanning(len(frequency))
     return float((frequency * weight).sum() / weight.sum())
 
 
 def _doppler(full: bool) -> Finding:
-    """Slope of the phase over the loops of one frame: approaching, receding, and with a driving sensor."""
+    """Compare the speed from the phase slope over one frame's loops with the true speed, for a moving sphere and for a moving sensor."""
     findings = []
     for speed in (0.2, -0.2, 1.0, -3.0, 6.0) if full else (0.2, -3.0):
         for moving in ("target", "sensor"):
@@ -53,7 +53,7 @@ def _doppler(full: bool) -> Finding:
 
 
 def _azimuth(full: bool) -> Finding:
-    """Bartlett maximum of the eight channels, after removal of the motion between transmitters by its exact speed."""
+    """Compare the azimuth of the Bartlett maximum over eight channels with the truth; the phase from motion is first removed exactly."""
     findings = []
     virtual = RADAR.virtual_positions
     for azimuth in (-60, -35, -10, 0, 20, 45, 60) if full else (-35, 20):
@@ -75,7 +75,7 @@ def _azimuth(full: bool) -> Finding:
 
 
 def _phase(full: bool) -> Finding:
-    """Steps of 1 mm away from the radar, each frame at rest: 4 pi/lambda per step, at every sample of the sweep."""
+    """Compare the phase change per step of 1 mm away from the radar with 4 pi/lambda, at every sample of the sweep."""
     steps = np.arange(21 if full else 6) * 1e-3
     centres = np.array([[1.0 + step, 0.0, 0.0] for step in steps])
     frequency = traced.frequencies(RADAR)
@@ -88,7 +88,7 @@ def _phase(full: bool) -> Finding:
 
 
 def _friis(full: bool) -> Finding:
-    """Level of the sphere's samples: lambda sqrt(sigma)/((4 pi)^1.5 R (R - r)), with the flash on the near side."""
+    """Compare the level of the sphere with lambda sqrt(sigma)/((4 pi)^1.5 R (R - r)); the specular point is on the near side, at R - r."""
     from experiments.validation.oracles.targets import mie_rcs
 
     pairs = []

@@ -1,4 +1,4 @@
-"""Targets and panels at close range against physical-optics quadrature, and the range law far away."""
+"""Targets and panels at close range, compared with physical-optics quadrature, and the range law at large distance."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ RCS = "effective cross-section (dBsm)"
 
 
 def effective(amplitude: complex, distance_m: float) -> float:
-    """Cross-section in dBsm of a far-field target with this received amplitude."""
+    """Return the effective cross-section in dBsm: that of a far-field target with the same received amplitude at this distance."""
     return float(db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2))
 
 
 def corner_level(mesh: trimesh.Trimesh, distance_m: float) -> float:
-    """Effective cross-section of a plate or corner on its axis, by quadrature of all its paths."""
+    """Return the effective cross-section of a plate, dihedral or trihedral on its axis, by quadrature of all its paths."""
     return effective(corner_quadrature(corner_faces(mesh), np.array([distance_m, 0.0, 0.0]), WAVELENGTH_M), distance_m)
 
 
@@ -36,7 +36,7 @@ MESHES = {
 
 
 def curve(name: str, size_m: float, distances_m: np.ndarray, density: float = 4.0) -> tuple[np.ndarray, np.ndarray]:
-    """(quadrature, ours) in dBsm against distance."""
+    """Return the effective cross-sections (by quadrature, ours) in dBsm at each distance."""
     mesh = MESHES[name][1][size_m]
     ours = [level(mesh, AHEAD, density, distance=float(d)) for d in distances_m]
     return np.array([corner_level(mesh, float(d)) for d in distances_m]), np.array(ours)
@@ -51,7 +51,7 @@ def _near(name: str, full: bool) -> Finding:
 
 
 def _table(full: bool) -> Finding:
-    """Plate, trihedrals and can at 0.5 to 2 m relative to their far field."""
+    """Compare plate, trihedrals and can at 0.5 to 2 m, relative to their far field, with the reference table."""
     rows = {float(row["R_m"]): row for row in reference_rows("near_over_far_field_dB.csv")}
     meshes = {
         "plate10cm": (objects.plate(0.1, 0.1), 19.1855), "tri5": (objects.trihedral(0.05), 2.3731),
@@ -65,7 +65,7 @@ def _table(full: bool) -> Finding:
 
 
 def _range_law(full: bool) -> Finding:
-    """Received power times R^4 of a 3 cm plate and dihedral at 10 to 80 m, relative to 5 m."""
+    """Compare received power times R^4 at 10 to 80 m with its value at 5 m, for a 3 cm plate and dihedral."""
     pairs = []
     for mesh in (objects.plate(0.03, 0.03), objects.dihedral(0.03, 0.03)):
         first = level(mesh, AHEAD, 4.0, distance=5.0)
@@ -74,7 +74,7 @@ def _range_law(full: bool) -> Finding:
 
 
 def _friis(method: str, full: bool) -> Finding:
-    """A wall of 12 m at 1 to 4 m returns lambda/(4 pi 2 d): Friis over the distance of the image."""
+    """Compare the echo of a 12 m wall at 1 to 4 m with lambda/(4 pi 2 d), Friis' formula for the distance 2 d of the image."""
     pairs = []
     for distance in (1.0, 2.0, 4.0) if full else (2.0,):
         scene = rt.Scene([rt.Surface(objects.plate(12.0, 12.0), "metal", "wall")])
@@ -86,7 +86,7 @@ def _friis(method: str, full: bool) -> Finding:
 
 
 def panel_positions(full: bool) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m, from the middle to one width beyond the edge."""
+    """Return (corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m; sensors range from the middle to one width beyond the edge."""
     chosen = []
     for width in (0.1, 0.3, 1.0):
         half = width / 2
@@ -100,13 +100,13 @@ def panel_positions(full: bool) -> list[tuple[np.ndarray, np.ndarray]]:
 
 @cache
 def exact_panels(full: bool) -> list[complex]:
-    """Quadrature of every position."""
+    """Return the amplitude by quadrature for every entry of `panel_positions`."""
     wavelength = SPEED_OF_LIGHT / traced.MONOSTATIC.center_frequency_hz
     return [panel_quadrature(corners, sensor, wavelength) for corners, sensor in panel_positions(full)]
 
 
 def panel_errors(method: str, full: bool) -> np.ndarray:
-    """Complex errors over the image's amplitude, one per position."""
+    """Return the magnitude of our amplitude's error for every panel position, relative to the echo of an infinite panel."""
     frequency = traced.MONOSTATIC.center_frequency_hz
     wavelength = SPEED_OF_LIGHT / frequency
     errors = []
@@ -125,7 +125,7 @@ def _panels(method: str, full: bool) -> Finding:
 
 
 def _two_panels(method: str, full: bool) -> Finding:
-    """Two 0.5 m panels at a right angle, 1 mm apart at the fold: double bounces only, relative to the double image."""
+    """Compare the double bounces of two 0.5 m panels at a right angle, 1 mm apart at the fold; errors are relative to the double image."""
     frequency = traced.MONOSTATIC.center_frequency_hz
     wavelength = SPEED_OF_LIGHT / frequency
     first = np.array([[0.001, 0, -0.25], [0.5, 0, -0.25], [0.5, 0, 0.25], [0.001, 0, 0.25]])

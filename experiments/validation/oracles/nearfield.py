@@ -18,20 +18,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 ORDER = 12  # Gauss-Legendre points per cell
-CYCLES_PER_CELL = 2.0  # largest phase per cell: 6 points per cycle, error below 1e-8 of the cell
-TOUCHING_M = 1e-12  # a sensor nearer to a panel's plane lies in the plane
-SAME_M = 1e-9  # corners nearer to each other are merged
-EMPTY_M2 = 1e-14  # smaller pieces are dropped
+CYCLES_PER_CELL = 2.0  # largest phase per cell: 6 points per cycle, relative error of a cell below 1e-8
+TOUCHING_M = 1e-12  # a sensor within this distance of a panel's plane counts as lying in the plane
+SAME_M = 1e-9  # corners within this distance are merged
+EMPTY_M2 = 1e-14  # pieces with less area are dropped
 Z_AXIS = (0.0, 0.0, 1.0)
 
 
 def panel_quadrature(
     corners: ArrayLike, sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
 ) -> complex:
-    """Received amplitude of one flat metal panel, seen from either side.
+    """Return the received amplitude of one flat metal panel, seen from either side.
 
     Args:
-        corners: (n, 3) metres, in order around a simple polygon in one plane; it may be concave.
+        corners: (n, 3) metres, in sequence around a simple, possibly concave polygon in one plane.
         sensor: (3,) phase centre of the transmitter, and of the receiver unless given.
         wavelength: metres.
         receiver: (3,) position of another receiver.
@@ -58,10 +58,10 @@ def two_panel_quadrature(
     receiver: ArrayLike | None = None,
     axis: ArrayLike = Z_AXIS,
 ) -> complex:
-    """Received amplitude of the path sensor - `first` - `second` - receiver only; arguments as for `panel_quadrature`.
+    """Return the received amplitude of the path sensor - `first` - `second` - receiver; arguments as for `panel_quadrature`.
 
-    Rays from the image of the sensor in `first` that pass through `first` illuminate `second`, whose currents radiate to the receiver. The
-    path over `second` first is another path: call again with the panels exchanged.
+    Rays from the image of the sensor in `first` that pass through `first` illuminate `second`, whose currents radiate to the receiver. For
+    the path that hits `second` first, call again with the panels exchanged.
     """
     return chain_quadrature([first, second], sensor, wavelength, receiver=receiver, axis=axis)
 
@@ -69,9 +69,10 @@ def two_panel_quadrature(
 def chain_quadrature(
     panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
 ) -> complex:
-    """The path that meets `panels` in this order: mirror reflection at all but the last, physical optics on the last.
+    """Return the received amplitude of the path that hits `panels` in this sequence.
 
-    Panels before the last must be convex. Nothing else shadows the path.
+    All panels but the last reflect like mirrors and must be convex. The last panel is treated by physical optics. Other panels do not
+    shadow the path.
     """
     source = np.array(sensor, float)
     target = source.copy() if receiver is None else np.array(receiver, float)
@@ -118,13 +119,16 @@ def chain_quadrature(
 def corner_quadrature(
     panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
 ) -> complex:
-    """All paths over distinct panels of a right-angled corner (dihedral, trihedral) seen from inside, without shadows."""
+    """Return the received amplitude of all paths between the panels of a dihedral or trihedral seen from inside, without shadows.
+
+    A path hits each panel at most once.
+    """
     orders = (order for count in range(1, len(panels) + 1) for order in permutations(panels, count))
     return sum((chain_quadrature(order, sensor, wavelength, receiver=receiver, axis=axis) for order in orders), 0j)
 
 
 def _plane(corners: np.ndarray) -> tuple[np.ndarray, float]:
-    """Unit normal by Newell's rule and offset of a polygon."""
+    """Return the unit normal (Newell's rule) and the offset of a polygon's plane."""
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3:
         raise ValueError(f"a panel needs (n, 3) corners, n at least 3, not {corners.shape}")
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
@@ -137,7 +141,7 @@ def _plane(corners: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _cone(apex: np.ndarray, convex: np.ndarray) -> list[tuple[np.ndarray, float]]:
-    """Half-spaces (inward normal, offset) through an apex and the edges of a convex polygon."""
+    """Return the half-spaces (inward normal, offset) of the cone from an apex through the edges of a convex polygon."""
     centre = convex.mean(axis=0)
     planes = []
     for start, end in zip(convex, np.roll(convex, -1, axis=0), strict=True):
@@ -151,7 +155,7 @@ def _cone(apex: np.ndarray, convex: np.ndarray) -> list[tuple[np.ndarray, float]
 
 
 def _clip(polygon: np.ndarray, planes: Sequence[tuple[np.ndarray, float]]) -> np.ndarray:
-    """A convex polygon cut by half-spaces; the result may be empty. Ref: Sutherland and Hodgman, CACM 17 (1974) 32."""
+    """Cut a convex polygon by half-spaces; the result may be empty. Ref: Sutherland and Hodgman, CACM 17 (1974) 32."""
     for normal, offset in planes:
         if len(polygon) == 0:
             break
@@ -176,7 +180,7 @@ def _clip_all(triangles: Sequence[np.ndarray], planes: Sequence[tuple[np.ndarray
 
 
 def _triangles(corners: np.ndarray) -> list[np.ndarray]:
-    """Triangles of a polygon: a fan for a convex polygon, clipped ears for a concave one."""
+    """Split a polygon into triangles: a fan if the polygon is convex, ear clipping if it is concave."""
     normal, _ = _plane(corners)
     left = [np.asarray(corner) for corner in corners]
     triangles = []
@@ -200,7 +204,7 @@ def _area(corners: np.ndarray) -> float:
 
 
 def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, wavelength: float) -> tuple[np.ndarray, ...] | None:
-    """Nodes and weights along both parameters of a triangle, with cells that resolve the phase of source - point - target.
+    """Return quadrature nodes and weights along both parameters of a triangle; the cells resolve the phase of the path source-point-target.
 
     The triangle is the unit square folded at its first corner: p = a + u (b - a) + u v (c - b), area element u |(b - a) x (c - b)|.
     """
@@ -221,9 +225,10 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
 
 
 class _Path(NamedTuple):
-    """A path over the last panel: its ends, the panel's lit normal, polarisation axis, mirrors and wavenumber.
+    """A path that ends with the last panel: its ends, the normal on the panel's lit side, polarisation axis, mirrors and wavenumber.
 
-    `mirror` turns an arriving direction back to its departure; `turn` maps the field at departure to the arriving field.
+    `mirror` maps the direction in which the ray arrives at the panel to its direction of departure; `turn` maps the field at departure to
+    the arriving field.
     """
 
     source: np.ndarray
@@ -237,7 +242,7 @@ class _Path(NamedTuple):
 
 @numba.njit
 def _integrate(triangle, u, weight_u, v, weight_v, path):
-    """The integral over one triangle; NaN if a ray runs along the axis."""
+    """Return the integral over one triangle; NaN if a ray is parallel to the polarisation axis."""
     source, target, lit, axis, mirror, turn, wavenumber = path
     a, ab, bc = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[1]
     area = np.sqrt((np.cross(ab, bc) ** 2).sum())

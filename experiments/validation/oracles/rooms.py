@@ -1,4 +1,4 @@
-"""Rectangular rooms with four bounces against all 128 image sources."""
+"""Rectangular rooms with four bounces, compared with all 128 image sources."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from radartwin.scene import objects
 
 BOUNCES = 4
 DYNAMIC_DB = 40.0
-CONSTANT = 0.4  # reflection of walls that do not depend on the angle
+CONSTANT = 0.4  # reflection coefficient of walls whose reflection does not depend on the angle
 ROOMS = {
     "court": ("squash court 9.75 x 6.4 x 5.64 m", (9.75, 6.4, 5.64), (3.1, 2.35, 1.2)),
     "office": ("office 5.1 x 4.2 x 2.7 m", (5.1, 4.2, 2.7), (1.23, 1.9, 1.05)),
@@ -43,27 +43,27 @@ class Compared:
         return float(np.linalg.norm(self.ours - self.exact) / np.linalg.norm(self.exact))
 
     def profiles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(range in metres, exact, ours in dB) with a Hann window, up to the length of the longest path."""
+        """Return (range in metres, exact profile, our profile), both in dB with a Hann window, up to the range of the longest path."""
         taper = np.hanning(len(self.exact))
         spectra = [20 * np.log10(np.abs(np.fft.fft(s * taper, 4 * len(s))) / taper.sum()) for s in (self.exact, self.ours)]
         axis = RADAR.unambiguous_range_m * np.arange(4 * len(self.exact)) / (4 * len(self.exact))
         return axis, *spectra
 
     def profile_rms(self) -> float:
-        """Rms difference over the range cells within 40 dB of the strongest."""
+        """Return the rms difference of the profiles over the range cells within 40 dB of the strongest."""
         _, exact, ours = self.profiles()
         seen = exact > exact.max() - DYNAMIC_DB
         return float(np.sqrt(np.mean((ours - exact)[seen] ** 2)))
 
 
 def rotation() -> np.ndarray:
-    """The sensor's attitude: TILT made orthogonal."""
+    """Return the rotation matrix of the sensor: TILT made orthogonal."""
     u, _, v = np.linalg.svd(TILT)
     return u @ v
 
 
 def wall_reflection(walls: str) -> Reflection:
-    """(te, tm) over the cosine of incidence, in the middle of the sweep."""
+    """Return the function cosine of incidence -> (te, tm) of the walls, in the middle of the sweep."""
     eps = stack.permittivity("metal" if walls == "constant" else walls, RADAR.center_frequency_hz)
     scale = CONSTANT if walls == "constant" else 1.0
 
@@ -82,7 +82,7 @@ def room_scene(size_m: tuple[float, float, float], material: str) -> rt.Scene:
 
 @cache
 def compared(room: str, walls: str, method: str, rays: int) -> Compared:
-    """Samples of a room by both methods. Walls of constant reflection are metal, with paths scaled by 0.4 per bounce."""
+    """Return the samples of a room by both methods. Constant reflection is metal walls with paths multiplied by CONSTANT per bounce."""
     _, size, sensor = ROOMS[room]
     pose = traced.pose(sensor, rotation())
     exact = image_sum(np.array(size), np.array(sensor), pose[:3, 2], wall_reflection(walls), BOUNCES, traced.frequencies(RADAR))
@@ -108,7 +108,7 @@ def _profile(method: str, rays: int, full: bool) -> Finding:
 
 
 def _lossless(method: str, full: bool) -> Finding:
-    """Power of each number of bounces in a closed metal office, relative to that of its images."""
+    """Compare the power of the paths with each number of bounces in a closed metal office with the power of the images."""
     _, size, sensor = ROOMS["office"]
     pose = traced.pose(sensor, rotation())
     parts = traced.trace(room_scene(size, "metal"), RADAR, pose, traced.settings(method, max_bounces=BOUNCES, rays=1_200_000))

@@ -1,4 +1,4 @@
-"""Samples from paths against the direct sum of the signal's definition."""
+"""The synthesis of samples from paths, compared with the direct sum that defines the signal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RADAR = traced.ARRAY
 
 
 def scattered_paths(count: int, fastest_mps: float, seed: int) -> Paths:
-    """Random moving paths of one pose within 8 m."""
+    """Return random paths of one sensor pose, up to 8 m long, with changing lengths."""
     rng = np.random.default_rng(seed)
     ways = [way / np.linalg.norm(way, axis=1, keepdims=True) for way in rng.normal(size=(2, count, 3))]
     amplitude = rng.normal(size=(count, 1)) + 1j * rng.normal(size=(count, 1))
@@ -27,7 +27,7 @@ def scattered_paths(count: int, fastest_mps: float, seed: int) -> Paths:
 
 
 def direct(paths: Paths) -> np.ndarray:
-    """(loops, tx, rx, samples): path by path, with exact distances to every element and motion within the chirp."""
+    """Return samples (loops, tx, rx, samples), summed path by path with exact distances to every element and motion within the chirp."""
     fast = np.arange(RADAR.num_samples) / RADAR.sample_rate_hz
     frequency = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * fast
     start = (RADAR.num_tx * np.arange(RADAR.num_chirps)[:, None] + np.arange(RADAR.num_tx)) * RADAR.chirp_interval
@@ -50,7 +50,7 @@ def _direct(full: bool) -> Finding:
 
 
 def _array(full: bool) -> Finding:
-    """Phase error of a planar wave over the eight channels, from our samples of a point on the axis, against the reference table."""
+    """Compare the phase error of plane waves over the eight channels with the reference table, from our samples of a point on the axis."""
     pairs = []
     for row in reference_rows("array_phase_error_deg.csv"):
         distance = float(row["R_m"])

@@ -1,12 +1,13 @@
 """Image sources of a furnished box: every wall with its own materials, and the furniture as obstacles.
 
-The six planes about a room's surfaces form a box, whose images `box` lists. Each path of `box.images` is folded back into the room. The
-triangle at each of its plane crossings gives the surface; without a triangle there is an opening and no path. Each leg is tested against
-every triangle outside the planes. Reflection comes from `stack`, roughness from W. Ament, Proc. IRE 41 (1953) 142. A path into a corner
-meets several planes at once, in every order that `box.orders` weights.
+The six planes that bound a room's surfaces form a box, whose images `box.images` lists. The straight path to each image is folded back into
+the room. The triangle at each crossing of a plane gives the surface that reflects; if there is no triangle, the path leaves through an
+opening and is dropped. Each leg of a path is tested against every obstacle, that is every triangle outside the six planes. Reflection comes
+from `stack`, roughness from W. Ament, Proc. IRE 41 (1953) 142. A path into a corner hits several planes at one point; the sequences of
+planes are weighted by `box.orders`.
 
-An image equals a mirror's field only if the first Fresnel zone of its path meets the same walls and nothing else. Lines around the path at
-the edge of the zone test this.
+The amplitude of an image is correct only if the first Fresnel zone of its path hits the same walls and no obstacle. Lines at the edge of
+the zone around the path test this.
 """
 
 import itertools
@@ -22,9 +23,9 @@ from radartwin.materials import Layered
 from radartwin.scene.scene import Scene
 
 IN_PLANE_M = 1e-6
-CLEAR = 1e-6  # share of a leg that is ignored at either end
-AROUND = 12  # lines around a path, at the edge of its first Fresnel zone
-BETWEEN = np.array([0.04, 0.13, 0.27, 0.42, 0.58, 0.73, 0.87, 0.96])  # shares of a path at which such a line bends between walls
+CLEAR = 1e-6  # fraction of a leg's length at either end in which obstacles are ignored
+AROUND = 12  # number of lines around a path, at the edge of its first Fresnel zone
+BETWEEN = np.array([0.04, 0.13, 0.27, 0.42, 0.58, 0.73, 0.87, 0.96])  # fractions of a path where such a line bends
 ON_EDGE = 1e-7
 
 
@@ -33,11 +34,11 @@ class Image:
     """A path from a sensor back to the sensor.
 
     Attributes:
-        length_m: unfolded.
-        departure, arrival: (3,) unit, from the sensor towards the first and last hit, world frame.
+        length_m: length of the whole path.
+        departure, arrival: (3,) unit vectors from the sensor towards the first and the last hit, world frame.
         bounces: number of reflections.
-        amplitude: received between isotropic antennas, without the phase exp(+j k L).
-        clear: whether its first Fresnel zone meets the same surfaces and no obstacle.
+        amplitude: received amplitude between isotropic antennas, without the phase exp(+j k L).
+        clear: whether the path's first Fresnel zone hits the same surfaces and no obstacle.
     """
 
     length_m: float
@@ -49,7 +50,7 @@ class Image:
 
 
 class Room:
-    """The triangles of a scene, sorted into the planes of its box and obstacles."""
+    """The triangles of a scene, divided into those in the six planes of its box, and obstacles."""
 
     def __init__(self, scene: Scene, frequency_hz: float) -> None:
         self._frequency_hz = frequency_hz
@@ -68,7 +69,7 @@ class Room:
         self._loose = corners[loose]
 
     def images(self, sensor_m: np.ndarray, axis: np.ndarray, bounces: int) -> Iterator[Image]:
-        """Every image of up to `bounces` reflections for a sensor (3,) with antennas along `axis` (3,), world frame."""
+        """Yield every image of up to `bounces` reflections for a sensor (3,) with antennas along `axis` (3,), world frame."""
         sensor = sensor_m - self.low
         for index, place, walls in box.images(self.size_m, sensor, bounces):
             line = place - sensor
@@ -93,14 +94,14 @@ class Room:
             yield Image(length, direction, arrival, order, amplitude * SPEED_OF_LIGHT / (4 * np.pi * self._frequency_hz * length), clear)
 
     def _zone(self, direction: np.ndarray, length_m: float) -> np.ndarray:
-        """(AROUND, 3) from a path to the edge of its first Fresnel zone at its widest point; `_met_along` narrows it elsewhere."""
+        """Return vectors (AROUND, 3) from a path to the edge of its first Fresnel zone where it is widest; `_beside` shortens them."""
         first = box.across(np.eye(3)[np.argmin(np.abs(direction))], direction)
         turn = 2 * np.pi * (np.arange(AROUND) + 0.37) / AROUND
         ring = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(direction, first)
         return ring * np.sqrt(SPEED_OF_LIGHT / self._frequency_hz * length_m) / 2
 
     def _near(self, points: np.ndarray, radius_m: float) -> np.ndarray:
-        """The obstacle triangles within a radius of the legs between points."""
+        """Return the obstacle triangles within a radius of the legs between points."""
         centre = self._loose.mean(axis=1)
         reach = np.linalg.norm(self._loose - centre[:, None], axis=2).max(axis=1, initial=0.0) + radius_m
         near = np.zeros(len(centre), bool)
@@ -113,7 +114,10 @@ class Room:
     def _met_along(
         self, sensor: np.ndarray, line: np.ndarray, walls: Sequence[tuple[int, float]], aside: np.ndarray
     ) -> tuple[list[int] | None, np.ndarray]:
-        """Surface at each wall of the list along the line shifted by `aside` (None at an opening), and the folded points (P, 3)."""
+        """Follow the line, shifted by `aside`, and return the surface that it hits at each wall, and the points (P, 3) in the room.
+
+        The surfaces are None if the line leaves the room through an opening.
+        """
         surfaces, reached = [], []
         for across, coordinate in walls:
             share = (coordinate - sensor[across]) / line[across]
@@ -134,7 +138,7 @@ class Room:
 
     @staticmethod
     def _beside(sensor: np.ndarray, line: np.ndarray, share: float, aside: np.ndarray) -> np.ndarray:
-        """Unfolded point (3,) at a share of the line, shifted by the width of the zone there."""
+        """Return the unfolded point (3,) at the fraction `share` of the line, shifted by the width of the zone there."""
         return sensor + share * line + 2 * np.sqrt(share * (1 - share)) * aside
 
     def _folded(self, point: np.ndarray) -> np.ndarray:
@@ -142,7 +146,7 @@ class Room:
         return np.where(turned > self.size_m, 2 * self.size_m - turned, turned)
 
     def _met(self, across: int, side: int, point: np.ndarray) -> int | None:
-        """Surface of the triangle that contains a point (2,) of a plane."""
+        """Return the surface of the triangle that contains a point (2,) of a plane; None if no triangle contains it."""
         triangles, surface = self._planes[across, side]
         first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
         away = point - triangles[:, 0]
@@ -158,7 +162,7 @@ class Room:
 
 
 def _hidden(points: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether a triangle cuts a leg between successive points (Moeller, Trumbore, J. Graphics Tools 2 (1997) 21)."""
+    """Return whether a triangle cuts a leg between successive points (Moeller, Trumbore, J. Graphics Tools 2 (1997) 21)."""
     if not len(triangles):
         return False
     corner = triangles[:, 0]

@@ -2,8 +2,7 @@
 
 Refs: M. Born, E. Wolf, Principles of Optics, section 1.6 (matrices); ITU-R P.2040-4, table 3 (building materials, f in GHz); H. Liebe, G.
 Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659 (water). Time convention exp(+j omega t), loss is eta' - j eta''.
-TE and TM
-refer to the electric field along s = k x n and along k x s; a perfect conductor has -1 and +1.
+In TE the electric field is along s = k x n, in TM along k x s. The coefficients (te, tm) of a perfect conductor are -1 and +1.
 """
 
 from collections.abc import Sequence
@@ -23,7 +22,7 @@ BUILDING = {
 
 
 def permittivity(name: str, frequency_hz: float) -> complex:
-    """Permittivity of a building material, water at 20 C, or air; other names come from the project's own tables."""
+    """Return the permittivity of a building material, water at 20 C, or air; other names are looked up in the project's own tables."""
     ghz = frequency_hz / 1e9
     if name in BUILDING:
         real, c, d = BUILDING[name]
@@ -43,13 +42,13 @@ def permittivity(name: str, frequency_hz: float) -> complex:
 
 
 def fresnel(permittivity_: complex, cosine: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-    """(te, tm) of a half-space."""
+    """Return the reflection coefficients (te, tm) of a half-space."""
     root = np.sqrt(permittivity_ - 1 + np.asarray(cosine) ** 2 + 0j)
     return (cosine - root) / (cosine + root), (permittivity_ * cosine - root) / (permittivity_ * cosine + root)
 
 
 def stack(layers: Sequence[tuple[str, float]], backing: str, angle_rad: float, frequency_hz: float) -> tuple[complex, complex]:
-    """(te, tm) of layers (name, thickness in metres), outermost first, before a backing."""
+    """Return the reflection coefficients (te, tm) of layers (name, thickness in metres), outermost first, in front of a backing."""
     sine2 = np.sin(angle_rad) ** 2
     wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
     out = []

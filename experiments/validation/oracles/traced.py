@@ -1,4 +1,4 @@
-"""Our side of the comparisons with scenes: paths and fields of a scene by one of the tracer's methods."""
+"""This tracer's values for the comparisons: paths and fields of a scene by one of the tracer's methods."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ METHODS = {"tubes": "tubes alone", "panels": "panel images"}
 
 
 def settings(method: str, **values: Any) -> TraceSettings:
-    """Settings of the tracer for a method of METHODS, with mirror reflections only; ray counts apply to tubes."""
+    """Return the tracer's settings for a method of METHODS, with mirror reflections only; ray counts apply to tubes."""
     values = {"room": method, "diffuse": False, "coupling": False, **values}
     if method == "panels":
         values.pop("rays", None)
@@ -32,12 +32,12 @@ def settings(method: str, **values: Any) -> TraceSettings:
 
 
 def trace(scene: rt.Scene, radar: rt.Radar, pose: np.ndarray, chosen: TraceSettings) -> list[Paths]:
-    """Paths of one pose, as a list of parts."""
+    """Trace the paths of one sensor pose and return them as a list of parts."""
     return trace_paths(scene, radar, pose[None], None, chosen)[0]
 
 
 def field(parts: Sequence[Paths], frequency_hz: float) -> complex:
-    """Sum of paths between isotropic antennas, with amplitudes interpolated between their frequency nodes."""
+    """Return the sum of the paths between isotropic antennas; amplitudes are interpolated between their frequency nodes."""
     total = 0j
     for paths in parts:
         nodes = paths.frequencies_hz
@@ -47,17 +47,17 @@ def field(parts: Sequence[Paths], frequency_hz: float) -> complex:
 
 
 def sweep(parts: Sequence[Paths], radar: rt.Radar) -> np.ndarray:
-    """(samples,) of the first chirp and channel."""
+    """Return the samples (samples,) of the first chirp and channel."""
     return sum((synthesize(part, radar)[0, 0, 0, 0] for part in parts), np.zeros(radar.num_samples, complex))
 
 
 def frequencies(radar: rt.Radar) -> np.ndarray:
-    """(samples,) instantaneous frequency of a chirp."""
+    """Return the instantaneous frequency (samples,) of a chirp."""
     return radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
 
 
 def pose(position: Sequence[float] | np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
-    """(4, 4) sensor to world."""
+    """Return the pose (4, 4), sensor to world frame, at a position."""
     matrix = np.eye(4)
     matrix[:3, :3] = np.eye(3) if rotation is None else rotation
     matrix[:3, 3] = position
@@ -65,7 +65,7 @@ def pose(position: Sequence[float] | np.ndarray, rotation: np.ndarray | None = N
 
 
 def polygon(corners: np.ndarray) -> trimesh.Trimesh:
-    """A convex polygon as a fan of triangles with flat normals."""
+    """Return a convex polygon as a mesh: a fan of triangles with flat normals."""
     faces = [[0, i, i + 1] for i in range(1, len(corners) - 1)]
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     normals = np.tile(normal / np.linalg.norm(normal), (len(corners), 1))
