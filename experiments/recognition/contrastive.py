@@ -1,12 +1,12 @@
-"""Contrastive alignment of simulated radar with descriptions: linear probes on the embeddings of measured recordings.
+"""Contrastive alignment of simulated radar with text: linear classifiers (probes) on the embeddings of measured recordings.
 
 The encoder is trained to align simulated rotation features with MiniLM embeddings of the objects' descriptions. It then embeds measured
-features, and a linear probe predicts geometry and material of each measured recording. The probe is trained either on all other recordings
-(a possible reading of the paper) or on recordings of other objects only, so that an object's own recordings cannot reveal its class.
-Classes have equal weight, so chance is one over their number. Paper: contrastive sim-real alignment, geometry 85 % (chance 50), material
-40 % (chance 33). At `supervision=few_shot` training includes the drawn measured recordings, and `supervision.encoder.paired` adds the term
-between simulated and measured recordings. An encoder trained on simulation alone is exported as a model for `radartwin classify`; its
-features exclude brightness because the gain of another radar is unknown.
+features, and a linear classifier (probe) predicts geometry and material of each measured recording. The probe is trained either on all
+other recordings (one interpretation of the paper) or on recordings of other objects only, so that an object's own recordings cannot reveal
+its class. Classes have equal weight, so chance is one over the number of classes. Paper: contrastive sim-real alignment, geometry 85 %
+(chance 50), material 40 % (chance 33). With `supervision=few_shot`, training includes a few randomly drawn measured recordings, and
+`supervision.encoder.paired` adds the loss term between simulated and measured recordings. An encoder trained on simulation alone is
+exported as a model for `radartwin classify`; its features exclude brightness because the gain of another radar is unknown.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from radartwin.store.products import Store
 TABLE = Table(
     name="contrastive",
     title="Simulated radar aligned with descriptions",
-    caption="Balanced accuracy of linear probes on embeddings of measured revolutions. The probes are trained on other recordings, or "
-    "on other objects only; the latter leaves out classes with a single object.",
+    caption="Balanced accuracy of linear classifiers (probes) on embeddings of measured revolutions. The probes are trained on all "
+    "other recordings, or on recordings of other objects only. The second case leaves out classes with a single object.",
 )
 
 EMBEDDED, RAW = "embeddings", "features"
@@ -44,12 +44,12 @@ EXPORT_WITHOUT = ("brightness",)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign."""
+    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), store, progress)
 
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Rows per attribute, left-out group and method, and the exported model."""
+    """Build the rows per attribute, left-out group and method, and export the model."""
     measured, copies = measured_and_copies(config, source, store, progress)
     keys = tuple(sorted((*measured.keys, *copies.keys)))
     split = _split(config, standardised(copies.samples), standardised(measured.samples))
@@ -87,13 +87,13 @@ def _split(config: Config, simulated: Samples, measured: Samples) -> Split:
 
 
 def _several_objects(recordings: Samples, classes: dict[str, str]) -> NDArray[np.bool_]:
-    """Mask of the recordings whose class has another object; without another object the class cannot be predicted."""
+    """Return a boolean mask (N,) of the recordings whose class has at least two objects, so that one object can be left out."""
     objects = {kind: {label for label in recordings.classes if classes[label] == kind} for kind in set(classes.values())}
     return np.array([len(objects[classes[label]]) > 1 for label in recordings.label])
 
 
 def export(config: Config, source: RecordingSource, store: Store) -> Recogniser:
-    """The recogniser of the campaign's objects, trained on simulation alone, with features scaled by the simulated ones."""
+    """Train a recogniser of the campaign's objects on simulation alone; features are scaled by their simulated mean and spread."""
     measured, copies = measured_and_copies(config, source, store, Progress(), EXPORT_WITHOUT)
     texts = anchors(copies.samples.classes)
     trained = fit(label_free(standardised(copies.samples), standardised(measured.samples)), texts, settings(config), config.seed)

@@ -1,10 +1,10 @@
 """Calibration by one corner reflector: the brightness error of each material after an affine map from simulated to measured values.
 
-One unlabelled recording of the reflector in both domains gives the map (radartwin/features/calibration.py). It maps the scored feature
-itself, the brightness of a revolution: one level, so the map is an offset. A map fitted to the frames of a revolution would get a slope
-from the room's echoes in the reflector's shadow (0.59 at 1.5 m). The table applies the map to the brightness of every simulated object and
-gives the measured minus the mapped value. The reflector itself is not scored. Paper: corner-reflector radiometric calibration: metal
-aligns, dielectrics stay too dim, liquid-filled containers most.
+One unlabelled recording of the reflector in each domain gives the map (radartwin/features/calibration.py). The mapped feature is the
+brightness of a revolution; one reflector gives one level, so the map is an offset. A map fitted to the frames of a revolution would get a
+slope (0.59 at 1.5 m) because echoes of the room dominate at angles where the reflector echoes weakly. The table applies the map to the
+brightness of every simulated object and gives the measured minus the mapped value. The reflector itself is not scored. Paper:
+corner-reflector radiometric calibration: metal aligns, dielectrics stay too dim, liquid-filled containers most.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="corner_reflector_calibration",
     title="Calibrated by one corner reflector",
-    caption="The brightness difference between measured and simulated revolutions that remains after an affine map. The map comes from "
-    "one unlabelled recording of the reflector at the middle distance; the reflector itself is not scored. Intervals are "
-    "bootstraps over objects and distances.",
+    caption="The brightness difference between measured and simulated revolutions that remains after an affine map. The map is "
+    "fitted to one unlabelled recording of the reflector at the middle distance, measured and simulated; the reflector "
+    "itself is not scored. Intervals are bootstraps over objects and distances.",
 )
 
 BRIGHTNESS = "brightness_db"
@@ -50,12 +50,12 @@ ALIGNED_DB = 3.0  # a factor of two in power
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign."""
+    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Rows of the map, of the error of each material before and after it, and of filled bottles against other materials."""
+    """Build rows of the map, of each material's error before and after the map, and of filled bottles against other materials."""
     room = sorted({case.room for case in source.cases("measured", motion=MOTION)})[0]
     cases = dict(zip(COMPARED, readings.shared_cases(source, MOTION, room), strict=True))
     progress.say(f"{len(cases['measured'])} measured and {len(cases['twin'])} simulated revolutions in {room}")
@@ -66,7 +66,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
     )
     keys = tuple(sorted((*measured.keys, *twin.keys)))
     column = measured.samples.names.index(BRIGHTNESS)
-    mapped = calibration.fit(ours[:1, [column]], theirs[:, [column]])  # one simulated revolution gives an offset and no slope
+    mapped = calibration.fit(ours[:1, [column]], theirs[:, [column]])  # one revolution determines an offset but no slope
     levels = {BEFORE: twin.samples.values[:, column], AFTER: mapped.apply(twin.samples.values[:, [column]])[:, 0]}
     scored = measured.samples.without(REFLECTOR)
     errors = {when: _errors(scored, twin.samples, level, column) for when, level in levels.items()}
@@ -81,7 +81,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, NDArray], keys: tuple[str, ...]) -> dict[str, float]:
-    """Rows of the error of each material; returns the errors after calibration as metrics."""
+    """Add rows of the error of each material; returns the errors after calibration as metrics."""
     kinds, metrics = _kinds(scored), {}
     for when, error in errors.items():
         for kind in np.unique(kinds):
@@ -94,7 +94,7 @@ def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, 
                     claim, holds = Claim("metal aligns within 3 dB", "aligned"), max(abs(low), abs(high)) <= ALIGNED_DB
                 else:
                     claim, holds = Claim(f"{kind} stays too dim in simulation", "too dim"), low > 0
-                if np.unique(cells(recordings)).size < 2:  # one cell has no interval
+                if np.unique(cells(recordings)).size < 2:  # one combination of object and distance gives no interval
                     holds = None
             case = {"materials": str(kind), "feature": BRIGHTNESS, "method": when}
             rows.add(case, "measured - simulated (dB)", (low, value, high), count_sources(recordings), keys, claim, holds)
@@ -102,7 +102,7 @@ def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, 
 
 
 def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tuple[str, ...]) -> None:
-    """Rows of the error of filled bottles minus that of each other material."""
+    """Add rows of the error of filled bottles minus the error of each other material."""
     kinds = _kinds(scored)
     filled = kinds == FILLED
     for kind in np.unique(kinds[~filled]) if filled.any() else ():
@@ -116,7 +116,7 @@ def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tu
 
 
 def _kinds(recordings: Samples) -> NDArray[np.str_]:
-    """(N,): metal, ceramic, plastic or filled plastic."""
+    """Return the material of each recording (N,): metal, ceramic, plastic or filled plastic."""
 
     def kind(name: str) -> str:
         return FILLED if catalogue()[name].contents and MATERIAL[name] == "plastic" else MATERIAL[name]
@@ -125,13 +125,13 @@ def _kinds(recordings: Samples) -> NDArray[np.str_]:
 
 
 def _errors(measured: Samples, twin: Samples, level: NDArray, column: int) -> NDArray:
-    """(N,): each measured value minus the simulated one of the same object and distance."""
+    """Return each measured value minus the simulated value at equal object and distance, (N,)."""
     simulated = {(label, stratum): one for label, stratum, one in zip(twin.label, twin.stratum, level, strict=True)}
     return measured.values[:, column] - np.array([simulated[pair] for pair in zip(measured.label, measured.stratum, strict=True)])
 
 
 def _figure(measured: Samples, errors: Mapping[str, NDArray]) -> Figure:
-    """Error of every recording by object before and after calibration, objects ordered by material."""
+    """Draw the error of every recording by object before and after calibration; objects are sorted by material."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.9, sharey=False)
     kinds = dict(zip(measured.label, _kinds(measured), strict=True))
     objects = sorted(kinds, key=lambda name: (kinds[name], name))

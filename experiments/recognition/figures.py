@@ -21,7 +21,7 @@ Row = Mapping[str, Any]
 
 
 def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", grey: str = "") -> Figure:
-    """Bars of {group: {method: row}} with their intervals, the method `grey` in grey; a line through each group shows chance."""
+    """Draw bars with intervals from {group: {method: row}}. The method `grey` is grey; a line through each group shows chance."""
     drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
     methods = list(dict.fromkeys(method for group in groups.values() for method in group))
     colours = {grey: GREY} | dict(zip((method for method in methods if method != grey), PALETTE, strict=False))
@@ -48,7 +48,7 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
 
 
 def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[str]) -> Figure:
-    """One matrix per panel of (truth, prediction): shares of the predictions (columns) per true class (rows)."""
+    """Draw one confusion matrix per panel from (truth, prediction): share of each predicted class (column) per true class (row)."""
     drawing, axes = figure(1, len(panels), width_in=PAGE_WIDTH_IN, height_in=3.4, squeeze=False, sharey=True)
     names = [name.replace("_", " ") for name in classes]
     for axis, (title, (truth, prediction)) in zip(axes[0], panels.items(), strict=True):
@@ -66,7 +66,7 @@ def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[
 
 
 def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -> Figure:
-    """Embeddings of both domains on their first two principal components: coloured by class, measured ones filled."""
+    """Draw embeddings of both domains on their first two principal components; colours show classes, filled markers are measured."""
     from sklearn.decomposition import PCA
 
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.5, height_in=3.2)
@@ -90,7 +90,7 @@ def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -
 
 
 def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
-    """Accuracy against labelled recordings per class, {method: rows with `shots`}; the symmetric-log axis includes zero."""
+    """Draw accuracy against labelled recordings per class from {method: rows with `shots`}; the symmetric-log axis includes zero."""
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
     for number, (method, found) in enumerate(rows.items()):
         shots, value, low, high = (np.array([row[name] for row in found], float) for name in ("shots", "value", "low", "high"))

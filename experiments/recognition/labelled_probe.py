@@ -1,11 +1,12 @@
-"""Labelled probe: how much does an encoder trained on simulation alone help if a few measured labels are known?
+"""Labelled probe: how much does an encoder trained on simulation alone help if some measured labels are known?
 
-The encoder is trained on noisy copies of simulated revolutions and never sees a measured one. It then embeds the measured revolutions, and
-each is classified by the nearest class centroid of the others. The same probe on the features themselves shows the benefit of the training.
-A probe within strata of equal distance removes distance as a cue. Revolutions of one recording are nearly alike, so another probe leaves
-out all revolutions of the same recording; the remaining ones are at other distances. Paper: recognition with simulation-trained
-representations, 95.3 +- 1.5 % against 89.7 % raw, stratified 95.3 against 90.3 %, an adapted RF-Genesis 90.1 %. Beyond the paper:
-accuracy against the number of labels, and controls with shuffled labels and domains.
+The encoder is trained on noisy copies of simulated revolutions and never sees a measured one. It then embeds the measured revolutions. The
+probe classifies each revolution by the nearest class centroid of the other revolutions. The same probe on the features without encoder
+shows the benefit of the training. A second probe uses only revolutions at equal distance, so that distance is no cue. Revolutions of one
+recording are nearly equal, so a third probe leaves out all revolutions of the classified recording; the remaining revolutions of the object
+are at other distances. Paper (recognition with simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features
+and 90.1 % with an adapted RF-Genesis; at equal distance 95.3 % with encoder and 90.3 % raw. Not in the paper: accuracy against the number
+of labels, and controls with shuffled labels and domains.
 """
 
 from __future__ import annotations
@@ -51,17 +52,18 @@ TABLE = Table(
     name="labelled_probe",
     title="What training on simulation is worth",
     caption="An encoder is trained on noisy copies of simulated revolutions and frozen. Measured revolutions are classified by the "
-    "nearest class centroid of other recordings. These are at other distances, so that no part of a recording classifies "
-    "another part of it. RF-Genesis is the corrected re-implementation. The testbed uses the same physics as our tracer, which "
-    "favours our tracer. Labels per class are drawn from half of each object's recordings; the other half is scored. n counts "
-    "recordings, answers counts revolutions. Intervals are bootstraps over objects and distances.",
+    "nearest class centroid of other revolutions. For 'other recordings' these are at other distances, so that no part of a "
+    "recording classifies another part of it. RF-Genesis is the corrected re-implementation. The testbed uses the same "
+    "physics as our tracer, so the comparison favours our tracer. Labels per class are drawn from half of each object's "
+    "recordings; the other half is scored. n counts recordings; the column answers counts revolutions. Intervals are "
+    "bootstraps over objects and distances.",
 )
 
 SHOTS = (0, 1, 2, 4, 8, 14)
 RIVAL = "RF-Genesis (corrected)"
 PRETRAINED, RAW, SCRATCH = "trained on simulation", "raw features", "trained on the labels alone"
 REVOLUTIONS, RECORDINGS, MATCHED = "other revolutions", "other recordings", "other revolutions, same distance"
-PROBES = {  # the paper's accuracy by method, and the paper's gain
+PROBES = {  # per probe: the paper's accuracy by method, and the paper's gain
     REVOLUTIONS: ({PRETRAINED: "95.3 %", RAW: "89.7 %", RIVAL: "90.1 %"}, "+5.6 points"),
     MATCHED: ({PRETRAINED: "95.3 %", RAW: "90.3 %"}, "+5.0 points"),
     RECORDINGS: ({}, ""),
@@ -71,19 +73,19 @@ CASE = {"level": "few_shot", "setting": "turntable, 12 objects"}
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Measured recordings, and simulated copies by method, each standardised by its own unlabelled rows; `keys` also by method."""
+    """Measured revolutions, and simulated noisy copies by method, each standardised by its own rows; `keys` are store keys by method."""
 
     measured: Samples
     copies: Mapping[str, Samples]
     keys: Mapping[str, tuple[str, ...]]
 
     def keys_of(self, method: str) -> tuple[str, ...]:
-        """Store keys of the measured recordings and of a method's simulated recordings, if it has any."""
+        """Return the store keys of the measured recordings and, if any, of the method's simulated recordings."""
         return (*self.keys["measured"], *self.keys.get(method, ()))
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign, with a rival campaign that RF-Genesis simulates."""
+    """Compute the table for the configured campaign, and for a campaign that RF-Genesis simulates for comparison."""
     simulator = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
     rival = replace(config, simulator=simulator)
     return score(config, Campaign(config, store, progress), store, progress, {RIVAL: Campaign(rival, store, progress)})
@@ -92,7 +94,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 def score(
     config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource] | None = None
 ) -> Result:
-    """Rows of every probe, of accuracy against labels, and of the controls; `rivals` are campaigns of other simulators."""
+    """Build rows of every probe, of accuracy against the number of labels, and of controls; `rivals` are campaigns of other simulators."""
     data = gather_data(config, source, store, progress, rivals or {})
     measured = data.measured
     rows = RecognitionRows(config)
@@ -124,7 +126,7 @@ def score(
 
 
 def _add_probe(rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str, NDArray], chance: float) -> dict[str, Mapping[str, Any]]:
-    """Accuracy of every method, and the gains of the training on simulation; returns the rows of accuracy by method."""
+    """Add the accuracy of every method, and the gain from training on simulation; returns the accuracy rows by method."""
     figures, gain = PROBES[probe]
     case, shown = CASE | {"probe": probe}, {}
     for method, found in hits.items():
@@ -142,7 +144,7 @@ def _add_probe(rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str,
 
 
 def _usable_probes(measured: Samples, progress: Progress) -> list[str]:
-    """All probes; without the one on other recordings if an object has a single recording."""
+    """Return all probes, but without RECORDINGS if an object has a single recording."""
     single = [label for label in measured.classes if len(np.unique(measured.source[measured.label == label])) < 2]
     if not single:
         return list(PROBES)
@@ -151,12 +153,12 @@ def _usable_probes(measured: Samples, progress: Progress) -> list[str]:
 
 
 def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
-    """The leave-one-out predictions of a probe."""
+    """Return the leave-one-out predictions of a probe."""
     return leave_one_out_centroid(samples, samples.source if probe == RECORDINGS else None, stratified=probe == MATCHED)
 
 
 def gather_data(config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource]) -> Data:
-    """The measured recordings, and the copies of the twin's and of each rival's recordings."""
+    """Return the measured revolutions, and noisy copies of the recordings that the twin and each rival simulate."""
     cases, twins = shared_cases(source, MOTION)
     progress.say(f"{len(cases)} measured {MOTION} recordings")
     measured = vectors(source, "measured", cases, FEATURES)
@@ -169,7 +171,7 @@ def gather_data(config: Config, source: RecordingSource, store: Store, progress:
 
 
 def label_efficiency(rows: RecognitionRows, data: Data, trained: Sequence[Encoder], chance: float) -> dict[str, list[Mapping[str, Any]]]:
-    """Accuracy with k labelled measured revolutions per class: nearest centroid of the k, or the nearest text for k = 0.
+    """Add the accuracy with k labelled measured revolutions per class: nearest centroid of these, or for k = 0 the nearest description.
 
     Labels are drawn from one half of each object's recordings; the other half is scored. Returns the rows by method, each with `shots`.
     """
@@ -194,7 +196,7 @@ def label_efficiency(rows: RecognitionRows, data: Data, trained: Sequence[Encode
 def _few_shot_predictions(
     config: Config, encoder: Encoder, known: Samples, rest: Samples, shots: int, seed: int
 ) -> dict[str, NDArray[np.str_]]:
-    """Predicted labels of `rest` by method, from the labelled rows `known`."""
+    """Predict the labels of `rest` with each method from the labelled rows `known`."""
     texts = anchors(rest.classes)
     if not shots:
         return {PRETRAINED: nearest_text(encoder, rest.unlabelled(), texts, settings(config).temperature)}
@@ -207,7 +209,7 @@ def _few_shot_predictions(
 
 
 def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
-    """Controls with shuffled labels and shuffled domains, which must be at chance, and a linear probe of the true domains."""
+    """Add controls with shuffled labels and shuffled domains, which must be at chance, and a linear classifier of the true domains."""
     measured, simulated, keys = data.measured, data.copies[PRETRAINED], data.keys_of(PRETRAINED)
     both = as_domains(join(simulated.per_recording(), measured))
     texts, chosen = anchors(measured.classes), settings(rows.config)
@@ -228,7 +230,7 @@ def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
 
 
 def _domain_accuracy(samples: Samples, seed: int) -> float:
-    """Balanced accuracy of a linear domain classifier that is trained on half of the stored recordings and scored on the other half."""
+    """Train a linear domain classifier on half of the stored recordings; returns its balanced accuracy on the other half."""
     from sklearn.linear_model import LogisticRegression
 
     order = np.random.default_rng([seed, 0xD0]).permutation(np.unique(samples.source))

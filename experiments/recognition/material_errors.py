@@ -1,8 +1,8 @@
-"""Wrong materials: how much recognition and level lose as more of the room's surfaces carry a wrong label.
+"""Wrong materials: how much do recognition and levels suffer if more of the room's surfaces carry a wrong label?
 
-A share p of the room's labels is replaced by random labels (materials=random), from none (the truth) to all; the configured source is
-added for comparison. Two scores are given: label-free recognition on lateral drives in the squash court, as in the reconstruction
-ablation, and the level error of the whole range profile against the twin with true materials, from 0.3 to 5.5 m.
+A share of the room's labels is replaced by random labels (materials=random), from none (true labels) to all. The configured material source
+is added for comparison. The table gives the accuracy of label-free recognition on lateral drives in the squash court, as in the
+reconstruction ablation. It also gives the level error of the range profile (0.3 to 5.5 m) against the twin with true materials.
 """
 
 from __future__ import annotations
@@ -34,23 +34,24 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="material_errors",
     title="What wrong materials cost",
-    caption="The protocol of the reconstruction ablation, with a share of the room's labels replaced at random. The level error is the "
-    "root mean square over range, 0.3 to 5.5 m, against the twin with true materials.",
+    caption="Label-free recognition of lateral drives in the squash court, with a share of the room's material labels replaced at "
+    "random. The level error is the root mean square difference of the range profile in decibels, 0.3 to 5.5 m, from the "
+    "twin with true materials.",
 )
 
 TRUE = "true materials"
-WRONG = (0.25, 0.5, 1.0)  # shares of random labels
+WRONG = (0.25, 0.5, 1.0)  # shares of labels that are replaced
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign, with one campaign per material source."""
+    """Compute the table for the configured campaign, with one campaign per material source."""
     campaigns = {name: Campaign(replace(config, materials=materials), store, progress) for name, (_, materials) in sources(config).items()}
     make_together({key: one for some in campaigns.values() for key, one in transfer.missing(some, ROOM, MOTION).items()}, progress)
     return score(config, campaigns, progress)
 
 
 def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
-    """(share of wrong labels, material source) by name; the share of the configured source is unknown. Each needs its own twin."""
+    """Return {name: (share of wrong labels, material source)}; the share is None for the configured source."""
     found: dict[str, tuple[float | None, MaterialsConfig]] = {TRUE: (0.0, TrueMaterials())}
     for share in WRONG if config.profile.name != "quick" else WRONG[-1:]:
         found[f"{100 * share:g} % random"] = (share, RandomMaterials(p=share))
@@ -58,11 +59,11 @@ def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
 
 
 def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Progress) -> Result:
-    """Rows of accuracy, of its loss against true materials, and of the level error; `campaigns` by the names of `sources`."""
+    """Build rows of accuracy, of its loss against true materials, and of the level error; keys of `campaigns` are those of `sources`."""
     rows = RecognitionRows(config)
     used: set[str] = set()
     curve: list[dict[str, Any]] = []
-    reference = first = None  # profiles and hits with true materials, which come first
+    reference = first = None  # profiles and hits with true materials, the first source
     for name, (share, _) in sources(config).items():
         progress.say(f"{MOTION} drives in {ROOM}: {name}")
         source = campaigns[name]
@@ -89,7 +90,7 @@ def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Pr
 
 
 def _figure(curve: list[dict[str, Any]]) -> Figure:
-    """Accuracy and level error against the share of wrong labels; a horizontal band shows the configured source."""
+    """Draw accuracy and level error against the share of wrong labels; a horizontal band shows the configured source."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
     known, configured = [point for point in curve if point["share"] is not None], curve[-1]
     for panel, quantity, label in zip(panels, ("accuracy", "error"), ("label-free accuracy", "level error (dB)"), strict=True):

@@ -25,51 +25,51 @@ MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalo
 
 
 def anchors(objects: Iterable[str]) -> dict[str, NDArray]:
-    """Text vector of each object's description."""
+    """Return {object: embedding vector of its text description}."""
     known, names = catalogue(), sorted(objects)
     return dict(zip(names, embed([known[name].description for name in names]), strict=True))
 
 
 def settings(config: Config, level: str = "label_free") -> Settings:
-    """Encoder settings of a supervision level; only few_shot has the paired term."""
+    """Return the encoder settings of a supervision level; only few_shot includes the paired loss term."""
     chosen = Settings(**asdict(config.supervision.encoder))
     return chosen if level == "few_shot" else replace(chosen, paired=0.0)
 
 
 def seeds(config: Config) -> list[int]:
-    """Seeds of the trainings whose results are averaged."""
+    """Return the random seeds of the trainings whose results are averaged."""
     return [config.seed + number for number in range(config.supervision.seeds)]
 
 
 def encoders(config: Config, split: Split) -> list[Encoder]:
-    """One trained encoder per seed."""
+    """Train one encoder per seed."""
     texts = anchors(split.train.classes)
     return [fit(split, texts, settings(config, split.level), seed).encoder for seed in seeds(config)]
 
 
 def cells(recordings: Samples) -> NDArray[np.str_]:
-    """(N,): object and distance; recordings with equal cells share a simulation."""
+    """Return the cell (object and distance) of each recording, (N,); recordings in one cell share a simulation."""
     return np.array([f"{label} {stratum}" for label, stratum in zip(recordings.label, recordings.stratum, strict=True)])
 
 
 def count_sources(recordings: Samples) -> int:
-    """Number of stored recordings."""
+    """Return the number of different stored recordings."""
     return np.unique(recordings.source).size
 
 
 def statistics_columns(answers: int, chance: float | None = None, p: float | None = None, shares: NDArray | None = None) -> dict[str, Any]:
-    """Columns beside a score: number of predictions, chance, p, and the standard deviation of the shares (seeds,) of several seeds."""
+    """Build the extra columns of a score: number of predictions, chance, p, and the standard deviation of `shares` (seeds,)."""
     spread = float(np.std(shares, ddof=1)) if shares is not None and len(shares) > 1 else None
     return {"answers": answers, "chance": chance, "p": p, "seed_sd": spread}
 
 
 def correct(predictions: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]:
-    """(seeds, N): whether each prediction is correct."""
+    """Return whether each prediction is correct, (seeds, N)."""
     return np.stack([prediction == truth for prediction in predictions])
 
 
 class RecognitionRows(list[dict[str, Any]]):
-    """The rows of one table."""
+    """List of the rows of one recognition table, with functions that append a row."""
 
     def __init__(self, config: Config):
         super().__init__()
@@ -83,8 +83,8 @@ class RecognitionRows(list[dict[str, Any]]):
 
         Args:
             interval: (low, value, high).
-            n: number of recordings; fewer than two judge no claim.
-            claim: its text and the paper's figure.
+            n: number of recordings; with fewer than two the verdict is "untestable".
+            claim: gives the claim's text and the paper's value.
             holds: whether the claim holds; None without a claim.
         """
         low, value, high = interval
@@ -100,14 +100,15 @@ class RecognitionRows(list[dict[str, Any]]):
         self, case: Mapping[str, Any], hits: NDArray, recordings: Samples, keys: Sequence[str], chance: float, claim: Claim = NONE,
         balanced: bool = False,
     ) -> dict[str, Any]:  # fmt: skip
-        """Append the share of correct predictions; the claim holds if the whole interval lies above chance.
+        """Append the accuracy (share of correct predictions); the claim holds if the whole interval lies above chance.
 
         Args:
-            hits: (seeds, N) correct predictions. balanced: take the mean of the classes' shares instead.
+            hits: (seeds, N) whether each prediction is correct.
+            balanced: use the balanced accuracy, the mean of the accuracies of all classes.
         """
         classes, metric = (recordings.label, "balanced accuracy") if balanced else (None, "accuracy")
         interval = seed_mean(hits, cells(recordings), self.config.profile.resamples, self.config.seed, classes)
-        if interval[0] == interval[2]:  # no draw differs, for example if all are correct: take the exact interval of the cells
+        if interval[0] == interval[2]:  # all resamples are equal, for example if all predictions are correct
             interval = exact_interval(interval[1], np.unique(cells(recordings)).size)
         n = count_sources(recordings)
         p = None if balanced else binomial_p(round(interval[1] * n), n, chance)
@@ -117,7 +118,7 @@ class RecognitionRows(list[dict[str, Any]]):
     def gain(
         self, case: Mapping[str, Any], first: NDArray, second: NDArray, recordings: Samples, keys: Sequence[str], claim: Claim = NONE
     ) -> dict[str, Any]:
-        """Append the difference of two shares on the same recordings; the claim holds if the whole interval lies above zero."""
+        """Append the accuracy of `first` minus that of `second` on the same recordings; the claim holds if the interval lies above zero."""
         difference = np.atleast_2d(first).mean(axis=0) - np.atleast_2d(second).mean(axis=0)
         interval = seed_mean(difference, cells(recordings), self.config.profile.resamples, self.config.seed)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
@@ -128,7 +129,7 @@ class RecognitionRows(list[dict[str, Any]]):
         self, case: Mapping[str, Any], shares: NDArray, draws: int, scored: Samples, keys: Sequence[str], chance: float,
         metric: str = "accuracy",
     ) -> dict[str, Any]:  # fmt: skip
-        """Append the shares (seeds,) after labels were shuffled; the claim is that they are at chance.
+        """Append the mean of the accuracies `shares` (seeds,) with shuffled labels; the claim is that it is at chance.
 
         Args:
             draws: number of labels that were shuffled independently in each seed, such as simulated recordings.

@@ -1,4 +1,4 @@
-"""Feature rows of a campaign's recordings: per recording or revolution, per frame, per range-time signature, or per noisy copy."""
+"""Read a campaign's recordings as feature rows: one row per recording, revolution, frame, range-time signature or noisy copy."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gath
 from radartwin.store.products import Store, save_arrays
 
 ROOTS = ["radartwin.features.sets", "radartwin.recognize.augment"]
-MOTION, FEATURES = "turntable", "rotation"  # of the turntable tables
-Reader = Callable[[Processed, Log], tuple[list[str], np.ndarray]]  # to feature names and values
+MOTION, FEATURES = "turntable", "rotation"  # motion and feature set of the turntable tables
+Reader = Callable[[Processed, Log], tuple[list[str], np.ndarray]]  # returns feature names and values
 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Feature rows and the store keys of the recordings they were read from."""
+    """Feature rows, and the store keys of the recordings that they were computed from."""
 
     samples: Samples
     keys: tuple[str, ...]
 
 
 def recording_name(domain: str, case: Case) -> str:
-    """A name that contains the domain and sorts by object, room, motion, distance and repetition."""
+    """Return a name that contains the domain and sorts by object, room, motion, distance and repetition."""
     return f"{case.object} {case.room} {case.motion} {case.distance_m:g} m #{case.repetition} {domain}"
 
 
 def stratum(case: Case) -> str:
-    """The stratum of a case: its distance at the start."""
+    """Return the stratum (group of equal distance) of a case as text: its distance at the start."""
     return f"{case.distance_m:g} m"
 
 
 def shared_cases(source: RecordingSource, motion: str, room: str | None = None, domain: str = "twin") -> tuple[list[Case], list[Case]]:
-    """(measured, simulated) cases of the objects, rooms and distances that both domains have.
+    """Return (measured, simulated) cases of the objects, rooms and distances that both domains contain.
 
     Distances with fewer than two objects are left out. All objects at a place have the same number of measured cases.
 
@@ -65,7 +65,7 @@ def shared_cases(source: RecordingSource, motion: str, room: str | None = None, 
 
 
 def balanced(cases: Sequence[Case]) -> list[Case]:
-    """The first repetitions of every object at a place, as many as the object with the fewest recordings has there."""
+    """Keep an equal number of repetitions of every object at a place: the smallest number over the objects."""
     found: dict[tuple[str, float], dict[str, list[Case]]] = {}
     for case in sorted(cases, key=lambda case: case.repetition):
         found.setdefault((case.room, case.distance_m), {}).setdefault(case.object, []).append(case)
@@ -74,17 +74,17 @@ def balanced(cases: Sequence[Case]) -> list[Case]:
 
 
 def vectors(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = ()) -> Readings:
-    """One row per recording; of a turntable one row per revolution."""
+    """Read one feature row per recording; for a turntable one row per revolution."""
     return _read(source, domain, cases, lambda processed, log: sets.vector(processed, log, features, without), by_revolution=True)
 
 
 def frames(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, materials: Any = None) -> Readings:
-    """One row per frame."""
+    """Read one feature row per frame."""
     return _read(source, domain, cases, lambda processed, log: sets.frames(processed, log, features), materials)
 
 
 def signatures(source: RecordingSource, domain: str, cases: Sequence[Case], rows: int = 50) -> Readings:
-    """The range-time signature of each recording as one row: decibels from 0.3 to 5.5 m, interpolated in time to `rows` profiles."""
+    """Read the range-time signature of each recording as one row: levels in dB, 0.3 to 5.5 m, interpolated in time to `rows` profiles."""
 
     def signature(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
         names, level = sets.frames(processed, log, "raw")
@@ -98,7 +98,7 @@ def signatures(source: RecordingSource, domain: str, cases: Sequence[Case], rows
 
 
 def revolutions(processed: Processed, log: Log) -> list[tuple[str, Processed, Log]]:
-    """(name suffix, recording, log) of each whole revolution; of a recording without turntable, the recording itself."""
+    """Split a recording into (name suffix, recording, log) per whole revolution; without a turntable it stays whole."""
     if log.angle_rad is None:
         return [("", processed, log)]
     period = envelope.frames_per_revolution(log.angle_rad)
@@ -118,7 +118,7 @@ def _read(
 
 
 def read_rows(domain: str, recordings: Iterable[tuple[Case, str, Processed, Log]], reader: Reader, by_revolution: bool = False) -> Readings:
-    """The rows that a reader returns for each (case, store key, processed recording, log)."""
+    """Collect the rows that a reader returns for each (case, store key, processed recording, log)."""
     parts, keys, names = [], [], []
     for case, key, processed, log in recordings:
         for suffix, piece, piece_log in revolutions(processed, log) if by_revolution else [("", processed, log)]:
@@ -136,7 +136,7 @@ def _part(domain: str, case: Case, values: np.ndarray, suffix: str = "") -> Part
 def measured_and_copies(
     config: Config, source: RecordingSource, store: Store, progress: Progress, without: Sequence[str] = ()
 ) -> tuple[Readings, Readings]:
-    """(measured revolutions, noisy copies of simulated revolutions) of the turntable, as rotation features."""
+    """Return rotation features of the turntable: (measured revolutions, noisy copies of simulated revolutions)."""
     cases, twins = shared_cases(source, MOTION)
     progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each; {len(cases)} measured recordings")
     copied = noise_copies(config, store, source, twins, cases, without)
@@ -147,12 +147,12 @@ def noise_copies(
     config: Config, store: Store, source: RecordingSource, simulated: Sequence[Case], measured: Sequence[Case],
     without: Sequence[str] = (), measured_source: RecordingSource | None = None,
 ) -> Readings:  # fmt: skip
-    """Rotation features of `supervision.copies` copies per simulated recording, with the noise of measured recordings at its distance.
+    """Compute features of `supervision.copies` noisy copies per simulated recording; noise levels come from measured ones at its distance.
 
-    The rows are kept in the store. Measured recordings contribute target energies and noise floors, but no labels.
+    The rows are stored. Measured recordings contribute target energies and noise floors, but no labels.
 
     Args:
-        measured_source: of the measured cases; None: `source`.
+        measured_source: source of the measured cases; None uses `source`.
     """
     measured_source = measured_source or source
     source.prepare([("twin", case) for case in simulated])
@@ -183,7 +183,7 @@ def noise_copies(
 
 
 def _energy(source: RecordingSource, domain: str, case: Case) -> tuple[float, float]:
-    """(mean energy in the target gate, noise power per range bin) of a recording."""
+    """Return (mean energy in the target gate, noise power per range bin) of a recording."""
     _, processed = source.processed(domain, case)
     log = source.log(case, domain)
     range_m = distances(log, processed.num_frames)

@@ -1,8 +1,8 @@
 """Recognition from a moving radar at three levels of supervision, in both rooms (the paper's Table 3 and its bar figure).
 
 `supervision` sets the highest level: label_free gives the rows of level (i), calibrated adds level (ii), few_shot adds level (iii).
-Baselines are computed: chance is one over the number of classes, or the share of the majority where the paper uses it. Material classes
-differ much in size, so the claim about them is judged by balanced accuracy. Control: a forest trained on shuffled simulated labels.
+Chance is one over the number of classes, or the share of the largest class where the paper uses this share. Material classes differ much in
+size, so the claim about materials is judged by balanced accuracy. The control is a forest trained on shuffled simulated labels.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from radartwin.store.products import Store
 TABLE = Table(
     name="rover_recognition",
     title="Recognition by supervision level",
-    caption="Random forests classify frames; a recording gets the majority label of its frames. Label-free: features are replaced by "
-    "ranks within domain and distance. Calibrated: energy features are mapped by one unlabelled recording of the reflector, "
-    "which is not scored. Chance for material is the share of the largest class for accuracy, and one third for balanced "
-    "accuracy. p is the exact binomial probability over recordings.",
+    caption="Random forests classify frames; a recording gets the majority label of its frames. Label-free: features are replaced "
+    "by ranks within domain and distance. Calibrated: energy features are mapped by one unlabelled recording of the "
+    "reflector, which is not scored. For material classes, chance is the share of the largest class (accuracy) or one third "
+    "(balanced accuracy). p is the exact binomial probability over recordings.",
 )
 
 ROOMS, MOTIONS = ("squash_court", "atrium"), ("lateral", "depth")
 PAPER_ROOM = "squash_court"
 TRAINED, RAW = "trained on simulation", "raw signatures"
-# The paper's Table 3 for the squash court: (motion, classes) -> (trained, raw).
+# The paper's Table 3 for the squash court: (motion, classes) -> accuracy (trained, raw).
 PAPER = {
     ("lateral", "object"): ("0.23 +- 0.02", "0.09"),
     ("depth", "object"): ("0.13 +- 0.02", "0.04"),
@@ -72,19 +72,19 @@ class Drives:
 
 @dataclass
 class Shown:
-    """Content of the figures: bars by group and method, and (truth, prediction) of the confusion matrices by panel."""
+    """Content of the figures: `bars` by group and method; `panels` with (truth, prediction) of each confusion matrix."""
 
     bars: dict[str, dict[str, Mapping[str, Any]]] = field(default_factory=dict)
     panels: dict[str, tuple[NDArray, NDArray]] = field(default_factory=dict)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign."""
+    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), store, progress)
 
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Rows of the configured levels. Raises InputError for a campaign without measured drives."""
+    """Build the rows of the configured supervision levels. Raises InputError if the campaign has no measured drives."""
     rows, shown, used = RecognitionRows(config), Shown(), set()
     mode = config.supervision.mode
     recorded = {case.room for case in source.cases("measured") if case.motion in MOTIONS}
@@ -117,7 +117,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
 
 
 def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None:
-    """Level (i): objects, shape of the objects in lateral drives, and the control."""
+    """Add level (i), label-free: object accuracy, shape accuracy in lateral drives, and the control."""
     frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
     recordings = frames.measured.per_recording()
     for classes, names in (("object", None), ("shape", SHAPE)) if motion == "lateral" else (("object", None),):
@@ -132,7 +132,7 @@ def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None
         if motion == "lateral" and (in_paper or names is None):
             text = "label-free transfer is above chance" if in_paper else "label-free transfer stays at chance"
         row = rows.share(drives.case("label_free", classes, TRAINED), hits, truth, frames.keys, chance, Claim(text, ours))
-        if text and not in_paper:  # the paper claims that nothing transfers in its other room
+        if text and not in_paper:  # the paper claims that recognition does not transfer in the other room
             row["verdict"] = "holds" if row["low"] <= chance <= row["high"] else "fails"
         text = "matching raw signatures fails" if in_paper and names is None else ""
         other = rows.share(drives.case("label_free", classes, RAW), raw_hits, truth, frames.keys, chance, Claim(text, theirs))
@@ -149,7 +149,7 @@ def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None
 
 
 def _add_control(rows: RecognitionRows, drives: Drives, split: Split, chance: float) -> None:
-    """The same forests, trained on permuted labels of the simulated recordings."""
+    """Add the control: the same forests, trained on permuted labels of the simulated recordings."""
     truth = drives.frames.measured.per_recording()
     predictions = transfer.predict(rows.config, split, lambda one, seed: label_free(shuffled(one.train, seed), one.test))
     shares = correct(predictions, truth.label).mean(axis=1)
@@ -158,7 +158,7 @@ def _add_control(rows: RecognitionRows, drives: Drives, split: Split, chance: fl
 
 
 def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: RecordingSource) -> None:
-    """Level (ii): material classes with and without calibration by one recording of the reflector, which is not scored."""
+    """Add level (ii), calibrated: material classes with and without calibration by one reflector recording, which is not scored."""
     frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
     ours, theirs = PAPER[motion, "material"] if in_paper else ("", "")
     recordings = frames.measured.per_recording()
@@ -185,7 +185,7 @@ def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: 
 
 
 def _add_few_shot(rows: RecognitionRows, drives: Drives) -> None:
-    """Level (iii) on the rover: trained on the twin's frames and a few labelled recordings; left out if there are too few recordings."""
+    """Add level (iii), few-shot, on the rover: train on the twin's frames and a few labelled recordings, if there are enough."""
     supervision, frames = rows.config.supervision, drives.frames
     simulated, measured = transfer.ranked(frames.simulated), transfer.ranked(frames.measured)
     recordings = frames.measured.per_recording()
@@ -205,7 +205,7 @@ def _add_few_shot(rows: RecognitionRows, drives: Drives) -> None:
 
 
 def _add_turntable(rows: RecognitionRows, shown: Shown, source: RecordingSource, store: Store, progress: Progress) -> tuple[str, ...]:
-    """Level (iii) of the paper: the labelled probe on the turntable. Returns the store keys of its recordings."""
+    """Add level (iii) of the paper, the labelled probe on the turntable. Returns the store keys of its recordings."""
     config = replace(rows.config, supervision=replace(rows.config.supervision, mode="label_free", shots=0))
     data = labelled_probe.gather_data(config, source, store, progress, {})
     keys = tuple(sorted({key for found in data.keys.values() for key in found}))

@@ -1,8 +1,8 @@
 """Label-free transfer from simulated to measured frames: the protocol that the rover's recognition tables share.
 
 Frames of the twin and of the measured recordings are rank-normalised separately within each distance. A random forest is trained on the
-twin's frames; a measured recording gets the majority vote of its frames (paper, scene-level recognition, label-free). The raw baseline
-matches whole range-time signatures at equal distance.
+twin's frames; a measured recording gets the majority vote of its frames (paper: scene-level recognition, label-free). The "raw" baseline
+chooses the object whose simulated range-time signature is most similar at equal distance.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from radartwin.recognize.probes import forest, match_signatures
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import Split, label_free
 
-ENERGY = "_db"  # ending of the names of features that depend on energy and are calibrated by the reflector
+ENERGY = "_db"  # names of features that depend on energy end so; the reflector calibrates them
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames of both domains in one room and motion, with the store keys of their recordings."""
+    """Feature rows per frame of both domains in one room and motion, with the store keys of their recordings."""
 
     simulated: Samples
     measured: Samples
@@ -42,7 +42,7 @@ class Frames:
 
 
 def read(source: RecordingSource, room: str, motion: str, domain: str = "twin", materials: Any = None) -> Frames:
-    """Frames of every case that both domains have. Raises InputError if there are none."""
+    """Read the frames of every case that both domains contain. Raises InputError if there are none."""
     measured, simulated = readings.shared_cases(source, motion, room, domain)
     theirs = readings.frames(source, "measured", measured, motion)
     ours = readings.frames(source, domain, simulated, motion, materials)
@@ -50,19 +50,19 @@ def read(source: RecordingSource, room: str, motion: str, domain: str = "twin", 
 
 
 def missing(campaign: Campaign, room: str, motion: str, domain: str = "twin", materials: Any = None) -> dict[str, RecordingTask]:
-    """The recordings that `read` would simulate, so that those of several campaigns can be made together (campaign.make_together)."""
+    """Return {store key: task} of the recordings that `read` would simulate, for campaign.make_together."""
     measured, simulated = readings.shared_cases(campaign, motion, room, domain)
     ours = campaign.missing([(domain, case) for case in simulated], materials)
     return campaign.missing([("measured", case) for case in measured]) | ours
 
 
 def ranked(samples: Samples) -> Samples:
-    """Each feature's rank among the rows of its distance, from 0 to 1."""
+    """Replace each feature by its rank, from 0 to 1, among the rows at equal distance."""
     return samples.with_values(rank_normalise(samples.values, samples.stratum))
 
 
 def ranked_split(frames: Frames, classes: Mapping[str, str] | None = None) -> Split:
-    """Train on the twin's ranked frames, score the measured ones; `classes` replace the objects."""
+    """Return the split that trains on the twin's ranked frames and tests on the measured frames; `classes` maps objects to classes."""
     simulated, measured = ranked(frames.simulated), ranked(frames.measured)
     if classes is not None:
         simulated, measured = simulated.relabelled(classes), measured.relabelled(classes)
@@ -70,12 +70,12 @@ def ranked_split(frames: Frames, classes: Mapping[str, str] | None = None) -> Sp
 
 
 def predict(config: Config, split: Split, change: Callable[[Split, int], Split] = lambda split, seed: split) -> list[NDArray]:
-    """The forest's predictions per recording, for each seed; `change` alters the split of a seed."""
+    """Return the forest's predictions (recordings,) for each seed; `change(split, seed)` may alter the split of a seed."""
     return [forest(change(split, seed), seed, config.supervision.trees) for seed in seeds(config)]
 
 
 def predict_from_signatures(source: RecordingSource, room: str, motion: str) -> NDArray:
-    """The object with the best matching simulated signature, for each measured recording."""
+    """Predict for each measured recording the object with the most similar simulated signature."""
     measured, simulated = readings.shared_cases(source, motion, room)
     ours, theirs = readings.signatures(source, "twin", simulated), readings.signatures(source, "measured", measured)
     return match_signatures(label_free(ours.samples, theirs.samples))
@@ -84,10 +84,10 @@ def predict_from_signatures(source: RecordingSource, room: str, motion: str) -> 
 def calibrated_split(
     source: RecordingSource, frames: Frames, room: str, motion: str, classes: Mapping[str, str], mapped: bool = True
 ) -> Split:
-    """Train on the twin's frames in the units of the measured domain, after calibration by one unlabelled reflector recording.
+    """Return the split that trains on the twin's frames after calibration by one unlabelled reflector recording.
 
-    The calibration maps the features that depend on energy. The reflector is left out of training and test at every distance.
-    Without `mapped` nothing is calibrated, for comparison.
+    The calibration maps energy-dependent features of the twin to levels of the measured domain. The reflector is left out of training and
+    test at every distance. `mapped=False` skips the calibration, for comparison.
     """
     simulated = frames.simulated
     if mapped:
@@ -102,7 +102,7 @@ def calibrated_split(
 
 
 def calibration_case(source: RecordingSource, domain: str, room: str, motion: str) -> Case:
-    """The first recording of the reflector at the middle distance. Raises InputError if there is none."""
+    """Return the first recording of the reflector at the middle distance. Raises InputError if there is none."""
     cases = sorted(source.cases(domain, room=room, motion=motion, object=REFLECTOR), key=lambda case: recording_name(domain, case))
     if not cases:
         raise InputError(f"calibration: the campaign has no {domain} {motion} recording of the {REFLECTOR} in {room}; record one")

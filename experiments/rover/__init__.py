@@ -1,1 +1,1 @@
-"""Tables of the moving radar."""
+"""Tables for a radar that moves on a rover."""

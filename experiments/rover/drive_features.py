@@ -1,4 +1,4 @@
-"""Rover recordings as the rover tables read them: features, mean profile, and track, energy and velocity along the drive."""
+"""Read rover recordings for the rover tables: features, mean range profile, and track, energy and velocity along the drive."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Place = tuple[str, str, float]  # room, motion, distance
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """One recording.
+    """Features and time series of one rover recording.
 
     Attributes:
-        values: features of the motion's set by name.
-        power: (F, B) over range_m (B,).
-        nominal_m, track_m: (F,) logged and tracked range of the target.
-        energy: (F,) in the target gate.
+        values: {name: value} of the feature set for this motion.
+        power: (F, B) range profiles over range_m (B,).
+        nominal_m, track_m: (F,) logged and (F,) tracked range of the target.
+        energy: (F,) energy in the target gate.
         velocity_mps: (F,) radial velocity of the target, or None without Doppler.
     """
 
@@ -43,15 +43,15 @@ class Drive:
 
     @property
     def profile(self) -> NDArray:
-        """(B,): mean over frames of the range profile, each frame with unit energy."""
+        """Mean range profile (B,) over frames, after scaling each frame to unit energy."""
         return (self.power / self.power.sum(axis=1, keepdims=True)).mean(axis=0)
 
 
-Drives = dict[tuple[str, Place], list[Drive]]  # by object and place
+Drives = dict[tuple[str, Place], list[Drive]]  # key: object, place
 
 
 def read(source: RecordingSource, progress: Progress) -> dict[str, Drives]:
-    """Drives of both domains at the objects and places that both have. Raises ConfigError if they have none in common."""
+    """Read both domains at their common objects and places. Raises ConfigError if the domains have none in common."""
     return read_both(source, ROVER, lambda case: (case.object, (case.room, case.motion, case.distance_m)), _drive, progress)
 
 
@@ -66,23 +66,23 @@ def _drive(case: Case, key: str, processed: Processed, log: Log) -> Drive:
 
 
 def places(drives: Drives) -> list[Place]:
-    """In the order of rooms, motions and distances."""
+    """Return the places, sorted by room, motion and distance."""
     return sorted({place for _, place in drives})
 
 
 def objects(drives: Drives, place: Place) -> list[str]:
-    """Names of the objects at a place, in the catalogue's order."""
+    """Return the names of the objects at a place, sorted as the catalogue."""
     return [name for name in catalogue() if (name, place) in drives]
 
 
 def matrix(drives: Drives, names: Sequence[str], place: Place) -> tuple[list[str], NDArray[np.floating]]:
-    """(feature names, (objects, features) means over repetitions)."""
+    """Return the feature names, and the feature means (objects, features) over repetitions at a place."""
     features = list(drives[names[0], place][0].values)
     return features, np.array([[np.mean([one.values[f] for one in drives[name, place]]) for f in features] for name in names])
 
 
 def keys(drives: dict[str, Drives], names: Iterable[str] | None = None, chosen: Iterable[Place] | None = None) -> list[str]:
-    """Store keys of the drives of both domains, of these objects at these places (None: all)."""
+    """Return the store keys of both domains' drives; `names=None` means all objects, `chosen=None` all places."""
     known_names, known_places = None if names is None else set(names), None if chosen is None else set(chosen)
     return [
         one.key
@@ -94,7 +94,7 @@ def keys(drives: dict[str, Drives], names: Iterable[str] | None = None, chosen: 
 
 
 def family(feature: str) -> str:
-    """Family of a feature, as tables print it."""
+    """Return the name of a feature's family as tables print it."""
     if feature.startswith("window"):
         return "range-profile window"
     known = {"multipath_share": "multipath share", "azimuth_extent_rad": "angular extent", "brightness_db": "brightness"}

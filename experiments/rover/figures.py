@@ -17,12 +17,12 @@ from radartwin.scene.objects.catalogue import catalogue
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHOWN = ("corner_reflector", "can_211_400", "mug", "mustard")  # one object of each class and the reflector
+SHOWN = ("corner_reflector", "can_211_400", "mug", "mustard")  # the reflector and one object of each material class
 SPAN_DB = 50.0
 
 
 def panels_figure(drives: dict[str, Drives]) -> Figure:
-    """Range over time of up to four objects at one place, each panel relative to its brightest cell; depth drives are preferred."""
+    """Draw range over time for up to four objects at one place, preferably a "depth" drive. Levels are relative to each panel's maximum."""
     where = drive_features.places(drives[MEASURED])
     place = next((one for one in where if one[1] == "depth"), where[0])
     here = drive_features.objects(drives[MEASURED], place)
@@ -48,7 +48,7 @@ def panels_figure(drives: dict[str, Drives]) -> Figure:
 
 
 def correlation_figure(found: list[tuple[Place, str, float]]) -> Figure:
-    """Rank correlation over objects of every (place, feature family, correlation), one panel per room and motion."""
+    """Draw rank correlations over objects by feature family from (place, family, correlation); one panel per room and motion."""
     groups = sorted({(place[0], place[1]) for place, _, _ in found})
     families = list(dict.fromkeys(family for _, family, _ in found))
     drawing, panels = figure(1, max(len(groups), 1), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True, squeeze=False)
@@ -66,7 +66,7 @@ def correlation_figure(found: list[tuple[Place, str, float]]) -> Figure:
 
 
 def slices_figure(slices: dict[tuple[str, str], np.ndarray]) -> Figure:
-    """Histograms of the agreement along each factor: rank correlations over objects and distances, signs of the change between rooms."""
+    """Draw histograms of agreement: rank correlations along objects and along distances, and signs of the change between rooms."""
     motions = list(dict.fromkeys(motion for motion, _ in slices))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=2.4, sharey=True, squeeze=False)
     for panel, motion in zip(panels[0], motions, strict=True):

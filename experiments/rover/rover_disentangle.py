@@ -1,12 +1,12 @@
 """Object, distance, room: which of them makes simulated features agree with measured ones, and which makes them differ?
 
 A slice fixes two of the three factors and varies the third. Object slice: rank correlation over objects in one room at one distance.
-Distance slice: rank correlation over distances for one object in one room. Room slice: whether a feature of one object at one distance
-changes in the same direction between rooms in both domains. Pooled correlation takes all objects and distances together; matched
-correlation is the mean over distances. As in the paper, the table gives the highest correlation over features. The disagreement is the
-difference of simulated and measured feature, each standardised over all recordings of its domain. Its variance is divided among the main
-effects of object, distance and room, as a mean over features. Paper, disentangling object, distance and environment: pooled about 0.8,
-matched about 0.5; the environment factor dominates.
+Distance slice: rank correlation over distances for one object in one room. Room slice: share of features that change in the same direction
+between rooms in both domains, for one object at one distance. The pooled correlation takes all objects and distances of a room together;
+the matched correlation takes the objects at each distance and averages. As in the paper, the table gives the feature with the highest
+correlation. The disagreement is the simulated minus the measured feature, each standardised over all recordings of its domain. The variance
+of the disagreement is divided among the main effects of object, distance and room, as a mean over features. Paper, disentangling object,
+distance and environment: pooled about 0.8, matched about 0.5; the environment factor dominates.
 """
 
 from __future__ import annotations
@@ -34,26 +34,26 @@ from radartwin.store.products import Store
 TABLE = Table(
     name="rover_disentangle",
     title="Object, distance, room",
-    caption="Agreement of simulated and measured features while two of object, distance and room are held and the third varies, "
-    "correlations pooled over distances and at matched distances, and the division of the variance of the disagreement among "
-    "the three. Intervals are bootstraps over objects.",
+    caption="Agreement of simulated and measured features while two of the factors object, distance and room are fixed and the "
+    "third varies; correlations pooled over distances and at matched distances; and the variance of the disagreement "
+    "(simulated minus measured), divided among the three factors. Intervals are bootstraps over objects.",
 )
 
 SHARE = "share of the disagreement, per degree of freedom"
 INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", above=0.0)
 ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", above=0.0)
 Label = tuple[str, str, float]  # object, room, distance
-POSITIONS = {"object": 0, "distance": 2, "room": 1}  # of the factors in a label
-Cells = Mapping[Label, NDArray[np.floating]]  # (2, features): measured and simulated
+POSITIONS = {"object": 0, "distance": 2, "room": 1}  # index of each factor in a Label
+Cells = Mapping[Label, NDArray[np.floating]]  # values (2, features): measured, simulated
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign."""
+    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Rows per motion; slices that the campaign does not have are left out."""
+    """Build the rows per motion; slices without recordings in the campaign are left out."""
     drives = drive_features.read(source, progress)
     rows = RowList(config)
     slices: dict[tuple[str, str], NDArray] = {}
@@ -70,7 +70,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def standardised(drives: dict[str, Drives], where: list[Place]) -> Cells:
-    """Features of every object and place of one motion with zero mean and unit spread over their domain; constant features are left out."""
+    """Scale the features of one motion to zero mean and unit standard deviation within each domain; constant features are left out."""
     names = {place: drive_features.objects(drives[MEASURED], place) for place in where}
     labels = [(name, place[0], place[2]) for place in where for name in names[place]]
     both = [np.concatenate([drive_features.matrix(drives[domain], names[place], place)[1] for place in where]) for domain in COMPARED]
@@ -80,7 +80,7 @@ def standardised(drives: dict[str, Drives], where: list[Place]) -> Cells:
 
 
 def _add_slices(rows: RowList, motion: str, cells: Cells, keys: list[str], slices: dict[tuple[str, str], NDArray]) -> None:
-    """Rows of the three slices and of pooled and matched correlations; `slices` collects the values for the figure."""
+    """Add rows of the three slices, and of pooled and matched correlations; `slices` collects the values for the figure."""
     seeds = rows.config.profile.resamples, rows.config.seed
 
     def add(case: str, metric: str, statistic: Callable[[Cells], float], claim: Claim = NONE) -> None:
@@ -102,7 +102,7 @@ def _add_slices(rows: RowList, motion: str, cells: Cells, keys: list[str], slice
 
 
 def _add_effects(rows: RowList, motion: str, cells: Cells, keys: list[str]) -> None:
-    """Rows of the main effects of object, distance and room on the disagreement."""
+    """Add rows of the main effects of object, distance and room on the disagreement."""
     seeds = rows.config.profile.resamples, rows.config.seed
     shares = effects(cells)
     for factor in shares:
@@ -114,7 +114,7 @@ def _add_effects(rows: RowList, motion: str, cells: Cells, keys: list[str]) -> N
 
 
 def slice_correlations(cells: Cells, factor: str) -> NDArray[np.floating]:
-    """Rank correlation of every feature in every slice along a factor; slices with fewer than three levels are left out."""
+    """Compute the rank correlation of every feature in every slice along a factor; slices with fewer than three levels are left out."""
     slices = _grouped(cells, lambda label: tuple(part for i, part in enumerate(label) if i != POSITIONS[factor]))
     found = [_rank_correlations(some) for some in slices if len(some) >= 3]
     values = np.concatenate(found) if found else np.zeros(0)
@@ -122,7 +122,7 @@ def slice_correlations(cells: Cells, factor: str) -> NDArray[np.floating]:
 
 
 def room_signs(cells: Cells) -> NDArray[np.floating]:
-    """Per object, distance, pair of rooms and feature: 1 if the feature changes in the same direction in both domains, else 0."""
+    """Return 1 or 0 per object, distance, pair of rooms and feature: 1 if the feature changes in the same direction in both domains."""
     found = []
     rooms = sorted({room for _, room, _ in cells})
     for name, room, distance in cells:
@@ -135,20 +135,20 @@ def room_signs(cells: Cells) -> NDArray[np.floating]:
 
 
 def pooled(cells: Cells) -> NDArray[np.floating]:
-    """(features,): rank correlation over all objects and distances of a room, mean over rooms."""
+    """Return, for each feature, the rank correlation over all objects and distances of a room, as a mean over rooms (features,)."""
     return _mean_correlation(cells, lambda label: label[1])
 
 
 def matched(cells: Cells) -> NDArray[np.floating]:
-    """(features,): rank correlation over the objects of a room and distance, mean over both."""
+    """Return, for each feature, the rank correlation over objects at one room and distance, as a mean over these places (features,)."""
     return _mean_correlation(cells, lambda label: label[1:])
 
 
 def effects(cells: Cells) -> dict[str, float]:
-    """Main effect of each factor on the disagreement (simulated minus measured), mean over features.
+    """Compute the main effect of each factor on the disagreement (simulated minus measured), as a mean over features.
 
     The effect is the share of the variance that the means of the factor's levels explain, per degree of freedom (levels minus one),
-    because more levels explain more of any variance. Factors with one level are left out.
+    because a factor with more levels explains more of any variance. Factors with one level are left out.
     """
     labels = list(cells)
     gap = np.stack([values[1] - values[0] for values in cells.values()])
@@ -169,7 +169,7 @@ def effects(cells: Cells) -> dict[str, float]:
 
 
 def inflation(cells: Cells) -> float:
-    """Highest pooled correlation of a feature minus the highest matched one."""
+    """Return the highest pooled correlation over features minus the highest matched correlation."""
     return float(np.nanmax(pooled(cells)) - np.nanmax(matched(cells)))
 
 
@@ -183,7 +183,7 @@ def _mean(values: NDArray) -> float:
 
 
 def _grouped(cells: Cells, group: Callable[[Label], Any]) -> list[NDArray]:
-    """The cells of each group, stacked to (n, 2, features)."""
+    """Return for each group the values of its n cells, (n, 2, features)."""
     groups: dict[Any, list[NDArray]] = {}
     for label, values in cells.items():
         groups.setdefault(group(label), []).append(values)
@@ -191,14 +191,14 @@ def _grouped(cells: Cells, group: Callable[[Label], Any]) -> list[NDArray]:
 
 
 def _mean_correlation(cells: Cells, group: Callable[[Label], Any]) -> NDArray[np.floating]:
-    """(features,): mean over groups of the rank correlation; NaN for a feature that varies in no group."""
+    """Return, for each feature, the mean rank correlation over groups (features,); NaN if the feature varies in no group."""
     found = np.stack([_rank_correlations(some) for some in _grouped(cells, group)])
     finite = np.isfinite(found)
     return np.where(finite.any(axis=0), np.where(finite, found, 0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1), np.nan)
 
 
 def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
-    """(features,): Spearman correlation of (n, 2, features) over n; NaN for a feature that does not vary."""
+    """Return the Spearman correlations (features,) of values (n, 2, features) over n; NaN for a constant feature."""
     from scipy.stats import rankdata
 
     first, second = (rankdata(values[:, side], axis=0) for side in (0, 1))
@@ -208,9 +208,9 @@ def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
 
 
 def bootstrap(cells: Cells, statistic: Callable[[Cells], float], resamples: int, seed: int) -> Estimate:
-    """A statistic of the cells with an interval over resampled objects; an object keeps all its places.
+    """Estimate a statistic with a bootstrap over objects; a drawn object brings its cells at all places.
 
-    At most 300 resamples are drawn, because each ranks every feature again.
+    At most 300 resamples are drawn, because every feature is ranked again in each resample.
     """
     names = sorted({name for name, _, _ in cells})
     rng = np.random.default_rng(seed)

@@ -1,11 +1,11 @@
-"""Along trajectories: does the simulated signal follow the measured one as the rover drives, and do features order objects alike?
+"""Along trajectories: does the simulated signal follow the measured signal along a drive, and do features rank objects equally?
 
-For every object, distance and room, the start of the simulated drive is aligned with the measured one by the correlation of their target
-energies. The table then compares the tracked range over the common frames (Pearson), the mean normalised range profile (Pearson of
-amplitudes, 0.3 to 5.5 m), and the radial velocity from Doppler with the log's range rate. At each room, motion and distance it gives the
-Spearman correlation over objects of every feature, and the share of positive correlations with the paper's exact binomial p. That p is too
-small because features depend on one another. For metal and plastic it gives the sign of the brightness difference in both domains, and the
-ratio of the differences in decibels. Paper: signal fidelity along trajectories.
+For every object, distance and room, the start of the simulated drive is aligned with the start of the measured drive by correlating their
+target energies. The table then gives the Pearson correlation of the tracked ranges over common frames, the Pearson correlation of the mean
+normalised range profiles (amplitudes, 0.3 to 5.5 m), and the difference between Doppler velocity and the log's range rate. At each room,
+motion and distance it gives the Spearman correlation over objects of every feature, and the share of positive correlations with an exact
+binomial p, as in the paper. This p is too small because features depend on one another. For metal and plastic, the table gives the sign of
+the brightness difference in both domains, and the ratio of the differences in decibels. Paper: signal fidelity along trajectories.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from radartwin.store.products import Store
 TABLE = Table(
     name="rover_fidelity",
     title="Along trajectories",
-    caption="Objects in front of a driving rover. Rows give the tracked range after removal of the start offset, the mean normalised "
-    "range profile, the velocity from Doppler against the log, the order of objects by each feature at matched distance, and "
-    "the brightness of metal minus plastic. The order is a Spearman correlation; p is the exact binomial probability of the "
-    "share of positive correlations, with features taken as independent. Intervals are 95 % bootstraps; shares have "
-    "Clopper-Pearson intervals.",
+    caption="Objects in front of a driving rover. Rows give the tracked range after removal of the start offset, the mean "
+    "normalised range profile, the velocity from Doppler against the log, the rank correlation of each feature over objects "
+    "at equal distance (Spearman, measured against simulated), and the brightness of metal minus plastic. p is the exact "
+    "binomial probability of the share of positive rank correlations, with features taken as independent. Intervals are 95 "
+    "% bootstraps; shares have Clopper-Pearson intervals.",
 )
 
 OVERLAYS = Claim("once start offsets are fitted, the simulated range track overlays the measured", "", above=0.0)
@@ -54,7 +54,7 @@ AGREE = {
 }
 SIGNS = Claim(
     "metal over plastic has the same sign in both domains", "9 of 9", above=0.5, p_below=0.05, least=5
-)  # the p of five of five is 0.03
+)  # five successes of five have p = 0.03
 SEPARATES = Claim("the simulation separates metal from plastic more", "about 25:1", above=1.0)
 RELIABLE = Claim("the multipath share is the most reliable feature", "first", above=1 - 1e-9, least=1)
 MULTIPATH = "multipath_share"
@@ -62,7 +62,7 @@ MULTIPATH = "multipath_share"
 
 @dataclass(frozen=True)
 class Agreement:
-    """Rank correlation of one feature over the objects of one place."""
+    """Rank correlation `rho` between measured and simulated values of one feature over the objects at one place."""
 
     place: Place
     feature: str
@@ -70,12 +70,12 @@ class Agreement:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """The table of the configured campaign."""
+    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Rows per room, motion and distance, and over all of them."""
+    """Build the rows per room, motion and distance, and over all of them."""
     drives = drive_features.read(source, progress)
     found = agreements(drives)
     rows = RowList(config)
@@ -92,7 +92,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def agreements(drives: dict[str, Drives]) -> list[Agreement]:
-    """One agreement per place with three objects or more and per feature that varies in both domains."""
+    """Return one `Agreement` per feature that varies in both domains and per place with three objects or more."""
     found = []
     for place in drive_features.places(drives[MEASURED]):
         names = drive_features.objects(drives[MEASURED], place)
@@ -108,26 +108,26 @@ def agreements(drives: dict[str, Drives]) -> list[Agreement]:
 
 
 def _at(place: Place, label: str, of: str = "both") -> dict[str, Any]:
-    """The case of a row about one place."""
+    """Return the case columns of a row about one place."""
     return {"room": place[0], "motion": place[1], "distance_m": place[2], "case": label, "of": of}
 
 
 def _over(label: str, room: str = "all", motion: str = "all") -> dict[str, Any]:
-    """The case of a row about several places."""
+    """Return the case columns of a row about several places."""
     return {"room": room, "motion": motion, "distance_m": None, "case": label, "of": "both"}
 
 
 def aligned(first: Drive, second: Drive) -> tuple[NDArray, NDArray]:
-    """Tracked ranges of two drives over their common frames, after the start offset is removed."""
+    """Return the tracked ranges of two drives over their common frames, without the offset between their starts."""
     try:
         late = start_offset(first.energy, second.energy, max_frames=max(1, len(first.energy) // 4)).frames
-    except InputError:  # the target's energy does not vary or is below the noise: keep the logged start
+    except InputError:  # the target's energy is constant or below the noise, so the logged start is used
         late = 0
     return overlap(first.track_m, second.track_m, late)
 
 
 def _add_signals(rows: RowList, drives: dict[str, Drives], place: Place) -> None:
-    """Track, profile and velocity at one place over objects; profiles by material class."""
+    """Add track, profile and velocity rows of one place over objects; profile rows also per material class."""
     names = drive_features.objects(drives[MEASURED], place)
     tracks, profiles, velocities = [], defaultdict(list), defaultdict(list)
     for name in names:
@@ -151,7 +151,7 @@ def _add_signals(rows: RowList, drives: dict[str, Drives], place: Place) -> None
 
 
 def _add_shares(rows: RowList, drives: dict[str, Drives], found: list[Agreement]) -> None:
-    """Share of positive rank correlations per room and motion, and the mean of each feature family."""
+    """Add the share of positive rank correlations per room and motion, and the mean correlation of each feature family."""
     groups: dict[tuple[str, str], list[Agreement]] = defaultdict(list)
     for one in found:
         groups[one.place[0], one.place[1]].append(one)
@@ -168,7 +168,7 @@ def _add_shares(rows: RowList, drives: dict[str, Drives], found: list[Agreement]
 
 
 def _add_reliability(rows: RowList, drives: dict[str, Drives], found: list[Agreement]) -> None:
-    """Share of features whose mean rank correlation does not exceed that of the multipath share."""
+    """Add the share of features whose mean rank correlation is not above the mean rank correlation of the multipath share."""
     means = {f: np.mean([one.rho for one in found if one.feature == f]) for f in {one.feature for one in found}}
     if MULTIPATH in means and len(means) > 1:
         beaten = float(np.mean([means[MULTIPATH] >= value for f, value in means.items() if f != MULTIPATH]))
@@ -177,7 +177,7 @@ def _add_reliability(rows: RowList, drives: dict[str, Drives], found: list[Agree
 
 
 def _add_materials(rows: RowList, drives: dict[str, Drives]) -> None:
-    """Metal minus plastic per place and domain, the share of places where the signs agree, and the ratio of the differences."""
+    """Add the brightness of metal minus plastic per place and domain, the share of places with equal signs, and the differences' ratio."""
     label, gaps, keys = "metal less plastic", [], []
     known = catalogue()
     for place in drive_features.places(drives[MEASURED]):
@@ -199,9 +199,9 @@ def _add_materials(rows: RowList, drives: dict[str, Drives]) -> None:
 
 
 def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
-    """Mean simulated over mean measured difference of (places, 2), with a bootstrap over places.
+    """Estimate the mean simulated over the mean measured difference of `pairs` (places, 2), with a bootstrap over places.
 
-    A draw whose mean measured difference is not above zero counts as infinite.
+    In a resample whose mean measured difference is not above zero, the ratio counts as infinite.
     """
     value = float(pairs[:, 1].mean() / pairs[:, 0].mean()) if pairs[:, 0].mean() > 0 else float("nan")
     drawn = pairs[np.random.default_rng(seed).integers(len(pairs), size=(resamples, len(pairs)))].mean(axis=1)
