@@ -1,7 +1,7 @@
-"""The Protocol of simulators, and the choice of a simulator by name.
+"""The interface (Protocol) of simulators, and functions that choose a simulator by name.
 
 A new simulator is a module with a settings dataclass and a class that follows the Protocol, plus a line in `_kinds`. The contract tests
-(tests/contract/test_simulators.py) then include it.
+(tests/contract/test_simulators.py) then test the new simulator.
 """
 
 from collections.abc import Mapping
@@ -21,10 +21,10 @@ SIMULATORS = ("mitsuba", "rfgenesis", "points", "sionna")
 
 
 class Backend(Protocol):
-    """A simulator that finds propagation paths.
+    """Find the propagation paths of a scene.
 
     Attributes:
-        name: as in SIMULATORS. settings: a dataclass. Recordings store both.
+        name: one of SIMULATORS. settings: a dataclass. Recordings store both.
     """
 
     name: ClassVar[str]
@@ -33,27 +33,27 @@ class Backend(Protocol):
     def settings(self) -> Any: ...
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Paths of every static part and moving group.
+        """Return the paths of all static surfaces and of every group of surfaces that move together.
 
         Args:
-            scene: surfaces; surfaces named in `motion` in their own frames.
-            radar: waveform, frame rate and element pattern. The synthesis applies the pattern, so amplitudes exclude it.
-            sensor_poses: (F, 4, 4) sensor to world, checked.
-            motion: (F, 4, 4) object-to-world poses by surface name, checked.
+            scene: surfaces in the world, except surfaces named in `motion`, which are in their own frames.
+            radar: waveform, frame rate and element pattern. Amplitudes exclude the element gain, because the synthesis applies it.
+            sensor_poses: (F, 4, 4) sensor to world, already checked.
+            motion: (F, 4, 4) object-to-world poses by surface name, already checked.
         Returns:
-            Parts to add up, each of F poses, or of one pose that holds for all frames; none for an empty scene.
+            Parts whose signals add up, each with F poses or with one pose that holds for all frames. The list is empty for an empty scene.
         """
         ...
 
 
 def backend(name: str, **settings: Any) -> Backend:
-    """A simulator by name.
+    """Return the simulator of a name, with its settings.
 
     Args:
         name: one of SIMULATORS.
-        settings: fields of its settings dataclass; missing fields have their defaults.
+        settings: fields of the simulator's settings dataclass. Missing fields have their defaults.
     Raises:
-        InputError: unknown name or setting, or a wrong value.
+        InputError: the name or a setting is unknown, or a value is wrong.
 
     >>> backend("rfgenesis", version="corrected").settings.grid
     128
@@ -69,10 +69,10 @@ def backend(name: str, **settings: Any) -> Backend:
 
 
 def resolve(simulator: str | Backend, settings: TraceSettings) -> Backend:
-    """The simulator of a call that also has tracer settings.
+    """Return the simulator for a call that also passes tracer settings.
 
     Raises:
-        InputError: not a simulator, an unknown name, or changed tracer settings for a simulator that does not read them.
+        InputError: `simulator` is no simulator or an unknown name, or it ignores tracer settings that differ from their defaults.
     """
     if simulator == MitsubaBackend.name:
         return MitsubaBackend(settings)
@@ -89,7 +89,7 @@ def resolve(simulator: str | Backend, settings: TraceSettings) -> Backend:
 
 
 def settings_of(name: str) -> frozenset[str]:
-    """Names of the settings of a simulator."""
+    """Return the names of a simulator's settings."""
     return frozenset(f.name for f in fields(_kinds()[name][1]))
 
 

@@ -1,13 +1,13 @@
-"""Paths of a scene on Mitsuba 3: image sources for flat rooms, ray tubes for small or curved surfaces.
+"""Simulator on Mitsuba 3: image sources for rooms of flat panels, ray tubes for small or curved surfaces.
 
 - A room of flat panels is traced by exact images with Fresnel factors (`panel_room`), at any pose and without tubes.
-- A room that is not flat, or whose `rays` are given, is traced by tubes (`tube_paths`).
-- Next to panels, and if anything moves, objects are traced in their own frame, for all poses in a few batches: directly and over the panels
-  (`coupling`).
+- A room that is not flat is traced by tubes (`tube_paths`). If `rays` is set, every room is traced by tubes.
+- In a room of panels, and if anything moves, each object is traced in its own frame, for all poses in a few batches. The paths include
+  direct paths and paths that also reflect at the panels (`coupling`).
 - Rough surfaces scatter diffusely from a cloud of points fixed in the world (`diffuse`).
 
-Static surfaces seen by a resting sensor are traced once and cached. Not modelled: the shadow of a moving object on the room, and paths
-between two groups that move differently.
+Static surfaces seen by a resting sensor are traced once and cached. Two effects are not modelled: the shadow of a moving object on the
+room, and paths between two groups of surfaces that move differently.
 """
 
 from collections.abc import Mapping
@@ -28,13 +28,17 @@ from radartwin.simulation.flat import coupling, panel_room
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
 
-# Share of the room's strongest path below which pairs of legs between small static objects and the room are dropped; changes the signal of
-# the cluttered atrium by 0.002.
+# Paths between small static objects and the room are dropped if their legs make them weaker than this times the room's strongest path
+# (error: 0.002 of the signal of the cluttered atrium).
 PAIRS = 1e-2
 
 
 class Surroundings(NamedTuple):
-    """Static surfaces around an object: panels that paths may include, and geometry that blocks. None: free space."""
+    """Hold the static surfaces around an object.
+
+    Attributes:
+        room: panels that paths may include. occluder: geometry that blocks paths. Both are None in free space.
+    """
 
     room: panel_room.PanelRoom | None
     occluder: Geometry | None
@@ -42,7 +46,7 @@ class Surroundings(NamedTuple):
 
 @dataclass(frozen=True)
 class StaticScene:
-    """The static surfaces of a scene with their triangles, panels and reflection."""
+    """Hold the static surfaces of a scene with their triangles, panels and reflection."""
 
     surfaces: list[Surface]
     geometry: Geometry
@@ -57,13 +61,13 @@ class StaticScene:
 
 @dataclass(frozen=True)
 class MitsubaBackend:
-    """Tubes and panel images with physical optics on Mitsuba 3."""
+    """Trace scenes by ray tubes with physical optics and by panel images, on Mitsuba 3."""
 
     settings: TraceSettings = field(default_factory=TraceSettings)
     name: ClassVar[str] = "mitsuba"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Paths of every static part and moving group. Arguments and result as in `radartwin.simulation.backends.backend.Backend`."""
+        """Trace all static surfaces and moving groups. Arguments and result as in `radartwin.simulation.backends.backend.Backend`."""
         variant.activate(self.settings.variant)
         motion = motion or {}
         surfaces = [s for s in scene.surfaces if s.name not in motion]
@@ -82,12 +86,13 @@ class MitsubaBackend:
         return [part for part in parts if len(part)]
 
     def cached_static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
-        """Static paths, traced once per room: frames, objects, repetitions and chirp timings share them."""
+        """Return the static paths. They are traced once per room and shared by all frames, objects, repetitions and chirp timings."""
         geometry, table = static.geometry, static.room.table
         spec = {
             "settings": replace(self.settings, variant=variant.activate(self.settings.variant)),
             "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in static.surfaces],
-            # Of the radar, static paths depend on these three and on the table. The frame rate matters only where the radar moves.
+            # Static paths depend only on these properties of the radar and on the reflection table; on the frame rate only if the radar
+            # moves.
             "element": radar.element,
             "wavelength_m": radar.wavelength_m,
             "frame_rate_hz": radar.frame_rate_hz if len(poses) > 1 else 0.0,
@@ -109,10 +114,10 @@ class MitsubaBackend:
         return parts + self.diffuse_paths(static, radar, poses)
 
     def object_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, least: float) -> list[Paths]:
-        """Paths of small or curved static objects in a room of panels, without pairs of legs below the amplitude `least`."""
+        """Trace small or curved static objects in a room of panels, without pairs of legs below the amplitude `least`."""
         geometry, room = static.geometry, static.room
         unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
-        done: list[int] = []  # paths between two objects are traced once: the first object over the panels of the second
+        done: list[int] = []  # already traced objects, so that paths between two objects are traced only once
         parts: list[Paths] = []
         for cluster in tube_paths.clusters(static.surfaces, np.unique(geometry.surface[room.compact])):
             members = np.isin(geometry.surface, cluster) & room.compact
@@ -123,7 +128,7 @@ class MitsubaBackend:
         return parts
 
     def diffuse_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
-        """Diffuse paths of rough surfaces."""
+        """Return the diffuse paths of rough surfaces."""
         cloud = diffuse.cloud(static.surfaces) if self.settings.diffuse else None
         if cloud is None or not len(cloud):
             return []
@@ -141,7 +146,7 @@ class MitsubaBackend:
         ball: tuple[np.ndarray, float] | None = None,
         prune: float = PRUNE,
     ) -> list[Paths]:
-        """Paths of surfaces that keep their relative positions, at `poses` (F, 4, 4); `least`, `ball` and `prune` as in `coupling`."""
+        """Trace a group of surfaces that move together, at `poses` (F, 4, 4); `least`, `ball`, `prune` as in `coupling.group_paths`."""
         settings, room = self.settings, surroundings.room
         alone = room is None
         coupled = room if room is not None and room.usable.any() and settings.coupling and settings.max_bounces > 1 else None
@@ -158,7 +163,7 @@ class MitsubaBackend:
 
 
 def target(surfaces: list[Surface], radar: Radar) -> Target:
-    """The triangles of the surfaces and their reflection in the radar's sweep."""
+    """Prepare the triangles of the surfaces and their reflection in the radar's sweep."""
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     table = reflection_table.build([(s.material, s.roughness_m) for s in surfaces], radar.start_frequency_hz, high)
     return Target(geometry_module.build([s.mesh for s in surfaces]), table)

@@ -1,28 +1,30 @@
-"""The naive tracer of RF Genesis: one ray per camera pixel, and each hit is a scatterer with a single coherent phase.
+"""The tracer of RF Genesis ("naive tracer"): one ray per camera pixel, and each hit is a point scatterer with one phase.
 
 Re-implemented from X. Chen, X. Zhang, RF Genesis: Zero-Shot Generalization of mmWave Sensing through Simulation-Based Data
 Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798) and from the behaviour of its published program.
-It is a baseline, correct in range and direction only. Its versions are:
+It serves as a baseline and is correct only in range and direction. It has three versions:
 
 - `shipped`: as published. Rays pass through the corners of 128 x 128 pixels over 60 degrees. Surfaces have albedo 0.8 and are lit by a spot
-  of intensity 1000 beside the camera, full up to 30 degrees off axis and zero beyond 40 degrees. Hits nearer than 0.1 m or darker than 0.1
-  are dropped. The amplitude is the free-space POWER loss (lambda/(4 pi L))^2 over the whole path L, times a weight. The weight should be
-  the rendered intensity but is the distance, because the published program exchanges the two columns. Between frames, the hit of each pixel
-  moves on a straight line. A pixel that misses keeps the hit of the previous frame, or takes that of the next. The chirps of a frame are
-  spread over the whole time to the next frame, and all transmitters fire at once.
-- `columns`: as shipped, with distance and intensity in the right columns.
-- `corrected`: as far as the method allows. Each ray returns the power of its Lambert patch, rho cos(t) dOmega lambda^2/(16 pi^3 r^2) with
-  the material's mean power reflection rho; the amplitude is the square root. Rays pass through pixel centres, the radial speed of rigid
-  surfaces is exact, chirps have the radar's timing, and the source is isotropic, so that the radar's own pattern applies.
+  of intensity 1000 beside the camera, full up to 30 degrees off axis and zero beyond 40 degrees. Hits nearer than 0.1 m or with
+  a rendered intensity below 0.1 are dropped. The amplitude is the free-space POWER loss (lambda/(4 pi L))^2 over the whole path L, times a
+  weight. The weight should be the rendered intensity, but it is the distance, because the published program exchanges these two columns.
+  Between frames, the hit of each pixel moves on a straight line. A pixel without a hit uses its hit in the previous frame, or else in the
+  next frame. The chirps of a frame are spread over the whole frame period, and all transmitters transmit at the same time.
+- `columns`: as `shipped`, with distance and intensity in the right columns.
+- `corrected`: corrected as far as the method allows. Each ray returns the power of its Lambert patch, rho cos(t) dOmega lambda^2/(16 pi^3
+r^2).
+  Here rho is the material's mean power reflection. The amplitude is the square root of this power. Rays pass through pixel centres, the
+  radial speed of rigid surfaces is exact, chirps have the radar's timing, and the source is isotropic, so that the radar's own pattern
+  applies.
 
-Errors that remain in all versions: there is no mirror reflection, hence no flash of plates and no multiple bounces in corners. A patch of
-many wavelengths has a single phase, so that levels grow with the number of rays where patches add in phase. Nothing outside the field of
-view returns power. There is no polarisation.
+Errors of all versions: there is no mirror reflection, so plates have no specular echo and corners no multiple bounces. A surface patch of
+many wavelengths has a single phase, so where patches add in phase the echo grows with the number of rays. Surfaces outside the field of
+view return no power. There is no polarisation.
 
 Differences from the published program: meshes are two-sided; the rendered intensity is that of the ray's own hit, not the mean of 32
-jittered samples; the camera is at the radar; a pixel whose hit moves more than `JUMP_M` within a frame is held, because it has met another
-surface. In paths for `radartwin.simulation.signal.synthesis`, transmitters fire in turn, half a stretched loop apart; `rfgenesis_signal`
-has the original timing.
+jittered samples; the camera is at the radar; a hit that would move more than `JUMP_M` within a frame stays fixed, because the pixel now
+sees another surface. In paths for `radartwin.simulation.signal.synthesis`, transmitters transmit one after another, half a
+stretched chirp loop apart. `rfgenesis_signal` has the original timing.
 """
 
 from collections.abc import Mapping
@@ -45,17 +47,17 @@ VERSIONS = ("shipped", "columns", "corrected")
 ALBEDO, SPOT_INTENSITY = 0.8, 1000.0
 SPOT_FULL_DEG, SPOT_END_DEG = 30.0, 40.0
 MIN_VISIBLE = 0.1  # smallest distance in metres, and smallest rendered intensity, of a visible hit
-LOSS_WAVELENGTH_M = 3e8 / 77e9  # the published loss uses one frequency and this speed of light
+LOSS_WAVELENGTH_M = 3e8 / 77e9  # the published program computes the loss at one frequency with this speed of light
 JUMP_M = 0.1
-SLOW_MPS = 0.02  # slower paths form a part of their own, because the synthesis of faster paths takes longer
+SLOW_MPS = 0.02  # m/s; slower paths form a separate part, because the synthesis of faster paths takes longer
 MAX_GRID = 4096
-MAX_RAYS = 50_000_000  # some gigabytes of paths
+MAX_RAYS = 50_000_000  # rays of all frames together; their paths need some gigabytes
 RAYS_PER_BLOCK = 2_000_000
 
 
 @dataclass(frozen=True)
 class RFGenesisSettings:
-    """Camera and signal model of the naive tracer.
+    """Settings of the naive tracer's camera and signal model.
 
     Attributes:
         version: "shipped", "columns" or "corrected"; see the module's description.
@@ -63,7 +65,7 @@ class RFGenesisSettings:
         fov_deg: full field of view, in azimuth and elevation.
         variant: "auto", "llvm" or "cuda".
     Raises:
-        InputError: an unknown version, a grid or field of view out of range.
+        InputError: the version is unknown, or the grid or field of view is out of range.
     """
 
     version: str = "shipped"
@@ -80,14 +82,14 @@ class RFGenesisSettings:
 
 @dataclass(frozen=True)
 class Hits:
-    """First hits of P rays in F poses.
+    """Hold the first hits of P rays in F poses.
 
     Attributes:
         directions: (P, 3) unit, in the sensor frame.
         distance: (F, P) metres along the ray, 0 for a miss.
-        cosine: (F, P) of the angle between ray and normal.
+        cosine: (F, P) cosine of the angle between ray and surface normal.
         surface: (F, P) index of the surface in the scene, -1 for a miss.
-        speed: (F, P) rate of change of the distance by rigid motion, m/s.
+        speed: (F, P) rate of change of the distance due to rigid motion, m/s.
     """
 
     directions: np.ndarray
@@ -99,16 +101,17 @@ class Hits:
 
 @dataclass(frozen=True)
 class RFGenesisBackend:
-    """Paths of the naive tracer."""
+    """Simulate scenes with the naive tracer."""
 
     settings: RFGenesisSettings = RFGenesisSettings()
     name: ClassVar[str] = "rfgenesis"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """One path per hit and frame; a single pose if nothing moves. Arguments as in `radartwin.simulation.backends.backend.Backend`.
+        """Return one path per hit and frame; a single pose if nothing moves. Arguments as in
+        `radartwin.simulation.backends.backend.Backend`.
 
         Raises:
-            InputError: more than MAX_RAYS rays. BackendError: no usable LLVM.
+            InputError: there would be more than MAX_RAYS rays. BackendError: there is no usable LLVM.
         """
         if not len(scene):
             return []
@@ -133,12 +136,12 @@ class RFGenesisBackend:
 
 
 def power_loss(length_m: np.ndarray) -> np.ndarray:
-    """(lambda/(4 pi L))^2 over the whole path length, which the published program uses as amplitude."""
+    """Return (lambda/(4 pi L))^2 for whole path lengths L, a power loss that the published program uses as amplitude."""
     return (LOSS_WAVELENGTH_M / (4 * np.pi * length_m)) ** 2
 
 
 def pixel_directions(settings: RFGenesisSettings) -> np.ndarray:
-    """(P, 3) unit vectors in the sensor frame, rows from the top, each row from the left."""
+    """Return the unit vectors (P, 3) of all pixels in the sensor frame. Rows run from the top, pixels of a row from the left."""
     offset = 0.5 if settings.version == "corrected" else 0.0
     across = (1 - 2 * (np.arange(settings.grid) + offset) / settings.grid) * np.tan(np.radians(settings.fov_deg) / 2)
     up, left = np.meshgrid(across, across, indexing="ij")
@@ -147,10 +150,10 @@ def pixel_directions(settings: RFGenesisSettings) -> np.ndarray:
 
 
 def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], settings: RFGenesisSettings) -> Hits:
-    """First hits of all rays and poses; of a single pose if neither sensor nor surfaces move.
+    """Find the first hits of all rays and poses; of a single pose if neither sensor nor surfaces move.
 
     Raises:
-        InputError: more than MAX_RAYS.
+        InputError: there would be more than MAX_RAYS rays.
     """
     variant.activate(settings.variant)
     if poses_module.at_rest(sensor_poses, *motion.values()):
@@ -182,7 +185,7 @@ def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[
 
 
 def first_hits(built: geometry_module.Geometry, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance (inf for a miss), cosine of incidence and face of the first triangle along rays (N, 3); distances in float64."""
+    """Return distance (float64, inf for a miss), cosine of incidence and face index of the first hit of each ray (N, 3)."""
     import mitsuba as mi
 
     ray = mi.Ray3f(mi.Point3f(*origins.T.astype(np.float32)), mi.Vector3f(*directions.T.astype(np.float32)))
@@ -199,7 +202,7 @@ def first_hits(built: geometry_module.Geometry, origins: np.ndarray, directions:
 
 
 def _rigid_parts(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> list[tuple[list[int], np.ndarray | None]]:
-    """Indices of the surfaces that keep their relative positions, with their poses; None for static surfaces."""
+    """Group the indices of surfaces that move together, each group with its poses; the poses of static surfaces are None."""
     moving = poses_module.rigid_groups({s.name: motion[s.name] for s in surfaces if s.name in motion})
     parts: list[tuple[list[int], np.ndarray | None]] = [([i for i, s in enumerate(surfaces) if s.name not in motion], None)]
     parts += [([i for i, s in enumerate(surfaces) if s.name in names], motion[names[0]]) for names in moving]
@@ -207,14 +210,14 @@ def _rigid_parts(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]
 
 
 def _rendered(hits: Hits) -> np.ndarray:
-    """(F, P) radiance of a Lambert surface lit by the spot beside the camera."""
+    """Return the radiance (F, P) of Lambert surfaces lit by the spot beside the camera."""
     off_axis = np.degrees(np.arccos(np.clip(hits.directions[:, 0], -1, 1)))
     spot = SPOT_INTENSITY * np.clip((SPOT_END_DEG - off_axis) / (SPOT_END_DEG - SPOT_FULL_DEG), 0, 1)
     return np.where(hits.surface >= 0, ALBEDO / np.pi * spot * hits.cosine / np.maximum(hits.distance, 1e-3) ** 2, 0.0)
 
 
 def _between_frames(hits: Hits) -> tuple[Hits, np.ndarray]:
-    """Hits with missing pixels filled from the neighbouring frames, and the movement (F, P) in metres until the next frame."""
+    """Fill missing pixels from neighbouring frames. Returns the hits and their movement (F, P) in metres until the next frame."""
     distance, cosine, surface = hits.distance.copy(), hits.cosine.copy(), hits.surface.copy()
     for frame in range(len(distance) - 1):
         for into, source in ((frame, frame + 1), (frame + 1, frame)):
@@ -231,7 +234,7 @@ def _between_frames(hits: Hits) -> tuple[Hits, np.ndarray]:
 
 
 def _lambert(hits: Hits, scene: Scene, frequency_hz: float, settings: RFGenesisSettings) -> np.ndarray:
-    """(F, P) amplitudes whose square is received over transmitted power between isotropic antennas."""
+    """Return amplitudes (F, P), whose square is received over transmitted power between isotropic antennas."""
     table = reflection_table.build([(s.material, 0.0) for s in scene.surfaces], frequency_hz)
     power = ((np.abs(table.te) ** 2 + np.abs(table.tm) ** 2) / 2)[:, :, 0]
     angle = np.clip(np.rint(hits.cosine * (reflection_table.COSINES - 1)).astype(int), 0, reflection_table.COSINES - 1)

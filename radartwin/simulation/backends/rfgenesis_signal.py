@@ -1,4 +1,4 @@
-"""Signal of the naive tracer computed as in its published program, to time a whole frame.
+"""Signal of the naive tracer, computed as in the published program of RF Genesis, to measure the time of a whole frame.
 
 For every chirp, transmitter and receiver, the program evaluates each hit's echo at every sample with its carrier, sums the weighted echoes
 and mixes them with the transmitted chirp: s = tx conj(sum of echoes). Unlike the shared synthesis, this includes the residual video phase
@@ -19,7 +19,7 @@ from radartwin.simulation.backends import rfgenesis
 
 @dataclass(frozen=True)
 class FrameSeconds:
-    """Number of hits and wall-clock seconds of one frame."""
+    """Hold the number of hits and the wall-clock seconds of one frame."""
 
     hits: int
     trace_s: float
@@ -31,13 +31,13 @@ class FrameSeconds:
 
 
 def direct_frame(start_m: np.ndarray, stop_m: np.ndarray, weight: np.ndarray, radar: Radar) -> np.ndarray:
-    """One frame with all transmitters at once; the hits move from `start_m` to `stop_m` until the next frame.
+    """Compute one frame with simultaneous transmitters. The hits move from `start_m` to `stop_m` until the next frame.
 
     Args:
-        start_m, stop_m: (N, 3) hits in the sensor frame, at this frame and the next.
-        weight: (N,) factor on the free-space power loss.
+        start_m, stop_m: (N, 3) hits in the sensor frame, at the start of this frame and of the next.
+        weight: (N,) factor by which the free-space power loss is multiplied.
     Returns:
-        complex (C, T, R, samples).
+        complex (C, T, R, samples) for C chirps, T transmitters and R receivers.
     """
     samples = np.arange(radar.num_samples) / radar.sample_rate_hz
     sent = _chirp(samples, radar)
@@ -66,7 +66,7 @@ def whole_frame_seconds(
     motion: Mapping[str, np.ndarray] | None = None,
     settings: rfgenesis.RFGenesisSettings | None = None,
 ) -> FrameSeconds:
-    """Time the tracing and synthesis of one frame of the shipped version, after its kernels are compiled.
+    """Measure the time to trace and synthesise one frame with the shipped version, without the compilation of kernels.
 
     Args:
         sensor_pose: (4, 4). motion: (1, 4, 4) poses by surface name.

@@ -1,8 +1,9 @@
-"""Point scatterers: an object is one or a few isotropic points with a far-field cross-section; a room is empty or its first images.
+"""Point-scatterer simulator: an object is one or a few isotropic points, and a room is empty or gives one mirror image per wall.
 
-This is the simplest model in use. It has no near field, no coupling, no occlusion, and no shape beyond a table of cross-sections. A point
+This is the simplest simulator. It models no near field, no paths between object and room and no occlusion. The shape of an object enters
+only through a table of its far-field cross-section. A point
 at distance R has the amplitude a = sqrt(sigma lambda^2 / ((4 pi)^3 R^4)) by the radar equation. A wall at the perpendicular distance d
-returns the image of the sensor, a = Gamma(0) lambda/(4 pi 2d).
+returns the image of the sensor with a = Gamma(0) lambda/(4 pi 2d), where Gamma(0) is its reflection at normal incidence.
 """
 
 import functools
@@ -35,16 +36,18 @@ TABLE_ENTRIES = 100_000
 
 @dataclass(frozen=True)
 class PointSettings:
-    """Point model of objects and of the room.
+    """Settings of the point models of objects and of the room.
 
     Attributes:
-        cross_section: "table", the far-field cross-section by aspect, or "sphere", that of a ball with the object's mean half extent.
-        points: "centre" of the bounding box, or "box": the centres of the box faces towards the sensor, with equal power.
-        room: "images" of the sensor in each wall, or "void".
-        step_deg: step of the table in azimuth and elevation. Entries are computed on first use.
-        rays_per_wavelength2: tubes per square wavelength for the table.
+        cross_section: "table" uses the object's far-field cross-section by aspect; "sphere" uses that of a ball of the same
+            material, whose radius is the object's mean half extent.
+        points: "centre" puts one point at the centre of the bounding box. "box" puts points of equal power at the centres of those box
+            faces that face the sensor.
+        room: "images" gives one mirror image of the sensor per wall; "void" ignores the room.
+        step_deg: step of the cross-section table in azimuth and elevation. Entries are computed on first use.
+        rays_per_wavelength2: ray tubes per square wavelength with which the table is computed.
     Raises:
-        InputError: an unknown option, or a step or density that is not positive.
+        InputError: an option is unknown, or a step or density is not positive.
     """
 
     cross_section: str = "table"
@@ -63,13 +66,13 @@ class PointSettings:
 
 @dataclass(frozen=True)
 class PointBackend:
-    """Paths of point scatterers and first images."""
+    """Simulate objects as point scatterers and rooms as first-order images."""
 
     settings: PointSettings = PointSettings()
     name: ClassVar[str] = "points"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """One part per object and one for the room; of one pose if nothing moves relative to the sensor.
+        """Return one part per object and one for the room. A part has a single pose if it does not move relative to the sensor.
 
         Arguments and result as in `radartwin.simulation.backends.backend.Backend`.
         """
@@ -106,7 +109,7 @@ class PointBackend:
         return _paths(sensor, velocity, pose, level[:, None], frequencies, away / distance[:, None], distance)
 
     def _cross_section(self, surface: Surface, frequency_hz: float, towards: np.ndarray, radius_m: float) -> np.ndarray:
-        """(F,) m^2 for directions towards the sensor (F, 3) in the object's frame."""
+        """Return cross-sections (F,) in m^2 for directions towards the sensor (F, 3) in the object's frame."""
         if self.settings.cross_section == "sphere":
             table = reflection_table.build([(surface.material, surface.roughness_m)], frequency_hz)
             return np.full(len(towards), np.pi * radius_m**2 * abs(table.te[0, -1, 0]) ** 2)
@@ -123,7 +126,7 @@ class PointBackend:
 
 @dataclass(frozen=True)
 class _MeshKey:
-    """A mesh as a cache key, compared by its content."""
+    """Wrap a mesh as a cache key that is compared by the mesh's content."""
 
     digest: str
     mesh: trimesh.Trimesh = field(compare=False)
@@ -133,14 +136,14 @@ class _MeshKey:
 def _entry(
     mesh: _MeshKey, material: str | Layered, frequency_hz: float, density: float, step_deg: float, azimuth: int, elevation: int
 ) -> float:
-    """Far-field cross-section at one aspect of the table."""
+    """Compute the far-field cross-section at one aspect of the table."""
     a, e = np.radians(azimuth * step_deg), np.radians(elevation * step_deg)
     direction = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     return rcs(mesh.mesh, direction, frequency=frequency_hz, material=material, rays_per_wavelength2=density)
 
 
 def _images(walls: Sequence[Surface], radar: Radar, sensor: np.ndarray, velocity: np.ndarray) -> Paths:
-    """First images of the sensor in the walls on which the foot of the perpendicular lies."""
+    """Return the sensor's mirror images in those walls that contain the foot of the perpendicular from the sensor."""
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     table = reflection_table.build([(s.material, s.roughness_m) for s in walls], radar.start_frequency_hz, high)
     built = geometry.build([s.mesh for s in walls])
@@ -166,7 +169,7 @@ def _images(walls: Sequence[Surface], radar: Radar, sensor: np.ndarray, velocity
 
 
 def _once_per_plane(on: np.ndarray, height: np.ndarray, normals: np.ndarray, surface: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(pose, face) of the chosen faces; a foot on the common edge of two coplanar triangles counts once."""
+    """Return (pose, face) of the chosen faces. A foot on the common edge of two coplanar triangles counts once."""
     pose, face = np.nonzero(on)
     foot = np.rint(height[pose, face, None] * normals[face] * 1e6).astype(np.int64)
     _, first = np.unique(np.column_stack([pose, surface[face], foot]), axis=0, return_index=True)
@@ -175,7 +178,7 @@ def _once_per_plane(on: np.ndarray, height: np.ndarray, normals: np.ndarray, sur
 
 
 def _relative(sensor_poses: np.ndarray, group: np.ndarray | None, frame_rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sensor poses and velocities in the frame of a surface; a single pose if they do not change."""
+    """Return sensor poses and velocities in the frame of a surface; a single pose if the poses do not change."""
     sensor, velocity = poses_module.relative(sensor_poses, group, frame_rate_hz)
     return (sensor[:1], velocity[:1]) if poses_module.at_rest(sensor) else (sensor, velocity)
 
@@ -184,7 +187,7 @@ def _paths(
     sensor: np.ndarray, velocity: np.ndarray, pose: np.ndarray, level: np.ndarray, frequencies_hz: np.ndarray, ray: np.ndarray,
     distance: np.ndarray,
 ) -> Paths:  # fmt: skip
-    """Paths out and back along the unit vectors `ray` (N, 3) in the surface's frame."""
+    """Build paths that go out and back along the unit vectors `ray` (N, 3) in the surface's frame."""
     local = np.einsum("nij,ni->nj", sensor[pose, :3, :3], ray)
     rate = -2 * np.einsum("ni,ni->n", ray, velocity[pose])
     one = np.ones(len(pose), int)

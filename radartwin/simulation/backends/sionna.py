@@ -1,13 +1,14 @@
-"""Sionna RT as a simulator: exact specular paths over facets, computed in a worker process.
+"""Sionna RT as a simulator: exact specular paths that reflect at facets, computed in a worker process.
 
-Sionna treats every facet that contains the mirror point as an infinite mirror and ignores other facets. Walls are therefore exact, but
-objects are not: a plate of any size returns the level of a mirror, a trihedral or a sphere returns nothing, and diffuse paths add
-coherently. `sionna_limits` warns about these cases. If transmitter and receiver are at one point, the mirror point of a corner lies on an
-edge, where rounding decides whether Sionna finds it. `separation_m` moves the receiver aside during the search for paths.
+Sionna treats every facet that contains the mirror point as an infinite mirror and ignores other facets. Echoes of walls are therefore
+exact, but those of objects are not: a plate of any size has the echo of an infinite mirror, a trihedral or a sphere has none, and diffuse
+paths add coherently. `sionna_limits` warns about these cases. If transmitter and receiver are at one point, the mirror point of a corner
+lies on an edge, and rounding decides whether Sionna finds its path. `separation_m` therefore moves the receiver aside during the search for
+paths.
 
-Materials are those of the scene, layer by layer (`sionna_material`). Sionna's single-precision phases are not used. Length, angles and
-mirror of each path are recomputed from its facets in double precision. The rate of a path is that of the line through its hits, which move
-with their surfaces.
+Reflection follows the scene's materials, layer by layer (`sionna_material`). Sionna's single-precision phases are not used. Length, angles
+and mirror of each path are recomputed from its facets in double precision. The rate of change of a path's length is computed for the line
+through its hits, which move with their surfaces.
 """
 
 import importlib.metadata
@@ -31,25 +32,28 @@ from radartwin.simulation.backends.sionna_mesh import Mesh, merged
 from radartwin.simulation.checks import check_flag, check_whole
 from radartwin.simulation.paths import Paths
 
-RAYS = 200_000  # per pose; finds every path of the furnished rooms within 40 dB of the strongest (tested)
-ASIDE = np.array([0.74, 0.53, 0.41]) / np.linalg.norm([0.74, 0.53, 0.41])  # direction of separation_m in the sensor frame, along no wall
-COSINES = 4096  # of the tables; the two leaves of a stud wall need more than the tracer's table has
+RAYS = 200_000  # rays per pose; enough to find every path of the furnished rooms down to 40 dB below the strongest (tested)
+ASIDE = np.array([0.74, 0.53, 0.41]) / np.linalg.norm(
+    [0.74, 0.53, 0.41]
+)  # direction of separation_m in the sensor frame, parallel to no wall
+COSINES = 4096  # entries of the reflection tables; the two boards of a stud wall need more than the tracer's table has
 MAX_RAYS = 50_000_000
 
 
 @dataclass(frozen=True)
 class SionnaSettings:
-    """Settings of Sionna's path search.
+    """Set how Sionna searches paths.
 
     Attributes:
         max_bounces: largest number of reflections per path, 1 to 32.
-        rays: samples per pose over the sphere; None: RAYS.
-        diffuse: also diffuse reflection, with the power that roughness removes from the mirror reflection at normal incidence.
-        separation_m: distance of the receiver from the transmitter during the search, 0 to 1 m. Lengths and angles assume a common point.
+        rays: number of rays per pose over the sphere. None: RAYS.
+        diffuse: whether to add diffuse reflection, with the power that roughness removes from the mirror reflection at normal incidence.
+        separation_m: distance of the receiver from the transmitter during the search, 0 to 1 m. Lengths and angles of paths are computed
+            for receiver and transmitter at one point.
         variant: "auto", "llvm" or "cuda".
-        seed: of Sionna's sampler for diffuse rays.
+        seed: random seed of Sionna's diffuse rays.
     Raises:
-        InputError: a value out of range.
+        InputError: a value is out of range.
     """
 
     max_bounces: int = 4
@@ -71,13 +75,13 @@ class SionnaSettings:
 
 @dataclass(frozen=True)
 class SionnaBackend:
-    """Paths of Sionna RT."""
+    """Simulate scenes with Sionna RT."""
 
     settings: SionnaSettings = SionnaSettings()
     name: ClassVar[str] = "sionna"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Specular paths in one part and diffuse paths in another; a single pose if nothing moves.
+        """Return specular paths in one part and diffuse paths in another; a single pose if nothing moves.
 
         Arguments as in `radartwin.simulation.backends.backend.Backend`.
         Raises:
@@ -106,7 +110,7 @@ class SionnaBackend:
         return self.settings.separation_m * ASIDE
 
     def found(self, scene: Scene, mesh: Mesh, radar: Radar, sensor_poses: np.ndarray) -> dict[str, np.ndarray]:
-        """The paths that Sionna finds for the mesh of a scene: the arrays of `sionna_worker.trace` and their frequencies_hz (Q,).
+        """Search the paths for the mesh of a scene. Returns the arrays of `sionna_worker.trace` and their frequencies_hz (Q,).
 
         Raises:
             BackendError: sionna-rt is not installed, or its process ended.
@@ -126,7 +130,7 @@ class SionnaBackend:
 
 
 def is_installed() -> bool:
-    """Whether sionna-rt is installed. Reads the package list, because importing sionna.rt would set the Mitsuba variant of this process."""
+    """Return whether the package list has sionna-rt. Importing sionna.rt instead would set the Mitsuba variant of this process."""
     try:
         importlib.metadata.version("sionna-rt")
     except importlib.metadata.PackageNotFoundError:
@@ -135,7 +139,7 @@ def is_installed() -> bool:
 
 
 def check_installed() -> None:
-    """Raises BackendError if sionna-rt is not installed."""
+    """Raise BackendError if sionna-rt is not installed."""
     if not is_installed():
         raise BackendError("simulator sionna needs the package sionna-rt: pip install 'radartwin[sionna]'")
 
@@ -143,7 +147,7 @@ def check_installed() -> None:
 def reflection_tables(
     entries: Sequence[tuple[str | Layered, float]], radar: Radar
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """te, tm (D, COSINES, Q) complex64 of the distinct (material, roughness_m), the row of each entry, and the frequencies (Q,)."""
+    """Tabulate the D distinct entries: te, tm (D, COSINES, Q) complex64, the table row of each entry, and the frequencies (Q,)."""
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     frequencies = reflection_table.build(entries, radar.start_frequency_hz, high).frequencies_hz
     distinct = list(dict.fromkeys(entries))
@@ -155,14 +159,14 @@ def reflection_tables(
 
 
 def scattering(surfaces: tuple[Surface, ...], frequency_hz: float) -> np.ndarray:
-    """(S,) Sionna's scattering coefficient: square root of the power that roughness removes at normal incidence."""
+    """Return Sionna's scattering coefficients (S,): square roots of the power that roughness removes at normal incidence."""
     wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
     kept = np.array([float(ament(s.roughness_m, np.array(1.0), wavenumber)) if s.roughness_m else 1.0 for s in surfaces])
     return np.sqrt(1 - kept**2)
 
 
 def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray, rate: np.ndarray) -> Paths:
-    """Specular paths from their facets, in which the sensor is mirrored one after the other."""
+    """Build specular paths from their facets, by mirroring the sensor in one facet after another."""
     pose = found["pose"]
     rotation, place = sensor_poses[pose, :3, :3], sensor_poses[pose, :3, 3]
     mirror, shift = np.tile(np.eye(3), (len(pose), 1, 1)), np.zeros((len(pose), 3))
@@ -192,7 +196,7 @@ def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray
 
 
 def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, offset: np.ndarray, rate: np.ndarray) -> Paths:
-    """Paths with a diffuse hit, along the line through their hits."""
+    """Build paths with a diffuse hit, along the line through their hits."""
     pose, bounces = found["pose"], (found["face"] >= 0).sum(axis=1)
     rotation, legs = sensor_poses[pose, :3, :3], _legs(found, found["vertex"], sensor_poses, offset)
     length = np.linalg.norm(legs, axis=2)
@@ -206,7 +210,7 @@ def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, offset: n
 
 
 def _legs(found: dict[str, np.ndarray], vertex: np.ndarray, sensor_poses: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """(N, D + 1, 3) legs from the transmitter over the hits to the receiver; zeros after the last leg."""
+    """Return the legs (N, D + 1, 3) from the transmitter through the hits to the receiver; zeros after the last leg."""
     pose, bounces = found["pose"], (found["face"] >= 0).sum(axis=1)
     stops = np.concatenate([sensor_poses[pose, None, :3, 3], vertex, vertex[:, :1]], axis=1)
     end = sensor_poses[pose, :3, 3] + np.einsum("nij,j->ni", sensor_poses[pose, :3, :3], offset)
@@ -215,7 +219,7 @@ def _legs(found: dict[str, np.ndarray], vertex: np.ndarray, sensor_poses: np.nda
 
 
 def _rate(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray, offset: np.ndarray, frame_rate_hz: float) -> np.ndarray:
-    """(N,) rate of change of the line through the hits, m/s, as sensor and surfaces move."""
+    """Return the rate of change (N,) of the length of the line through the hits, m/s, as sensor and surfaces move."""
     pose, face = found["pose"], found["face"]
     vertex = found["vertex"].copy()
     on = mesh.surface[face]

@@ -1,7 +1,7 @@
-"""Warnings about parts of a scene that Sionna RT returns incorrectly.
+"""Warnings about parts of a scene whose echoes are wrong in Sionna RT.
 
-- Sionna reflects a facet like an infinite mirror. A flat face of area A at distance d returns at most 2 A/(lambda d) of a mirror's field;
-  if this ratio is below one, Sionna's level is too high.
+- Sionna reflects a facet like an infinite mirror. A flat face of area A at distance d returns at most 2 A/(lambda d) times the field of
+  an infinite mirror. If this ratio is below one, Sionna's echo is too strong.
 - A curved or cornered object mostly has no mirror point on any facet, so Sionna returns nothing.
 - Diffuse paths have the phase of their length and add as fields. Near the mirror direction they are in phase, so their sum grows with their
   number.
@@ -20,10 +20,10 @@ COPLANAR_COSINE, COPLANAR_M = 1 - 1e-6, 1e-4
 def warnings_for(
     surfaces: Sequence[Surface], mesh: Mesh, found: dict[str, np.ndarray], wavelength_m: float, diffuse: bool
 ) -> Iterator[str]:
-    """One sentence per limit that applies to the scene.
+    """Yield one warning for each limit of Sionna that affects the scene.
 
     Args:
-        found: paths from the worker: pose (N,), face (N, D), length_m (N,), scattered (N,).
+        found: paths from the worker, with pose (N,), face (N, D), length_m (N,) and scattered (N,).
     """
     silent = _silent(surfaces, mesh, found["face"])
     if silent:
@@ -40,13 +40,13 @@ def warnings_for(
 
 
 def _silent(surfaces: Sequence[Surface], mesh: Mesh, face: np.ndarray) -> list[str]:
-    """Names of objects without any path."""
+    """Return the names of objects that no path hits."""
     with_paths = set(np.unique(mesh.surface[face[face >= 0]]).tolist())
     return [s.name or f"surface {i}" for i, s in enumerate(surfaces) if s.kind == "object" and i not in with_paths]
 
 
 def _too_small(surfaces: Sequence[Surface], mesh: Mesh, found: dict[str, np.ndarray], wavelength_m: float) -> dict[str, float]:
-    """Excess level in dB by name, of surfaces with a single-bounce path on a face smaller than lambda d/2."""
+    """Return {surface name: excess level in dB} for surfaces with a single-bounce path on a face smaller than lambda d/2."""
     single = (found["face"] >= 0).sum(axis=1) == 1
     excess: dict[str, float] = {}
     corners = mesh.vertices[0][mesh.faces]

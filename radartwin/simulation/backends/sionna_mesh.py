@@ -12,11 +12,11 @@ MIN_AREA_M2 = 1e-14  # smaller faces are dropped
 
 @dataclass(frozen=True)
 class Mesh:
-    """All surfaces as one mesh.
+    """Hold all surfaces as one mesh.
 
     Attributes:
         vertices: (F, V, 3) in the world, or (1, V, 3) if no surface moves. faces: (T, 3). surface: (T,) index of each face's surface.
-        poses: (F, 4, 4) of each moving surface, by index.
+        poses: {surface index: (F, 4, 4)} of the moving surfaces.
     """
 
     vertices: np.ndarray
@@ -26,7 +26,7 @@ class Mesh:
 
 
 def merged(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> Mesh:
-    """One mesh of all surfaces, without faces of no area."""
+    """Merge all surfaces to one mesh, without faces smaller than MIN_AREA_M2."""
     moving = {i: motion[s.name] for i, s in enumerate(surfaces) if s.name in motion}
     frames = max((len(poses) for poses in moving.values()), default=1)
     vertices, faces, surface, count = [np.zeros((frames, 0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)], 0

@@ -1,4 +1,4 @@
-"""The process that runs Sionna RT, because Sionna needs another Mitsuba variant than the tracer and a process can have only one."""
+"""Run Sionna RT in a worker process, because it needs another Mitsuba variant than the tracer, and a process can have only one."""
 
 import os
 from collections.abc import Mapping
@@ -10,11 +10,11 @@ from radartwin.errors import BackendError
 from radartwin.io.process_pool import BrokenProcessPool, ProcessPool
 from radartwin.simulation.backends import sionna_worker
 
-_pools: dict[int, ProcessPool] = {}  # by the process that started it, because a fork must not use its parent's worker
+_pools: dict[int, ProcessPool] = {}  # by the id of the process that started the pool, because a fork must not use its parent's worker
 
 
 def ask(message: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """The answer of `sionna_worker.answer`, computed in the worker of this process. The worker starts on first use and again after it died.
+    """Call `sionna_worker.answer` in the worker of this process. The worker starts on first use, and again after it has died.
 
     Raises:
         BackendError: the worker refused the message, or died.
@@ -31,16 +31,16 @@ def ask(message: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 
 def process_ids() -> list[int]:
-    """The worker's process id, if it has answered already."""
+    """Return the worker's process id; an empty list before its first answer."""
     return sorted(_pools[os.getpid()].pids) if os.getpid() in _pools else []
 
 
 def close() -> None:
-    """End the worker."""
+    """Stop the worker."""
     if pool := _pools.pop(os.getpid(), None):
         pool.end()
 
 
 def _print_to_stderr() -> None:
-    """Keep standard output for the results of radartwin."""
+    """Redirect output to standard error, because standard output is for the results of radartwin."""
     os.dup2(2, 1)

@@ -1,6 +1,6 @@
-"""Sionna RT in a process of its own: one Mitsuba variant per process, and Sionna needs a polarised one.
+"""Code that runs in the worker process of Sionna RT. Sionna needs a polarised Mitsuba variant, and a process can have only one variant.
 
-`sionna_process` calls `answer` in that process. Ref: J. Hoydis et al., Sionna RT:
+`sionna_process` calls `answer` in the worker. Ref: J. Hoydis et al., Sionna RT:
 Differentiable ray tracing for radio propagation modeling, IEEE Globecom Workshops 2023; sionna-rt 2.2.0.
 """
 
@@ -16,13 +16,13 @@ NAME = "scene"
 
 
 def answer(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Trace ("vertices" and what `trace` says) or tell a slab's reflection ("cosine" and what `slab` says)."""
+    """Call `trace` if the message has "vertices", and `slab` otherwise."""
     variant.activate(str(message["variant"]), "mono_polarized")
     return trace(message) if "vertices" in message else slab(message)
 
 
 def slab(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Sionna's own reflection of a slab in air: te, tm (N,) at "cosine" (N,), of "permittivity", "thickness_m" and "frequency_hz"."""
+    """Return Sionna's own te, tm (N,) of a slab in air, for "cosine" (N,), "permittivity", "thickness_m" and "frequency_hz"."""
     import mitsuba as mi
     from sionna.rt.utils import itu_coefficients_single_layer_slab
 
@@ -40,11 +40,12 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Trace the paths of all poses.
 
     Args:
-        message: vertices (F or 1, V, 3) in the world; faces (T, 3); te, tm (D, C, Q); row (T,) of each face in them; scattering (T,);
-            frequencies_hz (Q,); sensor (F, 4, 4); offset_m (3,) of the receiver in the sensor frame; max_bounces, samples, diffuse, seed.
+        message: vertices (F or 1, V, 3) in the world; faces (T, 3); te, tm (D, C, Q); row (T,) is the table row of each face; scattering
+            (T,); frequencies_hz (Q,); sensor (F, 4, 4); offset_m (3,) of the receiver in the sensor frame; max_bounces, samples, diffuse,
+            seed.
     Returns:
-        pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), vertex (N, D, 3), face (N, D) with -1 after the last
-        hit, scattered (N,) whether the path has a diffuse hit.
+        Arrays of N paths: pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), hit points vertex (N, D, 3),
+        face (N, D) with -1 after the last hit, and scattered (N,), which is true for paths with a diffuse hit.
     """
     import mitsuba as mi
     from sionna.rt import PathSolver
@@ -76,7 +77,7 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _build(message: dict[str, np.ndarray]) -> tuple[Any, Any]:
-    """Sionna's scene with the mesh and isotropic antennas polarised along z, and its material."""
+    """Build Sionna's scene with the mesh and isotropic antennas polarised along z. Returns the scene and its material."""
     import mitsuba as mi
     from sionna.rt import PlanarArray, Receiver, SceneObject, Transmitter, load_scene
 
@@ -110,7 +111,7 @@ def _place(scene: Any, sensor: np.ndarray, offset_m: np.ndarray) -> None:
 
 
 def _found(pose: int, scene: Any, solver: Any, paths: Any, material: Any, message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Paths of one pose, in the deterministic solver's order; the order in Sionna's tensors depends on threads."""
+    """Return the paths of one pose in a deterministic sequence. Their sequence in Sionna's tensors depends on threads."""
     from sionna.rt import InteractionType
 
     order = np.array(paths._path_ind)
@@ -133,9 +134,10 @@ def _nothing(nodes: int) -> dict[str, np.ndarray]:
 
 
 def _amplitudes(scene: Any, solver: Any, paths: Any, material: Any, message: dict[str, np.ndarray]) -> np.ndarray:
-    """(N, Q) coefficients at every frequency, computed along the known paths with the table of that frequency.
+    """Compute coefficients (N, Q) along the known paths, at each frequency with the table of this frequency.
 
-    Sionna's solver has one frequency per call and would search the paths again, so this uses its field calculator, which is not public.
+    Sionna's solver takes one frequency per call and would search the paths again. This function therefore uses Sionna's field calculator,
+    which is not public.
     """
     import drjit as dr
     import mitsuba as mi

@@ -8,19 +8,21 @@ from radartwin.simulation.checks import check_flag, check_option
 
 @dataclass(frozen=True)
 class TraceSettings:
-    """Accuracy and extent of the tracing.
+    """Set the accuracy and extent of the tracing.
 
     Attributes:
         max_bounces: largest number of reflections per path.
-        rays: tubes per pose over the sphere for a room, or over the objects if there is no room; None: the width rule of `tube_paths`.
-        rays_per_wavelength2: tubes per square wavelength on objects.
+        rays: ray tubes per pose over the sphere for a room, or over the objects if there is no room. None: chosen by
+            `tube_paths.WIDTH_RULE`.
+        rays_per_wavelength2: ray tubes per square wavelength on objects.
         variant: "auto", "llvm" or "cuda".
         room: "panels" for image sources, "tubes", or "auto": panels if the room is flat and `rays` is None.
         coupling: whether to trace paths between objects and the room's panels.
         diffuse: whether rough surfaces scatter diffusely.
-        coupled_rays_per_wavelength2: tubes on objects for paths over the room, which are many; None: as rays_per_wavelength2.
+        coupled_rays_per_wavelength2: tube density on objects for paths between object and room. There are many such paths, so that a lower
+            density saves time. None: rays_per_wavelength2.
     Raises:
-        InputError: an unknown option, or `rays` together with room="panels". The other values are checked by `simulate`.
+        InputError: an option is unknown, or `rays` is given with room="panels". `simulate` checks the other values.
     """
 
     max_bounces: int = 4

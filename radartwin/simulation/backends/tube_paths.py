@@ -1,4 +1,4 @@
-"""Paths of rooms and objects by ray tubes, in the sensor's frame.
+"""Trace rooms and objects by ray tubes; the paths are in the sensor's frame.
 
 A room is traced by wide tubes over the sphere, and each cluster of small objects in it by tubes of about a wavelength over its bounding
 box. A tube belongs to the cluster of its first hit, so that no path counts twice.
@@ -22,25 +22,27 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import Pruner
 from radartwin.simulation.reflection_table import ReflectionTable
 
-WIDTH_RULE = 0.3  # width of a room's tubes over sqrt(wavelength x distance); flat walls would allow 1, furniture does not
-FARTHEST_M = 12.0  # beyond the unambiguous range, a finer grid has no effect
+WIDTH_RULE = 0.3  # ratio of tube width to sqrt(wavelength x distance) in a room; flat walls alone would allow 1, furniture needs less
+FARTHEST_M = 12.0  # largest distance in the width rule; farther surfaces lie beyond the unambiguous range
 NEAREST_M = 0.5
-MAX_AROUND = 6_000_000  # tubes over the sphere
-PRUNE = 1e-3  # of the strongest path of a pose, antenna gains included; changes the signal of the furnished lab by 0.2 %
-TRACE_PRUNE = 2e-4  # during tracing, before the antenna gains are known
-ROOM = 0  # cluster of the large surfaces
+MAX_AROUND = 6_000_000  # largest number of tubes over the sphere
+# Paths weaker than this times the strongest path of their pose, with antenna gains, are dropped (error: 0.2 % of the furnished lab's
+# signal).
+PRUNE = 1e-3
+TRACE_PRUNE = 2e-4  # the same threshold during tracing, before antenna gains are applied
+ROOM = 0  # index of the cluster of large surfaces
 NEIGHBOUR_M = 0.05  # objects closer than this form a cluster
 
 
 class Target(NamedTuple):
-    """Surfaces that keep their relative positions, with their reflection."""
+    """Hold the geometry of surfaces that move together and their reflection table."""
 
     geometry: Geometry
     table: ReflectionTable
 
 
 def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSettings, radar: Radar, poses: np.ndarray) -> Paths:
-    """Paths of static surfaces (`target` holds the same surfaces) seen from sensor poses (F, 4, 4)."""
+    """Trace static surfaces (`target` holds the same surfaces) from sensor poses (F, 4, 4)."""
     objects = clusters(surfaces, np.array([i for i, surface in enumerate(surfaces) if surface.kind == "object"], int))
     cluster_of_surface = np.full(len(surfaces), ROOM)
     for label, members in enumerate(objects, ROOM + 1):
@@ -69,7 +71,7 @@ def object_paths(
     occluder: Geometry | None,
     alone: bool,
 ) -> Paths:
-    """Direct paths of an object in its own frame; `alone`: there is no room. `occluder` is in the world's frame."""
+    """Trace the direct paths of an object in its own frame. `occluder` is in the world's frame; `alone`: there is no room."""
     sensor, velocity = poses_module.relative(sensor_poses, object_poses, radar.frame_rate_hz)
     hidden = None if occluder is None else Occluder(occluder, object_poses[:, :3, :3], object_poses[:, :3, 3])
     grids = [(grid, ROOM + 1) for grid in _object_grids(target.geometry, settings, sensor, radar, alone)]
@@ -77,7 +79,7 @@ def object_paths(
 
 
 def cell_m(geometry: Geometry, settings: TraceSettings, source: np.ndarray, radar: Radar, alone: bool) -> float:
-    """Width of a tube on an object seen from `source` (1, 3); `settings.rays` decides if the object is alone."""
+    """Return the width of a tube on an object seen from `source` (1, 3). `settings.rays` is used only without a room (`alone`)."""
     cell = radar.wavelength_m / np.sqrt(settings.rays_per_wavelength2)
     if alone and settings.rays:
         grid = tube_grid.towards(geometry.hull_points(), source, geometry.centre, cell, geometry.grid_shift)
@@ -87,7 +89,7 @@ def cell_m(geometry: Geometry, settings: TraceSettings, source: np.ndarray, rada
 
 
 def clusters(surfaces: Sequence[Surface], chosen: np.ndarray) -> list[list[int]]:
-    """The chosen surface indices in clusters whose bounding boxes are closer than NEIGHBOUR_M. A cluster is traced together."""
+    """Cluster the chosen surface indices: surfaces whose bounding boxes are closer than NEIGHBOUR_M are traced together."""
     if not len(chosen):
         return []
     box = np.array([surfaces[i].mesh.bounds for i in chosen])
@@ -97,7 +99,7 @@ def clusters(surfaces: Sequence[Surface], chosen: np.ndarray) -> list[list[int]]
 
 
 def _object_grids(geometry: Geometry, settings: TraceSettings, sensor: np.ndarray, radar: Radar, alone: bool) -> list[tube_grid.TubeGrid]:
-    """Tubes over a compact object; over the sphere if the object is too close for a planar grid."""
+    """Return grids of tubes over a compact object, or over the sphere if the object is too close for a planar grid."""
     source = sensor[:, :3, 3]
     cell = cell_m(geometry, settings, source[:1], radar, alone)
     grid = tube_grid.towards(geometry.hull_points(), source, geometry.centre, cell, geometry.grid_shift)
@@ -117,9 +119,9 @@ def _collect(
     cluster: np.ndarray | None = None,
     occluder: Occluder | None = None,
 ) -> Paths:
-    """Trace the grids, each with the cluster that its tubes must hit first, and express the hits in the sensor's frame."""
+    """Trace each grid with the cluster that its tubes must hit first, and convert the hits to paths in the sensor's frame."""
     antenna = Antennas(sensor[:, :3, 3], sensor[:, :3, 2])
-    # Each cluster is pruned separately: each small tube of an object is far weaker than a wall's flash, but their sum is not.
+    # Clusters are pruned separately, because a single small tube of an object is far weaker than a wall's echo, but their sum is not.
     pruners: dict[int, Pruner] = {}
     parts: dict[int, list[Paths]] = {}
     for grid, label in grids:
@@ -138,7 +140,7 @@ def _collect(
 
 
 def _room_rays(geometry: Geometry, positions: np.ndarray, wavelength_m: float) -> int:
-    """Tubes over the sphere by the width rule at the farthest surface."""
+    """Return the number of tubes over the sphere, from WIDTH_RULE at the farthest surface."""
     corners = geometry.corners.reshape(-1, 3)
     low, high = corners.min(0), corners.max(0)
     away = np.maximum(np.abs(positions - low), np.abs(positions - high))

@@ -14,19 +14,19 @@ from radartwin.simulation.curved.flight import Tubes
 from radartwin.simulation.curved.hits import LABEL_BITS, Occluder
 
 COS_GRAZING = 1e-3  # at smaller cosines of incidence, a tube cannot resolve the return of a smooth surface
-FLAT = 1e-10  # a facet is flat if the squared change of the vertex normals over it is smaller
-SHADOW_SHORT = 1e-4  # visibility tests end before the target by this share of the distance (in metres at an occluder)
+FLAT = 1e-10  # a facet is flat if the squared difference of its vertex normals is smaller
+SHADOW_SHORT = 1e-4  # visibility tests end this fraction of the distance before the target (for an occluder, this many metres)
 
 
 @dataclass
 class Contact:
-    """Points where tubes meet a surface, seen from the lit side.
+    """Hold the points where tubes meet a surface, seen from the lit side.
 
     Attributes:
-        face: index. outside: whether the lit side is the outer one, given by the order of the corners.
-        flat_normal, normal: of the facet and of the curved surface through its vertex normals.
+        face: index of the face. outside: whether the lit side is the outer side, on which the corners run counter-clockwise.
+        flat_normal, normal: normals of the facet and of the curved surface that its vertex normals define.
         facet_point, point: on the facet, and lifted onto the curved surface.
-        cosine: of incidence.
+        cosine: cosine of incidence.
         edges, normal_turns: two edge vectors of the facet and the change of the vertex normal along each.
     """
 
@@ -41,19 +41,19 @@ class Contact:
     normal_turns: list[Any]
 
     def mirrored(self, direction: Any) -> Any:
-        """The direction after mirror reflection."""
+        """Return the direction after mirror reflection."""
         return direction + self.normal * (2 * self.cosine)
 
     def step(self, direction: Any, derivative: Any) -> Any:
-        """Step on the surface from tube to tube, for tubes along `direction` with this derivative of position."""
+        """Return the step on the surface from tube to tube, for tubes along `direction` with this `derivative` of position."""
         return derivative + direction * (dr.dot(derivative, self.normal) * dr.rcp(self.cosine))
 
     def is_curved(self) -> Any:
-        """Whether the facet is part of a curved surface."""
+        """Return whether the facet is part of a curved surface."""
         return dr.squared_norm(self.normal_turns[0]) + dr.squared_norm(self.normal_turns[1]) > FLAT
 
     def turn(self, step: Any) -> Any:
-        """Change of the normal along a tangent vector: curvature times step."""
+        """Return the change of the normal along a tangent vector `step`, which is the curvature times the step."""
         first, second = self.edges
         g11, g12, g22 = dr.squared_norm(first), dr.dot(first, second), dr.squared_norm(second)
         c1, c2 = dr.dot(step, first), dr.dot(step, second)
@@ -62,7 +62,7 @@ class Contact:
 
 
 def across_incidence(direction: Any, normal: Any) -> Any:
-    """Unit vector perpendicular to the plane of incidence; at normal incidence, any vector perpendicular to the normal."""
+    """Return the unit vector perpendicular to the plane of incidence; at normal incidence, any unit vector across the normal."""
     across = dr.cross(direction, normal)
     size = dr.squared_norm(across)
     return dr.select(size > 1e-10, across * dr.rsqrt(dr.maximum(size, 1e-12)), mi.coordinate_system(normal)[0])
@@ -76,13 +76,13 @@ def cast(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> Any:
 
 
 def surface(device: Device, face: Any, inner_u: Any, inner_v: Any, origin: Any, direction: Any, active: Any) -> Contact:
-    """The contact at barycentric coordinates of a face that rays from `origin` meet."""
+    """Compute the contact at barycentric coordinates of the face that rays from `origin` meet."""
     corners = device.corners(device.corner, face, active)
     barycentric = [1 - inner_u - inner_v, inner_u, inner_v]
     flat = dr.normalize(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
-    # computed from the corners, because the ray's distance carries the rounding of a far source and would put the point below the facet
+    # computed from the corners: the ray's distance has the rounding error of a far source and could put the point below the facet
     facet_point = corners[0] * barycentric[0] + corners[1] * barycentric[1] + corners[2] * barycentric[2]
-    facet_point = dr.select(active, facet_point, origin)  # a miss has no face: its gathered values must not spread
+    facet_point = dr.select(active, facet_point, origin)  # a ray without a hit gathers arbitrary values, which must not be used
     outside = dr.dot(direction, flat) <= 0
     side = dr.select(outside, 1.0, -1.0)
     edges = [corners[1] - corners[0], corners[2] - corners[0]]
@@ -102,7 +102,7 @@ def surface(device: Device, face: Any, inner_u: Any, inner_v: Any, origin: Any, 
 def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contact, Any]:
     """Move tubes to the face found by `cast`. Returns the contact and the active lanes that do not graze it.
 
-    The length and the position derivatives grow by the distance. The field turns by a quarter of a cycle per caustic passed.
+    The length grows by the distance, and the position derivatives grow with it. The field's phase turns by 90 degrees at each caustic.
     """
     contact = surface(device, tubes.face, tubes.inner_u, tubes.inner_v, tubes.origin, tubes.direction, active)
     distance = dr.dot(mi.Vector3d(contact.point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
@@ -121,7 +121,7 @@ def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contac
 
 
 def pass_caustics(tubes: Tubes, distance: Any) -> None:
-    """Turn fields by +90 degrees (exp(+j w t)) at each zero of the tubes' cross-section within the distance.
+    """Turn the phase of fields by +90 degrees (for exp(+j w t)) at each zero of the tubes' cross-section within the distance.
 
     The cross-section is a quadratic in the distance with real zeros, because the curvature of a wavefront is symmetric.
     """
@@ -135,7 +135,7 @@ def pass_caustics(tubes: Tubes, distance: Any) -> None:
     )
     between *= distance * distance
     slope = there - here - between
-    turning = -0.5 * slope  # divided by `between`: the share of the distance with the smallest cross-section
+    turning = -0.5 * slope  # divided by `between`: the fraction of the distance where the cross-section is smallest
     both = (here * there > 0) & (here * between > 0) & (turning * between > 0) & (dr.abs(turning) < dr.abs(between))
     one = here * there < 0
     for node in range(len(tubes.field_re)):
@@ -145,20 +145,20 @@ def pass_caustics(tubes: Tubes, distance: Any) -> None:
 
 
 def limited(origin: Any, direction: Any, reach: Any) -> Any:
-    """A ray that ends at `reach`."""
+    """Return a ray that ends at the distance `reach`."""
     ray = mi.Ray3f(origin, direction)
     ray.maxt = reach
     return ray
 
 
 def visible(device: Device, contact: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> Any:
-    """The lanes of `seen` whose line to the receiver is free."""
+    """Return the lanes of `seen` whose line to the receiver is not blocked."""
     reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHADOW_SHORT) * length_out
     return seen & ~device.scene.ray_test(limited(contact.facet_point + contact.flat_normal * device.lift, outgoing, reach), seen)
 
 
 def blocked(occluder: Occluder, pose: Any, first: Any, last: Any, active: Any) -> Any:
-    """Whether the occluder blocks the line between two points in the object's frame."""
+    """Return whether the occluder blocks the line between two points in the object's frame."""
     turn = [rows(occluder.rotation[:, i])(pose, active) for i in range(3)]
     offset = rows(occluder.translation)(pose, active)
     a, b = (mi.Vector3f(*(dr.dot(t, p) for t in turn)) + offset for p in (first, last))
@@ -174,9 +174,9 @@ def leave(device: Device, tubes: Tubes, contact: Contact) -> Any:
 
 
 def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Any:
-    """Reflect tubes, whose fields `scatter` has already reflected, and cast them. Returns the lanes that meet a face. Evaluates nothing."""
+    """Reflect tubes (`scatter` has already reflected their fields) and cast them. Returns the lanes that meet a face, unevaluated."""
     mirrored = contact.mirrored(tubes.direction)
-    # the ray starts at the facet, the length counts from the lifted point
+    # the ray starts at the facet, but the length is counted from the lifted point
     tubes.length = tubes.length - mi.Float64(dr.dot(contact.point - contact.facet_point, mirrored))
     steps = [contact.step(tubes.direction, derivative) for derivative in (tubes.position_du, tubes.position_dv)]
     spreads = [d - contact.normal * (2 * dr.dot(d, contact.normal)) for d in (tubes.direction_du, tubes.direction_dv)]

@@ -1,16 +1,16 @@
-"""Cells of a tube grid that can meet a facet. A large object seen from near may fill only a few hundredths of its grid."""
+"""Find the cells of a tube grid that can meet a facet, because a large object seen from near may fill a few percent of its grid."""
 
 import numpy as np
 
 from radartwin.compiled import compiled
 from radartwin.simulation.curved.tube_grid import TubeGrid
 
-MARGIN = 1  # cells around the box of a facet
-MIN_DEPTH = 1e-3  # share of the distance to a corner; a corner with less depth does not count as in front of the source
+MARGIN = 1  # cells added around the bounding box of a facet
+MIN_DEPTH = 1e-3  # smallest depth of a corner in front of the source, relative to its distance
 
 
 def covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray | None:
-    """Cells of one pose, ascending, whose centre ray can meet a facet; None if a facet is not clearly in front of the source.
+    """Return the cells of one pose, ascending, whose centre ray can meet a facet; None if a facet is not in front of the source.
 
     Args:
         corners: (N, 3, 3) corners of the facets, in the grid's frame.
@@ -31,7 +31,7 @@ def covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray | None
 
 @compiled
 def _mark(seen: np.ndarray, u: np.ndarray, v: np.ndarray) -> None:
-    """Mark the cells in the boxes around facets with corners u, v (N, 3), in cells."""
+    """Mark the cells in the bounding boxes of facets. The corners u, v (N, 3) are in units of cells."""
     rows, columns = seen.shape
     for n in range(len(u)):
         left, right = max(0, int(np.floor(u[n].min())) - MARGIN), min(columns, int(np.ceil(u[n].max())) + MARGIN + 1)

@@ -1,6 +1,6 @@
 """Dr.Jit arrays, geometry and reflection tables on the device. Import only after a Mitsuba variant is active.
 
-Numbers that change from call to call are made opaque, because Dr.Jit compiles a kernel again for every new literal.
+Numbers that change from call to call become opaque Dr.Jit variables, because Dr.Jit compiles a kernel again for every new literal.
 """
 
 from collections.abc import Callable
@@ -18,10 +18,10 @@ _DTYPES = {"Float": np.float32, "UInt": np.uint32, "UInt64": np.uint64, "Bool": 
 
 
 def upload(kind: Any, values: np.ndarray) -> Any:
-    """A device array of type `kind` that never makes Dr.Jit compile a kernel again.
+    """Copy values to a device array of type `kind` in such a way that Dr.Jit does not compile kernels again.
 
-    On the CPU, Dr.Jit compiles for the alignment of NumPy's memory, which changes from call to call, so the values are copied to aligned
-    memory. Dr.Jit would compile a single value into the kernel, so it is made opaque.
+    On the CPU, compiled kernels depend on the alignment of NumPy's memory, which changes from call to call. The values are therefore copied
+    to aligned memory. A single value becomes opaque, because Dr.Jit would otherwise compile it into the kernel.
     """
     if np.size(values) == 1:
         return dr.opaque(kind, np.asarray(values).reshape(-1)[0].item())
@@ -35,19 +35,19 @@ def upload(kind: Any, values: np.ndarray) -> Any:
 
 
 def rows(values: np.ndarray) -> Callable[..., Any]:
-    """A function that gathers vectors by index from (F, 3) values."""
+    """Return a function that gathers vectors by index from values (F, 3)."""
     columns = [upload(mi.Float, values[:, i]) for i in range(3)]
     return lambda index, active=True: mi.Vector3f(*(dr.gather(mi.Float, column, index, active) for column in columns))
 
 
 def scalars(values: np.ndarray) -> Callable[[Any], Any]:
-    """A function that gathers by index from (F,) values."""
+    """Return a function that gathers scalars by index from values (F,)."""
     column = upload(mi.Float, values)
     return lambda index: dr.gather(mi.Float, column, index)
 
 
 class Device:
-    """A geometry and its reflection table on the device."""
+    """Hold a geometry and its reflection table on the device."""
 
     def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None, labels: np.ndarray | None, hats: bool):
         self.scene = geometry.scene()
@@ -65,27 +65,27 @@ class Device:
         self.patch = upload(mi.UInt32, geometry.patch + 1)
 
     def in_cluster(self, face: Any, cluster: int, active: Any) -> Any:
-        """The active lanes whose face is in the cluster; all of them without clusters."""
+        """Return the active lanes whose face is in the cluster; all active lanes if there are no clusters."""
         if self.cluster is None:
             return active
         return active & (dr.gather(mi.UInt32, self.cluster, face, active) == dr.opaque(mi.UInt32, cluster))
 
     @staticmethod
     def corners(source: Any, face: Any, active: Any) -> list[Any]:
-        """The three vectors of a face from `corner` or `normal`."""
+        """Gather the three vectors of a face from `corner` or `normal`."""
         return [mi.Vector3f(*(dr.gather(mi.Float, source, face * 9 + 3 * c + i, active) for i in range(3))) for c in range(3)]
 
     @staticmethod
     def tabulated(te: np.ndarray, tm: np.ndarray) -> list[Any]:
-        """Coefficients (S, COSINES, Q) in the form of `lookup`."""
+        """Upload coefficients (S, COSINES, Q) in the form that `lookup` reads."""
         return [upload(mi.Float, part) for c in (te, tm) for part in (np.real(c), np.imag(c))]
 
     def reflection(self, face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
-        """[te.re, te.im, tm.re, tm.im] at one frequency node."""
+        """Return the reflection [te.re, te.im, tm.re, tm.im] at one frequency node."""
         return self.lookup(self.coefficients, face, cosine, node, active)
 
     def lookup(self, coefficients: list[Any], face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
-        """[te.re, te.im, tm.re, tm.im] from tabulated coefficients, interpolated linearly in the cosine."""
+        """Interpolate [te.re, te.im, tm.re, tm.im] from tabulated coefficients, linearly in the cosine."""
         x = dr.clip(cosine, 0, 1) * (COSINES - 1)
         low = dr.minimum(mi.UInt32(x), COSINES - 2)
         weight = x - mi.Float(low)

@@ -1,14 +1,14 @@
 """Division of a tube grid into whole tubes and pieces of tubes, in blocks that fit in memory.
 
-A tube counts entirely where its centre ray hits, so a tube that straddles an edge has a wrong share of each side. The division finds these
-tubes by probe rays without fields through the middles and corners of all cells: a cell straddles an edge if their sequences of smooth
-patches differ. These cells are traced as pieces of a finer grid, as are cells that a curved surface spreads onto another surface. The
-division is exact: a box is the sum of its pieces, and a hat is the sum of hats n times finer,
+A tube contributes as if all of it met the surface that its centre ray hits, which is wrong for a tube that straddles an edge. To find such
+tubes, test rays without fields are cast through the middles and corners of all cells. A cell straddles an edge if its test rays hit
+different sequences of smooth patches. Such cells, and cells that a curved surface spreads onto another surface, are traced as pieces of a
+finer grid. The division is exact: a box weight is the sum of its pieces, and a hat weight is the sum of hats n times finer,
 
     hat(x) = sum over |k| < n of (1 - |k|/n) hat(n x - k)
 
-so that divided and whole hats still sum to one. A piece therefore carries two weights: its share of the divided hats around it, and
-whether it lies in a divided box. Cells whose probe rays meet nothing are skipped. Import only after a Mitsuba variant is active.
+so that divided and whole hats still sum to one. A piece therefore has two weights: the sum of its factors in the divided hats around it,
+and whether it lies in a divided box. Cells whose test rays hit nothing are skipped. Import only after a Mitsuba variant is active.
 """
 
 from collections.abc import Iterator
@@ -28,23 +28,23 @@ from radartwin.simulation.curved.tube_grid import TubeGrid
 
 MAX_TUBES = (1 << 32) - 1  # indices have 32 bits
 TUBES_PER_BLOCK = 1 << 20  # limits the memory of a kernel to a few hundred megabytes
-SPREADING = 1 << 31  # flag of a patch sequence: a curved surface sends the ray on to another surface
+SPREADING = 1 << 31  # flag of a patch sequence: a curved surface reflects the ray to another surface
 
 
 def blocks(
     device: Device, grid: TubeGrid, corners: np.ndarray, options: TraceOptions, selected: np.ndarray | None, walls: Walls | None
 ) -> Iterator[TubeSelection]:
-    """The tubes of a grid in blocks of whole poses, or of parts of a pose larger than a block.
+    """Yield the tubes of a grid in blocks of whole poses; a pose larger than a block is split.
 
-    Only whole tubes are used if `options.pieces` is 1 or if a pose is too large for one block.
+    No tube is divided if `options.pieces` is 1 or if a pose is too large for one block.
 
     Args:
-        corners: (N, 3, 3) of the facets; in a pose larger than a block, tubes that meet no facet are skipped.
-        options: bounces, first cluster and pieces.
+        corners: (N, 3, 3) corners of the facets. In a pose larger than a block, tubes that meet no facet are skipped.
+        options: only bounces, first cluster and pieces are read.
         selected: (N,) sorted indices of the tubes to trace; None: all.
-        walls: walls of shells that tubes pass; None: tubes are reflected outside.
+        walls: walls of shells through which tubes pass. None: tubes are reflected on the outside.
     Raises:
-        BackendError: more tubes than MAX_TUBES.
+        BackendError: the grid has more tubes than MAX_TUBES.
     """
     end = grid.poses * grid.per_pose
     if end > MAX_TUBES:
@@ -75,17 +75,17 @@ def _parts(index: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray:
-    """Indices of the tubes of a pose that can meet a facet."""
+    """Return the indices of the tubes of a pose that can meet a facet."""
     cells = coverage.covered(grid, pose, corners)
     return pose * grid.per_pose + (np.arange(grid.per_pose) if cells is None else cells)
 
 
 def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], options: TraceOptions, walls: Walls | None) -> np.ndarray:
-    """A number for the sequence of smooth patches that each probe ray meets; 0 for no patch.
+    """Cast the test rays and return a number for the sequence of smooth patches that each ray meets; 0 for no patch.
 
     Returns:
-        (poses, count_u count_v + (count_u + 1)(count_v + 1)) uint32: middles of cells, then corners, rows along u. SPREADING is set if a
-        curved surface sends the ray on to another surface. With walls: the patch of the wall and the next one behind it.
+        (poses, count_u count_v + (count_u + 1)(count_v + 1)) uint32: middles of cells, then corners, in rows along u. SPREADING is set
+        if a curved surface reflects the ray to another surface. With walls, a sequence is the patch of the wall and the next patch.
     """
     middles, corners = grid.per_pose, (grid.count_u + 1) * (grid.count_v + 1)
     index = dr.arange(mi.UInt32, (poses[1] - poses[0]) * (middles + corners))
@@ -110,7 +110,7 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
             alive = device.in_cluster(contact.face, options.first_cluster, alive)
         if walls and bounce == 0:
             alive = walls.enter(tubes, contact, alive)
-        # an odd factor, so that the order of the patches counts
+        # an odd factor, so that the number depends on the sequence of the patches
         sequence = dr.select(alive, (sequence * 0x9E3779B1) ^ dr.gather(mi.UInt32, device.patch, contact.face, alive), sequence)
         if walls and bounce == 0:
             continue
@@ -124,7 +124,7 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
 
 
 def divided(sequences: np.ndarray, grid: TubeGrid, first_pose: int, pieces: int, curved: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(index, hat_share, in_box) of `TubeSelection` for the poses from `first_pose`, from their `patch_sequences`."""
+    """Return (index, hat_share, in_box) of a `TubeSelection` for the poses from `first_pose`, from their `patch_sequences`."""
     poses, (rows, columns) = len(sequences), (grid.count_v, grid.count_u)
     middle = sequences[:, : rows * columns].reshape(poses, rows, columns)
     corner = sequences[:, rows * columns :].reshape(poses, rows + 1, columns + 1)
@@ -144,7 +144,7 @@ def divided(sequences: np.ndarray, grid: TubeGrid, first_pose: int, pieces: int,
     fine_rows, fine_columns = pieces * rows + 2 * margin, pieces * columns + 2 * margin
     reach = np.arange(-2 * margin, 2 * margin + 1) if curved else np.arange(-margin, margin + 1)
     tent = 1 - np.abs(reach) / pieces
-    # the pieces of each straddling cell (hats extend twice as far); shares of the same piece are summed
+    # the pieces of each straddling cell (hats extend twice as far); the factors of a piece in several hats are summed
     fine_v = (v[:, None] * pieces + 2 * margin + reach)[:, :, None]
     fine_u = (u[:, None] * pieces + 2 * margin + reach)[:, None, :]
     piece = ((pose[:, None, None] * fine_rows + fine_v) * fine_columns + fine_u).reshape(-1)

@@ -1,4 +1,4 @@
-"""State of the tubes, one lane each, and their start at the source.
+"""State of the tubes (one Dr.Jit lane per tube) and their start at the source.
 
 Symbols as in `radartwin.simulation.curved.tubes`. Import only after a Mitsuba variant is active.
 """
@@ -17,13 +17,14 @@ from radartwin.simulation.curved.tube_grid import TubeGrid
 
 @dataclass(frozen=True)
 class TubeSelection:
-    """The tubes of a grid to trace: whole cells and pieces of divided cells.
+    """Select the tubes of a grid to trace: whole cells and pieces of divided cells.
 
     Attributes:
-        index: (N,) uint32. Below the number of cells of all poses, a cell. Above, a piece: an index in the grid that is `pieces` times
-            finer along each axis and extends (pieces - 1)/2 pieces beyond the cells on every side.
-        hat_share: (N,) share of a hat that the tube carries. in_box: (N,) whether the tube counts where boxes are used. None: whole cells.
-        pieces: odd.
+        index: (N,) uint32. An index below the number of cells of all poses is a whole cell. A larger index is a piece: an index in the grid
+            that is `pieces` times finer along each axis and extends (pieces - 1)/2 pieces beyond the cells on every side.
+        hat_share: (N,) factor of the tube's hat weight. in_box: (N,) whether the tube contributes with box weights. Both are None if all
+            tubes are whole cells.
+        pieces: odd number of pieces of a divided cell along each axis.
     """
 
     index: np.ndarray
@@ -34,15 +35,16 @@ class TubeSelection:
 
 @dataclass
 class Tubes:
-    """Tubes between two hits.
+    """Hold the state of tubes between two hits.
 
     Attributes:
-        index, pose: index in the grid and pose.
-        origin, direction: of the ray. position_du, position_dv, direction_du, direction_dv: their derivatives along the grid.
-        weight: solid angle at the source; of a plane wave, area. hat_share, in_box: as in TubeSelection.
+        index, pose: of the tube in its grid, and of its pose.
+        origin, direction: of the ray. position_du, position_dv, direction_du, direction_dv: derivatives of position and direction along
+            the grid axes.
+        weight: solid angle at the source, or area for a plane wave. hat_share, in_box: as in TubeSelection.
         departure: direction at the source.
-        field_re, field_im: field vector per frequency node.
-        length, first: float64, unfolded length from the source, and to the first hit.
+        field_re, field_im: real and imaginary part of the field vector per frequency node.
+        length, first: float64, unfolded lengths from the source to here and to the first hit.
         sequence: labels of the faces met, see `hits.unpack_labels`.
         face, inner_u, inner_v: triangle and two barycentric coordinates of the next hit, set by `contact.cast`.
     """
@@ -73,7 +75,7 @@ class Tubes:
         dr.eval(*(value for value in self._values() if value is not None), *others)
 
     def compacted(self, alive: Any) -> "Tubes":
-        """The tubes at these lane indices."""
+        """Return the tubes at these lane indices."""
 
         def pick(value: Any) -> Any:
             if value is None:
@@ -87,15 +89,15 @@ class Tubes:
 
 
 def project(axis: Any, direction: Any) -> Any:
-    """Normalised component of `axis` perpendicular to `direction`."""
+    """Return the normalised component of `axis` perpendicular to `direction`."""
     across = axis - direction * dr.dot(axis, direction)
     return across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-12))
 
 
 def rays(grid: TubeGrid, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """Origin, direction, two derivatives along the grid, and weight of the tubes at grid coordinates.
+    """Return origin, direction, two derivatives along the grid axes, and weight of the tubes at grid coordinates.
 
-    The derivatives are those of the direction and the weight is the solid angle; for a plane wave, those of the position and the area.
+    A spherical wave has derivatives of the direction and a solid angle as weight. A plane wave has derivatives of the position and an area.
     """
     step_u, step_v = scalars(grid.step_u)(pose), scalars(grid.step_v)(pose)
     u = scalars(grid.low_u)(pose) + cell_u * step_u
@@ -111,7 +113,7 @@ def rays(grid: TubeGrid, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any,
 
 
 def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelection, nodes: int) -> Tubes:
-    """The selected tubes at their source. Fields lie along the projected antenna axis; `cross` turns them by 90 degrees for H."""
+    """Start the selected tubes at their source. Fields lie along the projected antenna axis; `cross` turns them by 90 degrees for H."""
     index = upload(mi.UInt32, selection.index)
     per_pose, count_u = dr.opaque(mi.UInt32, grid.per_pose), dr.opaque(mi.UInt32, grid.count_u)
     cell, size, offset = index, mi.Float(1.0), mi.Float(0.0)

@@ -8,16 +8,18 @@ import mitsuba as mi
 import numpy as np
 
 STEEP = 14.0  # radians of phase across half a tube; beyond it, the integral follows from the kinks of the weight
-MOST_TWIST = 2.0  # radians; the mixed second-order phase is limited to it
+MOST_TWIST = 2.0  # radians; limit of the mixed second-order phase
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
-    """Integrals of w(x) exp(-j beta x^2) times cos(alpha x), x sin(alpha x) and x^2 cos(alpha x), each real and imaginary part, with w
-    a hat on [-1, 1] or a box on [-1/2, 1/2].
+    """Return the integrals of w(x) exp(-j beta x^2) times cos(alpha x), x sin(alpha x) and x^2 cos(alpha x), as real and imaginary parts.
 
-    The integral is Gauss-Legendre quadrature if the phase changes by less than about two cycles per side (error 1e-7). Otherwise it is the
-    leading asymptotic term of the hat's three kinks (error below 2e-3), or of the box without its curvature, without higher moments.
+    The weight w is a hat on [-1, 1] or a box on [-1/2, 1/2].
+
+    If the phase changes by less than about two cycles per side, the integrals are computed by Gauss-Legendre quadrature (error: 1e-7).
+    Otherwise the first integral is the leading asymptotic term of the hat's three kinks (error: below 2e-3), or of the box without
+    curvature, and the other two integrals are zero.
     """
     half, slope = dr.select(hat, mi.Float(1.0), 0.5), dr.select(hat, mi.Float(1.0), 0.0)
     moments = [[mi.Float(0.0), mi.Float(0.0)] for _ in range(3)]
@@ -40,7 +42,7 @@ def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
 
 
 def footprint_integral(alpha: Sequence[Any], beta: Sequence[Any], twist: Any, hat: Any) -> tuple[Any, Any]:
-    """Real and imaginary part of the integral of w(x) w(y) exp(-j (alpha . (x, y) + beta . (x^2, y^2) + twist x y)) over a footprint.
+    """Integrate w(x) w(y) exp(-j (alpha . (x, y) + beta . (x^2, y^2) + twist x y)) over a footprint; real and imaginary part.
 
     The factor exp(-j twist x y) is expanded to second order.
     """

@@ -12,7 +12,7 @@ OTHER_LABEL = (1 << LABEL_BITS) - 2  # the largest label, for faces without a la
 
 
 def unpack_labels(sequence: int, bounces: int) -> tuple[int, ...]:
-    """Labels of the faces that a path met, first to last. `sequence` holds 1 + label per bounce, the last in the lowest bits.
+    """Return the labels of the faces that a path met, first to last. `sequence` holds 1 + label per bounce, the last in the lowest bits.
 
     >>> unpack_labels((3 << LABEL_BITS) + 8, 2)
     (2, 7)
@@ -22,12 +22,12 @@ def unpack_labels(sequence: int, bounces: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Antennas:
-    """Transmit or receive antennas, one per pose, in the geometry's frame.
+    """Describe transmit or receive antennas, one per pose, in the geometry's frame.
 
     Attributes:
-        position: (F, 3) metres. A plane wave uses only its direction (a point far away).
-        axis: (F, 3) unit vectors; the polarisation is the normalised projection of the axis across the ray.
-        cross: use the perpendicular of this projection instead (H instead of V).
+        position: (F, 3) metres. For a plane wave this is a point far away, and only its direction matters.
+        axis: (F, 3) unit vectors. The polarisation is the normalised component of the axis perpendicular to the ray.
+        cross: whether the polarisation is turned by 90 degrees about the ray (H instead of V).
     """
 
     position: np.ndarray
@@ -37,11 +37,11 @@ class Antennas:
 
 @dataclass(frozen=True)
 class Occluder:
-    """Static geometry that can block the line between sensor and object.
+    """Describe static geometry that can block the line between sensor and object.
 
     Attributes:
         geometry: the blocking surfaces.
-        rotation, translation: (F, 3, 3) and (F, 3), map from the object's frame to the occluder's frame per pose.
+        rotation, translation: (F, 3, 3) and (F, 3), which map the object's frame to the occluder's frame at each pose.
     """
 
     geometry: Geometry
@@ -51,18 +51,18 @@ class Occluder:
 
 @dataclass(frozen=True)
 class TraceOptions:
-    """How to trace a grid of tubes.
+    """Set how a grid of tubes is traced.
 
     Attributes:
         max_bounces: largest number of reflections.
-        cluster: (faces,) cluster of each face, or None. Only tubes whose first hit lies on a face of cluster `first_cluster` count, so that
-            grids of different density divide the scene between them.
-        labels: (faces,) below 4095, packed into `Hits.sequence`; None: not recorded.
-        occluder: tested between the sensor and the first and last hit.
-        prune: drop hits below this share of the strongest hit of their pose in the same block (`division.blocks`).
-        hats: weight all tubes by hats, as rooms need; otherwise only tubes on curved facets.
-        pieces: odd. A tube that straddles two smooth patches, or that a curved surface spreads onto another, is traced in this many pieces
-            along each grid axis.
+        cluster: (faces,) cluster of each face, or None. Only tubes whose first hit is on a face of cluster `first_cluster` contribute, so
+            that grids of different density do not count a path twice.
+        labels: (faces,) numbers below 4095, packed into `Hits.sequence`. None: not recorded.
+        occluder: geometry that may block the lines from the sensor to the first hit and from the last hit to the sensor.
+        prune: drop hits whose amplitude is below this times the strongest hit of their pose in the same block (`division.blocks`).
+        hats: whether all tubes have hat weights, as rooms need. If False, only tubes on curved facets have hat weights.
+        pieces: odd number. A tube that straddles two smooth patches, or that a curved surface spreads onto another surface, is divided into
+            this many pieces along each grid axis.
     """
 
     max_bounces: int
@@ -77,14 +77,14 @@ class TraceOptions:
 
 @dataclass(frozen=True)
 class Hits:
-    """The contributing hits of a grid of tubes.
+    """Hold the N contributing hits of a grid of tubes.
 
     Attributes:
         pose, tube: (N,) index of the pose and of the tube in its grid. bounce: (N,) number of reflections, from 1.
         amplitude: (N, Q) complex, for signals exp(+j k L), without the propagation phase.
-        length_in_m, length_out_m: (N,) float64, source to hit (unfolded) and hit to receiver.
+        length_in_m, length_out_m: (N,) float64, unfolded length from source to hit, and distance from hit to receiver.
         departure, arrival: (N, 3) unit vectors from source and receiver towards the path.
-        first_m: (N,) float64, source to first hit.
+        first_m: (N,) float64, distance from source to first hit.
         sequence: (N,) uint64, labels of the faces met, see `unpack_labels`.
     """
 
@@ -100,7 +100,7 @@ class Hits:
     sequence: np.ndarray
 
     def where(self, keep: np.ndarray) -> "Hits":
-        """The hits selected by a mask or by indices."""
+        """Return the hits selected by a mask or by indices."""
         return Hits(*(getattr(self, field.name)[keep] for field in fields(Hits)))
 
     @staticmethod
@@ -111,7 +111,7 @@ class Hits:
 
     @staticmethod
     def none(nodes: int) -> "Hits":
-        """No hits, at `nodes` frequencies."""
+        """Return an empty set of hits at `nodes` frequencies."""
         index, length, vectors = np.zeros(0, int), np.zeros(0), np.zeros((0, 3))
         amplitude, sequence = np.zeros((0, nodes), complex), np.zeros(0, np.uint64)
         return Hits(index, index, index, amplitude, length, length, vectors, vectors, length, sequence)

@@ -14,12 +14,12 @@ from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes
 from radartwin.simulation.curved.footprint import footprint_integral
 
-MOST_BEND = 3.0  # radians, limit of the second-order phase of a footprint on a curved surface unless the first order is steep
-TERMINATOR = 0.4  # cosine below which a curved surface's currents fade out away from the mirror direction
+MOST_BEND = 3.0  # radians; limit of the second-order phase on a curved surface, unless the first-order phase is steep
+TERMINATOR = 0.4  # cosine of incidence below which currents on a curved surface fade out, except towards the mirror direction
 
 
 class Reception(NamedTuple):
-    """The receiver as seen from the contacts.
+    """Describe the receiver as seen from the contacts.
 
     Attributes:
         direction: unit vector from the contact to the receiver. length: distance, metres.
@@ -34,7 +34,7 @@ class Reception(NamedTuple):
 
 
 def scatter(device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any) -> list[tuple[Any, Any]]:
-    """Contribution of every tube to the receiver, (real, imaginary) of P.V times the integral, per node. Reflects the tubes' fields."""
+    """Compute every tube's contribution to the receiver, per node (real, imaginary), and reflect the tubes' fields."""
     s = across_incidence(tubes.direction, contact.normal)
     mirrored = contact.mirrored(tubes.direction)
     p_in, p_out = dr.cross(tubes.direction, s), dr.cross(mirrored, s)
@@ -64,11 +64,11 @@ def scatter(device: Device, tubes: Tubes, contact: Contact, reception: Reception
 
 
 def _footprint(device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any) -> tuple[Any, Any]:
-    """Real and imaginary part of sqrt(dOmega A)/(8 pi L_o cos t) I; zero in inactive lanes."""
+    """Return real and imaginary part of sqrt(dOmega A)/(8 pi L_o cos t) I; zero in inactive lanes."""
     outgoing = reception.direction
     inverse_out = mi.Float(0.0) if reception.plane else dr.rcp(reception.length)
-    gradient = tubes.direction - outgoing  # of the path length at the hit
-    # change of the path length for a hit deeper along the ray
+    gradient = tubes.direction - outgoing  # gradient of the path length at the hit
+    # change of the path length if the hit lies deeper along the ray
     deeper = (1 - dr.dot(tubes.direction, outgoing)) * dr.rcp(contact.cosine)
     spreads = tubes.direction_du, tubes.direction_dv
     steps = [contact.step(tubes.direction, derivative) for derivative in (tubes.position_du, tubes.position_dv)]
@@ -89,7 +89,7 @@ def _footprint(device: Device, tubes: Tubes, contact: Contact, reception: Recept
             most = dr.select(contact.is_curved(), dr.maximum(0.25 * dr.abs(slope), MOST_BEND), dr.inf)
             bends[i] = dr.clip(bends[i], -most, most)
     re, im = footprint_integral(slopes, bends, wavenumber * bend(0, 1), hat)
-    # the field falls with the square root of the cross-section, so field times area stays finite where the cross-section vanishes
+    # the field varies as the inverse square root of the cross-section, so field times area stays finite at zero cross-section
     cross_section = dr.abs(dr.dot(dr.cross(tubes.position_du, tubes.position_dv), tubes.direction))
     level = dr.sqrt(tubes.weight * cross_section) * dr.rcp(8 * np.pi * contact.cosine) * (1.0 if reception.plane else inverse_out)
     if device.curved:

@@ -1,11 +1,12 @@
-"""Hollow objects: transmission through their walls and reflection inside.
+"""Hollow objects (shells): transmission through their walls and reflection inside.
 
-A surface is a shell if its mesh is closed and faces outwards, its material is a `Layered` with air behind it, and its wall is thin beside
-the hollow. The outer face reflects like any wall. Other tubes enter straight through the near wall, are reflected inside by the far wall
-or by other objects, and at each of these reflections are received straight out through the wall towards the receiver. A wave that leaves
-a shell and then meets another surface is not modelled.
+A surface is a shell if its mesh is closed and faces outwards, its material is a `Layered` with air behind it, and its wall is much
+thinner than the hollow space. The outer face reflects like any wall. Additional tubes enter straight through the near wall and are
+reflected inside by the far wall or by other objects. From each of these reflections, the wave also goes straight out through the wall to
+the receiver. A wave that leaves a shell and then meets another surface is not modelled.
 
-Mean power over 77 to 80.44 GHz of empty bottles of 33 mm radius against the exact series of the cylinder, 4 tubes per square wavelength:
+The table gives the error of the mean power over 77 to 80.44 GHz of empty bottles of 33 mm radius, against the exact series for a cylinder,
+with 4 tubes per square wavelength.
 
 | reflections inside | 0.3 mm PET | 1 mm PET | 1 mm HDPE | 3 mm glass |
 |---|---|---|---|---|
@@ -14,10 +15,11 @@ Mean power over 77 to 80.44 GHz of empty bottles of 33 mm radius against the exa
 | 3 | 0.3 dB | 0.3 dB | 0.4 dB | 0.5 dB |
 | 4 | 0.3 dB | 0.7 dB | 0.5 dB | 0.8 dB |
 
-Sixteen tubes per square wavelength give up to 0.5 dB more at 4 reflections.
+With 16 tubes per square wavelength, the power at 4 reflections is up to 0.5 dB higher.
 
-Phases refer to the mesh, the outer face of the wall, and the ray counts the wall as air. For a wall of thickness d, transmission therefore
-gains the factor exp(+j k d cos t). Reflection from inside happens at the inner face and gains exp(+2 j k d cos t).
+Phases refer to the mesh, which is the outer face of the wall, and path lengths treat the wall as air. For a wall of thickness d,
+transmission therefore has the additional factor exp(+j k d cos t). Reflection from inside happens at the inner face and has the factor
+exp(+2 j k d cos t).
 """
 
 from dataclasses import dataclass
@@ -31,17 +33,17 @@ from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.reflection_table import COSINES, ReflectionTable, grid_of_cosines
 
 THIN = 0.25  # largest ratio of wall thickness to mean width of the mesh; a solid board has the ratio 1
-INSIDE = 3  # reflections inside; by the table above, more reflections increase the error
+INSIDE = 3  # number of reflections inside; in the table above, more reflections increase the error
 
 
 @dataclass(frozen=True)
 class Shells:
-    """Transmission and inner reflection of a geometry's shells.
+    """Hold the transmission and inner reflection of a geometry's shells.
 
     Attributes:
-        faces: (F,) bool, faces that transmit.
+        faces: (F,) bool, whether a face transmits.
         te, tm: (S, COSINES, Q) complex, transmission per surface, cosine and node; zero for opaque surfaces.
-        inside: reflection of waves inside.
+        inside: reflection table for waves inside.
     """
 
     faces: np.ndarray
@@ -50,13 +52,13 @@ class Shells:
     inside: ReflectionTable
 
     def envelope(self) -> "Shells":
-        """The largest magnitudes over the sweep, as in `ReflectionTable.envelope`."""
+        """Return the shells with the largest magnitudes over the sweep, as in `ReflectionTable.envelope`."""
         te, tm = (np.abs(c).max(axis=2, keepdims=True).astype(complex) for c in (self.te, self.tm))
         return Shells(self.faces, te, tm, self.inside.envelope())
 
 
 def find_shells(geometry: Geometry, table: ReflectionTable, among: np.ndarray | None = None) -> Shells | None:
-    """The shells of a geometry, or None if no face of `among` ((F,) bool; None: any face) belongs to a shell."""
+    """Return the shells of a geometry; None if no face of the mask `among` (F,) belongs to a shell (None: all faces)."""
     thickness = np.array([_thickness(material) for material, _ in table.surfaces])
     if not len(geometry.corners) or not (thickness > 0).any():
         return None
@@ -80,7 +82,7 @@ def find_shells(geometry: Geometry, table: ReflectionTable, among: np.ndarray | 
 
 
 def _thickness(material: str | Layered) -> float:
-    """Thickness of a wall with air behind it, metres; zero for opaque materials."""
+    """Return the thickness in metres of a wall with air behind it; zero for opaque materials."""
     if not isinstance(material, Layered) or material.backing not in EMPTY:
         return 0.0
     return sum(thickness for _, thickness in material.layers)

@@ -26,7 +26,7 @@ from radartwin.simulation.reflection_table import ReflectionTable
 
 
 class Tracer:
-    """Traces the tubes of one grid, on the outside of surfaces or through the walls of `shells`."""
+    """Trace the tubes of one grid, on the outside of surfaces or through the walls of `shells`."""
 
     def __init__(
         self,
@@ -46,11 +46,11 @@ class Tracer:
         self.receiver_at, self.axis_at, self.forward_at = rows(receive.position), rows(receive.axis), rows(grid.forward)
 
     def hits(self, selected: np.ndarray | None) -> list[Hits]:
-        """Hits of the tubes with the `selected` indices (sorted), or of all tubes."""
+        """Return the hits of the tubes with the sorted indices `selected` (None: all tubes)."""
         return self._traced(selected, _read_hits)
 
     def tube_indices(self) -> list[np.ndarray]:
-        """Grid indices of the tubes that contribute."""
+        """Return the grid indices of the tubes that contribute."""
         return self._traced(None, _read_indices)
 
     def _traced(self, selected: np.ndarray | None, read: Callable) -> list:
@@ -73,12 +73,12 @@ class Tracer:
             )  # fmt: skip
             level = sum((re * re + im * im for re, im in values), mi.Float(0.0)) / dr.opaque(mi.Float, self.device.nodes)
             if options.prune:
-                # the default reduction mode would compile the number of poses into the kernel
+                # because the default reduction mode would compile the number of poses into the kernel
                 dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, tubes.pose, seen, mode=dr.ReduceMode.Local)
             onward = bounce < options.max_bounces
             if onward:
                 active = contacts.bounce(self.device, tubes, contact, active)
-            # one kernel for all ray casts: an array that stays unevaluated would cast its rays again when it is read
+            # evaluate all ray casts in one kernel, because an unevaluated array would cast its rays again when it is read
             tubes.evaluate(lanes, level, strongest, seen, active)
             if options.prune:
                 seen = seen & (level >= dr.opaque(mi.Float, options.prune**2) * dr.gather(mi.Float, strongest, lanes[0], seen))
@@ -92,7 +92,7 @@ class Tracer:
                 tubes, active = tubes.compacted(alive), mi.Bool(True)
 
     def _meet(self, tubes: Tubes, origin: Any, bounce: int, active: Any) -> tuple[Contact, Contact, Any]:
-        """The contact that reflects, the contact nearest to the source (they differ behind a wall) and the lanes that stay active."""
+        """Return the reflecting contact, the contact nearest to the source (different behind a wall) and the lanes that stay active."""
         contact, active = contacts.meet(self.device, tubes, bounce == 1, active)
         near = contact
         if bounce == 1:
@@ -106,13 +106,13 @@ class Tracer:
         return contact, near, active
 
     def _reception(self, tubes: Tubes, contact: Contact, near: Contact, bounce: int, active: Any) -> tuple[Reception, Any]:
-        """Direction, distance and polarisation of the receiver at the contact, and the lanes that the receiver sees."""
+        """Return the receiver's direction, distance and polarisation at the contact, and the lanes that the receiver sees."""
         plane = self.grid.plane
         receiver = self.receiver_at(tubes.pose, active)
         outgoing = dr.normalize(-self.forward_at(tubes.pose, active) if plane else receiver - contact.point)
         length = dr.dot(receiver - contact.point, outgoing)
         seen = active & (dr.dot(outgoing, contact.normal) > contacts.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
-        first_of_receiver = self.monostatic and bounce == 1  # the receiver sees the first hit of a tube that starts at the receiver
+        first_of_receiver = self.monostatic and bounce == 1  # the receiver always sees the first hit of a tube that starts at the receiver
         wall = near
         if self.walls:
             if not first_of_receiver:
@@ -130,7 +130,7 @@ class Tracer:
 
 
 def _picked(lanes: tuple, keep: Any) -> list:
-    """The lanes gathered on the device at the indices `keep`."""
+    """Gather the lanes at the indices `keep` on the device."""
 
     def pick(value: Any) -> Any:
         return [pick(v) for v in value] if isinstance(value, list | tuple) else dr.gather(type(value), value, keep)
@@ -145,12 +145,12 @@ def _read_indices(lanes: tuple, keep: Any, bounce: int) -> np.ndarray:
 
 
 def _vectors(lanes: Any) -> np.ndarray:
-    """(N, 3) float64, read by component: a kernel that joins the components would be compiled for every N."""
+    """Read vectors (N, 3) float64 by component, because a kernel that joins the components would be compiled for every N."""
     return np.stack([component.numpy() for component in lanes], axis=1).astype(float)
 
 
 def _read_hits(lanes: tuple, keep: Any, bounce: int) -> Hits:
-    """The lanes `keep` as NumPy arrays; a = -j (re + j im), conjugated."""
+    """Return the lanes `keep` as NumPy arrays. The amplitude is -j (re + j im), conjugated."""
     pose, index, length, length_out, departure, outgoing, first, sequence, values = _picked(lanes, keep)
     amplitude = np.empty((len(keep), len(values)), complex)
     for node, (re, im) in enumerate(values):

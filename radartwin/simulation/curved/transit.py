@@ -12,16 +12,16 @@ from radartwin.simulation.curved.shell import Shells
 
 
 class Walls:
-    """The walls of shells on the device."""
+    """Hold the walls of shells on the device."""
 
     def __init__(self, device: Device, shells: Shells):
-        """`device` holds the geometry with the reflection inside its shells."""
+        """Upload the walls. `device` holds the geometry with the reflection inside its shells."""
         self.device = device
         self.faces = upload(mi.Bool, shells.faces)
         self.coefficients = device.tabulated(shells.te, shells.tm)
 
     def enter(self, tubes: Tubes, near: Contact, active: Any) -> Any:
-        """Pass tubes straight through walls met from outside. Returns the active lanes that pass. Evaluates nothing."""
+        """Pass tubes straight through walls that they meet from outside. Returns the active lanes that pass, unevaluated."""
         active = active & dr.gather(mi.Bool, self.faces, near.face, active) & near.outside
         for node in range(len(tubes.field_re)):
             tubes.field_re[node], tubes.field_im[node] = self._passed(
@@ -32,7 +32,7 @@ class Walls:
         return active
 
     def exit(self, far: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> tuple[Contact, Any]:
-        """The wall between each contact inside and the receiver, and the lanes of `seen` that pass this wall and then no other surface."""
+        """Return the wall between each inside contact and the receiver, and the lanes of `seen` that pass only this wall."""
         origin = far.facet_point + far.flat_normal * self.device.lift
         hit = self.device.scene.ray_intersect_preliminary(mi.Ray3f(origin, outgoing), coherent=False, active=seen)
         seen = seen & hit.is_valid()
@@ -43,12 +43,12 @@ class Walls:
         return wall, seen & ~self.device.scene.ray_test(ray, seen)
 
     def received(self, wall: Contact, outgoing: Any, axis: Any, active: Any) -> list[tuple[Any, Any]]:
-        """Receive polarisation behind the wall, (real, imaginary) per node; transmission is reciprocal."""
+        """Return the receive polarisation behind the wall, (real, imaginary) per node; transmission is reciprocal."""
         nothing = dr.zeros(mi.Vector3f)
         return [self._passed(wall, outgoing, axis, nothing, node, active) for node in range(self.device.nodes)]
 
     def _passed(self, wall: Contact, direction: Any, re: Any, im: Any, node: int, active: Any) -> tuple[Any, Any]:
-        """A field perpendicular to `direction` after transmission through a wall."""
+        """Transmit a field perpendicular to `direction` through a wall."""
         s = across_incidence(direction, wall.normal)
         p = dr.cross(direction, s)
         te_re, te_im, tm_re, tm_im = self.device.lookup(self.coefficients, wall.face, dr.abs(wall.cosine), node, active)

@@ -1,7 +1,7 @@
 """Regular grids of ray tubes: from a phase centre over a solid angle, or parallel tubes of a plane wave.
 
-Grids are regular because the integrals over the tubes must tile the wavefront. A seed may shift the whole grid by a part of a cell, but
-never a single ray within its tube.
+Grids are regular because the tubes must cover the wavefront without gaps and overlaps. A random seed may shift the whole grid by a part of
+a cell, but never a single ray within its tube.
 """
 
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class TubeGrid:
-    """A regular grid of tubes per pose, in the geometry's frame.
+    """Describe a regular grid of tubes per pose, in the geometry's frame.
 
     Attributes:
         source: (F, 3) phase centres; for a plane wave, points on the start plane.
-        forward, u_axis, v_axis: (F, 3) orthonormal.
-        low_u, low_v: (F,) centre of the first tube in the plane at unit distance (plane wave: metres).
-        step_u, step_v: (F,) grid spacing in the same unit.
+        forward, u_axis, v_axis: (F, 3) orthonormal unit vectors.
+        low_u, low_v: (F,) centre of the first tube, in the plane at unit distance (for a plane wave, in metres).
+        step_u, step_v: (F,) grid spacing, in the unit of low_u and low_v.
         count_u, count_v: tubes along each axis, the same for all poses.
-        plane: a plane wave along `forward` instead of a spherical wave.
+        plane: whether the wave is a plane wave along `forward` instead of a spherical wave.
     """
 
     source: np.ndarray
@@ -44,7 +44,7 @@ class TubeGrid:
 
 
 def frame_towards(forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Orthonormal (forward, u, v), each (F, 3), with u horizontal unless `forward` is vertical."""
+    """Return orthonormal vectors (forward, u, v), each (F, 3), with u horizontal unless `forward` is vertical."""
     forward = forward / np.linalg.norm(forward, axis=-1, keepdims=True)
     up = np.where(np.abs(forward[:, 2:3]) < 0.99, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     u_axis = np.cross(up, forward)
@@ -53,9 +53,9 @@ def frame_towards(forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def _grid(low: np.ndarray, high: np.ndarray, step: np.ndarray, shift: float) -> tuple[np.ndarray, np.ndarray, int]:
-    """(centre of the first tube, step, count) of whole cells that cover [low, high] of every pose.
+    """Return (centre of the first tube, step, count) of whole cells that cover the interval [low, high] of every pose.
 
-    The cells fit the interval exactly, so that the edges of a plate seen face-on fall between two tubes.
+    The cells fit the interval exactly, so that the edges of a plate seen from its front fall between two tubes.
     """
     cells = np.maximum(np.ceil((high - low) / step - 1e-9), 1)
     fitted = np.maximum((high - low) / cells, 1e-3 * step)
@@ -65,14 +65,14 @@ def _grid(low: np.ndarray, high: np.ndarray, step: np.ndarray, shift: float) -> 
 def towards(
     points: np.ndarray, source: np.ndarray, centre: np.ndarray, cell_m: float, shift: tuple[float, float], plane: bool = False
 ) -> TubeGrid | None:
-    """Tubes from each source over the bounding box of the points in its view.
+    """Build a grid of tubes from each source over the bounding box of the points in its view.
 
     Args:
         points: (V, 3) hull points of the target.
         source: (F, 3) phase centres; for a plane wave, any point towards the radar.
-        centre: (3,) middle of the target. cell_m: width of a tube there.
+        centre: (3,) middle of the target. cell_m: width of a tube at the middle.
         shift: offset of the grid in cells, each in [0, 1).
-        plane: parallel rays along the direction to the centre.
+        plane: whether the rays are parallel to the direction to the centre.
     Returns:
         The grid, or None if a source is inside or too close to the target for one planar grid.
     """
@@ -111,14 +111,14 @@ _CUBE = np.array(
 
 
 def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: int = 6) -> list[TubeGrid]:
-    """Tubes over the sphere, one grid per face of a cube in the sensor's frame.
+    """Build grids of tubes over the sphere, one grid per face of a cube in the sensor's frame.
 
-    Cells of neighbouring faces meet at the seams, where their hats overlap symmetrically.
+    Cells of neighbouring cube faces meet at the common edge, where their hat weights overlap symmetrically.
 
     Args:
         source: (F, 3) phase centres.
         rotation: (F, 3, 3) sensor-to-world rotations.
-        rays: tubes per pose over six faces.
+        rays: number of tubes per pose over six faces.
         faces: 6 for the whole sphere, 5 without the face behind the sensor.
     """
     cells = max(2, round(np.sqrt(rays / 6)))
