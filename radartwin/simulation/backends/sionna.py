@@ -36,7 +36,7 @@ RAYS = 200_000  # rays per pose; enough to find every path of the furnished room
 ASIDE = np.array([0.74, 0.53, 0.41]) / np.linalg.norm(
     [0.74, 0.53, 0.41]
 )  # direction of separation_m in the sensor frame, parallel to no wall
-COSINES = 4096  # entries of the reflection tables; the two boards of a stud wall need more than the tracer's table has
+COSINES = 4096  # entries per reflection table; the two boards of a stud wall need more than the tracer's tables have
 MAX_RAYS = 50_000_000
 
 

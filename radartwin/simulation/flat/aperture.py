@@ -1,16 +1,18 @@
-"""Fresnel factor of a flat polygon, and the compiled loop over images. One kernel and its parts, hence over 300 lines.
+"""Fresnel factor of a flat polygon, and the compiled loop over images. One kernel and its parts, therefore over 300 lines.
 
-A plane returns the field of a source's image. A polygon of this plane returns the image's field times
+An infinite plane reflects the field of the source's mirror image. A polygon of this plane reflects this field times the Fresnel factor
 
     F = W - 1/(2 pi) sum over edges of s [G(d, t_b) - G(d, t_a)],   G(d, t) = integral_0^t d/(d^2 + x^2) exp(+j pi (d^2 + x^2)/2) dx
 
 This is the boundary form of 1/(2j) times the integral of exp(+j pi r^2/2) over the polygon, with r = 0 at the specular point. W is 1 if the
-specular point is inside and 0 outside; s = +-1 is its side of the edge. Instead of the paraxial r, the exact excess D of the path over the
-specular path is used, pi r^2/2 = k D, at the corners and at the point of least excess on the edge's line (closed form). Each edge has the
-weight of obliquity and spreading of the currents at its nearest point, relative to the specular point. The error against quadrature is
-0.0003 rms and at most 0.002 (without the weight 0.002 and 0.01), for metal panels of 0.1 to 1 m at 0.5 to 4 m and sensors up to a width
-beyond the edge. On a straight edge far from all corners, F is the half-plane factor (1 - (1 - j)(C + jS))/2; for a rectangle it is the
-product of two such differences. Polygons are convex and counter-clockwise; a polygon minus its shadows is a few convex pieces.
+specular point is inside the polygon and 0 otherwise. s = +-1 says on which side of the edge the specular point is. Instead of the paraxial
+r, the code uses the exact excess length D of the path over the specular path, pi r^2/2 = k D. D is computed at the corners and, in closed
+form, at the point of least excess on the edge's line. Each edge is weighted by obliquity and spreading of the currents at its nearest
+point, relative to those at the specular point. Against numerical quadrature, the error of F is 0.0003 rms and at most 0.002. Without the
+weight it is 0.002 rms and at most 0.01. These errors hold for metal panels of 0.1 to 1 m at 0.5 to 4 m, and for sensors up to one panel
+width beyond the edge. On a straight edge far from all corners, F is the half-plane factor (1 - (1 - j)(C + jS))/2; for a rectangle it is
+the product of two differences of half-plane factors. Polygons are convex and counter-clockwise. A polygon minus shadows is a few convex
+pieces.
 
 `evaluate` is the loop of `radartwin.simulation.flat.images`. It is in this file because Numba recompiles cached code when its own file
 changes, but not when a called function's file changes.
@@ -24,12 +26,12 @@ import numpy as np
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.reflection_table import COSINES
 
-MAX_CORNERS = 24  # of an intermediate polygon; a rectangle cut by eight planes has twelve
+MAX_CORNERS = 24  # largest number of corners of an intermediate polygon; a rectangle cut by eight planes has twelve
 MAX_PIECES = 64
-MAX_SHADOWS = 256  # on one aperture
-BEHIND = 1e-6  # metres; a point closer to a plane lies on it
-SAME_M = 1e-9  # corners closer to each other coincide
-SLIVER_M2 = 2e-9  # twice the area of the largest piece that is only rounding
+MAX_SHADOWS = 256  # largest number of shadows on one aperture
+BEHIND = 1e-6  # metres; a point closer to a plane than this counts as on the plane
+SAME_M = 1e-9  # corners closer to each other than this coincide
+SLIVER_M2 = 2e-9  # twice the area below which a piece is only a rounding error
 _NEAR = 2.0  # Fresnel coordinate below which the integral is summed directly
 _X, _WX = np.polynomial.legendre.leggauss(16)
 _LAGUERRE, _WL = np.polynomial.laguerre.laggauss(14)
@@ -38,7 +40,7 @@ _HERMITE, _WH = np.polynomial.hermite.hermgauss(20)
 
 @compiled
 def _to_infinity(d: float) -> complex:
-    """G(d, infinity) = pi/2 erfc(d sqrt(-j pi/2)), d >= 0."""
+    """Return G(d, infinity) = pi/2 erfc(d sqrt(-j pi/2)) for d >= 0."""
     if d < _NEAR:  # C + jS by its power series
         step = 1j * math.pi / 2 * d * d
         term = complex(d, 0.0)
@@ -50,18 +52,18 @@ def _to_infinity(d: float) -> complex:
                 break
         return math.pi / 2 * (1 - (1 - 1j) * total)
     re, im = 0.0, 0.0
-    for i in range(len(_HERMITE)):  # along the path of steepest descent
+    for i in range(len(_HERMITE)):  # quadrature along the path of steepest descent
         y = 2 / math.pi * _HERMITE[i] * _HERMITE[i]
         share = _WH[i] / (d * d * d * d + y * y)
         re += share * d * d
         im -= share * y
-    turn = 0.5 * math.pi * d * d + 0.25 * math.pi  # includes the phase of j over the root of j
+    turn = 0.5 * math.pi * d * d + 0.25 * math.pi  # includes the phase of j/sqrt(j)
     return d / math.sqrt(2 * math.pi) * complex(math.cos(turn), math.sin(turn)) * complex(re, im)
 
 
 @compiled
 def _from_zero(d: float, t: float) -> complex:
-    """G(d, t), 0 <= t <= _NEAR, d > 0."""
+    """Return G(d, t) for 0 <= t <= _NEAR and d > 0."""
     re, im = 0.0, 0.0
     for i in range(len(_X)):
         x = 0.5 * t * (1 + _X[i])
@@ -79,10 +81,10 @@ def _from_zero(d: float, t: float) -> complex:
 
 @compiled
 def _tail(d: float, t: float) -> complex:
-    """G(d, infinity) - G(d, t), t > _NEAR, along the path of steepest descent."""
+    """Return G(d, infinity) - G(d, t) for t > _NEAR, by quadrature along the path of steepest descent."""
     square, far = t * t, d * d + t * t
     re, im = 0.0, 0.0
-    for i in range(len(_LAGUERRE)):  # of 1 over (far + j shift) sqrt(square + j shift)
+    for i in range(len(_LAGUERRE)):  # quadrature of 1/((far + j shift) sqrt(square + j shift))
         shift = 2 / math.pi * _LAGUERRE[i]
         u = math.sqrt(0.5 * (math.sqrt(square * square + shift * shift) + square))
         v = 0.5 * shift / u
@@ -96,8 +98,8 @@ def _tail(d: float, t: float) -> complex:
 
 @compiled
 def edge_wave(d: float, t_a: float, t_b: float) -> complex:
-    """G(d, t_b) - G(d, t_a) for d >= 0 and t_a <= t_b."""
-    if d == 0.0:  # the limit from the lit side; W counts the same side
+    """Return G(d, t_b) - G(d, t_a) for d >= 0 and t_a <= t_b."""
+    if d == 0.0:  # the limit from the lit side, on which W is evaluated too
         return complex(0.5 * math.pi * (np.sign(t_b) - np.sign(t_a)), 0.0)
     if t_a > _NEAR:
         return _tail(d, t_a) - _tail(d, t_b)
@@ -108,18 +110,18 @@ def edge_wave(d: float, t_a: float, t_b: float) -> complex:
 
 @compiled
 def _signed(d: float, t: float) -> complex:
-    """G(d, t), odd in t."""
+    """Return G(d, t), which is odd in t."""
     value = _from_zero(d, abs(t)) if abs(t) <= _NEAR else _to_infinity(d) - _tail(d, abs(t))
     return value if t > 0 else -value
 
 
 @innermost
 def clip(polygon: np.ndarray, count: int, a: float, b: float, c: float, out: np.ndarray) -> int:
-    """Write the part of a convex polygon (count, 2) with a x + b y + c >= 0 to `out`; returns its number of corners."""
+    """Write the part of a convex polygon (count, 2) with a x + b y + c >= 0 to `out`. Returns its number of corners."""
     kept = 0
     previous = count - 1
     before = 0.0
-    # the last corner is also tested first, in this loop: instructions fused elsewhere could put it on the other side of the plane
+    # this loop tests the last corner twice; testing it outside could round differently and put the corner on the other side
     for turn in range(-1, count):
         i = turn if turn >= 0 else count - 1
         here = a * polygon[i, 0] + b * polygon[i, 1] + c
@@ -141,7 +143,7 @@ def clip(polygon: np.ndarray, count: int, a: float, b: float, c: float, out: np.
 
 @innermost
 def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, side: float, offset: float, out: np.ndarray) -> int:
-    """Write the part of a convex polygon (count, 3) with side normal . x >= offset, side +-1, to `out`; returns its number of corners."""
+    """Write the part of a convex polygon (count, 3) with side (+-1) normal . x >= offset to `out`. Returns its number of corners."""
     kept = 0
     previous = count - 1
     before = 0.0
@@ -166,7 +168,7 @@ def clip_space(polygon: np.ndarray, count: int, normal: np.ndarray, side: float,
 
 @innermost
 def orient(polygon: np.ndarray, count: int) -> float:
-    """Make a polygon (count, 2) counter-clockwise; returns twice its area."""
+    """Make a polygon (count, 2) counter-clockwise, and return twice its area."""
     area = 0.0
     previous = count - 1
     for i in range(count):
@@ -184,7 +186,7 @@ def orient(polygon: np.ndarray, count: int) -> float:
 
 @innermost
 def _copy(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
-    """Copy corners (count, 2) to `out`, much faster than slices."""
+    """Copy corners (count, 2) to `out`, because this loop is much faster than slices."""
     for i in range(count):
         out[i, 0], out[i, 1] = polygon[i, 0], polygon[i, 1]
 
@@ -196,7 +198,7 @@ def intersect(polygon: np.ndarray, count: int, other: np.ndarray, corners: int, 
     for i in range(corners):
         x, y = other[previous, 0], other[previous, 1]
         a, b = y - other[i, 1], other[i, 0] - x
-        if a * a + b * b < SAME_M * SAME_M:  # coinciding corners: the direction of their edge is only rounding
+        if a * a + b * b < SAME_M * SAME_M:  # an edge between coinciding corners has no meaningful direction
             continue
         count = clip(polygon, count, a, b, -(a * x + b * y), spare)
         _copy(spare, count, polygon)
@@ -217,13 +219,13 @@ def box(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
 
 @innermost
 def _are_apart(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two boxes (2, 2) are disjoint or only touch."""
+    """Return whether two boxes (2, 2) are disjoint or only touch."""
     return one[0, 0] >= other[1, 0] or one[1, 0] <= other[0, 0] or one[0, 1] >= other[1, 1] or one[1, 1] <= other[0, 1]
 
 
 @innermost
 def split(polygon: np.ndarray, count: int, a: float, b: float, c: float, inside: np.ndarray, outside: np.ndarray) -> tuple[int, int]:
-    """Both parts of a convex polygon, as `clip` by a line and by its reverse; returns their numbers of corners."""
+    """Split a convex polygon by a line into both parts, as `clip` does for one part. Returns their numbers of corners."""
     kept, left = 0, 0
     previous = count - 1
     before = a * polygon[previous, 0] + b * polygon[previous, 1] + c
@@ -259,7 +261,7 @@ def subtract(
     """Subtract a convex, counter-clockwise polygon from convex pieces (MAX_PIECES, MAX_CORNERS, 2) in place; returns the number of pieces.
 
     Args:
-        around: (2, 2) the polygon's `box`. spare, bounds: (3, MAX_CORNERS, 2), (2, 2), workspace.
+        around: (2, 2) bounding box of `other`, from `box`. spare, bounds: workspace of shapes (3, MAX_CORNERS, 2) and (2, 2).
     """
     total = number
     left = 0
@@ -283,7 +285,7 @@ def subtract(
                 counts[total] = outside
                 total += 1
             previous, now = i, 1 - now
-        if rest == 0 or orient(spare[now], rest) < SLIVER_M2:  # nothing in common: the piece stays unchanged
+        if rest == 0 or orient(spare[now], rest) < SLIVER_M2:  # no common area: the piece stays unchanged
             total = before
             if left != p:
                 _copy(pieces[p], counts[p], pieces[left])
@@ -308,11 +310,11 @@ def polygon_factor(
     length: float,
     wavenumber: float,
 ) -> complex:
-    """F of one convex polygon.
+    """Return the Fresnel factor F of one convex polygon.
 
     Args:
         polygon: (count, 2) counter-clockwise, metres along `u_axis`, `v_axis` (3,) from the specular point `origin` (3,).
-        source: (3,) image of the source, behind the plane. receiver: (3,). length: distance between them, metres.
+        source: (3,) mirror image of the source, behind the plane. receiver: (3,). length: distance from `source` to `receiver`, metres.
         wavenumber: rad/m.
     """
     normal = np.cross(u_axis, v_axis)
@@ -332,10 +334,10 @@ def polygon_factor(
         excess_b = _distance(b, source) + _distance(b, receiver) - length
         cross = polygon[previous, 0] * polygon[i, 1] - polygon[previous, 1] * polygon[i, 0]
         side = math.sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2])
-        if side > 1e-7:  # the order of coinciding corners is only rounding
+        if side > 1e-7:  # smaller sides are rounding errors of coinciding corners
             inside &= cross >= 0
             sides += 1
-            # point of least excess on the edge's line: unfold source and receiver about the line
+            # point of least excess length on the edge's line, found by unfolding source and receiver about the line
             z_s, z_r = 0.0, 0.0
             for k in range(3):
                 along[k] /= side
@@ -362,7 +364,7 @@ def polygon_factor(
 
 @innermost
 def _spreading(point: np.ndarray, source: np.ndarray, receiver: np.ndarray, normal: np.ndarray) -> float:
-    """Obliquity over path length at a point of the plane, up to a factor: the weight of the currents per unit of excess."""
+    """Return obliquity over path length at a point of the plane, up to a constant factor: the weight of the currents there."""
     down, up = _distance(point, source), _distance(point, receiver)
     depth_in, depth_out = 0.0, 0.0
     for k in range(3):
@@ -398,9 +400,9 @@ def _project(
     spare: np.ndarray,
     out: np.ndarray,
 ) -> int:
-    """Project a polygon (count, 3) from `centre` onto the plane at `depth` along `normal`: (n, 2) in `out`; returns n.
+    """Project a polygon (count, 3) from `centre` onto the plane at `depth` along `normal`. Writes (n, 2) corners to `out`; returns n.
 
-    The polygon is clipped to the space between centre and plane, with a margin of 0.001 of the depth at the centre.
+    The polygon is clipped to the space between centre and plane, with a margin of 0.001 times the depth at the centre.
     """
     at = centre[0] * normal[0] + centre[1] * normal[1] + centre[2] * normal[2]
     kept = clip_space(points, count, normal, 1.0, at + 1e-3 * depth, spare)
@@ -421,7 +423,7 @@ def _project(
 
 @innermost
 def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
-    """Write the convex hull of points (count, 2) counter-clockwise to `out` (MAX_CORNERS, 2); returns its size."""
+    """Write the convex hull of points (count, 2) counter-clockwise to `out` (MAX_CORNERS, 2). Returns its number of corners."""
     start = 0
     for i in range(1, count):
         if points[i, 0] < points[start, 0] or (points[i, 0] == points[start, 0] and points[i, 1] < points[start, 1]):
@@ -447,7 +449,7 @@ def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
 def _reflect(
     field: np.ndarray, direction: np.ndarray, mirrored: np.ndarray, normal: np.ndarray, cosine: float, te: np.ndarray, tm: np.ndarray
 ) -> None:
-    """Mirror the field (Q, 3) at a plane, coefficients (COSINES, Q) linear in the cosine, in place."""
+    """Reflect the field (Q, 3) at a plane in place. Coefficients (COSINES, Q) are interpolated linearly in the cosine."""
     s = np.cross(direction, normal)
     size = norm(s)
     if size < 1e-7:
@@ -473,7 +475,7 @@ def _reflect(
 def _is_aside(
     centre: np.ndarray, radius: float, image: np.ndarray, along: np.ndarray, total: float, wavenumber: float, reach: float
 ) -> bool:
-    """Whether a ball stays farther from the straight path than `reach` in Fresnel coordinates, d sqrt(2 L/(lambda a b)), a + b = L."""
+    """Return whether a ball is farther than `reach` from the path in Fresnel coordinates d sqrt(2 L/(lambda a b)), a + b = L."""
     t, away = 0.0, 0.0
     for k in range(3):
         t += (centre[k] - image[k]) * along[k]
@@ -489,7 +491,7 @@ def _is_aside(
 
 @compiled
 def transverse(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Normalised component of an axis perpendicular to a direction. Along the axis, any fixed perpendicular is used, equal at both ends."""
+    """Return the normalised component of an axis perpendicular to a direction; for a parallel direction, a fixed perpendicular."""
     across = axis - direction * np.dot(axis, direction)
     size = norm(across)
     if size < 1e-6:
@@ -523,7 +525,7 @@ def evaluate(
         m = order[s]
         image = source[n].copy()
         lit = True
-        for i in range(m):  # images; the path must meet each panel from its side
+        for i in range(m):  # images; the path must meet each panel from the side that the sequence prescribes
             p = panel[s, i]
             height = image[0] * normal[p, 0] + image[1] * normal[p, 1] + image[2] * normal[p, 2] - offset[p]
             if side[s, i] * height <= BEHIND:
@@ -534,7 +536,7 @@ def evaluate(
         if not lit:
             continue
         p = panel[s, m - 1]
-        facing = side[s, m - 1] * normal[p]  # towards the receiver
+        facing = side[s, m - 1] * normal[p]  # panel normal towards the receiver
         depth_r = side[s, m - 1] * (np.dot(receiver[n], normal[p]) - offset[p])
         if depth_r <= BEHIND:
             continue
@@ -544,7 +546,7 @@ def evaluate(
         along = way / total
         beside = receiver[n] + nudge
         depth_b = side[s, m - 1] * (np.dot(beside, normal[p]) - offset[p])
-        # directions, last to first, and the incidence at each panel
+        # path directions from the last leg to the first, and the incidence at each panel
         back = along.copy()
         directions = np.zeros((m + 1, 3))
         directions[m] = back
@@ -584,11 +586,11 @@ def evaluate(
         v_axis = np.cross(facing, u_axis)
 
         number = 0
-        for i in range(m - 1, -1, -1):  # the aperture: intersection of all panels
+        for i in range(m - 1, -1, -1):  # the aperture is the intersection of all projected panels
             p = panel[s, i]
             c = count[p]
             space[:c] = corners[p, :c]
-            for j in (i - 1, i + 1):  # in front of the neighbouring panels
+            for j in (i - 1, i + 1):  # keep the part in front of the neighbouring panels
                 if 0 <= j < m:
                     o = panel[s, j]
                     c = clip_space(space, c, normal[o], side[s, j], side[s, j] * offset[o], spare3)
@@ -621,7 +623,7 @@ def evaluate(
         if strongest * (f.real * f.real + f.imag * f.imag) <= (least[n] * total) ** 2:
             continue
         shaded = 0
-        for leg in range(m + 1):  # minus the obstacles
+        for leg in range(m + 1):  # subtract the obstacles
             for b in range(first[s, leg], last[s, leg]):
                 o = blocker[b]
                 if _is_aside(seen[b], o_radius[o], image, along, total, wavenumber, reach):
@@ -656,7 +658,7 @@ def evaluate(
                 c = intersect(flat, c, pieces[0], counts[0], spare2[0])
                 if c == 0 or shaded == MAX_SHADOWS or orient(flat, c) < SLIVER_M2:
                     continue
-                # its shadow on the aperture, minus earlier shadows
+                # shadow of the obstacle on the aperture, minus earlier shadows
                 _copy(flat, c, shadows[shaded])
                 corners_of[shaded] = c
                 box(flat, c, boxes[shaded])

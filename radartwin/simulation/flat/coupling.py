@@ -1,10 +1,10 @@
 """Paths between an object and a room of panels.
 
-A leg connects sensor and object, directly or over a sequence of panels. For each pair of legs that can matter, the object is traced from
-the image of the first leg and received at the image of the second leg. All pairs and poses form one grid of tubes. A pair of two different
-legs is traced in one direction; the other direction has the same paths reversed. Each hit is then weighted by the field of its two legs,
-which includes the panels' Fresnel factors, reflections and obstacles. Paths object - panel - object are not modelled: they need a hollow
-object or a third mirror.
+A leg connects sensor and object, directly or by reflections at a sequence of panels. A path consists of a leg to the object and a leg back.
+For each pair of legs that can matter, the object is traced from the sensor's image in the first leg and received at the image in the second
+leg. All pairs and poses form one grid of tubes. A pair of two different legs is traced in one direction, because the other direction has
+the same paths reversed. Each hit is then weighted by the field of its two legs, which includes the panels' Fresnel factors, reflections and
+obstacles. Paths object - panel - object are not modelled.
 """
 
 from dataclasses import dataclass, replace
@@ -26,12 +26,12 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
-SCOUT_PRUNE = 2e-4  # during tracing, before the antenna gains are known
-FEW_TUBES = 300  # on an object with at most this many tubes, tubes across its edges are divided
-EARLY = 0.3  # of the final prune: hits below it with the largest field of their legs are dropped before the legs are evaluated
-COUPLED = 3_000_000  # limit of paths between a small static object and the room over all frames; a scan's furniture would fill the memory
-BISTATIC = 4.0  # largest ratio of an object's bistatic to its monostatic echo
-SHORT_M = 1e-4  # visibility tests of the direct leg end before the object by this length
+SCOUT_PRUNE = 2e-4  # threshold of paths during tracing, before antenna gains are applied
+FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle its edges are divided
+EARLY = 0.3  # early threshold over the final one; weaker hits, with the largest field of their legs, are dropped before legs are evaluated
+COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
+BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
+SHORT_M = 1e-4  # visibility tests of the direct leg end this far before the object
 
 
 def group_paths(
@@ -50,16 +50,16 @@ def group_paths(
     least: float = 0.0,
     ball: tuple[np.ndarray, float] | None = None,
 ) -> list[Paths] | None:
-    """Direct paths of an object and its paths over the room's panels; None if the object is too close for a planar grid of tubes.
+    """Trace the direct paths of an object and its paths with the room's panels; None if it is too close for a planar grid of tubes.
 
     Args:
-        room: panels; None: free space. built, table: the object in its own frame.
+        room: panels. None: free space. built, table: geometry and reflection of the object in its own frame.
         sensor_poses, object_poses: (F, 4, 4) to the world.
-        cell_m: width of a tube on the object. coupled_cell_m: width for paths over the room; None: cell_m.
+        cell_m: width of a tube on the object. coupled_cell_m: width for paths with the room's panels; None: cell_m.
         occluder: static geometry that hides the object on direct legs.
-        prune: drop paths below this share of the strongest path of their pose.
+        prune: drop paths whose amplitude is below this times the strongest path of their pose.
         least: amplitude below which pairs of legs are dropped.
-        ball: centre (3,) and radius in metres of a ball that contains the object in every frame. Legs are found for the ball and cached.
+        ball: centre (3,) and radius in metres of a ball that contains the object in every frame. Legs are searched for the ball and cached.
     """
     share, most = SHARE, np.inf
     if room is not None and least > 0:
@@ -77,7 +77,7 @@ def group_paths(
     radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
     if ball is not None:
         centre, radius = np.repeat(ball[0][None], frames, axis=0), ball[1]
-    elif np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # small motions in front of a resting sensor share one place
+    elif np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # small motions in front of a resting sensor use one place
         step = radius / 2
         centre, radius = np.round(centre / max(step, 1e-9)) * step, radius + np.sqrt(3) / 2 * step
     seen = np.concatenate([sensor_poses[:, :3, 3], centre, sensor_poses[:, :3, 2]], axis=1)
@@ -142,7 +142,7 @@ def group_paths(
 
 
 def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
-    """The paths and, for paths over two different legs, their reverse."""
+    """Return the paths and, for paths with two different legs, also their reverse."""
     if not cross.any():
         return part
     there, first = part.where(cross), first_m[cross]
@@ -151,7 +151,7 @@ def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
 
 
 def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int) -> Hits | None:
-    """Hits of the chosen rows of leg pairs; None if the object is too close for a planar grid."""
+    """Trace the chosen rows of leg pairs; None if the object is too close for a planar grid."""
     grid = tube_grid.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
     if grid is None:
         return None
@@ -163,10 +163,10 @@ def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: n
 
 @dataclass(frozen=True)
 class _End:
-    """Sensor images at the ends of N legs, in the object's frame.
+    """Hold the sensor's images at the ends of N legs, in the object's frame.
 
     Attributes:
-        place: (N, 3) position of the image. velocity: (N, 3) m/s. axis: (N, 3) of its antenna.
+        place, velocity: (N, 3) position and velocity (m/s) of the image. axis: (N, 3) axis of its antenna.
         turn: (N, 3, 3) rotation of directions at the image to the sensor's frame.
     """
 
@@ -177,7 +177,7 @@ class _End:
 
     @staticmethod
     def of(legs: Legs | None, leg: np.ndarray, pose: np.ndarray, sensor: np.ndarray, objects: np.ndarray, radar: Radar) -> "_End":
-        """Ends of legs (N,) at frames `pose` (N,), for poses (F, 4, 4)."""
+        """Return the ends of legs (N,) at frames `pose` (N,), for poses (F, 4, 4)."""
         mirror, shift = (np.tile(np.eye(3), (len(pose), 1, 1)), np.zeros((len(pose), 3))) if legs is None else legs.maps(leg)
         at = []
         for sensor_then, objects_then in poses_module.moments(sensor, objects):
@@ -190,19 +190,19 @@ class _End:
 
 
 def _to_world(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (N, 3) from the objects' frames to the world."""
+    """Transform points (N, 3) from the objects' frames to the world."""
     return np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]
 
 
 def _matters(level: np.ndarray, frame: np.ndarray, frames: int, share: float) -> np.ndarray:
-    """(N,) whether each level is at least `share` of the largest of its frame."""
+    """Return a mask (N,) of the levels that are at least `share` times the largest level of their frame."""
     largest = np.zeros(frames)
     np.maximum.at(largest, frame, level)
     return (level >= share * largest[frame]) & (level > 0)
 
 
 def _free(geometry: Geometry, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """(N,) whether the lines between points (N, 3) in the world are free of the geometry."""
+    """Return a mask (N,) of the lines between points (N, 3) in the world that the geometry does not block."""
     import mitsuba as mi
 
     if not len(start):
@@ -215,7 +215,7 @@ def _free(geometry: Geometry, start: np.ndarray, stop: np.ndarray) -> np.ndarray
 
 
 def _loudest(part: Paths, radar: Radar) -> float:
-    """The largest sum of paths over poses and frequency nodes, with the element pattern."""
+    """Return the largest sum of a pose's paths, with the element gain, over all poses and frequency nodes."""
     gain = element_gain(radar.element, part.departure) * element_gain(radar.element, part.arrival)
     turned = part.amplitude * np.exp(2j * np.pi / SPEED_OF_LIGHT * part.length_m[:, None] * part.frequencies_hz) * gain[:, None]
     total = np.zeros((part.poses, turned.shape[1]), complex)
@@ -224,7 +224,7 @@ def _loudest(part: Paths, radar: Radar) -> float:
 
 
 def _least_of_strongest(values: np.ndarray, most: float) -> float:
-    """The smallest of the `most` largest values; infinity if there are none."""
+    """Return the smallest of the `most` largest values; infinity if there are no values."""
     chosen = int(min(most, len(values)))
     return float(np.partition(values, -chosen)[-chosen]) if chosen else np.inf
 
@@ -232,9 +232,9 @@ def _least_of_strongest(values: np.ndarray, most: float) -> float:
 def _pairs(
     legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int, least: float, most: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(frame, leg out, leg back) of the pairs to trace, without reverse pairs; the direct pair of every frame is always in.
+    """Return (frame, leg out, leg back) of the pairs to trace, without reverse pairs. They include the direct pair of every frame.
 
-    Pairs weaker than `least` of the direct pair are dropped. Each frame has the `most` strongest of the others, and equally strong pairs.
+    Pairs weaker than `least` times the direct pair are dropped. Of the other pairs, each frame has the `most` strongest, with ties.
     """
     rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
     if legs is not None and max_bounces > 1:

@@ -1,13 +1,14 @@
-"""Image sources: specular paths over flat panels, each with a Fresnel factor for the panels' edges and for obstacles.
+"""Image sources: specular paths that reflect at flat panels, each with a Fresnel factor for the panels' edges and for obstacles.
 
 A sequence of panels p_1 .. p_m mirrors the source to its image S_m; the path to a receiver R is the straight line S_m R. Every panel, and
-every obstacle of one of the m + 1 legs, is unfolded by the following mirrors and projected from S_m onto the last panel's plane (obstacles
+every obstacle of one of the m + 1 legs, is mirrored in all later panels and projected from S_m onto the last panel's plane (obstacles
 of the last leg are projected from R). The aperture is the intersection of the projected panels minus the projected obstacles.
-`aperture.polygon_factor` of its convex pieces multiplies the image's field. Fine tubes add up to the same result, but the images are smooth
-in the pose and independent of a grid. The intersection is essential in a corner of two walls: each order of the walls contributes half of
-the field, whereas a product of the two factors would give two quarters.
+`aperture.polygon_factor` of its convex pieces multiplies the image's field. Fine tubes give the same sum, but the field of images is a
+smooth function of the pose and does not depend on a grid. The intersection is essential in a corner of two walls: each of the two sequences
+of walls contributes half of the field. The product of the two walls' Fresnel factors would give only a quarter per sequence.
 
-Fields: along a path, E is mirrored by TE and TM coefficients in double precision; amplitude(f) = lambda/(4 pi L) P . E_m F.
+Fields: along a path, E is reflected with TE and TM coefficients in double precision. With the receive polarisation P and the Fresnel factor
+F, amplitude(f) = lambda/(4 pi L) P . E_m F.
 """
 
 from collections.abc import Sequence
@@ -22,23 +23,24 @@ from radartwin.simulation.flat import aperture
 from radartwin.simulation.flat.panels import MAX_SIDES, Panels
 from radartwin.simulation.reflection_table import ReflectionTable
 
-# Offset of the receiver in units of 1/k at which the factor is evaluated. Seen from the sensor itself, a corner's image lies exactly behind
-# its edge, where rounding would decide between inside and outside. The offset changes the factor by 0.001.
+# The Fresnel factor is evaluated for a receiver that is moved by this offset, in units of 1/k. For a receiver at the sensor, the image in a
+# corner of two walls lies exactly behind their edge, where rounding would decide between inside and outside. The offset changes the factor
+# by 0.001.
 NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])
-REACH = 25.0  # Fresnel coordinate; an edge beyond changes a factor by at most 0.01
-SUPPORTS = 24  # hull points of a curved obstacle
+REACH = 25.0  # Fresnel coordinate beyond which obstacles are ignored; an edge there changes a factor by at most 0.01
+SUPPORTS = 24  # largest number of hull points of an obstacle
 
 
 @dataclass(frozen=True)
 class Sequences:
-    """S sequences of panels, prepared for evaluation.
+    """Hold S sequences of panels, prepared for evaluation.
 
     Attributes:
-        chain: (S,) index of the panel sequence in the given sequences; a sequence may occur with several choices of sides.
-        reverse: (S,) index of the reversed sequence, or of the sequence itself if the reverse is not given.
+        chain: (S,) index of the panel sequence in the list passed to `prepare`. A sequence may occur with several choices of sides.
+        reverse: (S,) index of the reversed sequence, or of the sequence itself if the list lacks the reverse.
         mirror, shift: (S, 3, 3), (S, 3); the image of a point x is mirror x + shift.
-        order: (S,) number of panels. panel: (S, M) indices. side: (S, M) +-1, side of each panel's normal on which the path is.
-        first, last: (S, M + 1) range of each leg in `blocker`. blocker: (B,) obstacle indices. seen: (B, 3) their unfolded centres.
+        order: (S,) number of panels. panel: (S, M) indices. side: (S, M) +-1, side of each panel on which the path is.
+        first, last: (S, M + 1) range of each leg in `blocker`. blocker: (B,) obstacle indices. seen: (B, 3) their mirrored centres.
     """
 
     chain: np.ndarray
@@ -59,11 +61,11 @@ class Sequences:
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Obstacles: every panel, then convex solids and curved objects as hulls of their outermost points.
+    """Hold O obstacles: all panels, followed by convex solids and curved objects as hulls of their outermost points.
 
     Attributes:
-        points, count: (O, SUPPORTS, 3), (O,). normal, offset: of a panel's plane. hull: (O,) whether it is a solid or curved object.
-        body: (O,) index of the solid (of the panel or hull), or -1.
+        points, count: (O, SUPPORTS, 3) corners or hull points, and their number (O,). normal, offset: of a panel's plane.
+        hull: (O,) whether the obstacle is a hull. body: (O,) index of the solid to which the panel or hull belongs, or -1.
     """
 
     points: np.ndarray
@@ -75,20 +77,20 @@ class Obstacles:
 
     @cached_property
     def centre(self) -> np.ndarray:
-        """(O, 3) centres of the bounding boxes."""
+        """Return the centres (O, 3) of the bounding boxes."""
         used = (np.arange(SUPPORTS) < np.maximum(self.count, 1)[:, None])[..., None]
         low, high = np.where(used, self.points, np.inf).min(axis=1), np.where(used, self.points, -np.inf).max(axis=1)
         return (low + high) / 2
 
     @cached_property
     def radius(self) -> np.ndarray:
-        """(O,) radius of the ball about the centre that contains the obstacle."""
+        """Return the radius (O,) of the ball about each centre that contains the obstacle."""
         used = np.arange(SUPPORTS) < self.count[:, None]
         return np.where(used, np.linalg.norm(self.points - self.centre[:, None], axis=2), 0.0).max(axis=1)
 
 
 def obstacles(panels: Panels, others: Sequence[np.ndarray] = (), present: np.ndarray | None = None) -> Obstacles:
-    """Obstacles of the panels `present` ((P,); None: all), of the solids they bound, and of curved objects given by points (N, 3)."""
+    """Build the obstacles: panels of the mask `present` (None: all), the solids that they bound, and hulls of points (N, 3)."""
     present = np.ones(len(panels), bool) if present is None else present
     solids = np.unique(panels.body[(panels.body >= 0) & present])
     used = np.arange(MAX_SIDES) < panels.count[:, None]
@@ -109,7 +111,7 @@ def obstacles(panels: Panels, others: Sequence[np.ndarray] = (), present: np.nda
 
 
 def _supports(points: np.ndarray) -> np.ndarray:
-    """At most SUPPORTS points of a cloud: all, or the outermost points in directions spread evenly over the sphere."""
+    """Return all points, or at most SUPPORTS outermost points in directions that are spread evenly over the sphere."""
     points = np.unique(np.round(points, 7), axis=0)
     if len(points) <= SUPPORTS:
         return points
@@ -120,10 +122,10 @@ def _supports(points: np.ndarray) -> np.ndarray:
 
 
 def prepare(panels: Panels, things: Obstacles, chains: Sequence[tuple[int, ...]], sources: np.ndarray, receivers: np.ndarray) -> Sequences:
-    """Sides and possible obstacles of panel sequences.
+    """Find the possible sides and obstacles of panel sequences.
 
     Args:
-        chains: panel indices in the order of the path.
+        chains: panel indices of each sequence, from source to receiver.
         sources, receivers: (N, 3) possible ends of the paths; only their bounding boxes are used.
     """
     ends = [_box(sources), _box(receivers)]
@@ -170,7 +172,7 @@ def prepare(panels: Panels, things: Obstacles, chains: Sequence[tuple[int, ...]]
 
 
 def _box(points: np.ndarray) -> np.ndarray:
-    """(8, 3) corners of a bounding box."""
+    """Return the corners (8, 3) of the bounding box of points."""
     low, high = points.min(0), points.max(0)
     return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
 
@@ -180,7 +182,7 @@ def _polygon(panels: Panels, index: int) -> np.ndarray:
 
 
 def _sides(panels: Panels, chain: tuple[int, ...], ends: list[np.ndarray]) -> list[tuple[int, ...]]:
-    """All choices of panel sides that have the neighbouring panels (or the box of the ends) in front."""
+    """Return all choices of panel sides for which the neighbouring panels (or the box of the ends) lie in front of each panel."""
     stops = [ends[0], *(_polygon(panels, p) for p in chain), ends[1]]
     choices: list[list[int]] = []
     for i, p in enumerate(chain, 1):
@@ -199,7 +201,7 @@ def _sides(panels: Panels, chain: tuple[int, ...], ends: list[np.ndarray]) -> li
 
 
 def _between(panels: Panels, things: Obstacles, start: tuple, stop: tuple, ends: list[np.ndarray]) -> np.ndarray:
-    """Obstacles that can touch the leg from one stop to the next; a stop is ("source",), (panel, side) or ("receiver",)."""
+    """Return the obstacles that can touch the leg between two stops. A stop is ("source",), (panel, side) or ("receiver",)."""
     used = np.arange(SUPPORTS) < things.count[:, None]
     keep, whole = np.ones(len(things.count), bool), np.ones(len(things.count), bool)
     between = []
@@ -217,7 +219,7 @@ def _between(panels: Panels, things: Obstacles, start: tuple, stop: tuple, ends:
         whole &= np.where(used, height, np.inf).min(axis=1) > -aperture.BEHIND
     height = np.concatenate(between) @ things.normal.T - things.offset
     keep &= things.hull | ((height.max(axis=0) > aperture.BEHIND) & (height.min(axis=0) < -aperture.BEHIND))
-    # a solid replaces its faces, unless the plane of a panel cuts the solid
+    # use a solid instead of its faces, unless the plane of a panel cuts the solid
     solid = things.hull & (things.body >= 0)
     cut = np.isin(things.body, things.body[solid & ~whole]) & (things.body >= 0)
     keep &= np.where(solid, ~cut, (things.body < 0) | cut)
@@ -226,12 +228,12 @@ def _between(panels: Panels, things: Obstacles, start: tuple, stop: tuple, ends:
 
 @dataclass(frozen=True)
 class Images:
-    """Fields of N (sequence, end point) pairs.
+    """Hold the fields of N pairs of a sequence and its end points.
 
     Attributes:
-        factor: (N,) complex Fresnel factor, 0 without a path. length_m: (N,).
+        factor: (N,) complex Fresnel factor, 0 if there is no path. length_m: (N,) path length.
         departure, arrival: (N, 3) unit, from source and receiver towards the path, world frame.
-        field: (N, Q, 3) complex, a unit field along the projected axis after all reflections, for exp(+j omega t).
+        field: (N, Q, 3) complex field after all reflections, for exp(+j omega t). It starts as a unit field along the projected axis.
     """
 
     factor: np.ndarray
@@ -253,11 +255,11 @@ def evaluate(
     least: np.ndarray | float = 0.0,
     reach: float = REACH,
 ) -> Images:
-    """Evaluate images of sequences.
+    """Compute the fields of paths that reflect at panel sequences.
 
     Args:
-        which: (N,) sequence of each path. source, receiver: (N, 3) its ends in the world. axis: (N, 3) the source's antenna axis.
-        least: threshold of |field| |factor|/length without obstacles, per path or for all; weaker paths are dropped.
+        which: (N,) sequence of each path. source, receiver: (N, 3) ends of the path in the world. axis: (N, 3) the source's antenna axis.
+        least: threshold of |field| |factor|/length, computed without obstacles, per path or for all paths. Weaker paths are dropped.
         reach: Fresnel coordinate beyond which obstacles are ignored.
     """
     # fixed array types, because Numba compiles again for every other type
@@ -280,7 +282,7 @@ def evaluate(
 
 
 def across(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(N, 3) normalised components of axes (N, 3) perpendicular to directions (N, 3), as `transverse`."""
+    """Return the normalised components (N, 3) of axes perpendicular to directions (N, 3), as `aperture.transverse`."""
     part = axis - direction * np.einsum("ni,ni->n", axis, direction)[:, None]
     size = np.linalg.norm(part, axis=1)
     for i in np.flatnonzero(size < 1e-6):

@@ -1,8 +1,8 @@
-"""Legs between the sensor and an object over the panels of a room, and the field of each leg around the object.
+"""Legs: connections of sensor and object by reflections at panels of a room, with the field of each leg around the object.
 
-Panel sequences with the same image (both orders of two walls that meet, or the pieces of one wall) form one leg, because their sum is
-smooth although each is not. A leg is evaluated at the corners of a cube around the object, and on a finer grid where the field is not
-linear between the corners.
+Panel sequences with the same image (both sequences of two walls that meet, or the pieces of one wall) form one leg, because the sum of
+their fields is smooth although each field is not. A leg is evaluated at the corners of a cube around the object, and on a finer grid where
+the field is not linear between the corners.
 """
 
 from collections import OrderedDict
@@ -17,30 +17,30 @@ from radartwin.simulation.flat.panel_room import PanelRoom, key_places
 from radartwin.simulation.reflection_table import lagrange_basis
 
 DIRECT = -1
-SHARE = 0.02  # of the direct leg: weaker pairs of legs, and therefore weaker legs, are dropped
-LONGEST = 2  # panels per leg
-PRUNE = 5e-3  # of the strongest path to the object during the search for legs
-MARGIN = 0.3  # of SHARE, threshold at the object's centre, because the edge of a leg's shadow may cross the object
-REACH = 8.0  # Fresnel coordinate beyond which obstacles are ignored: at most 0.03 of a leg
-LINEAR = 0.03  # largest relative deviation at the object's centre from the mean of the cube's corners
-COARSE = 0.02  # ... or relative to the direct leg, whichever is larger
+SHARE = 0.02  # pairs of legs with a field below this times the direct leg's field are dropped, and therefore also such legs
+LONGEST = 2  # largest number of panels per leg
+PRUNE = 5e-3  # threshold in the search for legs, relative to the strongest path to the object
+MARGIN = 0.3  # factor on SHARE at the object's centre, because the edge of a leg's shadow may cross the object
+REACH = 8.0  # Fresnel coordinate beyond which obstacles are ignored (error: at most 0.03 of a leg's field)
+LINEAR = 0.03  # a finer grid is used if the field at the object's centre deviates more than this from the mean of the cube's corners
+COARSE = 0.02  # the same limit relative to the direct leg's field; the larger limit applies
 GRID_M = 0.05  # spacing of the finer grid
-ABOVE_M = 1e-4  # legs over a panel end at least this far above it
+ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last panel
 POINTS_AT_ONCE = 100_000
-KEPT = 64  # cache entries, each of a few places
-_kept: "OrderedDict[tuple, tuple[PanelRoom, Legs]]" = OrderedDict()  # holds the room, so that its id stays unique
+KEPT = 64  # number of cache entries, each for a few places
+_kept: "OrderedDict[tuple, tuple[PanelRoom, Legs]]" = OrderedDict()  # an entry also holds the room, so that no other room gets its id
 
 
 @dataclass(frozen=True)
 class Legs:
-    """Fields of G legs at U distinct places of sensor and object.
+    """Hold the fields of G legs at U distinct places (positions of sensor and object).
 
     Attributes:
         order: (G,) number of panels. mirror, shift: (G, 3, 3), (G, 3); the image of a point x is mirror x + shift.
-        low, size: (U, 3) and metres, the cube around the object at each place.
-        frequencies_hz: (Q,). carried: {(place, leg): (n, n, n, Q) complex} on a grid over the cube, the field along the projected axis of
-            the image with the Fresnel factor, for exp(+j k L).
-        share: (U, G) largest ratio of a leg's field over length to that of the direct leg.
+        low, size: lowest corner (U, 3) and edge length in metres of the cube around the object at each place.
+        frequencies_hz: (Q,). carried: {(place, leg): (n, n, n, Q) complex field} on a grid over the cube, along the projected axis of the
+            image and including the Fresnel factor, for exp(+j k L).
+        share: (U, G) largest ratio of a leg's field to the direct leg's field, both divided by path length.
     """
 
     order: np.ndarray
@@ -53,20 +53,20 @@ class Legs:
     share: np.ndarray
 
     def maps(self, leg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Image maps (N, 3, 3) and (N, 3) of legs (N,), which may be DIRECT."""
+        """Return the image maps (mirror (N, 3, 3) and shift (N, 3)) of legs (N,), which may be DIRECT."""
         mirror, shift = np.concatenate([self.mirror, np.eye(3)[None]]), np.concatenate([self.shift, np.zeros((1, 3))])
         return mirror[leg], shift[leg]
 
     def panels_met(self, leg: np.ndarray) -> np.ndarray:
-        """(N,) number of panels of legs (N,); 0 for the direct leg."""
+        """Return the number of panels (N,) of legs (N,); 0 for the direct leg."""
         return np.append(self.order, 0)[leg]
 
     def strength(self, place: np.ndarray, leg: np.ndarray) -> np.ndarray:
-        """(N,) share of legs (N,) at places (N,); 1 for the direct leg."""
+        """Return the `share` (N,) of legs (N,) at places (N,); 1 for the direct leg."""
         return np.concatenate([self.share, np.ones((len(self.share), 1))], axis=1)[place, leg]
 
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
-        """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world; the direct leg has 1."""
+        """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world. The direct leg has field 1."""
         over = np.flatnonzero(leg != DIRECT)
         code = place[over] * len(self.order) + leg[over]
         order = np.argsort(code, kind="stable")
@@ -77,7 +77,7 @@ class Legs:
 
 @compiled
 def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.ndarray) -> None:
-    """Multiply rows of amplitude (N, Q) by values (n, n, n, Q) on the unit cube, interpolated linearly at x (rows, 3)."""
+    """Multiply rows of `amplitude` (N, Q) by values (n, n, n, Q) on the unit cube, interpolated linearly at x (rows, 3)."""
     side = values.shape[0]
     low, share = np.zeros(3, np.int64), np.zeros(3)
     for i in range(len(rows)):
@@ -97,12 +97,12 @@ def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.nd
 def find(
     room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int, least: float = SHARE
 ) -> Legs:
-    """Find and evaluate the legs that matter.
+    """Find the legs that matter and compute their fields.
 
     Args:
-        places: (U, 6) sensor and object centre, metres. axes: (U, 3) the sensor's antenna axis.
-        radius: of the ball about the centre that contains the object. frequencies_hz: nodes of the object's reflection.
-        longest: largest number of panels per leg. least: share of the direct leg below which legs are dropped.
+        places: (U, 6) positions of sensor and object centre, metres. axes: (U, 3) the sensor's antenna axis.
+        radius: of the ball about the object's centre that contains it. frequencies_hz: nodes of the object's reflection table.
+        longest: largest number of panels per leg. least: legs whose field is below this times the direct leg's field are dropped.
     """
     sensor, centre = places[:, :3], places[:, 3:]
     keys, near = key_places(places)
@@ -120,7 +120,7 @@ def find(
     order, mirror, shift = prepared.order[first], prepared.mirror[first], prepared.shift[first]
     view = _View(room, prepared, sensor, axes)
     middle = view.carried(place, which, centre[place])
-    # sum of the sequences per place and leg
+    # sum of the sequences' fields per place and leg
     codes, code = np.unique(place * max(len(first), 1) + group[which], return_inverse=True)
     at_centre = _summed(middle, code, len(codes))
     u, g = codes // max(len(first), 1), codes % max(len(first), 1)
@@ -158,7 +158,7 @@ def find(
 
 
 def found_once(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, *how: float) -> Legs:
-    """`find` with a cache of the last KEPT calls."""
+    """Call `find`, with a cache of the last KEPT calls."""
     key = (id(room), places.tobytes(), axes.tobytes(), radius, frequencies_hz.tobytes(), *how)
     if key not in _kept:
         _kept[key] = (room, find(room, places, axes, radius, frequencies_hz, *how))  # pyright: ignore[reportArgumentType]
@@ -169,7 +169,7 @@ def found_once(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: fl
 
 
 def _summed(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
-    """(count, Q) sums of values (N, Q) by index (N,)."""
+    """Sum values (N, Q) by index (N,) to an array (count, Q)."""
     total = np.zeros((count, values.shape[1]), complex)
     np.add.at(total, index.ravel(), values)
     return total
@@ -177,7 +177,7 @@ def _summed(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _View:
-    """Panel sequences seen from sensor places (U, 3) with antenna axes (U, 3)."""
+    """Evaluate panel sequences from sensor places (U, 3) with antenna axes (U, 3)."""
 
     room: PanelRoom
     prepared: images.Sequences
@@ -185,7 +185,7 @@ class _View:
     axes: np.ndarray
 
     def carried(self, place: np.ndarray, which: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """(N, Q) field over sequences (N,) from places (N,) at points (N, 3), along the polarisation of the image's antenna."""
+        """Return fields (N, Q) of sequences (N,) from places (N,) at points (N, 3), along the polarisation of the image's antenna."""
         room, prepared, source, axis = self.room, self.prepared, self.sensor[place], self.axes[place]
         # The field of a panel ends at its plane, so values above and below cannot be interpolated. Points behind the plane have the value
         # on the plane, which is small beyond the panel's edges.

@@ -1,8 +1,8 @@
-"""Paths over the panels of a flat room, for all poses at once.
+"""Paths that reflect at the panels of a flat room, for all poses at once.
 
-Sequences of one panel are all tried. Coarse tubes find longer sequences at a few key places along the motion. Then
-`images.evaluate` computes the exact paths of these sequences for every pose near these places. Tubes trace curved surfaces and small
-objects, which only block here.
+All sequences of one panel are tested. Coarse tubes find longer sequences at a few key places along the motion. Then `images.evaluate`
+computes the exact paths of these sequences for every pose near these places. In this module, curved surfaces and small objects only block
+paths; tubes trace their echoes.
 """
 
 from collections.abc import Sequence
@@ -24,40 +24,40 @@ from radartwin.simulation.pruning import Pruner
 from radartwin.simulation.reflection_table import ReflectionTable
 
 DISCOVERY_RAYS = 150_000  # tubes over the sphere, about 5 cm wide at 3 m
-SINGLE_RAYS = 1_200_000  # ... for a resting sensor
-DISCOVERY_PRUNE = 1e-3  # of the strongest path, with several key places, which complement each other
-SINGLE_PRUNE = 1e-4  # ... with a single place
-KEY_SPACING_M = 0.3  # between key places
-NEIGHBOURS = 4  # places of a track whose sequences are used at a pose
-NEAR = 2.0  # spacings; the sequences of all key places within this distance are used at a pose
-EARLY = 0.3  # of the final prune: weaker paths are dropped before obstacles are tested
+SINGLE_RAYS = 1_200_000  # tubes over the sphere for a resting sensor
+DISCOVERY_PRUNE = 1e-3  # search threshold relative to the strongest path, with several key places, which complement each other
+SINGLE_PRUNE = 1e-4  # search threshold with a single key place
+KEY_SPACING_M = 0.3  # distance between key places
+NEIGHBOURS = 4  # number of places of a track whose sequences are used at a pose
+NEAR = 2.0  # in units of KEY_SPACING_M; a pose uses the sequences of all key places within this distance
+EARLY = 0.3  # early threshold over the final one; weaker paths are dropped before obstacles are tested
 MAX_PANELS = 1500  # rooms with more panels are traced by tubes; labels allow 4094
-FLAT_SHARE = 0.98  # share of a flat room's area that is panels
-PATHS_AT_ONCE = 200_000  # limits the fields of one evaluation to a few hundred megabytes
+FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to panels
+PATHS_AT_ONCE = 200_000  # limits the memory of one evaluation to a few hundred megabytes
 
 
 @dataclass(frozen=True)
 class Scouted:
-    """Panel sequences that matter along a track: sensor places (P, 3), and the sequences of each place."""
+    """Hold the panel sequences that matter along a track: sensor places (P, 3), and the sequences of each place."""
 
     places: np.ndarray
     chains: list[set[tuple[int, ...]]]
 
     def near(self, points: np.ndarray) -> list[np.ndarray]:
-        """For points (F, 3), the indices of the places whose sequences apply."""
+        """Return, for each of the points (F, 3), the indices of the places whose sequences are used."""
         away = np.linalg.norm(points[:, None] - self.places[None], axis=2)
         return [np.argsort(row, kind="stable")[:NEIGHBOURS] for row in away]
 
 
 @dataclass(frozen=True)
 class PanelRoom:
-    """Static surfaces with their panels.
+    """Hold static surfaces with their panels.
 
     Attributes:
-        geometry: all static faces. table: their reflection. panels: of these faces.
+        geometry: all static faces. table: reflection of their surfaces. panels: panels of these faces.
         small: (F,) faces of small or curved objects, which tubes trace.
         usable: (P,) panels that paths may include.
-        own: indices of surfaces that do not block, because they belong to the object for which the room is used.
+        own: indices of surfaces that do not block, because they belong to the object that is traced with this room.
     """
 
     geometry: Geometry
@@ -68,32 +68,32 @@ class PanelRoom:
     own: tuple[int, ...] = ()
 
     def beside(self, own: Sequence[int] = (), done: Sequence[int] = ()) -> "PanelRoom":
-        """The room for coupling with an object of the surfaces `own`: panels of other small objects are included too.
+        """Return the room for tracing paths with an object of the surfaces `own`. Paths may include panels of other small objects.
 
-        Panels of the small surfaces `own` and `done` are excluded. `done` are objects whose paths over this object are already traced.
+        Panels of the surfaces `own` and `done` are excluded. `done` are objects whose paths with this object are already traced.
         """
         small = np.unique(self.geometry.surface[self.small])
         return replace(self, usable=~np.isin(self.panels.surface, np.intersect1d([*own, *done], small)), own=tuple(own))
 
     @property
     def rest(self) -> np.ndarray:
-        """(F,) faces that belong to no panel."""
+        """Return a mask (F,) of the faces that belong to no panel."""
         return self.panels.of_face < 0
 
     @property
     def compact(self) -> np.ndarray:
-        """(F,) faces to trace by tubes: small objects, and faces that belong to no panel."""
+        """Return a mask (F,) of the faces to trace by tubes: small objects, and faces that belong to no panel."""
         return self.small | self.rest
 
     @cached_property
     def things(self) -> images.Obstacles:
-        """Everything that can block: panels, and the other faces surface by surface."""
+        """Return everything that can block: the panels, and one obstacle per surface for the other faces."""
         rest = self.rest & ~np.isin(self.geometry.surface, self.own)
         clouds = [self.geometry.corners[rest & (self.geometry.surface == s)].reshape(-1, 3) for s in np.unique(self.geometry.surface[rest])]
         return images.obstacles(self.panels, clouds, ~np.isin(self.panels.surface, self.own))
 
     def is_flat(self, surfaces: Sequence[Surface]) -> bool:
-        """Whether nearly all area of the room, without small objects, is panels, and their number is at most MAX_PANELS."""
+        """Return whether panels make up FLAT_SHARE of the room's area without small objects, and are at most MAX_PANELS."""
         edge = self.geometry.corners[:, 1:] - self.geometry.corners[:, :1]
         area = np.linalg.norm(np.cross(edge[:, 0], edge[:, 1]), axis=1)
         room = ~self.small
@@ -102,7 +102,7 @@ class PanelRoom:
     def chains(
         self, sources: np.ndarray, receivers: np.ndarray, axes: np.ndarray, longest: int, share: float, rays: int = DISCOVERY_RAYS
     ) -> list[set[tuple[int, ...]]]:
-        """Panel sequences with paths of at least `share` of the strongest from source to receiver, for each of K places (K, 3)."""
+        """Search panel sequences for K places (K, 3), whose paths have at least `share` times the strongest path's amplitude."""
         found: list[set[tuple[int, ...]]] = [{(int(p),) for p in np.flatnonzero(self.usable)} for _ in sources]
         if longest < 2 or not self.usable.any():
             return found
@@ -119,7 +119,7 @@ class PanelRoom:
             rows = [values[order] for values in (hits.pose, hits.bounce, hits.sequence)]
             first = np.logical_or.reduce(
                 [np.diff(values, prepend=~values[:1]) != 0 for values in rows]
-            )  # much faster than np.unique over rows
+            )  # this is much faster than np.unique over rows
             for place, bounces, sequence in zip(*(values[first].tolist() for values in rows), strict=True):
                 chain = unpack_labels(sequence, bounces)
                 if OTHER_LABEL not in chain:
@@ -129,17 +129,17 @@ class PanelRoom:
     def paths(
         self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float, scouted: Scouted | None = None
     ) -> Paths:
-        """Paths sensor - panels - sensor.
+        """Return the paths from the sensor to panels and back.
 
         Args:
             poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor, m/s.
-            prune: drop paths below this share of a pose's strongest path, with the element pattern.
-            scouted: known sequences; None: search.
+            prune: drop paths whose amplitude, with the element gain, is below this times the pose's strongest path.
+            scouted: known sequences. None: search sequences.
         """
         return self._found(poses, velocity, radar, max_bounces, prune, scouted)[0]
 
     def scouted(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Scouted:
-        """The sequences that matter at places (P, 4, 4) of a track, a few centimetres apart; use a `prune` well below that of `paths`."""
+        """Search the sequences that matter at places (P, 4, 4) of a track. `prune` should be well below that of `paths`."""
         paths, which, known = self._found(poses, np.zeros((len(poses), 3)), radar, max_bounces, prune, None, thorough=True)
         chains: list[set[tuple[int, ...]]] = [set() for _ in poses]
         for pose, index in zip(paths.pose.tolist(), which.tolist(), strict=True):
@@ -156,7 +156,7 @@ class PanelRoom:
         scouted: Scouted | None,
         thorough: bool = False,
     ) -> tuple[Paths, np.ndarray, list[tuple[int, ...]]]:
-        """N paths, the index (N,) of the sequence of each, and the sequences."""
+        """Return N paths, the index (N,) of each path's sequence, and the sequences."""
         place, axis = poses[:, :3, 3], poses[:, :3, 2]
         if scouted is None:
             keys, near = key_places(place)
@@ -199,13 +199,13 @@ class PanelRoom:
         radar: Radar,
         least: np.ndarray | float,
     ) -> tuple[Paths, np.ndarray]:
-        """Paths over the prepared sequences `which` (N,) at poses (N,), and the sequence of each existing path."""
+        """Compute the paths of prepared sequences `which` (N,) at poses (N,). Returns the existing paths and their sequences."""
         rotation = poses[pose, :3, :3]
         place, axis = poses[pose, :3, 3], poses[pose, :3, 2]
         wavelength = SPEED_OF_LIGHT / self.table.frequencies_hz
         scale = 4 * np.pi / wavelength.max() if len(wavelength) else 1.0
         one = images.evaluate(self.panels, self.things, prepared, self.table, which, place, axis, place, np.asarray(least) * scale)
-        # The aperture of the last panel makes a sequence and its reverse differ; their mean is reciprocal and more accurate.
+        # A sequence and its reverse differ, because each uses the aperture of its last panel. Their mean is reciprocal and more accurate.
         code = pose * len(prepared) + which  # ascending
         partner = np.minimum(np.searchsorted(code, pose * len(prepared) + prepared.reverse[which]), max(len(code) - 1, 0))
         there, back = one.length_m > 0, one.length_m[partner] > 0
@@ -226,13 +226,13 @@ class PanelRoom:
 
 
 def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:
-    """(F,) faces of objects no longer than OBJECT_EXTENT_M, and of curved objects of any size."""
+    """Return a mask (F,) of the faces of objects up to OBJECT_EXTENT_M long, and of curved objects of any size."""
     small = np.array([s.kind == "object" and (float(s.mesh.extents.max()) <= OBJECT_EXTENT_M or s.is_curved()) for s in surfaces], bool)
     return small[geometry.surface] if len(surfaces) else np.zeros(0, bool)
 
 
 def build(surfaces: Sequence[Surface], geometry: Geometry, table: ReflectionTable) -> PanelRoom:
-    """Panels of static surfaces."""
+    """Find the panels of static surfaces."""
     compact = small_faces(surfaces, geometry)
     found = panels.find(geometry)
     small = np.zeros(len(found), bool)
@@ -241,7 +241,7 @@ def build(surfaces: Sequence[Surface], geometry: Geometry, table: ReflectionTabl
 
 
 def key_places(points: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Key places along a motion, KEY_SPACING_M apart: (K,) indices, and for every point the key places near it.
+    """Choose key places along a motion, KEY_SPACING_M apart. Returns their indices (K,), and for every point the key places near it.
 
     Args:
         points: (F, D) coordinates; D = 6 for two moving points.

@@ -12,21 +12,22 @@ import trimesh
 from radartwin.simulation.flat.aperture import MAX_CORNERS
 from radartwin.simulation.geometry import Geometry
 
-MAX_SIDES = 12  # corners of a panel before other panels cut it
-SMALLEST_M = 0.01  # least width: at a few wavelengths, edges dominate
-FLAT_RAD = 2e-3  # largest angle between faces of one plane
+MAX_SIDES = 12  # largest number of corners of a panel
+SMALLEST_M = 0.01  # smallest width of a panel, because edges dominate the echo of panels of a few wavelengths
+FLAT_RAD = 2e-3  # largest angle between faces that count as coplanar
 CONVEX = 1e-9
 
 
 @dataclass(frozen=True)
 class Panels:
-    """P convex polygons, corners counter-clockwise about the normal.
+    """Hold P convex polygons, whose corners run counter-clockwise about the normal.
 
     Attributes:
         corners: (P, MAX_SIDES, 3) metres. count: (P,) number of corners.
-        normal: (P, 3) unit. offset: (P,) metres, normal . x on the plane.
+        normal: (P, 3) unit. offset: (P,) metres; points x on the plane have normal . x = offset.
         surface: (P,) index of the panel's surface.
-        body: (P,) index of the convex solid that the panel bounds with its normal outwards, or -1. Paths meet it from outside only.
+        body: (P,) index of the convex solid that the panel bounds with its normal outwards, or -1.
+            Paths meet such a panel only from outside.
         of_face: (F,) panel of each face of the geometry, or -1.
     """
 
@@ -43,13 +44,13 @@ class Panels:
 
     @property
     def centre(self) -> np.ndarray:
-        """(P, 3) mean of the corners."""
+        """Return the mean (P, 3) of the corners."""
         used = np.arange(MAX_SIDES) < self.count[:, None]
         return (self.corners * used[..., None]).sum(1) / self.count[:, None]
 
 
 def find(geometry: Geometry) -> Panels:
-    """Panels of a geometry."""
+    """Find the panels of a geometry."""
     polygons: list[tuple[np.ndarray, np.ndarray, float, int, int]] = []
     bodies = _convex_bodies(geometry)
     of_face = np.full(len(geometry.corners), -1)
@@ -76,7 +77,7 @@ def find(geometry: Geometry) -> Panels:
 
 
 def _convex_bodies(geometry: Geometry) -> np.ndarray:
-    """(F,) index of the closed convex body that each face bounds from outside, or -1."""
+    """Return the index (F,) of the closed convex body that each face bounds with its normal outwards, or -1."""
     bodies, number = np.full(len(geometry.corners), -1), 0
     for surface in np.unique(geometry.surface):
         faces = np.flatnonzero(geometry.surface == surface)
@@ -92,7 +93,7 @@ def _convex_bodies(geometry: Geometry) -> np.ndarray:
 
 
 def _planes(corners: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, float]]:
-    """(members, unit normal, offset) of each set of connected coplanar faces."""
+    """Return (face indices, unit normal, offset) of each set of connected coplanar faces."""
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)
     mesh.merge_vertices(digits_vertex=7)
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
@@ -127,7 +128,7 @@ def _convex_pieces(corners: np.ndarray, normal: np.ndarray) -> list[tuple[np.nda
         return i
 
     lengths = {edge: float(np.sum((points[edge[0]] - points[edge[1]]) ** 2)) for edge in owner}
-    for edge in sorted(owner, key=lambda e: (-lengths[e], e)):  # longest shared edges first: squares before strips
+    for edge in sorted(owner, key=lambda e: (-lengths[e], e)):  # longest shared edges first, to merge squares before strips
         other = owner.get((edge[1], edge[0]))
         if other is None:
             continue
@@ -148,7 +149,7 @@ def _convex_pieces(corners: np.ndarray, normal: np.ndarray) -> list[tuple[np.nda
 
 
 def _merged(first: list[int], second: list[int]) -> list[int] | None:
-    """Two counter-clockwise loops joined along their common chain of edges; None if they touch elsewhere too."""
+    """Join two counter-clockwise loops along their common chain of edges; None if they also touch elsewhere."""
     edges = [(a, b) for loop in (first, second) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
     known = set(edges)
     border = {a: b for a, b in edges if (b, a) not in known}
@@ -166,7 +167,7 @@ def _merged(first: list[int], second: list[int]) -> list[int] | None:
 
 
 def _turns(loop: list[int], points: np.ndarray) -> np.ndarray:
-    """(n, 3) cross products of the unit edges before and after each corner."""
+    """Return the cross products (n, 3) of the unit edges before and after each corner."""
     at = points[loop]
     ahead = np.concatenate([at[1:], at[:1]]) - at
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-30)
@@ -184,7 +185,7 @@ def _is_convex(loop: list[int], points: np.ndarray, normal: np.ndarray) -> bool:
 
 
 def _width(polygon: np.ndarray, normal: np.ndarray) -> float:
-    """Smallest extent of a convex polygon perpendicular to one of its edges."""
+    """Return the smallest extent of a convex polygon perpendicular to one of its edges."""
     if len(polygon) < 3:
         return 0.0
     edges = np.roll(polygon, -1, axis=0) - polygon

@@ -1,9 +1,9 @@
 """Compiled kernels of the synthesis: spread paths over a grid of delays, transform the grid, and form the chirps.
 
-A task is a range of paths of one frame with its own grid, so that no two threads write to the same cell and sums have a fixed order. Large
-frames are split into several tasks. Geometry, phases and grids have double precision; the transform and the chirps have single precision
-(1e-7 of the frame's strongest echo). Channels are ordered by transmitter, then receiver. The kernels share one file of over 300 lines,
-because Numba does not recompile a cached function when a function in another file changes.
+A task is a range of paths of one frame with its own grid, so that no two threads write to the same cell and terms are summed in a fixed
+sequence. Large frames are split into several tasks. Geometry, phases and grids have double precision; the transform and the chirps have
+single precision (error: 1e-7 of the frame's strongest echo). Channels are ordered by transmitter, then receiver. The kernels share one file
+of over 300 lines, because Numba does not recompile a cached function when a function in another file changes.
 """
 
 from typing import Any, NamedTuple
@@ -12,15 +12,15 @@ import numpy as np
 
 from radartwin.compiled import compiled, innermost
 
-TAPS = 6  # of the spreading kernel
-PAD = TAPS + 2  # cells beyond the grid for a kernel at its end
+TAPS = 6  # width of the spreading kernel in grid cells
+PAD = TAPS + 2  # additional cells for kernels at the end of the grid
 _BLOCK = 8  # rows transposed at once, for the processor's cache
-_TAPS_BEFORE = TAPS // 2 - 1  # taps before the cell to the left of a point
+_TAPS_BEFORE = TAPS // 2 - 1  # number of taps before the cell to the left of a point
 _SMALL = 1e-4  # for smaller arguments, three terms of the Bessel functions' series are exact
 
 
 class PathArrays(NamedTuple):
-    """Paths of all tasks.
+    """Hold the paths of all tasks.
 
     Attributes:
         length_in, length_out, departure, arrival: as in `Paths`. mirror: (N, 3, 3), or (0, 3, 3) if the hits are fixed points.
@@ -39,7 +39,7 @@ class PathArrays(NamedTuple):
 
 
 class Elements(NamedTuple):
-    """Antenna elements: tx, rx: (T, 3) and (R, 3) metres; planar: whether all elements see a path in the same direction."""
+    """Hold element positions tx (T, 3) and rx (R, 3) in metres. planar: whether all elements see a path in the same direction."""
 
     tx: Any
     rx: Any
@@ -47,12 +47,13 @@ class Elements(NamedTuple):
 
 
 class GridScale(NamedTuple):
-    """How path lengths map to phases and grid cells.
+    """Define how path lengths map to phases and grid cells.
 
     Attributes:
         cycles_per_m: phase per metre of path at the middle of the sweep. cells_per_m: grid cells per metre of path.
-        terms: number of Chebyshev terms of the motion.
-        kernel: (degree + 1, TAPS) polynomials of the taps in the point's position between two cells, highest power first.
+        terms: number of Chebyshev terms that represent the motion.
+        kernel: (degree + 1, TAPS) polynomial coefficients of each tap's weight as a function of the point's position between two cells,
+            highest power first.
         least: weights with a smaller magnitude are skipped.
     """
 
@@ -64,14 +65,14 @@ class GridScale(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """Real and imaginary part, (tasks, channels x terms x Q, cells + PAD)."""
+    """Hold real and imaginary part of the grids, each (tasks, channels x terms x Q, cells + PAD)."""
 
     re: Any
     im: Any
 
 
 class Workspace(NamedTuple):
-    """Preallocated arrays of `spread`."""
+    """Hold the preallocated arrays of `spread`."""
 
     weight_re: Any
     weight_im: Any
@@ -82,7 +83,7 @@ class Workspace(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """Cosine and sine, (cells,) single precision, of one turn over the grid."""
+    """Hold cosine and sine, each (cells,) in single precision, of one full turn of phase over the grid."""
 
     cosine: Any
     sine: Any
@@ -90,7 +91,7 @@ class Turn(NamedTuple):
 
 @compiled
 def _turn(cycles):
-    """Cosine and sine of 2 pi cycles, to 1e-11, by the Taylor series of half the angle, which is at most pi/2."""
+    """Return cosine and sine of 2 pi cycles (error: 1e-11), from the Taylor series of half the angle, which is at most pi/2."""
     half = np.pi * (cycles - np.floor(cycles + 0.5))
     z = half * half
     sine = 1 - z * (1 / 156) * (1 - z * (1 / 210))
@@ -104,7 +105,7 @@ def _turn(cycles):
 
 @innermost
 def bessel(argument, out):
-    """J_0..J_(len(out)-1) of a real argument into `out`, by Miller's downward recurrence, normalised by J_0 + 2 J_2 + 2 J_4 + ... = 1."""
+    """Write J_0..J_(len(out)-1) of a real argument to `out`, by Miller's downward recurrence with J_0 + 2 J_2 + 2 J_4 + ... = 1."""
     x, count = abs(argument), len(out)
     out[:] = 0.0
     if x < _SMALL:
@@ -131,7 +132,7 @@ def bessel(argument, out):
 
 @innermost
 def _element_distance(length, direction, position, planar):
-    """Distance from an antenna element to the point at `length` along `direction` from the phase centre; `planar`: of a plane wave."""
+    """Return the distance from an element to the point at `length` along `direction` from the phase centre (planar: plane wave)."""
     along = direction[0] * position[0] + direction[1] * position[1] + direction[2] * position[2]
     if planar:
         return length - along
@@ -142,7 +143,7 @@ def _element_distance(length, direction, position, planar):
 
 @innermost
 def _image_distance(length, direction, mirror, transmitter, receiver, planar):
-    """Distance from the mirror image of a transmitter to a receiver; the image of the phase centre is at `length` along `direction`."""
+    """Return the distance of a receiver from a transmitter's image; the phase centre's image is at `length` along `direction`."""
     x, y, z = -receiver[0], -receiver[1], -receiver[2]
     for i in range(3):
         x += mirror[0, i] * transmitter[i]
@@ -156,7 +157,7 @@ def _image_distance(length, direction, mirror, transmitter, receiver, planar):
 
 @innermost
 def _motion(w, amplitude, weight_re, weight_im, orders):
-    """Weights (2 - [k=0]) j^k J_k(w) amplitude_q of motion term k and band term q, at index k Q + q."""
+    """Write the weights (2 - [k=0]) j^k J_k(w) amplitude_q of motion term k and band term q at index k Q + q."""
     bessel(w, orders)
     nodes = len(amplitude)
     for k in range(len(orders)):
@@ -173,7 +174,7 @@ def _motion(w, amplitude, weight_re, weight_im, orders):
 
 @compiled
 def spread(first, last, starts, paths, elements, scale, grid):
-    """Add the paths of tasks first..last to their grids, which are zero.
+    """Add the paths of tasks `first` to `last` to their grids, which must be zero.
 
     Args:
         starts: (tasks + 1,) the first path of each task. paths: PathArrays. elements: Elements. scale: GridScale. grid: Grid.
@@ -187,7 +188,7 @@ def spread(first, last, starts, paths, elements, scale, grid):
 
 @innermost
 def _spread(first, last, starts, paths, elements, scale, grid, room):
-    """`spread` with preallocated workspace."""
+    """Do the work of `spread` with a preallocated workspace."""
     length_in, length_out, departure, arrival, mirror = paths.length_in, paths.length_out, paths.departure, paths.arrival, paths.mirror
     drift, motion, amplitude = paths.drift, paths.motion, paths.amplitude
     tx, rx, planar = elements.tx, elements.rx, elements.planar
@@ -240,7 +241,7 @@ def _spread(first, last, starts, paths, elements, scale, grid, room):
 
 @compiled
 def _gather(task, stop, grid, out):
-    """Sum the grids of tasks task..stop, fold their ends, and transpose them to (cells x rows,) in single precision."""
+    """Sum the grids of tasks `task` to `stop`, fold their ends, and transpose them to (cells x rows,) in single precision."""
     rows, cells = grid.shape[1], grid.shape[2] - PAD
     lines = np.empty((_BLOCK, cells))
     for low in range(0, rows, _BLOCK):
@@ -263,12 +264,12 @@ def _gather(task, stop, grid, out):
 
 @compiled
 def transform(re, im, other_re, other_im, rows, cosine, sine):
-    """sum_m x[m] exp(+j 2 pi m n/M) along the first axis of flat (M, rows) arrays, by Stockham passes of radix 4 and 2.
+    """Compute sum_m x[m] exp(+j 2 pi m n/M) along the first axis of flat (M, rows) arrays, by Stockham passes of radix 4 and 2.
 
     Args:
-        re, im: input, overwritten. other_re, other_im: workspace. cosine, sine: (M,) of 2 pi m/M; M is a power of two.
+        re, im: input, overwritten. other_re, other_im: workspace. cosine, sine: (M,) values at 2 pi m/M. M is a power of two.
     Returns:
-        the pair of arrays with the result.
+        The pair of arrays that holds the result.
     """
     size = len(cosine)
     n, stride, turns = size, rows, 1
@@ -306,12 +307,12 @@ def transform(re, im, other_re, other_im, rows, cosine, sine):
 
 @compiled
 def finish(first, last, tasks, grid, turn, band, slow, iq):
-    """Add the grids of frames first..last to their IQ, (F, C, T, R, N).
+    """Transform the grids of frames `first` to `last` and add them to `iq` (F, C, T, R, N).
 
     Args:
         tasks: (F + 1,) the first task of each frame. grid: Grid. turn: Turn.
-        band: (Q, N) single precision, polynomials over the samples times the kernel correction.
-        slow: (T, C, terms, N) single precision, the Chebyshev polynomials of f tau.
+        band: (Q, N) single precision, polynomials over the samples times the correction for the kernel.
+        slow: (T, C, terms, N) single precision, Chebyshev polynomials of f tau.
     """
     rows, cells = grid.re.shape[1], grid.re.shape[2] - PAD
     nodes, samples = band.shape

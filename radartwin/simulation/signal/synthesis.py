@@ -1,15 +1,15 @@
-"""IQ samples from paths by gridding in delay and an FFT, in place of a sum over paths, chirps and samples.
+"""Compute IQ samples from paths by a grid over delay and an FFT, instead of a sum over paths, chirps and samples.
 
 For transmitter t, receiver r, loop c and sample n the signal is
 
     s[c, t, r, n] = sum_p a_p(f_n) exp(+j 2 pi f_n (L_p,t,r + v_p tau)/c),   f_n = f0 + S n/fs,   tau = t_c,t + n/fs - t_mid
 
-with v_p the rate of the path and L_p,t,r its length between the elements, over its hits or from the transmitter's image (see
+where v_p is the rate of change of the path's length and L_p,t,r is the path's length between the antenna elements (see
 radartwin.simulation.paths). The Jacobi-Anger expansion exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), w = 2 pi v X/c, x = f_n tau/X,
-separates the motion. The number of transforms per frame is |w| in radians plus a few, independent of the number of chirps. The sum over
-delays is a type-1 non-uniform FFT with the exponential-of-semicircle kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci.
-Comput. 41 (2019) C479, on a grid of at least twice the samples. Equal inputs give equal bytes on any number of cores. The loops are in
-radartwin.simulation.signal.gridding.
+separates the motion. The number of transforms per frame is a few more than |w| in radians, independent of the number of chirps. The sum
+over delays is a type-1 non-uniform FFT with the exponential-of-semicircle kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci.
+Comput. 41 (2019) C479, on a grid of at least twice as many cells as samples. Equal inputs give equal bytes on any number of cores. The
+loops are in radartwin.simulation.signal.gridding.
 """
 
 import functools
@@ -29,13 +29,13 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal import gridding
 
 ELEMENTS = ("exact", "planar", "auto")
-PLANAR_PHASE = 0.01  # radians, largest phase error of planar elements under "auto"; the iwr1843 has less beyond 1.93 m
+PLANAR_PHASE = 0.01  # radians; largest phase error of plane waves that elements="auto" accepts (iwr1843: all paths beyond 1.93 m)
 _SHAPE = 2.30 * gridding.TAPS
-_DEGREE = gridding.TAPS + 1  # of the polynomials that approximate the kernel to 1e-6 of its peak
+_DEGREE = gridding.TAPS + 1  # degree of the polynomials that approximate the kernel (error: 1e-6 of its peak)
 _BESSEL_TAIL = 1e-5
 FRAMES_PER_BLOCK = 256  # limits the memory of the noise processes
-DELAY_BAND = 0.1  # relative width; phase noise grows with delay, so its error is at most a twentieth
-_LEAST = 3e-6  # of the root mean square amplitude: weaker terms of a path add less than the kernel's error
+DELAY_BAND = 0.1  # relative width of a band of delays with the same phase noise (error: at most a twentieth of the phase noise)
+_LEAST = 3e-6  # terms of a path below this times the root mean square amplitude are skipped; they are below the kernel's error
 _PATHS_PER_TASK = 8192
 _TASKS_PER_FRAME = 16
 _PATHS_AT_ONCE = 500_000  # parts are concatenated up to this size, because the transforms of a frame take as long as a thousand paths
@@ -46,14 +46,14 @@ _signals_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str, bool],
 
 
 def _kernel(x: np.ndarray) -> np.ndarray:
-    """exp(beta (sqrt(1 - z^2) - 1)) for taps at distance x from the point, in grid cells."""
+    """Return the kernel exp(beta (sqrt(1 - z^2) - 1)) for taps at distance x from the point, in grid cells."""
     z2 = np.clip((2 * x / gridding.TAPS) ** 2, 0, 1)
     return np.exp(_SHAPE * (np.sqrt(1 - z2) - 1))
 
 
 @functools.cache
 def _kernel_transform(samples: int, grid: int) -> np.ndarray:
-    """(samples,) Fourier transform of the kernel at the centred sample indices."""
+    """Return the Fourier transform (samples,) of the kernel at the centred sample indices."""
     nodes, weights = np.polynomial.legendre.leggauss(64)
     x = nodes * gridding.TAPS / 2
     index = np.arange(samples) - samples // 2
@@ -62,14 +62,14 @@ def _kernel_transform(samples: int, grid: int) -> np.ndarray:
 
 @functools.cache
 def _kernel_polynomials() -> np.ndarray:
-    """(degree + 1, TAPS) polynomials of the taps in the point's position between two cells, highest power first."""
+    """Return coefficients (degree + 1, TAPS) of each tap's polynomial in the point's position between two cells, highest power first."""
     place = (1 + np.polynomial.chebyshev.chebpts1(4 * _DEGREE)) / 2
     taps = _kernel(place[:, None] - np.arange(gridding.TAPS) + gridding.TAPS // 2 - 1)
     return np.ascontiguousarray(np.polyfit(place, taps, _DEGREE))
 
 
 def _terms(largest: float) -> int:
-    """Number of Chebyshev terms of exp(j w x) for |w| up to `largest`."""
+    """Return the number of Chebyshev terms that exp(j w x) needs for |w| up to `largest`."""
     if largest < _BESSEL_TAIL:
         return 1
     count = int(largest) + 1
@@ -79,7 +79,7 @@ def _terms(largest: float) -> int:
 
 
 def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
-    """(T, C, terms, N) T_k(x) of x (C, T, N), single precision."""
+    """Return the Chebyshev polynomials T_k(x) (T, C, terms, N) of x (C, T, N), in single precision."""
     out = np.ones((x.shape[1], x.shape[0], terms, x.shape[2]), np.float32)
     x = x.swapaxes(0, 1)
     before, here = np.ones_like(x), x
@@ -90,10 +90,10 @@ def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
 
 
 def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """The amplitudes over the band as Chebyshev series, without the highest terms below `least` for all paths.
+    """Expand the amplitudes over the band in Chebyshev series, without the highest terms if they are below `least` for all paths.
 
     Returns:
-        (N, Q') coefficients and (Q', samples) polynomials.
+        Coefficients (N, Q') and polynomials (Q', samples).
     """
     middle = (nodes_hz.min() + nodes_hz.max()) / 2
     half = (nodes_hz.max() - nodes_hz.min()) / 2 or 1.0
@@ -105,24 +105,24 @@ def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray,
 
 
 def check_elements(elements: str) -> None:
-    """Raises InputError for an unknown choice of antenna element distances."""
+    """Raise InputError if `elements` is not one of ELEMENTS."""
     if elements not in ELEMENTS:
         raise InputError(f"elements must be one of {', '.join(ELEMENTS)}, not {elements!r}")
 
 
 def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.ndarray | None = None) -> np.ndarray:
-    """IQ of all poses, one frame per pose.
+    """Compute the IQ samples of all poses, one frame per pose.
 
     Args:
         paths: of F poses, ascending in pose.
         radar: T transmitters, R receivers, C loops, N samples.
-        elements: "exact" distances to every antenna element; "planar": each path leaves and arrives along one direction, for comparison (it
-            takes at most a seventh less time); "auto": planar if no path's phase error exceeds PLANAR_PHASE.
-        out: (F, C, T, R, N) complex array to add to; None: zeros.
+        elements: "exact" uses the distance to every antenna element. "planar" assumes plane waves, for comparison; it saves at most a
+            seventh of the time. "auto" uses plane waves if no path's phase error exceeds PLANAR_PHASE.
+        out: (F, C, T, R, N) complex array to which the samples are added. None: a new array of zeros.
     Returns:
-        complex64 (or `out`) (F, C, T, R, N) in amplitude units: |.|^2 is received over transmitted power.
+        `out` or a complex64 array, (F, C, T, R, N) in amplitude units: its squared magnitude is received over transmitted power.
     Raises:
-        InputError: an unknown choice of elements, an `out` of another shape, or paths that are not finite.
+        InputError: `elements` is unknown, `out` has a wrong shape, or paths are not finite.
     """
     check_elements(elements)
     shape = (paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
@@ -174,10 +174,10 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
 def _motion_terms(
     rate_mps: np.ndarray, radar: Radar, frequency: np.ndarray, fast_time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Length change at mid-frame (N,), argument of the Bessel functions (N,), Chebyshev polynomials (T, C, terms, samples)."""
+    """Return the length change at mid-frame (N,), Bessel arguments (N,), and Chebyshev polynomials (T, C, terms, samples)."""
     chirp_start = radar.chirp_times()
     middle = (chirp_start.max() + fast_time[-1]) / 2
-    # frequency times time from the middle of the frame, (C, T, samples): cycles per (m/s) of path rate and light second
+    # frequency times time from the middle of the frame, (C, T, samples); times v_p/c it is the motion's phase in cycles
     moving = frequency * (chirp_start[:, :, None] + fast_time - middle)
     reach = float(np.abs(moving).max()) or 1.0
     motion = 2 * np.pi * reach / SPEED_OF_LIGHT * rate_mps
@@ -186,7 +186,7 @@ def _motion_terms(
 
 
 def planar_phase(paths: Paths, radar: Radar) -> float:
-    """Upper limit of the phase error of planar elements, radians: k p^2/(2 L) of the outermost element, summed over both ends."""
+    """Return an upper limit of the phase error of plane waves in radians: k p^2/(2 L) of the outermost element, for both ends."""
     if not len(paths):
         return 0.0
     wavenumber = 2 * np.pi * (radar.start_frequency_hz + radar.sampled_bandwidth_hz) / SPEED_OF_LIGHT
@@ -198,7 +198,7 @@ def planar_phase(paths: Paths, radar: Radar) -> float:
 
 
 def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Split frames into tasks: (tasks + 1,) the first path of each task and (F + 1,) the first task of each frame.
+    """Split frames into tasks. Returns the first path of each task (tasks + 1,) and the first task of each frame (F + 1,).
 
     Frame f has the paths edges[f] to edges[f + 1]. The split does not depend on the number of cores.
     """
@@ -214,7 +214,7 @@ def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator) -> np.ndarray:
-    """Complex receiver noise in amplitude units, complex64: power k T0 fs F over the transmitted power, T0 = 290 K.
+    """Return complex64 receiver noise in amplitude units, with power k T0 fs F over the transmitted power, T0 = 290 K.
 
     >>> bool(thermal_noise((4, 2), Radar.iwr1843(), np.random.default_rng(0)).std() > 0)
     True
@@ -229,13 +229,13 @@ def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator
 def received(
     parts: Sequence[Paths], radar: Radar, frames: int, *, elements: str = "exact", oscillator: np.random.Generator | None = None
 ) -> np.ndarray:
-    """IQ of all parts together, with phase noise if `oscillator` is given and the radar has phase noise.
+    """Sum the IQ of all parts, with phase noise if `oscillator` is given and the radar has phase noise.
 
-    To first order in the phase phi (a few milliradians), phase noise multiplies an echo of delay tau by 1 + j phi(t; tau). Echoes whose
-    delays differ by less than DELAY_BAND share the phase of their mean delay, so that each path is synthesised once.
+    To first order in the phase phi (a few milliradians), phase noise multiplies an echo of delay tau by 1 + j phi(t; tau). Echoes in one
+    band of delays (width DELAY_BAND) get the phase noise of the band's mean delay, so that each path is synthesised once.
 
     Args:
-        parts: each of F poses, or of one pose that holds for all frames.
+        parts: each has F poses, or one pose that holds for all frames.
         elements: as in `synthesize`.
     Returns:
         complex64 (F, C, T, R, N), without thermal noise.
@@ -273,7 +273,7 @@ def received(
 
 
 def _alike(parts: Sequence[Paths]) -> list[list[Paths]]:
-    """The parts in groups that can be concatenated."""
+    """Group the parts that can be concatenated."""
     groups: dict[tuple[bytes, bool], list[Paths]] = {}
     for part in parts:
         groups.setdefault((part.frequencies_hz.tobytes(), part.mirror is None), []).append(part)
@@ -281,7 +281,7 @@ def _alike(parts: Sequence[Paths]) -> list[list[Paths]]:
 
 
 def _resting_signals(part: Paths, radar: Radar, elements: str, by_delay: bool) -> list[tuple[np.ndarray, float]]:
-    """Signal of a resting part, whole or by delay band, with its mean length; cached while the part exists."""
+    """Return the signals of a resting part, whole or by delay band, with mean path lengths; cached while the part exists."""
     cached = _signals_of_part.setdefault(part, {})
     key = (radar, elements, by_delay)
     if key not in cached:
@@ -291,7 +291,7 @@ def _resting_signals(part: Paths, radar: Radar, elements: str, by_delay: bool) -
 
 
 def _delay_bands(part: Paths) -> Iterator[tuple[Paths, float]]:
-    """The paths by delay band, each with its mean length in metres."""
+    """Yield the paths of each delay band, with their mean length in metres."""
     band = np.floor(np.log(np.maximum(part.length_m, 1e-6)) / DELAY_BAND).astype(np.int64)
     for index in np.unique(band).tolist():
         chosen = part.where(band == index)
