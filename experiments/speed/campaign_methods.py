@@ -87,13 +87,13 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
         campaign = Campaign(_configured(config, method), store, progress)
         measured, simulated = readings.shared_cases(campaign, MOTION)
         campaign.prepare([("twin", case) for case in simulated], fresh=True)
-        told = readings.vectors(campaign, "measured", measured, FEATURES).samples
+        reference = readings.vectors(campaign, "measured", measured, FEATURES).samples
         made = readings.vectors(campaign, "twin", simulated, FEATURES)
-        error, spread = feature_error(made.samples, told)
-        missed = recognition_error(made.samples, told)
+        error, spread = feature_error(made.samples, reference)
+        missed = recognition_error(made.samples, reference)
         rows.append({
             "problem": NAME, "family": method.family, "setting": method.setting, **_cost(campaign, simulated), "feature_error": error,
-            "spread of feature_error": spread, "recognition_error": missed, "answers": len(told), "exact": False, "keys": list(made.keys),
+            "spread of feature_error": spread, "recognition_error": missed, "answers": len(reference), "exact": False, "keys": list(made.keys),
         })  # fmt: skip
     return rows
 

@@ -90,6 +90,7 @@ class Problem:
     cache: dict[str, np.ndarray] = field(default_factory=dict)
 
     def reference(self, part: Part) -> np.ndarray:
+        """Return the reference samples of a recording; they are computed once."""
         if part.name not in self.cache:
             self.cache[part.name] = part.reference()
         return self.cache[part.name]

@@ -130,9 +130,9 @@ def _case(one: Mapping[str, Any], machine: Mapping[str, str], problem: Problem) 
     return kept | seconds | {"title": problem.title, "machine": "; ".join(machine.values())}
 
 
-def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str], domain: str) -> list[dict[str, Any]]:
+def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, str], domain: str) -> list[dict[str, Any]]:
     """Return rows with each method's run time relative to the default and its two errors, then the claims about faster methods."""
-    default = told[0]
+    default = methods[0]
     rows: list[dict[str, Any]] = []
 
     def add(
@@ -150,9 +150,9 @@ def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str],
         })  # fmt: skip
 
     scores = {"features": lambda one: one["feature_error"], "recognition": lambda one: one["recognition_error"]}
-    places = {name: [(one["seconds_frame"], score(one)) for one in told] for name, score in scores.items()}
-    by_features, by_recognition = ([one for one, on in zip(told, front(places[name]), strict=True) if on] for name in scores)
-    for one in told:
+    places = {name: [(one["seconds_frame"], score(one)) for one in methods] for name, score in scores.items()}
+    by_features, by_recognition = ([one for one, on in zip(methods, front(places[name]), strict=True) if on] for name in scores)
+    for one in methods:
         ratios = ratios_of(one["seconds"], default["seconds"])
         add(one, "seconds a frame over those of the default", ratios, len(one["seconds"]))
     for name, score in scores.items():
@@ -160,10 +160,10 @@ def campaign_rows(told: Sequence[Mapping[str, Any]], machine: Mapping[str, str],
             "features": default["spread of feature_error"],
             "recognition": _share_error(default["recognition_error"], default["answers"]),
         }
-        as_good = [one for one in told if score(one) <= score(default) + worse[name]]  # within one standard error
+        as_good = [one for one in methods if score(one) <= score(default) + worse[name]]  # within one standard error
         far = default["seconds_frame"] / min(one["seconds_frame"] for one in as_good)
         claim = f"no other that is as good in {name}, within a standard error, is more than {100 * (NEAR - 1):.0f} % faster"
-        add(default, f"times the cheapest that is as good in {name}", (far, far, far), len(told), claim, far <= NEAR)
+        add(default, f"times the cheapest that is as good in {name}", (far, far, far), len(methods), claim, far <= NEAR)
     return rows
 
 

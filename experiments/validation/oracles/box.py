@@ -68,7 +68,7 @@ def image_paths(
 
 
 def orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.ndarray) -> Iterator[tuple[tuple[int, ...], float]]:
-    """Yield every sequence (as axes) in which a path crosses its walls, with its share of the directions around the line."""
+    """Yield every sequence (indices of `walls`) in which a path crosses its walls, with its share of the directions around the line."""
     first = np.eye(3)[np.argmin(np.abs(direction))]
     u = np.cross(direction, first)
     u /= np.linalg.norm(u)
@@ -81,6 +81,7 @@ def orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.n
 
 
 def across(axis: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """Return the unit vector of `axis` projected across the ray."""
     field = axis - (axis @ ray) * ray
     return field / np.linalg.norm(field)
 

@@ -23,7 +23,7 @@ ROOMS = {
 }
 WALLS = {"constant": "|reflection| 0.4", "concrete": "concrete", "glass": "glass half-space"}
 TILT = np.array([[0.9, -0.1, 0.2], [0.15, 0.95, -0.25], [-0.2, 0.3, 0.92]])  # no image lies on the antenna's axis
-# four times the samples at four times the rate: the same sweep, unambiguous to 44 m
+# Four times the samples at four times the sample rate: the same frequency sweep, with an unambiguous range of 44 m.
 RADAR = replace(
     traced.MONOSTATIC,
     num_samples=4 * traced.MONOSTATIC.num_samples,
@@ -75,6 +75,7 @@ def wall_reflection(walls: str) -> Reflection:
 
 
 def room_scene(size_m: tuple[float, float, float], material: str) -> rt.Scene:
+    """Return a box room of one material, with a corner at the origin."""
     mesh = objects.box((0.0, 0.0, 0.0), size_m)
     mesh.invert()
     return rt.Scene([rt.Surface(mesh, material, "walls", role="room")])
