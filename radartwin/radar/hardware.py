@@ -1,34 +1,35 @@
-"""Imperfections of a real IWR1843 and its capture card, applied to ideal samples.
+"""Apply the imperfections of a real IWR1843 and its capture card to ideal samples.
 
-Order of the chain:
-1. `echoes`: chirps start late by one clock or on time, and the oscillator has phase noise.
-2. `leaked`: TX-RX leakage adds, and the channels have different gains and phases.
-3. Thermal noise adds by the noise figure of the radar (radartwin.simulation.signal.synthesis).
-4. `digitised`: the mixer has an image, the ADC an offset; the ADC saturates and rounds.
-The IF filter acts on each echo before folding, so the simulated radar contains it (`front_end`). All other effects act on clean samples;
-effects that depend on delay weight the lines of the spectrum of a chirp. Compared with the exact phase noise of each echo, the energy
-differs by at most 0.1 dB and, under a Hann window, the amplitude by at most 5 %. Without a window the amplitude differs by 20 %, all of it
-in the first and last samples, where a strong near echo leaks into all lines.
+The effects are applied in this order:
+1. `echoes`: a chirp starts on time or one clock late, and the oscillator has phase noise.
+2. `leaked`: leakage from transmitter to receiver adds, and the channels have different gains and phases.
+3. radartwin.simulation.signal.synthesis adds thermal noise with the noise figure of the radar.
+4. `digitised`: the mixer adds an image, the ADC adds an offset, saturates and rounds.
+The IF filter must act on each echo before its frequency folds, so the simulated radar contains the filter (`front_end`). All other effects
+act on the ideal samples. An effect that depends on delay is applied to the spectrum of each chirp, where a frequency stands for a delay.
+This approximation was compared with exact phase noise for each echo. The energy of the phase error differs by at most 0.1 dB. Under a Hann
+window its amplitude differs by at most 5 %. Without a window the amplitude differs by 20 %, because a strong near echo leaks into all
+spectral lines; this error is in the first and last samples only.
 
-Sources of the default values, all of which were chosen before any result was scored:
+Sources of the default values, all of which were chosen before the simulation was compared with any measurement:
 - if_filter: both high-pass stages at their lowest corner, 175 and 350 kHz (codes 0 0), receiver gain 30 dB. This is the profile of the
   paper in the mmWave SDK ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30", TI E2E 757413). It is a setting, so `scaled` keeps it.
-- line_loss: 5.2 dB both ways, from 10.5 dBi of an antenna and the 7.8 and 8 dBi behind its lines (TI E2E 681535).
+- line_loss: 5.2 dB both ways. An antenna alone has 10.5 dBi; measured through the feed lines, TX and RX have 7.8 and 8 dBi (TI E2E 681535).
 - coupling: -45 dB between the nearest TX and RX, 8.77 mm apart (xWR1642BOOST, TI E2E 674013), falling with distance, over 6 cm of feed line
-  (order of magnitude). Two public captures with the same high-pass stages have leakage 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and
-  15.2 dB (77 GHz, PreSenseRadar/OpenRadar) above the noise of a sample; the default gives 14 dB.
+  (order of magnitude). In two public captures with the same high-pass stages, the leakage is 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and
+  15.2 dB (77 GHz, PreSenseRadar/OpenRadar) above the noise power of a sample; the default gives 14 dB.
 - full scale: in the same captures the noise of a sample is 7.3 counts. With the noise figures of the data sheets, full scale is then at -23
-  and -22 dBm received power, at 30 dB of gain. The in-band compression point is at -29 dBm there (IWR1443 data sheet, figure 5-1, by TI E2E
-  702363: -23, -35, -47 dBm at 24, 36, 48 dB). Compression of large signals is not modelled.
+  and -22 dBm received power, at 30 dB of gain. At this gain the in-band compression point is at -29 dBm (IWR1443 data sheet, figure 5-1, by
+  TI E2E 702363: -23, -35, -47 dBm at 24, 36, 48 dB). Compression of large signals is not modelled.
 - image: 1 dB and 2 degrees between I and Q (AWR1243 data sheet by TI E2E 654592). The SDK's "complex 1x" output filters the image band, so
-  only echoes nearer than a tenth of the band have an image, at the far end.
+  only echoes in the first tenth of the range have an image, which appears at the far end of the range.
 - offset: -70 dBFS, the mean of the samples in both captures (5 to 16 counts).
 - channels: 0.6 dB and 5 degrees, the spread of a measured AWR1843L calibration (compRangeBiasAndRxChanPhase in the README of a fork of
   RadarML/xwr). Data sheets promise only +-0.5 dB and +-3 degrees over temperature (AWR2944P, TI SWRS330).
 - chirp_late: 0 or 1.1 ns, at random, between the chirp and its samples (TI SPRACV2).
 - start: a software trigger is uncertain by "several tens of microseconds", while frames repeat exactly (TI SWRA574B).
 - jitter: a microsecond from frame to frame as an order of magnitude, far above the 5 ns steps of the frame timer. The time stamps of a host
-  that receives frames over Ethernet are a millisecond off, but they concern the log only.
+  that receives frames over Ethernet have errors of about a millisecond, but they affect the motion log only.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ from radartwin.radar.dca1000 import FULL_SCALE
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise, interpolation
 
-_NODES = (0.2, 0.55, 0.95)  # shares of the band at which phase noise is computed
+_NODES = (0.2, 0.55, 0.95)  # beat frequencies, as fractions of the band, whose delays get a computed phase error
 
 
 def _iwr1843_filter() -> IfFilter:
@@ -54,23 +55,23 @@ def _iwr1843_filter() -> IfFilter:
 
 @dataclass(frozen=True)
 class Hardware:
-    """Deviations from the ideal radar.
+    """Describe the deviations of a radar from the ideal radar.
 
     Attributes:
         line_loss_db: loss of every echo in the lines to and from the antennas.
-        coupling_db: power into the nearest receiver over transmitted power, before the filter.
+        coupling_db: leakage power into the nearest receiver over transmitted power, before the IF filter.
         feed_m: electrical length of the feed lines.
-        spacing_m: distance from the nearest transmitter to the nearest receiver; the two groups lie side by side.
+        spacing_m: distance from the nearest transmitter to the nearest receiver; transmitters and receivers form two groups side by side.
         gain_imbalance_db, phase_imbalance_deg: imbalance of Q against I.
         image_filtered: whether the image band is filtered ("complex 1x").
-        offset_dbfs: offset of each ADC over full scale.
-        channel_gain_db, channel_phase_deg: standard deviation over the channels of a board.
-        board: number of the board, which seeds its channels.
-        chirp_late_s: delay of the chirps that start late; the other half starts on time.
-        start_s: largest delay of a recording behind its log.
-        jitter_s: standard deviation of the time of a frame.
-        full_scale_db: received over transmitted power at full scale of the ADC; None has no ADC.
-        if_filter, phase_noise: filter and phase noise of the radar; None for an ideal one.
+        offset_dbfs: offset of each ADC relative to full scale.
+        channel_gain_db, channel_phase_deg: standard deviation of gain and phase over the channels of a board.
+        board: number of the board; seeds the random gains and phases of its channels.
+        chirp_late_s: delay of late chirps; each chirp is late with probability 1/2.
+        start_s: largest delay of the start of a recording against its motion log.
+        jitter_s: standard deviation of the start time of a frame.
+        full_scale_db: received over transmitted power at full scale of the ADC; None leaves out the ADC.
+        if_filter, phase_noise: IF filter of the receiver and phase noise of the oscillator; None leaves the effect out.
     """
 
     line_loss_db: float = 5.2
@@ -97,9 +98,9 @@ class Hardware:
         return None if self.full_scale_db is None else 10 ** (self.full_scale_db / 20) / FULL_SCALE
 
     def scaled(self, strength: float) -> Hardware:
-        """Imperfections at another strength: 0 is the ideal radar, 1 the same, 2 twice the amplitudes and spreads.
+        """Scale the imperfections: strength 0 gives the ideal radar, 1 the same radar, 2 doubles all amplitudes and spreads.
 
-        Settings (filter, full scale, geometry) do not change, except that strength 0 has none of them.
+        IF filter, full scale and geometry are settings of the radar and do not scale, but strength 0 removes them.
         """
         if strength <= 0:
             return replace(
@@ -119,16 +120,16 @@ class Hardware:
         )  # fmt: skip
 
     def front_end(self, radar: Radar) -> Radar:
-        """The radar to simulate without noise: with the filter of this hardware, without phase noise, which `echoes` adds."""
+        """Return the radar for the simulation of ideal samples: with the IF filter, without phase noise, which `echoes` adds later."""
         return replace(radar, if_filter=self.if_filter or radar.if_filter, phase_noise=None)
 
     def frame_times(self, frames: int, rate_hz: float, rng: np.random.Generator) -> NDArray[np.float64]:
-        """True start times of the frames that a log puts at f/rate, seconds, shape (F,)."""
+        """Draw the true start times of the frames in seconds, shape (F,); their nominal times are f / rate_hz."""
         late = self.start_s * rng.random()
         return np.arange(frames) / rate_hz + late + self.jitter_s * rng.standard_normal(frames)
 
     def echoes(self, iq: NDArray[np.complex64], radar: Radar, rng: np.random.Generator) -> NDArray[np.complex64]:
-        """Clean samples (F, C, T, R, N) with late chirps and phase noise, which the antennas share and the chirps do not."""
+        """Add late chirps and phase noise to ideal samples (F, C, T, R, N). All receivers of a chirp have the same delay and noise."""
         if self.phase_noise is None and not self.chirp_late_s:
             return iq
         from scipy import fft
@@ -151,7 +152,7 @@ class Hardware:
         return out.real.astype(np.complex64) if radar.real_sampling else out
 
     def leaked(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
-        """The samples with line loss, with leakage between the antennas, and with the gain and phase of each channel."""
+        """Apply line loss, leakage between the antennas, and the gain and phase of each channel to the samples."""
         transmission = np.float32(10 ** (-self.line_loss_db / 20))
         leakage, channels = _leakage_and_channels(self, radar)
         out = transmission * iq
@@ -160,10 +161,13 @@ class Hardware:
         return out
 
     def leakage(self, radar: Radar) -> NDArray[np.complex64]:
-        """Leakage of every pair of antennas through the filter, (T, R, N), without phase noise because its delay is so short."""
+        """Compute the leakage between every transmitter and receiver after the IF filter, (T, R, N).
+
+        The leakage has no phase noise, because its delay is too short.
+        """
         time = np.arange(radar.num_samples) / radar.sample_rate_hz
         frequency = radar.start_frequency_hz + radar.slope_hz_per_s * time
-        # The transmitters and receivers lie side by side, not about one origin as in the radar.
+        # On the real board the transmitters and the receivers lie side by side; the ideal radar centres both groups at the origin.
         shift = radar.tx_positions[:, 1].max() - radar.rx_positions[:, 1].min() + self.spacing_m
         apart = np.linalg.norm(radar.rx_positions + np.array([0.0, shift, 0.0]) - radar.tx_positions[:, None], axis=-1)
         path = apart + self.feed_m
@@ -174,7 +178,7 @@ class Hardware:
         return (signal.real if radar.real_sampling else signal).astype(np.complex64)
 
     def channels(self, radar: Radar) -> NDArray[np.complex64]:
-        """Complex gain of each channel of this board, (T, R): the product of a transmitter factor and a receiver factor."""
+        """Return the complex gain of each channel of this board, (T, R): the product of a transmitter factor and a receiver factor."""
         rng = np.random.default_rng(np.random.SeedSequence([self.board, *b"channels"]))
         unit = rng.standard_normal((2, radar.num_tx + radar.num_rx)) / np.sqrt(2)
         decibels, degrees = self.channel_gain_db * unit[0], self.channel_phase_deg * unit[1]
@@ -184,7 +188,12 @@ class Hardware:
         return (factors[: radar.num_tx, None] * factors[radar.num_tx :]).astype(np.complex64)
 
     def digitised(self, iq: NDArray[np.complex64], radar: Radar) -> tuple[NDArray[np.complex64], int]:
-        """The samples with image and offset, saturated and rounded to counts, and the number of saturated values."""
+        """Add image and offset to the samples, saturate them and round them to counts.
+
+        Returns:
+            iq: the samples, as counts times amplitude per count.
+            saturated: number of saturated values.
+        """
         error = 10 ** (self.gain_imbalance_db / 20) * np.exp(1j * np.radians(self.phase_imbalance_deg))
         out = iq
         if error != 1 and not radar.real_sampling:
@@ -200,7 +209,7 @@ class Hardware:
         return (clipped * np.float32(self.scale)).view(np.complex64), saturated
 
     def _imaged(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
-        """The part of the samples whose image passes the filter, whose lower edge is as wide as its upper edge."""
+        """Return the part of the samples whose image passes the IF filter; the filter's lower edge is as wide as its upper edge."""
         if not self.image_filtered or self.if_filter is None:
             return iq
         from scipy import fft
@@ -212,13 +221,13 @@ class Hardware:
 
 @functools.lru_cache(maxsize=8)
 def _leakage_and_channels(hardware: Hardware, radar: Radar) -> tuple[NDArray[np.complex64], NDArray[np.complex64]]:
-    """Leakage (T, R, N) and gains of the channels (T, R), cached because they are the same in every frame."""
+    """Return leakage (T, R, N) and channel gains (T, R), cached because they are the same in every frame."""
     return hardware.leakage(radar), hardware.channels(radar)
 
 
 @functools.lru_cache(maxsize=8)
 def _beats(radar: Radar) -> NDArray[np.float64]:
-    """Beat frequency of each line of the spectrum of a chirp, (N,). The last fiftieth of the band is leakage from zero."""
+    """Return the beat frequency of each spectral line of a chirp, (N,); 0 Hz in the last 2 % of the band, where near echoes leak."""
     line = np.arange(radar.num_samples) / radar.num_samples
     if radar.real_sampling:
         return np.minimum(line, 1 - line) * radar.sample_rate_hz
@@ -227,7 +236,10 @@ def _beats(radar: Radar) -> NDArray[np.float64]:
 
 @functools.lru_cache(maxsize=8)
 def _nodes(radar: Radar) -> tuple[tuple[float, ...], NDArray[np.float32]]:
-    """Delays of the phase noise, and their interpolation weights per line (K, N), exact to 0.3 % over the band of the iwr1843."""
+    """Return the K delays with a computed phase error, and interpolation weights (K, N) for the delay of each spectral line.
+
+    The interpolation error is at most 0.3 % over the band of the iwr1843.
+    """
     longest = radar.band_hz / radar.slope_hz_per_s
     nodes = tuple(share * longest for share in _NODES)
     return nodes, interpolation(_beats(radar) / radar.slope_hz_per_s, nodes).astype(np.float32)

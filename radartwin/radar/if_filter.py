@@ -1,8 +1,8 @@
-"""Gain of the receiver's intermediate-frequency (IF) chain over the beat frequency of an echo.
+"""Compute the gain of the receiver's intermediate-frequency (IF) chain over the beat frequency of an echo.
 
 The chain has first-order high-pass stages, which attenuate the leakage between the antennas, and the low-pass of the decimation, which
-keeps echoes beyond the unambiguous range from folding back. A beat frequency at or above the sample rate (half of it for real samples)
-folds into the band, so the stop band begins there. The transition lies between `pass_share` of that edge and the edge.
+keeps echoes beyond the unambiguous range from folding back. The band ends at the sample rate (at half of it for real samples). Higher beat
+frequencies fold into the band, so the stop band begins at the band edge. The gain falls from `pass_share` times the edge to the edge.
 
 Sources: The stages have corner frequencies of 175, 235, 350 or 700 kHz and 350, 700, 1400 or 2800 kHz, as numbered in rlProfileCfg_t
 (hpfCornerFreq1 and hpfCornerFreq2) of TI's mmWaveLink; comments of public mmWave Studio scripts repeat these values. The AWR2944P data
@@ -26,14 +26,14 @@ from radartwin.radar.field_checks import from_mapping, is_number
 
 @dataclass(frozen=True)
 class IfFilter:
-    """The IF filter of a radar.
+    """Describe the IF filter of a radar.
 
     Attributes:
-        high_pass_hz: corner of each first-order stage; (175e3, 350e3) are both stages of the chip at their lowest.
-        pass_share: share of the band that passes unchanged.
+        high_pass_hz: corner frequency of each first-order high-pass stage; (175e3, 350e3) are the lowest corners of the chip's two stages.
+        pass_share: fraction of the band that the low-pass does not attenuate.
         stop_db: attenuation at and beyond the edge of the band.
-        zero_phase: leave out the phase of the high-pass, as a calibrated radar does; otherwise an echo at the beat frequency f leads by
-            atan(corner/f) per stage.
+        zero_phase: whether the high-pass has no phase, as in a calibrated radar. Otherwise each stage advances the phase of an echo at the
+            beat frequency f by atan(corner/f).
 
     >>> bool(abs(IfFilter().gain(5.6e6, 5.21e6)) < 0.0011)
     True
@@ -57,7 +57,7 @@ class IfFilter:
             raise InputError(f"if_filter: zero_phase must be true or false, not {self.zero_phase!r}")
 
     def gain(self, beat_hz: ArrayLike, band_hz: float) -> NDArray[np.complex128]:
-        """Complex gain of echoes by their beat frequency before folding.
+        """Compute the complex gain of echoes at their beat frequency before folding.
 
         Args:
             beat_hz: slope times delay, shape (...,).
@@ -77,5 +77,5 @@ class IfFilter:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> IfFilter:
-        """The inverse of to_dict. Raises InputError for an unknown or invalid field."""
+        """Build a filter from the result of to_dict. Raises InputError for an unknown or invalid field."""
         return from_mapping(cls, "if_filter", values)

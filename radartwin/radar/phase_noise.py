@@ -1,4 +1,4 @@
-"""Phase noise of the local oscillator, and the part of it that remains after mixing with a delayed copy.
+"""Simulate the phase noise of the local oscillator, and the phase error that remains after mixing with a delayed copy.
 
 The receiver mixes an echo of delay tau with the oscillator that transmitted it. The phase error is phi(t) - phi(t - tau), whose spectral
 density is S(f) 4 sin^2(pi f tau) with the one-sided S(f) = 2 L(f) (M. Budge, M. Burt, Range correlation effects in radars, IEEE National
@@ -8,9 +8,10 @@ Level at 1 MHz: -95 dBc/Hz from 76 to 77 GHz and -93 dBc/Hz from 77 to 81 GHz, I
 memory. The successor's data sheet (AWR2944P, TI SWRS330) has -96 and -95 dBc/Hz. The sheets give no other offset, so a plateau up to the
 corner of the loop and 1/f^2 beyond it are assumptions.
 
-`processes` serves synthesis from paths. It separates delay and frequency by exp(-j 2 pi f tau) = exp(-j w) sum_k (2 - [k=0]) (-j)^k J_k(w)
-T_k(u), with w = pi f tau_max and tau = tau_max (1 + u)/2, so that a few random processes cover all echoes. `at_delays` and `interpolation`
-serve recorded samples: they interpolate the phase error between a few delays.
+`processes` is for the synthesis of samples from paths. It separates delay and frequency by exp(-j 2 pi f tau) =
+exp(-j w) sum_k (2 - [k=0]) (-j)^k J_k(w) T_k(u), with w = pi f tau_max and tau = tau_max (1 + u)/2 (J_k: Bessel functions, T_k: Chebyshev
+polynomials), so that a few random processes cover all echoes. `at_delays` and `interpolation` are for existing samples: they compute the
+phase error at a few delays and interpolate between these delays.
 """
 
 from __future__ import annotations
@@ -26,17 +27,17 @@ from numpy.typing import NDArray
 from radartwin.errors import InputError
 from radartwin.radar.field_checks import from_mapping, is_number
 
-_TAIL = 1e-6  # neglected share of the oscillator's noise, far below the phase error of the shortest echo
-_LONGER = 4  # period of the noise over the sweep, so that both ends of a sweep are independent
+_TAIL = 1e-6  # neglected fraction of the oscillator's noise power, far below the phase error of the nearest echo
+_LONGER = 4  # period of the simulated noise in sweep durations; over 1, so that both ends of a sweep are independent
 
 
 @dataclass(frozen=True)
 class PhaseNoise:
-    """Phase noise of an oscillator.
+    """Describe the phase noise of an oscillator.
 
     Attributes:
-        level_dbc_hz: single-sideband level at 1 MHz from the carrier.
-        corner_hz: corner of the loop; below it the level is constant.
+        level_dbc_hz: single-sideband level at 1 MHz from the carrier, dBc/Hz.
+        corner_hz: corner frequency of the control loop; the level is constant at lower frequency offsets.
 
     >>> round(float(10 * np.log10(PhaseNoise(-93.0).density(1e6) / 2)), 6)
     -93.0
@@ -53,12 +54,12 @@ class PhaseNoise:
             raise InputError(f"phase_noise: corner_hz must be above zero, not {self.corner_hz!r}")
 
     def density(self, offset_hz: Any) -> Any:
-        """One-sided spectral density of the phase, rad^2/Hz."""
+        """Compute the one-sided spectral density of the phase in rad^2/Hz, at offsets from the carrier in Hz."""
         shape = (1 + (1e6 / self.corner_hz) ** 2) / (1 + (np.asarray(offset_hz) / self.corner_hz) ** 2)
         return 2 * 10 ** (self.level_dbc_hz / 10) * shape
 
     def terms(self, longest_s: float, sample_rate_hz: float) -> int:
-        """The number of processes that cover delays up to `longest_s`."""
+        """Return the number of random processes that cover delays up to `longest_s` seconds."""
         from scipy.special import jv
 
         largest = np.pi * sample_rate_hz / 2 * longest_s
@@ -70,13 +71,13 @@ class PhaseNoise:
     def processes(
         self, chirps: int, samples: int, sample_rate_hz: float, longest_s: float, rng: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Random processes psi_k; the phase error of an echo of delay tau is sum_k psi_k T_k(2 tau/longest_s - 1).
+        """Draw random processes psi_k. An echo of delay tau has the phase error sum_k psi_k T_k(2 tau/longest_s - 1).
 
         Args:
-            chirps, samples: each chirp has an independent realisation, with frequency offsets from a quarter of a cycle per sweep to half
-                the sample rate.
+            chirps, samples: number of chirps and of samples per chirp. The noise of different chirps is independent. Its frequencies
+                range from a quarter of a cycle per sweep to half the sample rate.
         Returns:
-            (terms, chirps, samples), radians.
+            psi, (terms, chirps, samples), radians.
         """
         from scipy.special import jv
 
@@ -98,12 +99,12 @@ class PhaseNoise:
     def at_delays(
         self, chirps: int, samples: int, sample_rate_hz: float, delays_s: tuple[float, ...], rng: np.random.Generator
     ) -> NDArray[np.float32]:
-        """The phase errors of echoes of K delays.
+        """Draw the phase errors of echoes at K delays.
 
         Args:
             chirps, samples: as in `processes`.
         Returns:
-            (K, chirps, samples), radians.
+            phase errors, (K, chirps, samples), radians.
         """
         from scipy import fft
 
@@ -112,7 +113,7 @@ class PhaseNoise:
         draw = rng.standard_normal((2, chirps, size // 2), np.float32)
         spectrum = np.zeros((len(delays_s), chirps, size // 2 + 1), np.complex64)
         np.multiply(lines[:, None], draw[0] + np.complex64(1j) * draw[1], out=spectrum[:, :, 1:])
-        spectrum[:, :, 1:-1] *= 0.5  # irfft counts these lines twice
+        spectrum[:, :, 1:-1] *= 0.5  # irfft adds the conjugate of these lines
         return np.asarray(fft.irfft(spectrum, size, norm="forward", overwrite_x=True))[:, :, :samples]
 
     def to_dict(self) -> dict[str, Any]:
@@ -120,12 +121,14 @@ class PhaseNoise:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> PhaseNoise:
-        """The inverse of to_dict. Raises InputError for an unknown or invalid field."""
+        """Build phase noise from the result of to_dict. Raises InputError for an unknown or invalid field."""
         return from_mapping(cls, "phase_noise", values)
 
 
 def interpolation(delays_s: Any, nodes_s: tuple[float, ...]) -> NDArray[np.float64]:
-    """Weights (K, ...) of the phase errors at K nodes for other delays, by the polynomial through the nodes that is zero at zero delay.
+    """Compute weights (K, ...) that interpolate the phase errors at K delays (`nodes_s`) to other delays (`delays_s`).
+
+    The interpolation is the polynomial through the nodes that is zero at zero delay.
 
     >>> interpolation([0.5, 1.0, 2.0], (1.0, 2.0)).tolist()
     [[0.75, 1.0, -0.0], [-0.125, 0.0, 1.0]]
@@ -141,7 +144,7 @@ def interpolation(delays_s: Any, nodes_s: tuple[float, ...]) -> NDArray[np.float
 
 @functools.lru_cache(maxsize=8)
 def _lines(noise: PhaseNoise, size: int, sample_rate_hz: float, delays_s: tuple[float, ...]) -> NDArray[np.complex64]:
-    """Amplitude of each spectral line of the phase error at each delay, (K, L)."""
+    """Compute the amplitude of each of L spectral lines of the phase error at each of K delays, (K, L)."""
     offset = np.arange(1, size // 2 + 1) * sample_rate_hz / size
     amplitude = np.sqrt(noise.density(offset) * sample_rate_hz / size)
     return (amplitude * (1 - np.exp(-2j * np.pi * np.outer(delays_s, offset)))).astype(np.complex64)

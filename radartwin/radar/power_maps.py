@@ -1,4 +1,4 @@
-"""Power of a whole recording over range and time, Doppler or azimuth, averaged over frames in bounded memory."""
+"""Compute the power of a recording over range and time, Doppler or azimuth, in blocks of frames to limit memory."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _BLOCK_BYTES = 128 << 20  # padded spectra in memory at once
 
 @dataclass(frozen=True)
 class FftSettings:
-    """Settings of the range and Doppler transforms.
+    """Hold the settings of the range and Doppler transforms.
 
     Attributes:
-        window: window over samples and over chirps.
-        padding: length of a transform over the number of samples or chirps.
-        static_removed: subtract the mean of each channel over all frames and chirps, so that moving echoes remain.
+        window: name of the window over samples and over chirps.
+        padding: length of a transform divided by the number of samples or chirps.
+        static_removed: whether the mean of each channel over all frames and chirps is subtracted, so that only moving echoes remain.
     """
 
     window: str = "hann"
@@ -40,16 +40,16 @@ class FftSettings:
         return self.padding * radar.num_samples
 
     def doppler_bins(self, radar: Radar) -> int:
-        """The single chirp of a frame has no Doppler and is not padded, so its bin is at zero velocity."""
+        """Return the number of Doppler bins. A frame with a single chirp has one bin, at zero velocity."""
         return self.padding * radar.num_chirps if radar.num_chirps > 1 else 1
 
 
 @dataclass(frozen=True)
 class PowerMaps:
-    """Mean powers over channels and frames, in the square of the unit of the samples, with their axes.
+    """Hold power maps, averaged over channels and frames, with their axes; power is in the square of the unit of the samples.
 
-    range_time is (time, range), range_doppler (doppler, range), range_azimuth (azimuth, range). Time runs over frames,
-    or over the chirps of a single frame. A constant echo of amplitude a at rest has the power a^2 in each map.
+    range_time is (time, range), range_doppler (doppler, range), range_azimuth (azimuth, range). The time axis has one entry per
+    frame, or per chirp if there is one frame. A constant echo of amplitude a at rest has the power a^2 in each map.
     """
 
     range_m: Real
@@ -62,7 +62,7 @@ class PowerMaps:
 
 
 def spectra(iq: Complex, radar: Radar, settings: FftSettings) -> Iterator[tuple[slice, Complex, Complex]]:
-    """Per block of frames: its frames, profiles (frame, chirp, tx, rx, range), spectra (frame, doppler, tx, rx, range)."""
+    """Yield for each block its slice of frames, profiles (frame, chirp, tx, rx, range) and spectra (frame, doppler, tx, rx, range)."""
     frame_bytes = 8 * settings.padding**2 * int(np.prod(iq.shape[1:]))
     step = max(1, _BLOCK_BYTES // frame_bytes)
     static = _static(iq) if settings.static_removed else None
@@ -75,7 +75,7 @@ def spectra(iq: Complex, radar: Radar, settings: FftSettings) -> Iterator[tuple[
 
 
 def power_maps(iq: Complex, radar: Radar, settings: FftSettings | None = None) -> PowerMaps:
-    """The three maps of a recording, with azimuth in steps of one degree.
+    """Compute the three power maps of a recording, with azimuth in steps of one degree.
 
     Args:
         iq: (frame, chirp, tx, rx, sample).
@@ -96,7 +96,7 @@ def power_maps(iq: Complex, radar: Radar, settings: FftSettings | None = None) -
         else:
             range_time[frames] = power.mean(axis=1)
         range_doppler += _power(block).mean(axis=(2, 3)).sum(axis=0)
-        # Bartlett power is a quadratic form, so the covariance of the channels gives every direction.
+        # Bartlett power is a quadratic form of the channels' covariance, so the covariance suffices for every direction.
         channels = block.reshape(-1, radar.num_tx * radar.num_rx, len(range_m))[:, row].transpose(2, 1, 0)
         covariance += channels @ channels.conj().transpose(0, 2, 1)
     weights = steering(radar, azimuth_rad)
@@ -119,7 +119,7 @@ def _power(values: Complex) -> Real:
 
 
 def _static(iq: Complex) -> Complex:
-    """Mean over frames and chirps of each channel and sample, (tx, rx, sample)."""
+    """Average each channel and sample over frames and chirps, (tx, rx, sample)."""
     # The sum runs frame by frame, because a float64 copy of a long recording does not fit into memory.
     total = np.zeros(iq.shape[2:], dtype=np.complex128)
     for frame in iq:

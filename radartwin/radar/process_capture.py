@@ -1,6 +1,6 @@
-"""The work of `radartwin process`: peaks.csv and up to three pictures of a recording, and the peak table to print.
+"""Process a recording for the command `radartwin process`: write peaks.csv and up to three pictures, and return the peak table.
 
-The pictures show power over range and time, Doppler or azimuth, in decibels over a fixed span below the strongest cell.
+The pictures show power over range and time, Doppler or azimuth, in decibels, down to a fixed level below the strongest cell.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ def process_capture(
     settings: FftSettings | None = None,
     detector: Detector | None = None,
 ) -> pd.DataFrame:
-    """Detect the peaks of a recording, and write them with pictures of the recording.
+    """Detect the peaks of a recording, and write a table of the peaks and pictures of the recording.
 
     Args:
         path: a recording of this package (stem, .bin or .json), a mmWave Studio .bin, or a .npy cube.
-        out: folder for peaks.csv, range_time.png, range_doppler.png and range_azimuth.png; None writes nothing. One
-            chirp per frame gives no range_doppler.png, a single channel no range_azimuth.png.
-        radar: a Radar or the path of its file; only a .npy needs it.
-        iq_swapped: whether Q comes before I in a foreign capture; None decides from the data.
+        out: folder for peaks.csv, range_time.png, range_doppler.png and range_azimuth.png; None writes nothing. Frames of
+            one chirp give no range_doppler.png, and a single channel gives no range_azimuth.png.
+        radar: a Radar or the path of a radar file; required for a .npy only.
+        iq_swapped: whether Q comes before I in a capture of another tool; None detects the sample order from the noise.
         settings: settings of the transforms, including the removal of static echoes.
         detector: settings of the detection.
     Returns:
-        range_m, doppler_mps, azimuth_deg, power_db of every peak, strongest first; doppler_mps is NaN for one chirp
-        per frame, azimuth_deg for a single channel. The power is relative to the transmitted power, or to one squared
-        ADC count in a foreign capture.
+        Table of the peaks, strongest first, with the columns range_m, doppler_mps, azimuth_deg and power_db. doppler_mps is NaN
+        if a frame has one chirp; azimuth_deg is NaN for a single channel. Power is relative to the transmitted power, or
+        to one squared ADC count in a capture of another tool.
     Raises:
-        UserError: as load_capture, and OutputError if `out` cannot be written; then `out` has no new file.
+        UserError: the errors of load_capture, and OutputError if `out` cannot be written; `out` then has no new file.
     """
     recording = load_capture(path, radar, iq_swapped=iq_swapped)
     settings, radar = settings or FftSettings(), recording.radar
@@ -70,7 +70,7 @@ def process_capture(
             target = folder / f"{name}.png"
             temporary[target] = files.unfinished(target)
             figure = _draw(maps, name, peaks, unit, title=f"{capture_name(path)}: {name.replace('_', '-')}")
-            # Without the version of matplotlib, every run writes the same bytes.
+            # Leave out the version of matplotlib, so that every run writes the same bytes.
             figure.savefig(temporary[target], format="png", dpi=150, metadata={"Software": None})
         temporary[folder / PEAKS_FILE] = files.unfinished(folder / PEAKS_FILE)
         table.to_csv(temporary[folder / PEAKS_FILE], index=False, float_format="%.6g", lineterminator="\n")
@@ -86,7 +86,7 @@ def process_capture(
 
 
 def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Figure:
-    """A map as a figure with range upwards; peaks are marked over Doppler and azimuth.
+    """Draw a map with range upwards; markers show the peaks in the maps over Doppler and azimuth.
 
     Args:
         name: range_time, range_doppler or range_azimuth.
@@ -127,7 +127,7 @@ def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Fi
 
 
 def _in_decibels(power: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Power in decibels, clipped at _DYNAMIC_RANGE_DB below its maximum, and that maximum."""
+    """Convert power to decibels, clipped at _DYNAMIC_RANGE_DB below its maximum; return the levels and the maximum."""
     strongest = float(power.max())
     if strongest <= 0:
         return np.full(power.shape, -_DYNAMIC_RANGE_DB), 0.0
@@ -136,6 +136,6 @@ def _in_decibels(power: NDArray[np.float64]) -> tuple[NDArray[np.float64], float
 
 
 def _edges(axis: NDArray[np.float64]) -> tuple[float, float]:
-    """Outer edges of the first and last pixel of an evenly spaced axis, in its own direction."""
+    """Return the outer edge of the first pixel and of the last pixel of an evenly spaced axis."""
     half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
     return float(axis[0] - half), float(axis[-1] + half)

@@ -1,8 +1,8 @@
-"""Range, Doppler and azimuth of IQ samples: windowed, zero-padded transforms with their axes in SI units.
+"""Transform IQ samples to range, Doppler and azimuth, with windows, zero padding and axes in SI units.
 
-Signs: the phase of a path of length L is exp(+j 2 pi f L / c). Range is therefore a positive beat frequency, receding
-motion a positive Doppler frequency, and an antenna nearer to the target lags. Spectra are divided by the sum of the
-window, so an echo of amplitude a on the centre of a bin has the value a for every window, padding and sample count.
+Signs: a path of length L has the phase factor exp(+j 2 pi f L / c). Echoes therefore have positive beat frequencies, receding
+targets have positive Doppler frequencies, and the phase is smaller at an antenna nearer to the target. Spectra are divided by
+the sum of the window, so an echo of amplitude a in the centre of a bin has the value a for every window, padding and sample count.
 
 The phase of a range bin is that of the middle of the sampled sweep, so Doppler and azimuth use Radar.center_frequency_hz.
 At 77 GHz with 3.44 GHz of bandwidth, the start frequency would give speeds that are 2.2 % too high.
@@ -25,38 +25,39 @@ Real = NDArray[np.float64]
 
 
 def window_weights(name: str, size: int) -> Real:
-    """A periodic window of unit sum, shape (size,). Raises InputError for a name outside WINDOWS."""
+    """Return a periodic window of unit sum, shape (size,). Raises InputError for a name outside WINDOWS."""
     if name not in _COSINES:
         raise InputError(f"window {name!r} is unknown; use one of {', '.join(WINDOWS)}")
     phase = 2 * np.pi * np.arange(size) / size
     taps = np.zeros(size)
     for order, amplitude in enumerate(_COSINES[name]):
         taps += (-1) ** order * amplitude * np.cos(order * phase)
-    # The formula gives zero for a single sample.
+    # For a single sample the window formula would give zero.
     return np.ones(1) if size == 1 else taps / taps.sum()
 
 
 def range_axis(radar: Radar, bins: int) -> Real:
-    """Centres of the range bins of range_fft in metres, shape (bins,), or (bins // 2,) for real sampling."""
+    """Return the centres of the range bins of range_fft in metres, shape (bins,), or (bins // 2,) for real sampling."""
     used = bins // 2 if radar.real_sampling else bins
     fold_m = radar.sample_rate_hz * SPEED_OF_LIGHT / (2 * radar.slope_hz_per_s)
     return fold_m / bins * np.arange(used, dtype=np.float64)
 
 
 def velocity_axis(radar: Radar, bins: int) -> Real:
-    """Centres of the Doppler bins of doppler_fft in m/s, ascending, receding positive, shape (bins,)."""
+    """Return the velocities of the Doppler bins of doppler_fft in m/s, ascending, receding positive, shape (bins,)."""
     return 2 * radar.max_velocity_mps / bins * (np.arange(bins, dtype=np.float64) - bins // 2)
 
 
 def range_fft(iq: Complex, radar: Radar, *, window: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
-    """Range profiles.
+    """Compute range profiles.
 
     Args:
         iq: (..., sample).
         window: window over the samples, one of WINDOWS.
         bins: length of the transform, at least num_samples; None takes num_samples, without padding.
     Returns:
-        profiles (..., range) in the amplitude of iq (for real sampling, twice the positive half), and the range axis.
+        profiles: (..., range), in the unit of iq; for real sampling, twice the positive half of the spectrum.
+        axis: the range axis in metres.
 
     >>> radar = Radar.iwr1843()
     >>> echo = np.exp(2j * np.pi * 20 * np.arange(256) / 256)
@@ -73,16 +74,18 @@ def range_fft(iq: Complex, radar: Radar, *, window: str = "hann", bins: int | No
 
 
 def doppler_fft(profiles: Complex, radar: Radar, *, window: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
-    """Doppler spectra with the TDM phase compensated.
+    """Compute Doppler spectra and compensate the TDM phase.
 
-    Transmitter t fires t chirp intervals after the first, in which the phase of a target at Doppler frequency f changes
-    by 2 pi f t Tc. Each Doppler bin is corrected by this phase, so that the channels of a bin differ by angle alone.
+    Transmitter t fires t chirp intervals after the first transmitter. In this time the phase of a target at Doppler frequency f
+    changes by 2 pi f t Tc. The function removes this phase from each Doppler bin, so that the phases of the channels depend on
+    the target's angle only.
 
     Args:
         profiles: (..., chirp, tx, rx, range).
         bins: length of the transform, at least num_chirps; None takes num_chirps.
     Returns:
-        spectra (..., doppler, tx, rx, range) and the velocity axis.
+        spectra: (..., doppler, tx, rx, range).
+        axis: the velocity axis in m/s.
     """
     _check(profiles, -4, radar.num_chirps, "chirp")
     _check(profiles, -3, radar.num_tx, "tx")
@@ -104,33 +107,38 @@ def range_doppler(
     range_bins: int | None = None,
     doppler_bins: int | None = None,
 ) -> tuple[Complex, Real, Real]:
-    """range_fft and doppler_fft with the same window: spectra (..., doppler, tx, rx, range), velocity axis, range axis."""
+    """Apply range_fft and doppler_fft with the same window.
+
+    Returns:
+        spectra: (..., doppler, tx, rx, range).
+        velocity_mps, range_m: the two axes.
+    """
     profiles, range_m = range_fft(iq, radar, window=window, bins=range_bins)
     spectra, velocity_mps = doppler_fft(profiles, radar, window=window, bins=doppler_bins)
     return spectra, velocity_mps, range_m
 
 
 def azimuth_row(radar: Radar) -> NDArray[np.intp]:
-    """Indices (transmitter-major) of the channels that measure azimuth: the largest group at one height."""
+    """Return the transmitter-major indices of the azimuth row: the largest group of channels at one height."""
     height = np.round(radar.virtual_positions[:, 2] / (0.01 * radar.wavelength_m))
     values, counts = np.unique(height, return_counts=True)
     return np.flatnonzero(height == values[np.argmax(counts)])
 
 
 def steering(radar: Radar, azimuth_rad: ArrayLike, *, window: str = "rectangular") -> Complex:
-    """Beamforming weights over the azimuth row for horizontal directions.
+    """Compute beamforming weights over the azimuth row for horizontal directions.
 
     Args:
         azimuth_rad: atan2(y, x), positive to the left, shape (A,).
-        window: window along the row; all but "rectangular" lower the sidelobes and widen the beam.
+        window: window along the row; all windows except "rectangular" lower the sidelobes and widen the beam.
     Returns:
-        weights (channel of azimuth_row, A), of unit sum in amplitude; multiply and sum over channels.
+        weights (channel of azimuth_row, A), whose amplitudes add up to 1. Multiply them with the channels and sum over channels.
     """
     azimuth_rad = np.asarray(azimuth_rad, dtype=np.float64)
     direction = np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad), np.zeros_like(azimuth_rad)])
     row = radar.virtual_positions[azimuth_row(radar)]
     wavenumber = 2 * np.pi * radar.center_frequency_hz / SPEED_OF_LIGHT
-    # Without the zero at its start, the periodic window is symmetric along the row.
+    # A periodic window without its first value, which is zero, is symmetric along the row.
     taps = window_weights(window, len(row) + 1)[1:] if window != "rectangular" else np.ones(len(row))
     taps = (taps / taps.sum())[np.argsort(np.argsort(row[:, 1]))]
     # The path to an antenna displaced towards the target is shorter by the displacement.
@@ -138,10 +146,10 @@ def steering(radar: Radar, azimuth_rad: ArrayLike, *, window: str = "rectangular
 
 
 def azimuth_spectrum(channels: Complex, radar: Radar, azimuth_rad: ArrayLike, *, window: str = "rectangular") -> Real:
-    """Bartlett (conventional) beamformer over the azimuth row: power per direction in the horizontal plane.
+    """Compute the power per horizontal direction by Bartlett (conventional) beamforming over the azimuth row.
 
     Args:
-        channels: (..., tx, rx), phase-compensated by doppler_fft, or a range profile of a scene at rest.
+        channels: (..., tx, rx), a Doppler bin of doppler_fft, or a range bin if the scene is at rest.
         azimuth_rad, window: as for steering.
     Returns:
         power (..., A); a plane wave of amplitude a on every channel gives a^2 in its direction.

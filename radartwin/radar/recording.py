@@ -1,8 +1,8 @@
-"""A recording: IQ samples with their radar, stored as a DCA1000 .bin and a .json beside it.
+"""Store a recording, IQ samples with their radar, as a DCA1000 .bin and a .json of the same name.
 
-The .json holds the radar, the amplitude per count (scale), the poses and the provenance. Loading gives counts times
-scale, so saving a loaded recording writes the same .bin. Both files are complete before either gets its final name, and
-the .json comes last. A .bin without its .json is therefore an interrupted save.
+The .json holds the radar, the amplitude per count (scale), the poses and the provenance. Loaded samples are counts times
+scale, so saving a loaded recording writes the same .bin. `save` first writes both files under temporary names and then renames
+them, the .json last. A .bin without its .json is therefore the result of an interrupted save.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json
 
 _FORMAT = "radartwin recording 1"
-# Without a hardware model the peak is at half of full scale, 6 dB below clipping.
+# If the recording has no scale, the peak is saved at half of full scale, 6 dB below clipping.
 _PEAK_COUNT = dca1000.FULL_SCALE // 2
 _BLOCK_BYTES = 64 << 20
-_SCALES = (1e-37, 1e33)  # within these limits every count times scale is a finite, normal number in single precision
+_SCALES = (1e-37, 1e33)  # limits of scale, within which counts times scale are finite, normal float32 numbers
 
 
 @dataclass
 class Recording:
-    """IQ data of one radar over some frames.
+    """Hold the IQ samples of one radar over a number of frames.
 
     Attributes:
-        iq: complex64 [frame, chirp, tx, rx, sample] in amplitude units (|a|^2 = received over transmitted power). A
-            foreign capture is in counts, and its scale is 1.
+        iq: complex64 [frame, chirp, tx, rx, sample] in amplitude units (|iq|^2 is received over transmitted power). In a
+            capture of another tool, iq is in ADC counts and scale is 1.
         sensor_poses: sensor-to-world (F, 4, 4), or (1, 4, 4) for a radar at rest, or None if unknown.
-        scale: amplitude per ADC count; None until a hardware model or a save sets it.
-        iq_swapped: the .bin holds Q before I.
+        scale: amplitude per ADC count; None until the receiver simulation or `save` sets it.
+        iq_swapped: whether the .bin holds Q before I.
         saturated: number of int16 values that were clipped on saving.
-        provenance: origin of the recording, plain JSON values.
+        provenance: origin of the recording, as plain JSON values.
     """
 
     iq: NDArray[np.complex64]
@@ -88,7 +88,7 @@ class Recording:
         return self.iq.shape[0]
 
     def frame_blocks(self) -> Iterator[slice]:
-        """Slices over frames, about 64 MiB of samples each."""
+        """Yield slices of frames, each with about 64 MiB of samples."""
         step = max(1, _BLOCK_BYTES // max(1, self.iq[:1].nbytes))
         for start in range(0, self.num_frames, step):
             yield slice(start, min(start + step, self.num_frames))
@@ -100,7 +100,7 @@ class Recording:
 
         Args:
             path: without suffix; .bin or .json at its end is ignored.
-            iq_swapped: write Q before I; None keeps the order of the recording.
+            iq_swapped: whether to write Q before I; None keeps the sample order of the recording.
         Returns:
             The number of int16 values that were clipped to the 16-bit range.
         Raises:
@@ -124,7 +124,7 @@ class Recording:
                 json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)
                 stream.write("\n")
                 _flush(stream)
-            # The old .json goes first, so that it is never beside a newer .bin.
+            # Delete the old .json first, so that it never describes a newer .bin.
             json_path.unlink(missing_ok=True)
             temporary[bin_path].replace(bin_path)
             temporary[json_path].replace(json_path)
@@ -139,7 +139,7 @@ class Recording:
 
     @classmethod
     def load(cls, path: str | Path) -> Recording:
-        """Read path.bin and path.json; iq is counts times scale.
+        """Read path.bin and path.json. The samples are counts times scale.
 
         Raises:
             MissingError: either file is missing.
@@ -204,7 +204,11 @@ class Recording:
 
 
 def recording_files(path: str | Path) -> tuple[Path, Path]:
-    """The .bin and .json of a recording, whose path may have either suffix or none. Raises RecordingError for a path without a name."""
+    """Return the .bin and the .json path of a recording; `path` may have either suffix or none.
+
+    Raises:
+        RecordingError: `path` has no file name.
+    """
     path = Path(path)
     name = path.name[: -len(path.suffix)] if path.suffix in (".bin", ".json") else path.name
     if not name.strip("."):
@@ -213,7 +217,7 @@ def recording_files(path: str | Path) -> tuple[Path, Path]:
 
 
 def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False) -> NDArray[np.complex64]:
-    """Counts of a .bin, [frame, chirp, tx, rx, sample]. Raises RecordingError if the file is empty or does not fit the radar."""
+    """Read the counts of a .bin, [frame, chirp, tx, rx, sample]. Raises RecordingError if the file is empty or does not fit the radar."""
     size, frame = path.stat().st_size, dca1000.frame_bytes(radar)
     if size == 0:
         raise RecordingError(f"{path}: it is empty, zero frames; record again")
@@ -236,12 +240,12 @@ def _check_scale(scale: Any, where: str) -> float:
 
 
 def _rigid(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Per pose (F, 4, 4), whether it is finite with a right-handed rotation and last row 0 0 0 1.
+    """Check for each pose (F, 4, 4) whether it is finite, with a right-handed rotation and the last row 0 0 0 1; returns (F,).
 
-    The rotation may be off by 1e-4, because text and float32 round.
+    Rotations may have errors up to 1e-4, because text and float32 are rounded.
     """
     finite = np.isfinite(poses).all(axis=(1, 2))
-    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; entries beyond 1 are no rotation
+    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; a rotation has no entry beyond 1
     straight = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) < 1e-4
     return finite & straight & (np.linalg.det(rotation) > 0) & (np.abs(poses[:, 3] - (0, 0, 0, 1)) < 1e-9).all(axis=1)
 

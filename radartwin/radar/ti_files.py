@@ -1,4 +1,4 @@
-"""TI's radar descriptions, mmWave SDK .cfg and mmWave Studio .mmwave.json, as the fields of `radartwin.radar.chirp.Radar`.
+"""Convert TI's radar descriptions, mmWave SDK .cfg and mmWave Studio .mmwave.json, to the fields of `radartwin.radar.chirp.Radar`.
 
 Both formats describe a profile (one chirp), the chirps with their transmitters, and the frame. The sampled sweep starts
 at the first ADC sample: start_frequency_hz = startFreq + slope * adcStart; chirp_interval = idle + rampEnd.
@@ -20,7 +20,7 @@ from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, IWR6843ISK, Board
 _MAX_POWER_DBM = 12.0  # one transmitter without back-off: IWR1843 (TI SWRS228) and IWR6843 (TI SWRS219) data sheets
 _NOISE_FIGURE_DB = 15.0  # the same data sheets give 12 to 15 dB
 
-# Commands of a .cfg that shape the waveform, with the least number of their arguments.
+# Commands of a .cfg that define the waveform, with the smallest number of arguments of each.
 _CFG_COMMANDS = {"channelCfg": 2, "profileCfg": 11, "chirpCfg": 8, "frameCfg": 5, "adcCfg": 2}
 # Keys of a .mmwave.json in the order of the fields of _Profile and _Chirp.
 _PROFILE_KEYS = (
@@ -77,18 +77,19 @@ class _Setup(NamedTuple):
 
 
 def fields_from_cfg(text: str, name: str) -> dict[str, Any]:
-    """The fields of `Radar` from a mmWave SDK .cfg.
+    """Return the fields of `Radar` from the text of a mmWave SDK .cfg.
 
-    The board is the IWR6843ISK below 70 GHz, otherwise the xWR1642BOOST if only TX1 and TX2 are enabled, else the xWR1843BOOST.
+    A .cfg does not name its board. Below 70 GHz the function assumes the IWR6843ISK. Above, it assumes the xWR1642BOOST if only
+    TX1 and TX2 are enabled, and otherwise the xWR1843BOOST.
 
     Raises:
-        RecordingError: malformed (with its line), or a mode other than time-division chirps of one profile.
+        RecordingError: the text is malformed (the message names the line), or has a mode other than time-division chirps of one profile.
     """
     return _fields(name, _parse_cfg(text))
 
 
 def fields_from_studio(values: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The fields of `Radar` from a parsed mmWave Studio .mmwave.json; board and errors as for fields_from_cfg."""
+    """Return the fields of `Radar` from a parsed mmWave Studio .mmwave.json; board and errors are those of fields_from_cfg."""
     return _fields(name, _parse_studio(values))
 
 
@@ -126,7 +127,7 @@ def _parse_cfg(text: str) -> _Setup:
 
 
 def _parse_studio(values: Mapping[str, Any]) -> _Setup:
-    """The first device of a mmWave Studio .mmwave.json."""
+    """Read the first device of a mmWave Studio .mmwave.json."""
     device = _get(values, "mmWaveDevices", 0)
     rf = _section(device, "rfConfig", dict)
     if (waveform := rf.get("waveformType", "legacyFrameChirp")) != "legacyFrameChirp":
@@ -160,7 +161,7 @@ def _parse_studio(values: Mapping[str, Any]) -> _Setup:
 
 
 def _fired_chirps(setup: _Setup) -> list[_Chirp]:
-    """The chirps of one loop in firing order. Raises RecordingError for any mode but time-division chirps of one profile."""
+    """Return the chirps of one loop in firing order. Raises RecordingError for any mode but time-division chirps of one profile."""
     fired = []
     for index in range(setup.first, setup.last + 1):
         matching = [chirp for chirp in setup.chirps if chirp.first <= index <= chirp.last]

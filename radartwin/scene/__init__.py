@@ -1,1 +1,1 @@
-"""Surfaces and scenes, procedural rooms, objects and their layouts, trajectories, and a 3D page of a scene."""
+"""Build and store scenes: surfaces, procedural rooms, objects, layouts of objects, trajectories, and a 3D web page of a scene."""

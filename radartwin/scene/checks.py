@@ -1,4 +1,4 @@
-"""Checks of a mesh before simulation (finite, not empty, plausible size), and whether a point is inside a solid."""
+"""Check a mesh before simulation (finite, not empty, plausible size), and test whether a point is inside a solid."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import trimesh
 
 from radartwin.errors import MeshError
 
-MAX_EXTENT_M = 100.0  # a larger "room" is a mistake of units; the default radar's range folds at 11 m
+MAX_EXTENT_M = 100.0  # a larger mesh has wrong units; for comparison, the range of the default radar folds at 11 m
 
 
 def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
     """Refuse a mesh that cannot be simulated.
 
     Args:
-        where: the name of the mesh in messages.
+        where: the name of the mesh in error messages.
     Raises:
-        MeshError: not a triangle mesh, empty, indices out of range, NaN or infinite vertices, an extent over 100 m or of zero.
+        MeshError: the mesh is not a triangle mesh, is empty, has face indices out of range, has NaN or infinite vertices, or has an extent
+            of zero or over 100 m.
     """
     if not isinstance(mesh, trimesh.Trimesh):
         raise MeshError(f"{where}: expected a trimesh.Trimesh, got {type(mesh).__name__}")
@@ -36,7 +37,7 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
 
 
 def unit_hint(extent: float) -> str:
-    """A question that suggests the unit in which an extent over the limit would be plausible."""
+    """Return a question that suggests the unit in which an extent over the limit would be plausible."""
     if extent / 1000 <= MAX_EXTENT_M and extent / 1000 >= 0.5:
         return "is it in millimetres? Scale it by 0.001 to metres (radartwin reconstruct --unit mm)"
     if extent / 100 <= MAX_EXTENT_M:
@@ -45,17 +46,17 @@ def unit_hint(extent: float) -> str:
 
 
 def welded(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """A copy in which vertices at one position are one vertex: sharp normals and texture seams no longer open the mesh."""
+    """Return a copy in which vertices at the same position are merged, so that sharp edges and texture seams do not open the mesh."""
     out = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     out.merge_vertices(merge_tex=True, merge_norm=True)
     return out
 
 
 def inside_solid(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
-    """Whether each point lies inside a watertight mesh of positive volume.
+    """Test whether each point lies inside a watertight mesh of positive volume.
 
-    The test is the generalised winding number (van Oosterom and Strackee 1983, solid angle of a triangle). It casts no ray, so
-    edges are no special case.
+    The test computes the generalised winding number (van Oosterom and Strackee 1983, solid angle of a triangle). Unlike a test
+    that casts rays, it needs no special case for edges.
 
     Args:
         points: (N, 3).

@@ -1,7 +1,7 @@
-"""Overlap of meshes, crossings of a path with surfaces, and the height of the mesh below a point.
+"""Compute the overlap of two meshes, the crossings of a sensor path with surfaces, and the height of a mesh below a point.
 
-Candidates are found by bounding boxes, then by pairs of edges and triangles. Meshes may be open, but only a watertight mesh of
-positive volume has an inside.
+Bounding boxes select candidate triangles, and tests of edges against triangles follow. Meshes may be open, but only a watertight
+mesh of positive volume has an inside.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from radartwin.errors import PoseError
 from radartwin.scene.checks import inside_solid, welded
 from radartwin.scene.scene import Scene
 
-CONTACT_M = 0.002  # shallower overlaps count as contact: gaps of floating-point meshes and of flattened scans
+CONTACT_M = 0.002  # shallower overlaps count as contact, because they come from rounding and from flattened scans
 _BLOCK_PAIRS = 2_000_000  # point-triangle pairs per block
 _MAX_SAMPLES = 500  # vertices tested for being inside a solid
 
 
 def overlap_m(a: trimesh.Trimesh, b: trimesh.Trimesh) -> float:
-    """Depth of the overlap of two meshes, metres; 0 if they are apart or overlap by less than CONTACT_M.
+    """Compute the depth of the overlap of two meshes in metres; 0 if they are apart or overlap by less than CONTACT_M.
 
-    The depth is the shortest side of the box around the common volume. The common part of a solid and an open surface, such as a
-    wall, is flat. In that case the depth is the second-shortest side or, if smaller, the reach of one mesh beyond the mean plane
-    of the other.
+    The depth is the shortest side of the box around the common volume. If one mesh is an open surface, such as a wall, the common
+    part is flat. The depth is then the second-shortest side of the box or, if smaller, the distance by which one mesh extends
+    beyond the mean plane of the other.
     """
     low, high = np.maximum(a.bounds[0], b.bounds[0]), np.minimum(a.bounds[1], b.bounds[1])
     if (high - low < 0).any():
@@ -44,7 +44,7 @@ def overlap_m(a: trimesh.Trimesh, b: trimesh.Trimesh) -> float:
 
 
 def first_crossing(starts: np.ndarray, ends: np.ndarray, mesh: trimesh.Trimesh) -> int | None:
-    """Index of the first of the line segments (S, 3) to (S, 3) that passes through the mesh, or None."""
+    """Return the index of the first line segment, from `starts` (S, 3) to `ends` (S, 3), that passes through the mesh, or None."""
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
     near = np.flatnonzero(((high >= mesh.bounds[0]) & (low <= mesh.bounds[1])).all(axis=1))
     if not near.size:
@@ -60,8 +60,8 @@ def check_path(scene: Scene, poses: np.ndarray) -> None:
     Args:
         poses: (F, 4, 4) sensor-to-world, or (F, 3) positions.
     Raises:
-        PoseError: naming frame and surface of the first crossing.
-        SceneError: naming frame and surface of a sensor inside a solid.
+        PoseError: the path crosses a surface; the message names the frame and the surface.
+        SceneError: the sensor is inside a solid; the message names the frame and the surface.
     """
     poses = np.asarray(poses, dtype=np.float64)
     positions = poses[:, :3, 3] if poses.ndim == 3 else poses
@@ -77,13 +77,13 @@ def check_path(scene: Scene, poses: np.ndarray) -> None:
 
 
 def top_below(mesh: trimesh.Trimesh, points: np.ndarray, limit_m: float | np.ndarray = np.inf) -> np.ndarray:
-    """Height of the mesh's highest point on the vertical through each point, among those not above a limit.
+    """Return the height at which a vertical line through each point first meets the mesh, coming down from a limit.
 
     Args:
         points: (P, 2), x and y.
-        limit_m: scalar or (P,).
+        limit_m: height from which the line starts, scalar or (P,).
     Returns:
-        (P,) metres; -inf where the vertical misses the mesh below the limit.
+        (P,) metres; -inf where the line does not meet the mesh.
     """
     out = np.full(len(points), -np.inf)
     if not len(points):
@@ -109,13 +109,13 @@ def top_below(mesh: trimesh.Trimesh, points: np.ndarray, limit_m: float | np.nda
 
 
 def _triangles_in_box(mesh: trimesh.Trimesh, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The triangles (T, 3, 3) whose bounding boxes meet a box."""
+    """Return the triangles (T, 3, 3) whose bounding boxes meet a box."""
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
     return triangles[((triangles.max(axis=1) >= low) & (triangles.min(axis=1) <= high)).all(axis=1)]
 
 
 def _vertices_inside(a: trimesh.Trimesh, b: trimesh.Trimesh, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Vertices (N, 3) of `a` inside the solid `b`. A sample serves for fine meshes, because the crossings bound the overlap too."""
+    """Return vertices (N, 3) of `a` inside the solid `b`; of a fine mesh only a sample, because crossings also bound the overlap."""
     vertices = np.asarray(a.vertices, dtype=np.float64)
     vertices = vertices[((vertices >= low) & (vertices <= high)).all(axis=1)]
     vertices = vertices[:: max(1, len(vertices) // _MAX_SAMPLES)]
@@ -123,18 +123,23 @@ def _vertices_inside(a: trimesh.Trimesh, b: trimesh.Trimesh, low: np.ndarray, hi
 
 
 def _edge_crossings(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Points (N, 3) where edges of triangles `a` pass through triangles `b`."""
+    """Return the points (N, 3) where edges of triangles `a` pass through triangles `b`."""
     if not len(a) or not len(b):
         return np.zeros((0, 3))
     edges = np.concatenate([a[:, [0, 1]], a[:, [1, 2]], a[:, [2, 0]]])
-    once = (edges[:, 0] <= edges[:, 1]).all(axis=1) | ~(edges[:, 0] >= edges[:, 1]).all(axis=1)  # drops most doubles of shared edges
+    once = (edges[:, 0] <= edges[:, 1]).all(axis=1) | ~(edges[:, 0] >= edges[:, 1]).all(axis=1)  # drops most duplicates of shared edges
     edges = edges[once]
     segment, share = _crossings(edges[:, 0], edges[:, 1], b)
     return edges[segment, 0] + share[:, None] * (edges[segment, 1] - edges[segment, 0])
 
 
 def _crossings(starts: np.ndarray, ends: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices (N,), ascending, of the segments that pass through triangles, and the share (N,) of their length at the crossing."""
+    """Find the crossings of line segments with triangles.
+
+    Returns:
+        segment: (N,) index of the segment of each crossing, ascending.
+        fraction: (N,) position of the crossing on its segment, from 0 (start) to 1 (end).
+    """
     from radartwin.scene.pairs import crossing  # compiled, so imported only where needed
 
     capacity = 4096
@@ -147,10 +152,10 @@ def _crossings(starts: np.ndarray, ends: np.ndarray, triangles: np.ndarray) -> t
 
 
 def _reach(mesh: trimesh.Trimesh, triangles: np.ndarray, points: np.ndarray) -> float:
-    """How far `mesh` reaches beyond the mean plane of `triangles` around the crossing points, on the side of the smaller reach."""
+    """Return how far `mesh` extends beyond the mean plane of `triangles` near the crossing points: the smaller of its two sides."""
     areas = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normal = areas.sum(axis=0)
     if not np.linalg.norm(normal) > 0.5 * np.linalg.norm(areas, axis=1).sum():
-        return 0.0  # too curved to have a plane
+        return 0.0  # the triangles are too curved for a mean plane
     along = (np.asarray(mesh.vertices) - points.mean(axis=0)) @ (normal / np.linalg.norm(normal))
     return float(max(0.0, min(along.max(), -along.min())))

@@ -1,4 +1,4 @@
-"""Reading mesh files through trimesh, without its silent repairs. Textures and colours are kept; a missing texture causes a warning."""
+"""Read mesh files with trimesh, without its silent repairs. Meshes keep their textures and colours; a missing texture causes a warning."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from radartwin.io.files import inside
 from radartwin.scene.mesh_limits import check_glb, check_pictures
 
 MESH_SUFFIXES = (".glb", ".ply", ".obj")
-HEAD_BYTES = 65_536  # of an .obj; its material files are named there
+HEAD_BYTES = 65_536  # bytes at the start of an .obj that are searched for the names of its material files
 
 
 class TextureWarning(UserWarning):
-    """A texture file of a mesh is missing; the mesh keeps its plain colour."""
+    """Warn that a texture file of a mesh is missing; the mesh has the plain colour of its material instead."""
 
 
 def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, name: str | Path | None = None) -> dict[str, trimesh.Trimesh]:
-    """Triangle meshes of a file by name, with node transforms applied and no mesh merged or dropped.
+    """Read the triangle meshes of a file, as a dictionary by name. Node transforms are applied; no mesh is merged or dropped.
 
     Args:
         source: a .glb, .ply or .obj path, or an open stream together with `file_type`.
-        name: name of a stream in messages.
+        name: name of the stream in error messages.
     Raises:
-        MissingError: no such file.
-        MeshError: another format, a damaged file, or a file that exceeds the limits of `mesh_limits`.
+        MissingError: the file does not exist.
+        MeshError: the file has another format, is damaged, or exceeds the limits of `mesh_limits`.
     Warns:
-        TextureWarning: a picture is missing; its surfaces keep the colour of their material.
+        TextureWarning: a picture is missing; its surfaces have the plain colour of their material.
     """
     label = str(source if name is None else name)
     if file_type is None:
@@ -81,7 +81,7 @@ def _load(source: Path | IO[bytes], file_type: str, label: str, **options: Any) 
 
 
 def missing_textures(path: Path) -> list[str]:
-    """Names of the pictures and material files that a .glb or .obj refers to and that do not exist; empty for other formats."""
+    """Return the missing pictures and material files that a .glb or .obj refers to; an empty list for other formats."""
     if path.suffix.lower() == ".glb":
         named = _pictures_of_glb(path)
     elif path.suffix.lower() == ".obj":
@@ -95,7 +95,7 @@ def missing_textures(path: Path) -> list[str]:
 
 
 def _is_beside(path: Path, name: str) -> bool:
-    """Whether the name refers to a file in the mesh's folder; trimesh reads no others."""
+    """Return whether the name refers to a file in the mesh's folder; trimesh reads no files outside it."""
     try:
         return inside(path.parent, name).is_file()
     except (OSError, InputError):  # an overlong name, or a path outside the folder
@@ -116,7 +116,7 @@ def _pictures_of_glb(path: Path) -> list[str]:
 
 
 def _values_of(text: bytes, key: str) -> list[str]:
-    """The rest of each line of a Wavefront file that begins with a key."""
+    """Return the text after the key in each line of a Wavefront file that begins with this key."""
     lines = [line.split(None, 1) for line in text.decode("utf-8", "replace").splitlines()]
     return [line[1].strip() for line in lines if len(line) == 2 and line[0] == key]
 

@@ -1,4 +1,4 @@
-"""Size limits of a .glb and its pictures, checked before unpacking, because a file of a kilobyte can unpack to all memory.
+"""Check the size of a .glb and its pictures before unpacking, because a file of a kilobyte can unpack to more than the memory.
 
 Ref: Khronos glTF 2.0, sections 3.6.2 (accessors; one without a buffer view is zeros), 3.5.2 (the node tree) and 4.4 (the
 binary container).
@@ -13,9 +13,9 @@ from typing import IO, Any
 from radartwin.errors import MeshError
 from radartwin.io import untrusted_json
 
-MAX_INSTANCES = 1_000_000  # meshes placed by nodes
-MAX_BYTES = 16 << 30  # of all placed meshes
-MAX_PIXELS = 1_000_000_000  # of all textures; 3 GB of colours
+MAX_INSTANCES = 1_000_000  # largest number of mesh copies that the nodes place
+MAX_BYTES = 16 << 30  # largest size of all mesh copies together
+MAX_PIXELS = 1_000_000_000  # largest number of pixels of all textures together, 3 GB of colours
 PICTURES = ("image", "baseColorTexture", "emissiveTexture", "normalTexture", "occlusionTexture", "metallicRoughnessTexture")
 SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of a component
 COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # components of an element
@@ -23,10 +23,12 @@ _JSON = 0x4E4F534A
 
 
 def check_glb(stream: IO[bytes], label: str) -> None:
-    """Refuse a .glb that unpacks to far more than its size; damage is left to the reader. The position of the stream is restored.
+    """Refuse a .glb that unpacks to far more than its size. The function restores the position of the stream.
+
+    A damaged file passes, because the reader of the file reports the damage.
 
     Raises:
-        MeshError: arrays far larger than the file, nodes in a circle, or too many copies of meshes.
+        MeshError: arrays are far larger than the file, nodes form a circle, or there are too many copies of meshes.
     """
     start = stream.tell()
     length = stream.seek(0, 2) - start
@@ -45,10 +47,10 @@ def check_glb(stream: IO[bytes], label: str) -> None:
 
 
 def check_pictures(materials: Iterable[Any], label: str) -> None:
-    """Refuse textures over the limit of pixels; the size comes from the picture's header, before decompression.
+    """Refuse textures with too many pixels. The check reads the pictures' headers and does not decompress them.
 
     Raises:
-        MeshError: more than MAX_PIXELS in all.
+        MeshError: the textures together have more than MAX_PIXELS pixels.
     """
     from PIL.Image import Image
 
@@ -68,7 +70,7 @@ def _document(stream: IO[bytes]) -> dict[str, Any]:
 
 
 def _sizes(document: dict[str, Any]) -> tuple[int, int, int]:
-    """Bytes of all accessors, bytes of all placed meshes, and number of placed meshes."""
+    """Return the bytes of all accessors, the bytes of all mesh copies, and the number of mesh copies."""
     accessors = [_bytes(accessor) for accessor in document.get("accessors", [])]
     meshes = []
     for mesh in document.get("meshes", []):
@@ -77,7 +79,7 @@ def _sizes(document: dict[str, Any]) -> tuple[int, int, int]:
     nodes, known = document.get("nodes", []), dict[int, tuple[int, int]]()
 
     def subtree(index: int, ancestors: frozenset[int]) -> tuple[int, int]:
-        """Bytes and number of meshes placed by a node and the nodes below it."""
+        """Return bytes and number of the mesh copies that a node and its descendants place."""
         if index in ancestors:
             return 0, MAX_INSTANCES + 1
         if index not in known:

@@ -11,9 +11,9 @@ from radartwin.compiled import compiled
 
 @compiled
 def winding_number(triangles, points):
-    """Winding number (N,) of triangles (T, 3, 3) around points (N, 3): 1 inside a solid with outward normals, 0 outside.
+    """Compute the winding number (N,) of triangles (T, 3, 3) around points (N, 3): 1 inside a solid with outward normals, 0 outside.
 
-    It is the sum of the triangles' solid angles (van Oosterom and Strackee 1983) over 4 pi.
+    The winding number is the sum of the triangles' solid angles (van Oosterom and Strackee 1983) divided by 4 pi.
     """
     out = np.zeros(len(points))
     for n in range(len(points)):
@@ -34,10 +34,11 @@ def winding_number(triangles, points):
 
 @compiled
 def crossing(starts, ends, triangles, segment, share):
-    """Crossings of line segments (S, 3) to (S, 3) with triangles (T, 3, 3). Moeller and Trumbore 1997.
+    """Find the crossings of line segments, from `starts` (S, 3) to `ends` (S, 3), with triangles (T, 3, 3). Moeller and Trumbore 1997.
 
-    Writes the segment's index into `segment` (N,) and the share of its length into `share` (N,), in order of segments. At most N
-    crossings are written; the return value counts all of them.
+    For each crossing, the function writes the segment's index into `segment` (N,) and the position of the crossing, as a fraction of
+    the segment's length, into `share` (N,). Crossings are in the order of segments. At most N crossings are written; the return
+    value is the number of all crossings.
     """
     count = 0
     for s in range(len(starts)):

@@ -1,4 +1,4 @@
-"""A scene: surfaces in a world frame with z up, metres."""
+"""Define the scene: surfaces in a world frame with z up, in metres."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Scene", "Surface"]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """Surfaces of one place. Iterable; `room + target` joins two scenes.
+    """Hold the surfaces of one place. A scene is iterable over its surfaces, and `room + target` joins two scenes.
 
     >>> import trimesh
     >>> scene = Scene([Surface(trimesh.creation.box((0.1, 0.1, 0.1)), "metal", "box")])
@@ -54,18 +54,18 @@ class Scene:
 
     @property
     def bounds(self) -> np.ndarray:
-        """Lowest and highest corner, (2, 3) metres; zeros for a scene without surfaces."""
+        """Lowest and highest corner of the bounding box, (2, 3) metres; zeros for a scene without surfaces."""
         if not self.surfaces:
             return np.zeros((2, 3))
         corners = np.array([s.mesh.bounds for s in self.surfaces])
         return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
     def only(self, kind: Literal["object", "room"]) -> Scene:
-        """The surfaces of one kind."""
+        """Return a scene of the surfaces of one kind."""
         return Scene((s for s in self.surfaces if s.kind == kind), self.provenance)
 
     def without(self, names: Iterable[str]) -> Scene:
-        """The scene without the named surfaces.
+        """Return a scene without the named surfaces.
 
         Raises:
             SceneError: the scene has no surface of that name.
@@ -76,14 +76,14 @@ class Scene:
         return Scene((s for s in self.surfaces if s.name not in names), self.provenance)
 
     def check_sensor(self, positions: np.ndarray) -> None:
-        """Refuse a sensor inside a solid, which is a watertight mesh of positive volume.
+        """Refuse a sensor inside a solid. A solid is a watertight mesh of positive volume.
 
-        A room is no solid: with inward normals its volume is negative, and separate walls are not watertight.
+        A room is not a solid, because a mesh with normals into the room has negative volume and separate walls are not watertight.
 
         Args:
             positions: (F, 3) world positions, or (3,).
         Raises:
-            SceneError: naming the surface and the frame.
+            SceneError: a position is inside a solid; the message names the surface and the frame.
         """
         positions = np.atleast_2d(np.asarray(positions, dtype=np.float64))
         for index, surface in enumerate(self.surfaces):
@@ -116,10 +116,10 @@ class Scene:
 
         Args:
             path: folder with `scene.glb` and `manifest.json` (or either of the two files), or a .glb, .ply, .obj file.
-            material: of a plain mesh; a folder has its own labels.
+            material: material of a plain mesh; None for a scene folder, which defines its own materials.
         Raises:
-            MissingError: the path, or a part of the folder, does not exist.
-            MeshError: an unreadable, empty, NaN or over-large mesh.
-            SceneError: a plain mesh without `material`, or a manifest that does not match its geometry.
+            MissingError: the path, or a file of the folder, does not exist.
+            MeshError: a mesh is unreadable, empty, too large, or has NaN vertices.
+            SceneError: `material` is missing for a plain mesh, or the manifest does not match its geometry.
         """
         return cls(*read_scene(Path(path), material))

@@ -1,8 +1,8 @@
-"""Surfaces in a scene folder: `scene.glb` and `manifest.json`.
+"""Write and read the surfaces of a scene folder: `scene.glb` and `manifest.json`.
 
 `scene.glb` holds the geometry in world coordinates, z up, one mesh per surface, as float32 (an error of about 1 um at 10 m).
-`manifest.json` lists name, material, roughness, role and provenance of each mesh and the SHA-256 of `scene.glb`. It is written last,
-so the checksum detects a folder whose writing was interrupted or whose geometry was replaced.
+`manifest.json` lists name, material, roughness, role and provenance of each mesh and the SHA-256 of `scene.glb`. The manifest is written
+last, so its checksum detects a folder whose writing was interrupted or whose geometry was replaced.
 """
 
 from __future__ import annotations
@@ -71,14 +71,14 @@ def write_scene(surfaces: Sequence[Surface], provenance: Mapping[str, Any], fold
 
 
 def scene_folder(path: Path) -> Path | None:
-    """The scene folder of a path to the folder or to one of its two files; None for a plain mesh."""
+    """Return the scene folder for a path to the folder or to one of its two files, and None for a plain mesh."""
     if path.name == MANIFEST or (path.name == GEOMETRY and (path.parent / MANIFEST).exists()):
         return path.parent
     return path if path.is_dir() else None
 
 
 def read_scene(path: Path, material: str | Layered | None = None) -> tuple[list[Surface], dict[str, Any]]:
-    """Surfaces and provenance of a scene folder or a plain mesh, see `Scene.load`."""
+    """Read the surfaces and the provenance of a scene folder or a plain mesh, see `Scene.load`."""
     if not path.exists():
         raise MissingError(f"scene {path} is not there; give a scene folder or a .glb, .ply or .obj file")
     folder = scene_folder(path)
@@ -90,7 +90,7 @@ def read_scene(path: Path, material: str | Layered | None = None) -> tuple[list[
 
 
 def _with_vertex_visual(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh with a texture or vertex colours, which glTF can store; face colours become vertex colours."""
+    """Return the mesh with face colours converted to vertex colours, because glTF stores only textures and vertex colours."""
     visual: Any = mesh.visual
     if visual.kind == "texture":
         stored = TextureVisuals(uv=np.rint(visual.uv * UV_STEPS) / UV_STEPS, material=visual.material)
@@ -102,17 +102,17 @@ def _with_vertex_visual(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def material_to_json(material: str | Layered) -> str | dict[str, Any]:
-    """A name stays a name; a stack becomes {"layers": [[material, thickness_m], ...], "backing": ...}."""
+    """Convert a material to JSON: a name is unchanged; a stack becomes {"layers": [[material, thickness_m], ...], "backing": ...}."""
     if isinstance(material, str):
         return material
     return {"layers": [[name, float(thickness)] for name, thickness in material.layers], "backing": material.backing}
 
 
 def material_from_json(value: Any) -> str | Layered:
-    """The inverse of `material_to_json`.
+    """Convert the result of `material_to_json` back to a material.
 
     Raises:
-        SceneError: neither form.
+        SceneError: the value is neither a name nor a stack.
     """
     if isinstance(value, str):
         return value

@@ -1,4 +1,4 @@
-"""A surface: a triangle mesh in metres with its material."""
+"""Define the surface: a triangle mesh in metres with its material."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from radartwin.scene.checks import check_mesh
 
 Role = Literal["auto", "object", "room"]
 
-# Limits of role "auto": a surface within any of them is an object.
-OBJECT_EXTENT_M = 0.5  # length; the largest of the twelve objects is a 0.3 m bottle
-OBJECT_WIDTH_M = 0.2  # width, at any length: about ten of a room's ray tubes at 3 m
-CURVED_EXTENT_M = 2.0  # length of a curved mesh; a larger one is a scan, whose noise bends every edge
+# Limits of role "auto". A surface below any of these limits is an object.
+OBJECT_EXTENT_M = 0.5  # length; the largest of the twelve catalogue objects is a 0.3 m bottle
+OBJECT_WIDTH_M = 0.2  # width, for any length; at 3 m about ten ray tubes of role "room" fit side by side
+CURVED_EXTENT_M = 2.0  # length of a curved mesh; a larger mesh with bent edges is a flat surface with scan noise
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surface:
-    """A mesh with its material.
+    """Hold a mesh with its material.
 
     Args:
         mesh: triangles in metres, world frame (or the object's own frame if `simulate(motion=...)` moves it).
@@ -32,11 +32,11 @@ class Surface:
         name: name in motion, labels and reports; surfaces of one name move together.
         roughness_m: standard deviation of the surface height.
         role: "object" is traced with wavelength-scale tubes, "room" with wide tubes; "auto" decides by size.
-        provenance: origin of the material (source, confidence, stand-in), stored in the manifest.
+        provenance: origin of the material (source, confidence, whether it is a substitute), stored in the manifest.
     Raises:
-        MeshError: not a mesh, empty, NaN, or an extent over 100 m.
-        MaterialError: an unknown material.
-        SceneError: a negative roughness or unknown role.
+        MeshError: the mesh is not a triangle mesh, is empty, has NaN vertices, or spans over 100 m.
+        MaterialError: the material is unknown.
+        SceneError: the roughness is negative or the role is unknown.
     """
 
     mesh: trimesh.Trimesh
@@ -63,7 +63,7 @@ class Surface:
 
     @property
     def kind(self) -> Literal["object", "room"]:
-        """The role; "auto" becomes "room" for a large, wide and flat mesh, which suits wide tubes, and "object" otherwise."""
+        """Role of the surface. "auto" becomes "room" for a large, wide and flat mesh, and "object" for any other mesh."""
         if self.role != "auto":
             return self.role
         _, width, length = sorted(float(extent) for extent in self.mesh.extents)
@@ -72,14 +72,14 @@ class Surface:
         return "object" if length <= CURVED_EXTENT_M and self.is_curved() else "room"
 
     def is_curved(self) -> bool:
-        """Whether a fifth of the edges bend by 0.5 to 30 degrees, as those of a tessellated curve do and those of a box do not."""
+        """Return whether more than a fifth of the edges bend by 0.5 to 30 degrees, as in a tessellated curved surface but not in a box."""
         angles = np.degrees(self.mesh.face_adjacency_angles)
         return bool(len(angles) and ((angles > 0.5) & (angles < 30)).mean() > 0.2)
 
     def replaced(self, **changes: Any) -> Surface:
-        """A copy with some fields changed, e.g. `surface.replaced(material="concrete")`."""
+        """Return a copy with some fields changed, e.g. `surface.replaced(material="concrete")`."""
         return dataclasses.replace(self, **changes)
 
     def moved(self, pose: np.ndarray) -> Surface:
-        """A copy with its mesh moved by a (4, 4) rigid transform; a role "auto" is resolved before the move."""
+        """Return a copy with its mesh moved by a (4, 4) rigid transform; role "auto" is resolved before the move."""
         return dataclasses.replace(self, mesh=self.mesh.copy().apply_transform(pose), role=self.kind)

@@ -1,1 +1,1 @@
-"""Layouts: objects and their places in a room, from files and sentences."""
+"""Place objects in a room according to a layout, which is a file or a sentence."""

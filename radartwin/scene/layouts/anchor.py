@@ -1,4 +1,4 @@
-"""Anchors of a placement: surfaces of a scene found by their everyday names, with their front and sides."""
+"""Find the anchors of a placement. An anchor is furniture, a wall, an object or the sensor, relative to which an object is placed."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ PARTS = {
     "top", "legs", "leg", "feet", "foot", "soil", "shrub", "frame", "seat", "back", "handle", "body", "contents", "lid", "cap",
     "board", "boards", "side", "sides",
 }  # fmt: skip
-STANDS_ON_M2 = 0.002  # least level area that carries an object
-FACING = 0.6  # least share of a surface's area, as a vector sum, for the surface to have a front
+STANDS_ON_M2 = 0.002  # smallest level area on which an object can stand
+FACING = 0.6  # smallest ratio |sum of area vectors| / area at which a surface has a front
 _ARTICLES = {"the", "a", "an", "my", "this", "that"}
 
 
 @dataclass(frozen=True, eq=False)
 class Anchor:
-    """A reference for the place of an object: furniture, a wall, another object or the sensor.
+    """Describe a reference for the place of an object: furniture, a wall, another object or the sensor.
 
     Attributes:
         name: name in messages.
-        surfaces: its parts; none for the sensor.
-        points: (N, 2) its vertices, seen from above.
-        front: (2,) unit vector out of its front.
-        left: (2,) left of a person who looks at its front; for the sensor, the sensor's left.
+        surfaces: parts of the anchor; empty for the sensor.
+        points: (N, 2) vertices of the anchor, seen from above.
+        front: (2,) unit vector that points out of the anchor's front.
+        left: (2,) unit vector to the left of a person who looks at the front; for the sensor, to the sensor's left.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Anchor:
 
 
 def words(text: str) -> list[str]:
-    """Lower-case words and numbers of a name, without articles.
+    """Split a name into lower-case words and numbers, without articles.
 
     >>> words("the Table_left-top 2")
     ['table', 'left', 'top', '2']
@@ -55,12 +55,12 @@ def words(text: str) -> list[str]:
 
 
 def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor]:
-    """All anchors that `text` may mean: the surface of exactly that name, or else the surfaces whose names contain all its words.
+    """Find all anchors that `text` may mean: the surface of exactly this name, or else all surfaces whose names contain all its words.
 
     Parts of one object (table_left_top, table_left_legs) form one anchor.
 
     Raises:
-        LayoutError: no such anchor (the message lists the names), or the sensor without a pose.
+        LayoutError: no anchor matches (the message lists the names), or `text` means the sensor and `sensor_pose` is None.
     """
     wanted = words(text)
     if len(wanted) == 1 and wanted[0] in SENSOR_NAMES:
@@ -81,7 +81,7 @@ def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor
 
 
 def supports(anchors: Sequence[Anchor]) -> list[tuple[Anchor, Surface]]:
-    """Each anchor that can carry an object, with its part of the largest level area."""
+    """Return each anchor on which an object can stand, with the part of the anchor that has the largest level area."""
     out = []
     for anchor in anchors:
         areas = [level_area(s) for s in anchor.surfaces]
@@ -91,18 +91,18 @@ def supports(anchors: Sequence[Anchor]) -> list[tuple[Anchor, Surface]]:
 
 
 def level_area(surface: Surface) -> float:
-    """Area within 30 degrees of level, m^2; of a closed mesh, the upper side only."""
+    """Return the area of a surface that is within 30 degrees of level, m^2; of a closed mesh, the upper side only."""
     upward = np.asarray(surface.mesh.face_normals[:, 2])
     areas = np.asarray(surface.mesh.area_faces)
     up, down = float(areas[upward > 0.866].sum()), float(areas[upward < -0.866].sum())
-    return max(up, down)  # the faces of a scan may wind either way
+    return max(up, down)  # the faces of a scan may have either winding direction
 
 
 def floor(scene: Scene) -> Surface:
-    """The surface named floor, or the lowest large level surface.
+    """Return the surface named floor, or else the lowest large level surface.
 
     Raises:
-        LayoutError: the scene has no such surface.
+        LayoutError: the scene has neither.
     """
     named = [s for s in scene if "floor" in words(s.name)]
     level = named or [s for s in scene if s.kind == "room" and level_area(s) > 1.0]
@@ -135,10 +135,10 @@ def _anchor(surfaces: Sequence[Surface], middle: np.ndarray) -> Anchor:
 
 
 def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Horizontal unit vector (2,) of the front.
+    """Return the horizontal unit vector (2,) out of the front.
 
-    For a flat, upright anchor it is the normal into the room. For furniture it is the side of the smallest enclosing rectangle that
-    points most towards the middle of the room.
+    For a flat, upright anchor the vector is the normal into the room. For furniture the vector is normal to a side of the smallest
+    enclosing rectangle: the side that faces the middle of the room best.
     """
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     areas = np.concatenate([s.mesh.area_faces for s in surfaces])
@@ -154,7 +154,7 @@ def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) 
 
 
 def _box_angle(points: np.ndarray) -> float:
-    """Angle of the smallest rectangle around points (N, 2), in [0, pi/2)."""
+    """Return the angle of the smallest rectangle around points (N, 2), in [0, pi/2)."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:

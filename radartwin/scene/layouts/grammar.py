@@ -1,4 +1,4 @@
-"""Simple English sentences to layouts, without a language model.
+"""Convert simple English sentences to layouts, without a language model.
 
     a mug on the table 1.5 m in front of the door
     put the corner reflector 2 m in front of the radar, and a can 30 cm left of it
@@ -42,10 +42,10 @@ _PRONOUNS = {"it", "that", "this"}
 
 
 def parse(sentence: str) -> Layout:
-    """The layout of a sentence.
+    """Convert a sentence to a layout.
 
     Raises:
-        LayoutError: naming the part that is not understood, and the phrases that are.
+        LayoutError: a part of the sentence is not understood; the message names this part and the supported phrases.
     """
     text = " ".join(sentence.lower().split()).replace("one and a half", "1.5").replace("a half metre", "0.5 m")
     items: list[Item] = []
@@ -72,7 +72,7 @@ def parse(sentence: str) -> Layout:
 
 
 def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Item], index: int, sentence: str) -> Item:
-    """The item with index `index`, extended by the phrases of a clause; a pronoun means the object before it."""
+    """Return the item with index `index`, extended by the phrases of a clause. A pronoun refers to the preceding object."""
     for phrase, following in zip(phrases, [*phrases[1:], None], strict=True):
         thing = clause[phrase.end() : following.start() if following else len(clause)].strip()
         if phrase["yaw"] is not None:
@@ -100,7 +100,7 @@ def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Ite
 
 
 def _named(items: list[Item], index: int, pronoun: str, sentence: str) -> str:
-    """The name of the object that a pronoun means; an object without a name gets one."""
+    """Return the name of the object that a pronoun refers to; if the object has no name, it gets a name."""
     if index < 0:
         raise _refusal(sentence, f"'{pronoun}' refers to no object before it")
     if not items[index].name:
@@ -117,7 +117,7 @@ def _metres(phrase: re.Match[str]) -> float | None:
 
 
 def _plain(name: str) -> str:
-    """The text without names that contain numbers: can_355_2, table 2."""
+    """Remove names that contain numbers (can_355_2, table 2) from the text."""
     return re.sub(r"\b[a-z]\w*_\w*|\b[a-z]+ \d+$", "", name)
 
 

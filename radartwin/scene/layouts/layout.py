@@ -1,4 +1,4 @@
-"""A layout: the objects in a room and their places, and its file format.
+"""Define the layout, which lists objects and their places in a room, and its file format.
 
 A layout file is YAML:
 
@@ -101,7 +101,7 @@ _MATERIAL = {
 
 
 def _file_schema() -> dict[str, Any]:
-    """The schema of a file: the schema for language models, extended by meshes."""
+    """Return the schema of a layout file: the schema for language models, extended by mesh files as objects."""
     schema = copy.deepcopy(SCHEMA)
     schema["properties"]["objects"]["items"]["properties"] |= {
         "material": {"anyOf": [{"type": ["string", "null"]}, _MATERIAL]},
@@ -113,7 +113,7 @@ def _file_schema() -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Relation:
-    """The place of an object relative to an anchor, as defined at the top of this module."""
+    """Describe the place of an object relative to an anchor, as defined at the top of this module."""
 
     relation: str
     anchor: str
@@ -122,11 +122,12 @@ class Relation:
 
 @dataclass(frozen=True)
 class Item:
-    """One object and its place: a position, a support, or relations to anchors.
+    """Describe one object and its place: a position, a support, or relations to anchors.
 
     Attributes:
-        object: a name of the catalogue, or the path of a mesh.
-        material, unit, up: of a mesh; the material is a name or, as in a manifest, layers and backing.
+        object: name of a catalogue object, or path of a mesh file.
+        material, unit, up: material, length unit and upward axis of a mesh file. The material is a name or, as in a manifest, layers and
+            backing.
     """
 
     object: str
@@ -147,16 +148,16 @@ class Item:
 
 @dataclass(frozen=True)
 class Layout:
-    """Objects in the order of their placement; a later object may stand on or beside an earlier object."""
+    """Hold objects in the order of their placement. A later object may stand on or beside an earlier object."""
 
     items: tuple[Item, ...]
 
     @classmethod
     def from_dict(cls, value: Any, source: str = "layout") -> Layout:
-        """The layout of a parsed file or answer.
+        """Build a layout from a parsed file or from the answer of a language model.
 
         Raises:
-            LayoutError: naming the place in the document, in one line.
+            LayoutError: the document is not a layout; the message, one line, names the place in the document.
         """
         check(value, source)
         items = tuple(_item(entry) for entry in value["objects"])
@@ -178,7 +179,7 @@ class Layout:
         return cls(items)
 
     def to_dict(self) -> dict[str, Any]:
-        """The inverse of `from_dict`, without fields that have their default value."""
+        """Return the layout as a dictionary for `from_dict`, without fields that have their default value."""
         out = []
         for item in self.items:
             entry: dict[str, Any] = {"object": item.object}
@@ -202,11 +203,11 @@ class Layout:
 
     @classmethod
     def load(cls, path: str | Path) -> Layout:
-        """Read a layout file; paths of meshes are relative to its folder.
+        """Read a layout file. Paths of mesh files are relative to the folder of the layout file.
 
         Raises:
-            MissingError: no such file.
-            LayoutError: not YAML, or not a layout.
+            MissingError: the file does not exist.
+            LayoutError: the file is not YAML or not a layout.
         """
         import yaml
 
@@ -222,7 +223,7 @@ class Layout:
 
 
 def _loader() -> type[yaml.SafeLoader]:
-    """A loader of YAML's safe types in which `on` is a word: only true and false are booleans."""
+    """Return a YAML loader of safe types that reads `on` as text: only true and false are booleans."""
     import yaml
 
     class Loader(untrusted_yaml.loader()):
@@ -239,7 +240,7 @@ def check(value: Any, source: str) -> None:
     """Refuse a document that does not fit the schema.
 
     Raises:
-        LayoutError: the most relevant violation, with its place.
+        LayoutError: the document violates the schema; the message names the most relevant violation and its place.
     """
     from jsonschema import Draft202012Validator
     from jsonschema.exceptions import best_match

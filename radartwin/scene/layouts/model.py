@@ -1,7 +1,7 @@
-"""Sentences to layouts by a language model, for sentences that `grammar` cannot read.
+"""Convert sentences to layouts with a language model, if `grammar` cannot read them.
 
-The model gets the sentence, the names of the catalogue and of the scene's surfaces, and answers in the layout's JSON schema. An answer
-that is no layout, or has an unknown name, is returned to the model with the reason. `place` computes the positions, not the model.
+The model gets the sentence, the names of the catalogue and of the scene's surfaces, and answers in the layout's JSON schema. If an answer
+is not a layout or has an unknown name, the model gets the reason and answers again. `place` computes the positions, not the model.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from radartwin.scene.layouts.stock import names as stock_names
 from radartwin.scene.scene import Scene
 
 ANSWERS = 3  # attempts per sentence
-_MAX_NAMES = 300  # names of surfaces in the question, the largest surfaces first
+_MAX_NAMES = 300  # number of surface names in the question to the model; larger surfaces have priority
 
 
 def read_sentence(
@@ -31,12 +31,12 @@ def read_sentence(
     endpoint: Endpoint | None = None,
     objects: Sequence[str] | None = None,
 ) -> Layout:
-    """The layout of a sentence: by the grammar, or else by the language model if `endpoint` is given.
+    """Convert a sentence to a layout with the grammar, or with the language model if the grammar fails and `endpoint` is given.
 
     Args:
-        objects: names that can be placed; by default those of the catalogue.
+        objects: names of the objects that can be placed; by default the names of the catalogue.
     Raises:
-        LayoutError: the grammar cannot read the sentence and there is no model.
+        LayoutError: the grammar cannot read the sentence and `endpoint` is None.
         BackendError: the model's server does not respond, or no answer is usable.
     """
     try:
@@ -48,10 +48,10 @@ def read_sentence(
 
 
 def ask(sentence: str, scene: Scene, endpoint: Endpoint, sensor_pose: np.ndarray | None, objects: Sequence[str]) -> Layout:
-    """The layout of a sentence by the language model.
+    """Convert a sentence to a layout with the language model.
 
     Raises:
-        BackendError: no server, or no usable answer in ANSWERS attempts.
+        BackendError: the server does not respond, or gives no usable answer in ANSWERS attempts.
     """
     messages = [{"role": "system", "content": _task(scene, objects)}, {"role": "user", "content": sentence}]
     problem = ""
@@ -86,7 +86,7 @@ def _task(scene: Scene, objects: Sequence[str]) -> str:
 
 
 def _parsed(text: str) -> object:
-    """The JSON object in an answer; small models often wrap it in a code block."""
+    """Extract the JSON object from an answer, because small models often put the object into a code block."""
     start, end = text.find("{"), text.rfind("}")
     try:
         return untrusted_json.load(text[start : end + 1])

@@ -1,4 +1,4 @@
-"""Placement of a layout's objects in a scene. A placement that is not possible is refused with the reason and a number."""
+"""Place a layout's objects in a scene. An impossible placement is refused; the message has the reason and, for example, the overlap."""
 
 from __future__ import annotations
 
@@ -21,26 +21,28 @@ from radartwin.scene.trajectories.trajectory import pose
 
 FLOATING_M = 0.02  # a larger height above the support means that the object floats
 COVER_M = 0.03  # objects stand on flat covers up to this height, such as a rug
-GAP_M = 0.005  # between an object and its support: faces in contact shadow each other at the tracer's ray offset, up to 1 mm at 10 m
+GAP_M = (
+    0.005  # gap between object and support; faces in contact would shadow each other, because rays start up to 1 mm off a face (at 10 m)
+)
 BASE_M = 0.005  # height of the part of an object that counts as its base
-TILT_DEG = (0.5, 15.0)  # up to the first a support is level; above the second objects slide (wood on wood slides at about 15 degrees)
-TILT_RADIUS_M = 0.15  # of the region around an object in which the slope of its support is measured
-STANDS_SHARE = 0.5  # least share of a base on its support
-FINE_FACES = 5000  # a mesh with more faces makes an overlap test slow
-_MAX_TRIES = 200  # positions tested for being free
+TILT_DEG = (0.5, 15.0)  # a support with less tilt is level; with more tilt objects slide (wood on wood at about 15 degrees)
+TILT_RADIUS_M = 0.15  # radius of the region around an object in which the slope of its support is measured
+STANDS_SHARE = 0.5  # smallest fraction of an object's base that must be on its support
+FINE_FACES = 5000  # overlap tests against a mesh with more faces are slow
+_MAX_TRIES = 200  # number of candidate positions that are tested for overlaps
 
 Stock = Callable[[str], Sequence[Surface]]
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """An object in its own frame (z up), rotated by its yaw about the vertical through its origin."""
+    """Hold an object in its own frame (z up), rotated by its yaw about the vertical through its origin."""
 
     surfaces: tuple[Surface, ...]
     mesh: trimesh.Trimesh
-    base: np.ndarray  # (N, 3), the lowest vertices
+    base: np.ndarray  # (N, 3), vertices within BASE_M of the lowest point
     low: np.ndarray  # (N, 3), samples of its faces within COVER_M of the lowest point
-    radius_m: float  # of the base around the origin
+    radius_m: float  # largest horizontal distance of the base from the origin
 
     @classmethod
     def of(cls, surfaces: Sequence[Surface], yaw_deg: float) -> Body:
@@ -54,15 +56,15 @@ class Body:
 
 
 def furnish(scene: Scene, layout: Layout, sensor_pose: np.ndarray | None = None, make: Stock = stock) -> Scene:
-    """The scene with the objects of a layout.
+    """Add the objects of a layout to a scene.
 
     Args:
-        sensor_pose: (4, 4), for relations to the sensor.
-        make: function from a name to the object's surfaces in its own frame (z up, front towards +x); by default the catalogue.
+        sensor_pose: (4, 4) sensor-to-world, required for relations to the sensor.
+        make: function from an object's name to its surfaces in its own frame (z up, front towards +x); by default the catalogue.
     Returns:
-        A new scene that ends with the objects' surfaces; their provenance["layout"] describes their place.
+        A new scene that ends with the objects' surfaces. provenance["layout"] of these surfaces describes their place.
     Raises:
-        LayoutError: an unknown or ambiguous name, or an object that overlaps a surface, floats, or is outside the room.
+        LayoutError: a name is unknown or ambiguous, or an object overlaps a surface, floats, or is outside the room.
     """
     for item in layout.items:
         scene = scene + Scene(_placed(item, scene, sensor_pose, make))
@@ -87,7 +89,7 @@ def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stoc
 
 
 def _free_name(item: Item, scene: Scene) -> str:
-    """The item's name, or its object's name with a number if the scene has that name."""
+    """Return the item's name, or the name of its object, with a number if the scene already has that name."""
     taken = set(scene.names)
     if item.name:
         if item.name in taken:
@@ -98,7 +100,7 @@ def _free_name(item: Item, scene: Scene) -> str:
 
 
 def _support(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> Surface:
-    """The support that a text means."""
+    """Find the support with the name `text`. Raises LayoutError if no support or several supports match."""
     candidates = supports(find(text, scene, sensor_pose))
     if not candidates:
         raise LayoutError(f"nothing can stand on '{text}': it has no level side; choose another support")
@@ -108,7 +110,7 @@ def _support(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> Surface
 
 
 def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndarray, str]:
-    """The pose of an object with a given height, and the name of its support; an empty name for a held object."""
+    """Return the pose of an object with a given height, and the name of its support; the name of a held object's support is empty."""
     assert item.position_m is not None
     x, y, z = item.position_m
     lift = pose([x, y, z - body.base[:, 2].min()])
@@ -128,7 +130,10 @@ def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndar
 
 
 def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: str, limit_m: float = np.inf) -> np.ndarray:
-    """The pose of an object on a support at (x, y): upright or along the slope of a tilted support, on top of flat covers."""
+    """Return the pose of an object on a support at (x, y).
+
+    The object is upright on a level support and tilted with a sloping support. It stands on top of flat covers such as rugs.
+    """
     heights = top_below(support.mesh, body.base[:, :2] + at, limit_m)
     carried = heights > heights.max(initial=-np.inf) - FLOATING_M
     tilt = _tilt(support, at, limit_m)
@@ -151,7 +156,7 @@ def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: 
 
 
 def _samples_below(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
-    """Points (N, 3) of a mesh below a height, at most a centimetre apart on large faces."""
+    """Return points (N, 3) of a mesh below the height `limit_m`, at most a centimetre apart on large faces."""
     triangles = np.asarray(mesh.triangles)[np.asarray(mesh.triangles)[:, :, 2].min(axis=1) < limit_m]
     points = [triangles.reshape(-1, 3)]
     for triangle in triangles[np.ptp(triangles, axis=1).max(axis=1) > 0.01]:
@@ -164,7 +169,7 @@ def _samples_below(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
 
 
 def _tilt(support: Surface, at: np.ndarray, limit_m: float) -> np.ndarray | None:
-    """The rotation (3, 3) from the vertical to the support's normal around a point; None for a level support."""
+    """Return the rotation (3, 3) from the vertical to the support's normal around a point, or None for a level support."""
     turn = 2 * np.pi * np.arange(24) / 24
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     points = at + np.vstack([r * ring for r in (0.33 * TILT_RADIUS_M, 0.66 * TILT_RADIUS_M, TILT_RADIUS_M)])
@@ -178,7 +183,7 @@ def _tilt(support: Surface, at: np.ndarray, limit_m: float) -> np.ndarray | None
     residual = float(np.std(z[known] - columns @ plane))
     slope_x, slope_y = plane[:2]
     angle = np.degrees(np.arctan(np.hypot(slope_x, slope_y)))
-    if angle < TILT_DEG[0] or residual > 0.01:  # level, or stepped: the object stands upright on the highest step
+    if angle < TILT_DEG[0] or residual > 0.01:  # on a level or stepped support the object stands upright, on the highest step
         return None
     if angle > TILT_DEG[1]:
         raise LayoutError(
@@ -190,7 +195,7 @@ def _tilt(support: Surface, at: np.ndarray, limit_m: float) -> np.ndarray | None
 
 
 def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | None, name: str) -> tuple[np.ndarray, str]:
-    """The best free pose of an object with a support or relations, and the name of its support."""
+    """Return the best free pose of an object with a support or relations, and the name of its support."""
     choices = [[(relation, a) for a in find(relation.anchor, scene, sensor_pose)] for relation in item.relations]
     on = None if item.on is None else supports(find(item.on, scene, sensor_pose))
     if on is not None and not on:
@@ -219,7 +224,7 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
 
 
 def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surface:
-    """The support of an object without `on`: that of its first anchor if the anchor is an object on a support, else the floor."""
+    """Return the support of an object without `on`: the support of its first anchor if that anchor is an object, else the floor."""
     ground = floor(scene)
     if not related or related[0][1].is_sensor or related[0][0].relation == "under":
         return ground
@@ -235,7 +240,7 @@ def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surfac
 
 
 def _check(body: Body, at: np.ndarray, scene: Scene, name: str) -> None:
-    """Refuse an object outside the room or overlapping a surface."""
+    """Refuse an object that is outside the room or overlaps a surface."""
     mesh = body.mesh.copy().apply_transform(at)
     _check_inside(mesh, scene, name)
     depths = [(overlap_m(mesh, s.mesh), s.name) for s in scene]
@@ -255,12 +260,12 @@ def _check_inside(mesh: trimesh.Trimesh, scene: Scene, name: str) -> None:
 
 
 def _spread(count: int) -> np.ndarray:
-    """Indices of the positions to try: the best first, then at growing steps."""
+    """Return the indices of the positions to test: the best position first, then positions at growing steps down the list."""
     return np.unique(np.round(np.geomspace(1, count, min(count, _MAX_TRIES))).astype(int)) - 1
 
 
 def _fine_last(places: np.ndarray, body: Body, scene: Scene) -> np.ndarray:
-    """Positions (N, 2) in their order, except that those within the box of a finely meshed object come last: testing them is slow."""
+    """Move positions (N, 2) inside the box of a finely meshed object to the end, because testing them is slow; keep the order otherwise."""
     low, high = body.mesh.bounds[:, :2]
     near = np.zeros(len(places), dtype=bool)
     for s in scene:
@@ -285,7 +290,7 @@ def _extent(support: Surface) -> str:
 
 
 def _described(choices: Sequence[Sequence[tuple[Relation, Anchor]]], on: Sequence[tuple[Anchor, Surface]] | None) -> str:
-    """The positions of the anchors and supports of a sentence, for a message."""
+    """Describe the positions of the anchors and supports of a sentence for an error message."""
     places = [f"{s.name} {_extent(s)}" for _, s in on or ()]
     for _, anchor in itertools.chain(*choices):
         x, y = (anchor.points.min(axis=0) + anchor.points.max(axis=0)) / 2

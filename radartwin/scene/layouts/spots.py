@@ -1,4 +1,4 @@
-"""Candidate positions of an object on a support that satisfy its relations, the best first."""
+"""Find the candidate positions of an object on a support that satisfy its relations, and sort them, the best first."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from radartwin.scene.layouts.anchor import Anchor
 from radartwin.scene.layouts.layout import Relation
 from radartwin.scene.scene import Surface
 
-STEP_M = 0.02  # grid step of the candidates on supports up to 3 m; coarser on larger supports
-_MAX_STEPS = 150  # along one side of the grid
-CLEAR_M = 0.05  # gap to an anchor if no distance is given
-ASIDE_M = 0.3  # tolerance to the front and back for an object to the left or right of an anchor
+STEP_M = 0.02  # grid step of the candidates on supports up to 3 m; larger supports have a larger step
+_MAX_STEPS = 150  # largest number of grid steps along one side of a support
+CLEAR_M = 0.05  # gap to an anchor if the relation has no distance
+ASIDE_M = 0.3  # how far an object left or right of an anchor may lie in front of or behind the anchor's middle
 
 Side = tuple[Anchor, np.ndarray, np.ndarray, float | None]  # anchor, direction, across, distance
 
 
 def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation, Anchor]]) -> np.ndarray:
-    """Positions (N, 2) of an object's axis on a support, the best first.
+    """Return candidate positions (N, 2) of an object's axis on a support, the best first.
 
-    The best position is nearest to the axis of the anchors or, without relations, to the middle of the support.
+    The best position is nearest to the axes of the anchors or, without relations, to the middle of the support.
 
     Args:
-        radius_m: of the object's base, which must lie within the support.
-        relations: with their anchors; "beside" allows both sides.
+        radius_m: radius of the object's base, which must lie within the support.
+        relations: relations with their anchors; the relation "beside" allows both sides.
     """
     low, high = support.mesh.bounds[:, :2]
     step = max(STEP_M, float((high - low).max()) / _MAX_STEPS)
@@ -52,7 +52,7 @@ def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation,
 
 
 def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | Anchor]]:
-    """The relations as directions, one list per choice of left or right; "under" is represented by its anchor."""
+    """Convert relations to directions: one list for each choice of left or right. The relation "under" becomes its anchor."""
     out: list[list[Side | Anchor]] = [[]]
     for relation, anchor in relations:
         front, left, distance = anchor.front, anchor.left, relation.distance_m
@@ -69,7 +69,7 @@ def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | 
 
 
 def _related(grid: np.ndarray, sides: Sequence[Side | Anchor], radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Grid points shifted to the given distances, those that satisfy all relations, with their costs."""
+    """Shift grid points to the given distances; return the points that satisfy all relations, and their costs in metres."""
     exact = [(side, side[3]) for side in sides if isinstance(side, tuple) and side[3] is not None]
     points = grid
     if exact:
@@ -91,7 +91,12 @@ def _related(grid: np.ndarray, sides: Sequence[Side | Anchor], radius_m: float) 
 
 
 def _beyond(points: np.ndarray, side: Side, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Whether points are beyond an anchor's end and within its width, and their cost: distance from its axis plus gap to the anchor."""
+    """Test points against one relation.
+
+    Returns:
+        valid: mask (N,) of the points beyond the anchor's end and within the anchor's width.
+        cost: (N,) in metres, distance from the anchor's axis plus gap to the anchor.
+    """
     anchor, direction, across, distance = side
     along = points @ direction - _end(anchor, direction)
     sideways = anchor.points @ across
@@ -105,5 +110,5 @@ def _beyond(points: np.ndarray, side: Side, radius_m: float) -> tuple[np.ndarray
 
 
 def _end(anchor: Anchor, direction: np.ndarray) -> float:
-    """Coordinate of the anchor's end along a direction."""
+    """Return the coordinate of the anchor's end along a direction."""
     return float((anchor.points @ direction).max())

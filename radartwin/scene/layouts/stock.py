@@ -1,4 +1,4 @@
-"""The objects of layouts: the catalogue, two canonical shapes, and meshes from files."""
+"""Build the objects of layouts: catalogue objects, two canonical shapes, and meshes from files."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ CANONICAL = {"plate": lambda: objects.plate(0.1, 0.1), "sphere": lambda: objects
 
 
 def names() -> list[str]:
-    """The names of all objects that `stock` can build."""
+    """Return the names of all objects that `stock` can build."""
     return [*objects.catalogue(), *CANONICAL]
 
 
 def identifier(name: str) -> str:
-    """The identifier of a name: an identifier, a label of the catalogue, or words that occur in one identifier or label only.
+    """Return the identifier of the object that `name` means: an identifier, a label, or words that occur in one of these only.
 
     >>> identifier("the Corner reflector")
     'corner_reflector'
 
     Raises:
-        LayoutError: no such object, or several; the message lists the names.
+        LayoutError: no object or several objects match; the message lists the names.
     """
     wanted = words(name)
     spellings = {n: [words(n)] for n in names()} | {n: [words(n), words(e.label)] for n, e in objects.catalogue().items()}
@@ -43,20 +43,20 @@ def identifier(name: str) -> str:
 
 
 def stock(name: str) -> Sequence[Surface]:
-    """Surfaces of an object in its own frame: z up, origin on its axis, front towards +x.
+    """Build the surfaces of an object in its own frame: z up, origin on its axis, front towards +x.
 
     Raises:
-        LayoutError: an unknown name.
+        LayoutError: the name is unknown.
     """
     name = identifier(name)
     return [Surface(CANONICAL[name](), "metal", name, role="object")] if name in CANONICAL else objects.make(name)
 
 
 def from_file(item: Item) -> Sequence[Surface]:
-    """Surfaces of a mesh file in the frame of `stock`.
+    """Build the surfaces of a mesh file, in the frame that `stock` uses.
 
     Raises:
-        MissingError, MeshError: no such file, unreadable, or of an implausible size in the given unit.
-        MaterialError, SceneError: an invalid material.
+        MissingError, MeshError: the file does not exist, is unreadable, or has an implausible size in the given unit.
+        MaterialError, SceneError: the material is invalid.
     """
     return objects.from_mesh(item.object, material_from_json(item.material), unit=item.unit, up=item.up)

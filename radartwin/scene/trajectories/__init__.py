@@ -1,1 +1,1 @@
-"""Poses of the sensor and of moving objects, computed or read from files."""
+"""Compute the poses of the sensor and of moving objects, or read them from files."""

@@ -1,4 +1,4 @@
-"""Reading trajectories from files: TUM text, CSV with a header, and ROS bags."""
+"""Read trajectories from files: TUM text, CSV with a header, and ROS bags."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ ALIASES = {
 
 
 def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None, frame: str | None = None) -> Track:
-    """The trajectory in a file.
+    """Read the trajectory in a file.
 
-    TUM: lines `t x y z qx qy qz qw`; "#" begins a comment. CSV: these columns in any order, named in the first line. Aliases such
-    as timestamp and tx are accepted, and yaw_deg, to the left from +x, may replace the quaternion. ROS bag: .bag, .mcap or a folder.
+    TUM: lines `t x y z qx qy qz qw`; "#" begins a comment. CSV: these columns in any order, named in the first line. Aliases such as
+    timestamp and tx are accepted. A column yaw_deg (counter-clockwise from +x) may replace the quaternion. ROS bag: .bag, .mcap or a
+    folder.
 
     Args:
-        axes: of the poses: "sensor", or "optical" for a camera.
-        topic, frame: of a ROS bag, see `ros.read_bag`.
+        axes: axes of the poses, "sensor", or "optical" for a camera.
+        topic, frame: topic and frame of a ROS bag, see `ros.read_bag`.
     Raises:
-        MissingError: no such file.
-        PoseError: an unreadable file or invalid poses; the message names the line.
+        MissingError: the file does not exist.
+        PoseError: the file is unreadable or a pose is invalid; the message names the line.
     """
     path = Path(path)
     if not path.exists():
@@ -47,7 +48,7 @@ def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None
 
 
 def parse_track(text: str, source: str, csv: bool) -> Track:
-    """The track in TUM or CSV text; see `read_track`."""
+    """Read the trajectory in TUM or CSV text; see `read_track`."""
     lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
     lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
     names: Sequence[str] = TUM
@@ -78,7 +79,7 @@ def parse_track(text: str, source: str, csv: bool) -> Track:
 
 
 def _columns(names: Sequence[str], source: str) -> list[str]:
-    """The columns to read: the eight of TUM, or yaw_deg instead of the quaternion."""
+    """Return the columns to read: the eight columns of TUM, or yaw_deg instead of the four quaternion columns."""
     orientation = ["yaw_deg"] if "yaw_deg" in names else ["qx", "qy", "qz", "qw"]
     columns = ["t", "x", "y", "z", *orientation]
     if missing := [name for name in columns if name not in names]:

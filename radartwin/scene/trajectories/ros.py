@@ -1,4 +1,4 @@
-"""Trajectories of ROS 1 and ROS 2 bags, read by rosbags (the extra `ros`): odometry, stamped poses, transforms.
+"""Read trajectories from ROS 1 and ROS 2 bags with the package rosbags (the extra `ros`): odometry, stamped poses, transforms.
 
 A topic gives the poses of one body, whose axes are x forward, y left, z up (REP 103). Poses of a frame whose name ends in `_optical`
 or `_optical_frame` have camera axes and are converted. The caller adds the radar's place on the body with `Track.mounted`.
@@ -19,14 +19,15 @@ ODOMETRY, POSE, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "
 
 
 def read_bag(path: str | Path, topic: str | None = None, frame: str | None = None) -> Track:
-    """The track in a bag.
+    """Read the trajectory in a bag.
 
     Args:
-        topic: of Odometry or PoseStamped, or /tf for transforms. By default the bag's only such topic.
-        frame: for transforms: the frame to follow, in the root of its tree (map, odom, world), or in another parent as "CHILD@PARENT".
+        topic: a topic of Odometry or PoseStamped messages, or /tf for transforms; None if the bag has a single such topic.
+        frame: for transforms, the frame whose poses are read. The poses are relative to the root of the frame's tree (map, odom,
+            world), or to another frame if `frame` is "CHILD@PARENT".
     Raises:
         BackendError: rosbags is not installed.
-        PoseError: not a bag, an unknown topic or frame (the message lists the existing ones), or invalid poses.
+        PoseError: the file is not a bag, the topic or frame is unknown (the message lists the existing names), or a pose is invalid.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -79,7 +80,10 @@ def _from_poses(messages: list[Any], kind: str, source: str) -> Track:
 
 
 def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) -> Track:
-    """Poses of a frame in the root of its tree or in the given parent, at the times of the most frequent transform between them."""
+    """Compute the poses of a frame relative to the root of its tree or to the given parent.
+
+    The poses are at the times of the most frequent transform between the two frames.
+    """
     edges: dict[str, tuple[str, list[Any]]] = {}
     for message in messages:
         for transform in message.transforms:
@@ -116,7 +120,7 @@ def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) ->
 
 
 def _matrices(pairs: Iterable[tuple[Any, Any]], source: str) -> np.ndarray:
-    """(N, 4, 4) of (position, quaternion) messages."""
+    """Convert (position, quaternion) messages to poses (N, 4, 4)."""
     values = np.array([[p.x, p.y, p.z, q.x, q.y, q.z, q.w] for p, q in pairs], dtype=np.float64).reshape(-1, 7)
     return pose_matrices(values[:, :3], from_quaternions(values[:, 3:], lambda k: f"{source}, pose {k}"))
 

@@ -1,4 +1,4 @@
-"""Timed poses of a sensor, and their interpolation at the frames of a radar."""
+"""Define the track, a sequence of timed sensor poses, and interpolate it at the frames of a radar."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
 
 Axes = Literal["sensor", "optical"]
 
-MAX_SPEED_MPS = 30.0  # a higher speed is a mistake of units; a car at 100 km/h is slower
-MAX_STEP_S = 3600.0  # a longer step between two poses is a clock in units other than seconds
-UNIT_TOLERANCE = 1e-2  # on the length of a quaternion; four decimals leave an error of 1e-4
-# Columns: z (forward), -x (left) and -y (up) of a camera in its own axes. REP 103, suffix _optical.
+MAX_SPEED_MPS = 30.0  # a higher speed means wrong units; a car at 100 km/h is slower
+MAX_STEP_S = 3600.0  # a longer time between two poses means that times are not in seconds
+UNIT_TOLERANCE = 1e-2  # largest deviation of a quaternion's length from 1; rounding to four decimals causes about 1e-4
+# Columns: sensor axes x, y, z in camera axes (x right, y down, z forward), that is z, -x and -y. REP 103, suffix _optical.
 OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Timed poses of the sensor (x forward, y left, z up) in the world (z up), metres and seconds.
+    """Hold timed poses of the sensor (x forward, y left, z up) in the world (z up), in metres and seconds.
 
     Attributes:
-        times_s: (N,) increasing seconds.
+        times_s: (N,) increasing, seconds.
         poses: (N, 4, 4) sensor-to-world.
         source: name of the track in messages.
     Raises:
-        PoseError: fewer than two poses, times that do not increase, values that are not finite or not in metres and seconds.
+        PoseError: there are fewer than two poses, times do not increase, values are not finite, or units are not metres and seconds.
     """
 
     times_s: np.ndarray
@@ -60,10 +60,10 @@ class Track:
         return float(self.times_s[-1] - self.times_s[0])
 
     def at(self, times_s: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Poses (F, 4, 4) at given times: positions interpolated linearly, rotations along the shortest arc.
+        """Interpolate the poses (F, 4, 4) at given times: positions linearly, rotations along the shortest arc.
 
         Raises:
-            PoseError: a time before the first or after the last pose.
+            PoseError: a time is before the first or after the last pose.
         """
         from scipy.spatial.transform import Rotation, Slerp
 
@@ -79,12 +79,12 @@ class Track:
         return pose_matrices(positions, rotations)
 
     def frames(self, rate_hz: float, frames: int | None = None, start_s: float = 0.0) -> np.ndarray:
-        """Poses (F, 4, 4) at the frames of a radar: `start_s` after the first pose, then every 1/rate_hz.
+        """Interpolate the poses (F, 4, 4) at the frames of a radar, which start `start_s` after the first pose, at `rate_hz`.
 
         Args:
             frames: number of frames; by default as many as the track covers.
         Raises:
-            PoseError: a rate that is not positive, a start outside the track, or more frames than the track covers.
+            PoseError: the frame rate is not positive, the start is outside the track, or the track covers fewer frames.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0) or not 0 <= start_s <= self.duration_s:
             raise PoseError(f"{self.source}: frames at {rate_hz} Hz from {start_s} s of {self.duration_s:.4g} s; give a rate above zero")
@@ -95,11 +95,11 @@ class Track:
         return self.at(np.minimum(self.times_s[0] + start_s + np.arange(count) / rate_hz, self.times_s[-1]))
 
     def mounted(self, mount: np.ndarray) -> Track:
-        """The track of a sensor on this moving body; `mount` (4, 4) is the sensor's pose in the body's frame."""
+        """Return the track of a sensor that is mounted on this moving body; `mount` (4, 4) is the sensor's pose in the body's frame."""
         return replace(self, poses=self.poses @ np.asarray(mount, dtype=np.float64))
 
     def from_axes(self, axes: Axes) -> Track:
-        """The same motion with poses in the sensor's axes; "optical" means camera axes (x right, y down, z forward)."""
+        """Convert the poses from `axes` to the sensor's axes; "optical" means camera axes (x right, y down, z forward)."""
         if axes not in ("sensor", "optical"):
             raise PoseError(f"{self.source}: axes {axes!r}; choose sensor (x forward, y left, z up) or optical (z forward, y down)")
         if axes == "sensor":
@@ -110,19 +110,19 @@ class Track:
 
 
 def pose_matrices(positions: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-    """(N, 4, 4) of positions (N, 3) and rotations (N, 3, 3)."""
+    """Build poses (N, 4, 4) from positions (N, 3) and rotations (N, 3, 3)."""
     out = np.repeat(np.eye(4)[None], len(positions), axis=0)
     out[:, :3, :3], out[:, :3, 3] = rotations, positions
     return out
 
 
 def from_quaternions(quaternions: np.ndarray, place: Callable[[int], str]) -> np.ndarray:
-    """Rotations (N, 3, 3) of quaternions (N, 4) in the order x y z w.
+    """Convert quaternions (N, 4), in the order x y z w, to rotations (N, 3, 3).
 
     Args:
-        place: the place of the k-th pose in messages, such as a file and its line.
+        place: function from the index k to the text that names pose k in messages, such as a file and its line.
     Raises:
-        PoseError: a quaternion whose length is not one.
+        PoseError: the length of a quaternion is not one.
     """
     from scipy.spatial.transform import Rotation
 
@@ -134,7 +134,7 @@ def from_quaternions(quaternions: np.ndarray, place: Callable[[int], str]) -> np
 
 
 def check_samples(times_s: np.ndarray, values: np.ndarray, place: Callable[[int], str]) -> None:
-    """Refuse values (N, M) or times (N,) that are not finite, and times that do not increase; `place` names the k-th pose."""
+    """Refuse values (N, M) or times (N,) that are not finite, and times that do not increase; `place(k)` names pose k in messages."""
     bad = ~np.isfinite(times_s) | ~np.isfinite(values).all(axis=1)
     if bad.any():
         raise PoseError(f"{place(_first(bad))}: NaN or infinity; repair or drop the pose")

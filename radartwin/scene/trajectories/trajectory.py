@@ -1,4 +1,4 @@
-"""Computed poses and motion: (4, 4) float64 transforms, sensor- or object-to-world.
+"""Compute poses and motions: (4, 4) float64 transforms, sensor- or object-to-world.
 
 Sensor frame: x forward (boresight), y left, z up. An object pose transforms a mesh from its own frame (origin on the axis of rotation)
 to the world: vertices_world = pose @ vertices.
@@ -15,7 +15,7 @@ from radartwin.errors import PoseError
 
 
 def pose(position: ArrayLike, rotation: np.ndarray | None = None) -> np.ndarray:
-    """(4, 4) of a position (3,) and a rotation (3, 3), identity by default."""
+    """Build a pose (4, 4) from a position (3,) and a rotation (3, 3), by default the identity."""
     out = np.eye(4)
     out[:3, 3] = np.asarray(position, dtype=np.float64)
     if rotation is not None:
@@ -24,7 +24,7 @@ def pose(position: ArrayLike, rotation: np.ndarray | None = None) -> np.ndarray:
 
 
 def look_at(position: ArrayLike, target: ArrayLike) -> np.ndarray:
-    """Sensor pose (4, 4) at `position` with boresight towards `target`, level (y horizontal).
+    """Return the sensor pose (4, 4) at `position` with its boresight towards `target` and its y axis horizontal.
 
     Raises:
         PoseError: the two points coincide.
@@ -39,14 +39,14 @@ def look_at(position: ArrayLike, target: ArrayLike) -> np.ndarray:
         raise PoseError(f"look_at: position and target are both {position.tolist()}; the sensor needs a direction")
     forward = forward / distance
     left = np.cross([0.0, 0.0, 1.0], forward)
-    if np.linalg.norm(left) < 1e-9:  # straight up or down: every level direction is valid, choose world y
+    if np.linalg.norm(left) < 1e-9:  # straight up or down, every horizontal y axis is valid; use world y
         left = np.array([0.0, 1.0, 0.0])
     left = left / np.linalg.norm(left)
     return pose(position, np.stack([forward, left, np.cross(forward, left)], axis=1))
 
 
 def static(sensor_pose: ArrayLike, frames: int) -> np.ndarray:
-    """The same pose for every frame, (F, 4, 4)."""
+    """Repeat a pose for every frame, (F, 4, 4)."""
     return np.repeat(np.asarray(sensor_pose, dtype=np.float64)[None], _count(frames), axis=0)
 
 
@@ -57,10 +57,11 @@ def turntable(
     seconds_per_revolution: float = 25.0,
     start_rad: float = 0.0,
 ) -> np.ndarray:
-    """Object poses (F, 4, 4) that turn counter-clockwise, seen from above, about the vertical through `position`.
+    """Return the poses (F, 4, 4) of an object that turns counter-clockwise, seen from above, about the vertical through `position`.
 
     Args:
-        position: (3,) of the object's origin; its +x axis starts at azimuth `start_rad` in the world.
+        position: (3,) position of the object's origin.
+        start_rad: azimuth of the object's +x axis in the world, in the first frame.
         seconds_per_revolution: a negative value turns clockwise.
     """
     if not (frame_rate_hz > 0 and seconds_per_revolution):
@@ -74,10 +75,10 @@ def turntable(
 
 
 def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -> np.ndarray:
-    """Poses (F, 4, 4) at equal steps from `start` over `length_m` along `direction`, with constant orientation.
+    """Return poses (F, 4, 4) at equal steps from `start` over `length_m` along `direction`, with constant orientation.
 
     Args:
-        start: (4, 4) pose of the first frame, of a sensor or an object.
+        start: (4, 4) pose of a sensor or an object in the first frame.
         direction: (3,) in the world, of any non-zero length.
     """
     direction = np.asarray(direction, dtype=np.float64)
@@ -90,13 +91,13 @@ def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -
 
 
 def depth_sweep(start: np.ndarray, length_m: float = 1.0, speed_mps: float = 0.2, frame_rate_hz: float = 10.0) -> np.ndarray:
-    """Sensor poses (F, 4, 4) of a drive along the boresight of `start`; a negative length drives backwards."""
+    """Return the sensor poses (F, 4, 4) of a drive along the boresight of `start`; a negative length means a drive backwards."""
     start = np.asarray(start, dtype=np.float64)
     return sweep(start, start[:3, 0], length_m, speed_mps, frame_rate_hz)
 
 
 def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 0.24, frame_rate_hz: float = 10.0) -> np.ndarray:
-    """Sensor poses (F, 4, 4) of a drive to the left, centred on `middle`."""
+    """Return the sensor poses (F, 4, 4) of a drive to the sensor's left, centred on the pose `middle`."""
     middle = np.asarray(middle, dtype=np.float64)
     out = sweep(middle, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
     out[:, :3, 3] += middle[:3, 3] - out[:, :3, 3].mean(axis=0)
@@ -104,7 +105,10 @@ def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 
 
 
 def sweep(start: ArrayLike, direction: ArrayLike, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
-    """Poses (F, 4, 4) at constant speed along a world direction: frame f is at f * speed / rate, the last less than a step from the end."""
+    """Return poses (F, 4, 4) at constant speed along a world direction: frame f has moved by f * speed_mps / rate_hz.
+
+    The last frame is less than one step before the end of the path.
+    """
     if not (speed_mps > 0 and rate_hz > 0 and length_m):
         raise PoseError("sweep: speed_mps and frame_rate_hz must be positive and length_m not zero")
     step = speed_mps / rate_hz
@@ -123,9 +127,9 @@ def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
 
     Args:
         poses: (F, 4, 4) sensor-to-world.
-        ceiling_m: infinite for a room without a ceiling.
+        ceiling_m: height of the ceiling; infinite for a room without a ceiling.
     Raises:
-        PoseError: naming the first wrong frame and its height.
+        PoseError: a sensor is too low or too high; the message names the first such frame and its height.
     """
     z = np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4)[:, 2, 3]
     out = (z <= floor_m) | (z >= ceiling_m)
@@ -140,7 +144,7 @@ def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
 
 
 def check_speed(poses: np.ndarray, frame_rate_hz: float, limit_mps: float, what: str = "the sensor") -> None:
-    """Warn once if the speed of any frame exceeds the radar's unambiguous Doppler speed.
+    """Warn once if the speed in any frame exceeds the radar's unambiguous Doppler speed.
 
     Args:
         limit_mps: the unambiguous speed, `Radar.max_velocity_mps`.
