@@ -63,7 +63,7 @@ def specification(case: Case, config: Config) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Conditions of one recording: the radar behind its front end, the log, the gaps and the tracer's settings."""
+    """Conditions of one recording: the radar with its front end, the log, the strengths of the gaps and the tracer's settings."""
 
     radar: Radar
     log: Log

@@ -81,7 +81,7 @@ def record(
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
     stand = rooms.support(stand_top(nominal))
-    if materials.source not in ("true", "random"):  # these two sources also know the layers of the stand
+    if materials.source not in ("true", "random"):  # only "true" and "random" know the layers of the stand
         stand = _outermost(stand)
     target = list(catalogue()[case.object].surfaces())
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}

@@ -106,7 +106,7 @@ class Sides:
             self.read(domain, on)
 
     def make(self, some: Sequence[Side]) -> None:
-        """Simulate the missing recordings of these sides in several processes."""
+        """Simulate the missing recordings of these sides in several workers."""
         missing: dict[str, RecordingTask] = {}
         for domain, on in some:
             for case in self.cases:
@@ -169,9 +169,13 @@ def _setup(domain: str, on: Coalition) -> str:
 def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> Losses:
     """Compute three losses per recording for each coalition of gaps.
 
-    ERROR: root mean square over features of simulated minus measured, in units of each feature's standard deviation over the twin's
-    recordings without gaps. PROFILE: one minus the correlation of mean range profiles in decibels, 0.3 to 5.5 m. RECOGNITION: share of
-    seeds in which a forest trained on the twin's frames classifies a measured recording wrongly (ranks within domain and distance).
+    ERROR: rms of simulated minus measured features, each in units of its standard deviation over the twin's recordings without gaps.
+    PROFILE: one minus the correlation of mean range profiles in decibels, 0.3 to 5.5 m.
+    RECOGNITION: share of seeds in which a forest trained on the twin's frames classifies a measured recording wrongly. Features are ranked
+    within domain and distance.
+
+    Returns:
+        [loss][coalition]: array (recordings,).
     """
     wanted = list(dict.fromkeys(sets_of_gaps))
     sides.prepare(wanted)

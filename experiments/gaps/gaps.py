@@ -7,10 +7,10 @@ due to finer tracing with one more bounce. (b) Each gap is switched on alone at 
 table gives the change of the features beside a prediction from physics (experiments/gaps/claims.py, written before the first run). The
 geometry gap changes the twin; all other gaps change the testbed.
 
-Limitations: a row is one random draw of the gap (measured.gap, seed), not a mean over testbeds. Roughness is a random factor on the nominal
-heights of the rooms, and the power that it takes from mirror images returns as scatter, so a room can also become brighter. The turntable's
-motor and gear are clutter inside the target gate. The geometry gap scans the room with its clutter, which the truth of these rows does not
-have.
+Limitations: a row is one random draw of the gap (measured.gap, seed), not a mean over testbeds. The roughness gap multiplies the nominal
+roughness heights of the rooms by random factors. The power that roughness takes from specular reflection returns as diffuse scatter, so a
+room can also become brighter. The turntable's motor and gear are clutter inside the target gate. For the geometry gap the room is scanned
+with its clutter, but the testbed recordings of these rows have no clutter.
 
 The quick profile simulates recordings for 270 core seconds, and scans both rooms in 150 more if the scans are not in the store.
 """

@@ -59,11 +59,11 @@ def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
 
 
 def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Progress) -> Result:
-    """Build rows of accuracy, of its loss against true materials, and of the level error; keys of `campaigns` are those of `sources`."""
+    """Build rows of accuracy, of the loss of accuracy by wrong labels, and of level error; `campaigns` has the keys of `sources`."""
     rows = RecognitionRows(config)
     used: set[str] = set()
     curve: list[dict[str, Any]] = []
-    reference = first = None  # profiles and hits with true materials, the first source
+    reference = first = None  # profiles and correct predictions with true materials, which are the first source
     for name, (share, _) in sources(config).items():
         progress.say(f"{MOTION} drives in {ROOM}: {name}")
         source = campaigns[name]

@@ -1,4 +1,4 @@
-"""Common parts of the recognition tables: classes, trainings over seeds, and rows with intervals and verdicts."""
+"""Common functions of the recognition tables: descriptions, trained encoders per seed, and rows with intervals and verdicts."""
 
 from __future__ import annotations
 
