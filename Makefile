@@ -1,4 +1,4 @@
-# `make tables` and `make test` need Python 3.11 to 3.13, pip and this file; everything else they set up themselves.
+# `make tables` and `make test` need Python 3.11 to 3.13 and pip. They install everything else themselves.
 
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -23,23 +23,23 @@ check: setup-test
 	@$(PY) -m pyright
 	@$(PY) -m pytest -q tests/contract/test_imports.py
 
-# The ordinary tests with branch coverage, of the processes they start too; the pages are outputs/coverage/html.
+# Run the ordinary tests and measure branch coverage, also in the processes that they start. The report is in outputs/coverage/html.
 coverage: setup-test llvm
 	@mkdir -p outputs/coverage && $(PY) -m coverage erase
 	@$(PY) -m coverage run -m pytest -q -n 2 --dist worksteal
 	@$(PY) -m coverage combine --quiet && $(PY) -m coverage html --quiet && $(PY) -m coverage report
 
-# A real SLURM of one node in a temporary folder; the packages start no service of their own here.
+# Run the SLURM tests on a real SLURM of one node in a temporary folder. The installed packages start no system service.
 test-slurm: setup-test
 	@command -v slurmctld >/dev/null || test -x /usr/sbin/slurmctld || \
 	  { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends slurm-wlm munge; }
 	@$(PY) -m pytest -q -m slow tests/slurm
 
-# Faults planted in the physics, one at a time in a copy of the tree; the quick physics tests must catch each.
+# Insert faults into the physics code, one at a time in a copy of the repository. The quick physics tests must detect each fault.
 mutants: setup-test llvm
 	@$(PY) tests/mutants/plant.py
 
-# The API reference from the docstrings, in build/docs.
+# Build the API reference from the docstrings, in build/docs.
 docs: setup-test llvm
 	@$(PY) docs/reference.py
 
@@ -50,7 +50,7 @@ clean:
 	rm -rf $(VENV) outputs dist build .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# All that the radartwin command needs in a checkout, and nothing more.
+# Install everything that the radartwin command needs in a checkout, and nothing more.
 setup: llvm
 setup-test: $(VENV)/.ready-test
 
@@ -67,7 +67,7 @@ $(VENV)/.ready: $(PY) pyproject.toml constraints.txt
 	@$(PIP) -e '.[study]'
 	@touch $@
 
-# The first Python that runs and is of a supported version; a name on the PATH may be a shim of one that is not there.
+# Use the first Python that runs and has a supported version. A name on the PATH may be a shim of a version that is not installed.
 $(PY):
 	@for python in $(PYTHON) python3.12 python3.11 python3.13 python3; do \
 	  if "$$python" -c '$(SUPPORTED)' >/dev/null 2>&1; then \

@@ -1,1 +1,1 @@
-"""From stored results to tables, figures and the report. Reads what experiments found; computes nothing of its own."""
+"""Write tables, figures and the report from stored results of experiments. This package computes no results itself."""

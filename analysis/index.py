@@ -1,8 +1,8 @@
-"""What the tables folder says of its tables: the run behind each one, runs that failed, and whether a table still has to be made.
+"""Record in the tables folder which run each table is from, which runs failed, and what each table depends on.
 
 tables/index.json      by table: run key, profile and figures of the written files
-tables/failures.json   by table: the run that ended with an error, until a run succeeds
-tables/stamps.json     by table: SHA-256 of all that the written files depend on, and of these files
+tables/failures.json   by table: the run that ended with an error; removed when a run of the table succeeds
+tables/stamps.json     by table: one SHA-256 of everything that the written files depend on and of the written files
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ FORMS = {
     FAILURES: {"run_key": str, "profile": str, "error": str},
 }
 ERROR_LENGTH = 500
-_FIGURE = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")  # the name of a file in the figures folder, never a path
+_FIGURE = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")  # matches the name of a file in the figures folder, but no path
 
 
 def lock(output: Path) -> AbstractContextManager[None]:
-    """Held while index, failures or report are read and written, because another `radartwin tables` may use the same output."""
+    """Return the lock to hold while reading and writing index, failures or report. Another `radartwin tables` may use the folder too."""
     return files.lock(output / "tables" / LOCK)
 
 
 def read(output: Path, name: str) -> Entries:
-    """The entries of INDEX or FAILURES by table; none if the file does not exist.
+    """Read the entries of INDEX or FAILURES by table; an empty dictionary if the file does not exist.
 
     Raises:
         InputError: the file is damaged.
@@ -62,7 +62,7 @@ def read(output: Path, name: str) -> Entries:
 
 
 def add_table(output: Path, table: str, run_key: str, profile: str, figures: list[str]) -> None:
-    """Enter a table whose files are written, and remove its failure."""
+    """Add a table whose files are written to the index, and remove its entry from the failures."""
     with lock(output):
         entries, failures, stamps = read(output, INDEX), read(output, FAILURES), _stamps(output)
         entries[table] = {"run_key": run_key, "profile": profile, "figures": figures}
@@ -74,19 +74,19 @@ def add_table(output: Path, table: str, run_key: str, profile: str, figures: lis
 
 
 def add_failure(output: Path, table: str, run_key: str, profile: str, error: Exception) -> None:
-    """Enter a run that ended with an error: its kind and message, as one line without secrets."""
+    """Add a failed run to the failures, with type and message of its error as one line without secrets."""
     message = " ".join(secret.hidden(f"{type(error).__name__}: {error}").split())[:ERROR_LENGTH]
     with lock(output):
         _write(output, FAILURES, read(output, FAILURES) | {table: {"run_key": run_key, "profile": profile, "error": message}})
 
 
 def add_report(output: Path) -> None:
-    """Enter a report that is written. The caller holds the lock."""
+    """Store the stamp of a report that is written. The caller holds the lock."""
     _write(output, STAMPS, _stamps(output) | {"report": _report_stamp(output)})
 
 
 def unchanged(output: Path, table: str, profile: str) -> bool:
-    """Whether nothing has changed since a table was written in this profile: code, configuration, machine, its files, its tracked run."""
+    """Return whether a table written in this profile is up to date: same code, configuration, machine, files and tracked run."""
     entry = read(output, INDEX).get(table)
     if entry is None or entry["profile"] != profile or table in read(output, FAILURES) or entry["run_key"] not in mlflow_pages(output)[0]:
         return False
@@ -94,12 +94,12 @@ def unchanged(output: Path, table: str, profile: str) -> bool:
 
 
 def report_unchanged(output: Path) -> bool:
-    """Whether nothing has changed since the report was written: code, machine, tables, tracked runs, and the report's own files."""
+    """Return whether the report is up to date: same code, machine, tables, tracked runs and report files."""
     return _stamps(output).get("report", "") == _report_stamp(output)
 
 
 def _stamps(output: Path) -> dict[str, str]:
-    """By table; none if the file is absent or damaged, because then the tables are only made again."""
+    """Read the stamps by table; an empty dictionary if the file is absent or damaged, because then the tables are simply made again."""
     try:
         stamps = untrusted_json.read(output / "tables" / STAMPS)
     except (OSError, ValueError):
@@ -108,7 +108,7 @@ def _stamps(output: Path) -> dict[str, str]:
 
 
 def _stamp(output: Path, table: str, entry: dict[str, Any]) -> str:
-    """SHA-256 of code, configuration, machine, the table's entry and its files; "" if a file is missing."""
+    """Return the SHA-256 of code, configuration, machine, the table's index entry and its files; "" if a file is missing."""
     paths = [output / "tables" / f"{table}.{suffix}" for suffix in FORMATS]
     paths += [output / "figures" / f"{figure}{suffix}" for figure in entry["figures"] for suffix in SUFFIXES]
     paths += (output / "figures").glob(f"{table}_page.html")
@@ -121,14 +121,14 @@ def _report_stamp(output: Path) -> str:
 
 
 def _digest(content: Any, paths: Iterable[Path]) -> str:
-    """SHA-256 of code, configuration, machine, `content`, and the names and content of files."""
+    """Return the SHA-256 of code, configuration, machine, `content`, and the names and content of files."""
     found = [(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths]
     return hashlib.sha256(json.dumps([sources(), machine(), content, found], sort_keys=True).encode()).hexdigest()
 
 
 @functools.cache
 def sources() -> str:
-    """SHA-256 of the code and configuration that tables and report are made with."""
+    """Return the SHA-256 of the code and configuration that make tables and report."""
     study = Path(__file__).resolve().parents[1]
     total = hashlib.sha256()
     for folder in (conf_dir(), Path(radartwin.__file__).parent, study / "experiments", study / "analysis"):

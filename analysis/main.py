@@ -1,4 +1,4 @@
-"""`radartwin tables` and `radartwin report`: run what is missing, then write tables, figures and the report."""
+"""`radartwin tables` and `radartwin report`: run missing experiments, then write tables, figures and the report."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ STUDY_PACKAGES = ("miepython", "plotly")  # the extra `study` of pyproject.toml
 
 
 def tables(profile: str, only: list[str] | None, output: Path) -> int:
-    """Compute or read back each table, write it in every format with its figures, then write the report; the exit status.
+    """Compute or read the result of each table, write the table in every format with its figures, then write the report.
 
     A table is skipped if nothing that it depends on has changed since it was written. If a run ends with an error, the other tables are
-    still made, the report names the failed one, and the exit status is 1. An error of the user's input stops the work, because it would
-    stop every table.
+    still made, the report names the failed table, and the exit status is 1. A user error stops the command, because it would affect every
+    table. Returns the exit status.
     """
     registry.check(only or [])
     if absent := [name for name in STUDY_PACKAGES if importlib.util.find_spec(name) is None]:
@@ -45,12 +45,15 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
 
 
 def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], Counts]:
-    """Run the experiments of these tables and write the tables: the names of those that succeeded, and what the runs computed."""
+    """Run the experiments of these tables and write the tables.
+
+    Returns: names of the tables that succeeded, and numbers of the products that the runs computed or reused.
+    """
     made: list[str] = []
     progress, counts = Progress(), Counts()
     if not names:
         return made, counts
-    from radartwin.runs import workers  # brings the numerical packages along
+    from radartwin.runs import workers  # imports the numerical packages
     from radartwin.runs.run import run_experiment, run_key, summary
 
     with workers.reused():
@@ -77,13 +80,13 @@ def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], C
 
 
 def report_verb(output: Path) -> int:
-    """Write the report again from the tables already written."""
+    """Write the report again from the tables in the output folder. Returns the exit status."""
     print(write_report(output))
     return 0
 
 
 def write(table: Table, result: Result, profile: str, output: Path) -> None:
-    """Write one table with its figures, and enter it in the index."""
+    """Write one table with its figures, and add it to the index."""
     writers.write(table, result.rows, output / "tables")
     for name, figure in result.figures.items():
         style.save(figure, output / "figures" / name)
@@ -93,15 +96,15 @@ def write(table: Table, result: Result, profile: str, output: Path) -> None:
 
 
 def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str, str, Path], str] | None = None) -> Path:
-    """Write the report of every table in the output folder; its path.
+    """Write the report of all tables in the output folder, and return its path.
 
-    A table that was not run, whose run failed, or whose run has another key now, is named with the command that makes it. Figures of such
-    a run are left out.
+    If a table is missing, its run failed or its run key has changed, the report shows the command that makes the table, without figures.
 
     Args:
-        fresh: tables that were just written. current: (name, profile, output) -> the key that the table's run has now.
+        fresh: tables that this command has just written.
+        current: function of (name, profile, output) that returns the current run key of a table.
     Raises:
-        MissingError: the folder holds no table at all.
+        MissingError: the folder has no table.
     """
     if not any(name in index.read(output, part) for part in index.FORMS for name in registry.NAMES):
         raise MissingError(f"{output / 'tables'}: there are no tables to report; run radartwin tables first")

@@ -1,4 +1,4 @@
-"""The tables of the study, in the order of the report. Title, caption and chart of a table stand in its experiment module (`TABLE`)."""
+"""List the tables of the study in the order of the report. The experiment module of a table declares title, caption and chart (`TABLE`)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NAMES = (  # of the experiments, conf/experiment/NAME.yaml
     "positioning",
 )  # fmt: skip
 
-# Tables that take too long, by name: the profiles in which `radartwin tables` makes them only with --only.
+# Slow tables, by name: the profiles in which `radartwin tables` makes the table only if --only names it.
 ON_REQUEST = {"gaps": ("quick",), "sensitivity": ("quick", "paper")}
 
 # Printed under every table that is scored against the testbed.
@@ -28,18 +28,18 @@ TESTBED_NOTE = (
 
 
 def of_profile(profile: str) -> list[str]:
-    """The tables that `radartwin tables` makes in a profile without --only."""
+    """Return the tables that `radartwin tables` makes in a profile without --only."""
     return [name for name in NAMES if profile not in ON_REQUEST.get(name, ())]
 
 
 @functools.cache
 def table(name: str) -> Table:
-    """The declaration of a table. Imports its experiment module."""
+    """Return the declaration of a table from its experiment module."""
     return declared(compose([f"experiment={name}"]).experiment)
 
 
 def check(names: list[str]) -> None:
-    """Raises ConfigError for a name that is no table."""
+    """Raise ConfigError for a name that is not a table."""
     for name in names:
         if name not in NAMES:
             raise ConfigError(f"--only {name}: there is no such table; tables: {', '.join(NAMES)}")

@@ -1,7 +1,7 @@
-"""One table in four formats: CSV for programs, Markdown for the repository, LaTeX booktabs for the paper, HTML for the report.
+"""Write a table in four formats: CSV for programs, Markdown for the repository, LaTeX booktabs for the paper, HTML for the report.
 
-The columns of the case come first, then the run keys, then the score columns in their fixed order. The CSV has full precision and every
-run key. The other formats round to three significant digits and have no keys.
+The columns that name the case come first, then the run keys, then the score columns in their fixed order. The CSV has full precision and
+every run key. The other formats round to three significant digits and have no run keys.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FORMATS = ("csv", "md", "tex", "html")
 _NUMBER = int | float | None
 _UNITS = {"m": "m", "db": "dB", "deg": "deg", "hz": "Hz", "s": "s", "mps": "m/s"}
 _WIDE = 6  # largest number of columns that fits into one column of a page
-# The characters beside ASCII that captions, claims and metrics may contain, because pdflatex cannot set others.
+# Non-ASCII characters that captions, claims and metrics may contain, with their LaTeX commands. pdflatex cannot typeset others.
 _SYMBOLS = {
     "–": "--", "−": "$-$", "±": r"$\pm$", "×": r"$\times$", "≤": r"$\leq$", "≥": r"$\geq$", "→": r"$\rightarrow$", "°": r"$^\circ$",
     "²": "$^2$", "³": "$^3$", "µ": r"$\mu$", "ρ": r"$\rho$", "λ": r"$\lambda$", "σ": r"$\sigma$", "ε": r"$\epsilon$", "·": r"$\cdot$",
@@ -31,10 +31,10 @@ _LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasci
 
 
 def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
-    """Write NAME.csv, .md, .tex and .html, each whole or not at all; their paths.
+    """Write NAME.csv, .md, .tex and .html, each atomically, and return their paths.
 
     Raises:
-        InputError: a row lacks a score column, has an unknown verdict, or a value outside its interval.
+        InputError: a row lacks a score column, has an unknown verdict, or has a value outside its confidence interval.
     """
     check_rows(table.name, list(rows))
     texts = {
@@ -47,13 +47,13 @@ def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
 
 
 def columns(rows: Sequence[Row]) -> list[str]:
-    """Case columns in order of appearance, run_keys, then the score columns."""
+    """Return the columns in order: case columns in order of appearance, run_keys, score columns."""
     cases = dict.fromkeys(c for row in rows for c in row if c not in SCORE_COLUMNS and c != "run_keys")
     return [*cases, "run_keys", *SCORE_COLUMNS]
 
 
 def caption(table: Table, rows: Sequence[Row]) -> str:
-    """The declared caption, with a note if the table is scored against the testbed."""
+    """Return the declared caption, with a note if the table is scored against the testbed."""
     return f"{table.caption} {TESTBED_NOTE}" if any("testbed" in str(row["domain"]) for row in rows) else table.caption
 
 
@@ -73,7 +73,7 @@ def to_markdown(table: Table, rows: Sequence[Row]) -> str:
 
 
 def to_latex(table: Table, rows: Sequence[Row]) -> str:
-    """For pdflatex with booktabs and graphicx; a wide table spans both columns of the page and is shrunk to fit."""
+    """Format a table for pdflatex with booktabs and graphicx. A wide table spans both columns of the page and is shrunk to fit."""
     shown, cells = _cells(rows)
     align = "".join("r" if all(isinstance(row.get(c), _NUMBER) for row in rows) else "l" for c in shown)
     body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
@@ -96,7 +96,7 @@ def to_latex(table: Table, rows: Sequence[Row]) -> str:
 
 
 def to_html(table: Table, rows: Sequence[Row]) -> str:
-    """The table element only, in ASCII, so that it reads the same on a page of any encoding."""
+    """Format a table as an HTML table element, in ASCII so that a page of any encoding can include it."""
     shown, cells = _cells(rows)
     kinds = [' class="number"' if all(isinstance(row.get(c), _NUMBER) for row in rows) else "" for c in shown]
     head = "".join(f'<th scope="col"{kind}>{html.escape(heading(c))}</th>' for c, kind in zip(shown, kinds, strict=True))
@@ -117,7 +117,7 @@ def _cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def text_of(value: Any) -> str:
-    """A cell for readers: three significant digits, or a dash for a value that could not be computed."""
+    """Format a cell for readers: three significant digits, or a dash for a value that could not be computed."""
     if value is None:
         return "–"
     if isinstance(value, float):
@@ -126,7 +126,7 @@ def text_of(value: Any) -> str:
 
 
 def heading(column: str) -> str:
-    """distance_m -> distance (m)"""
+    """Return the heading of a column: distance_m becomes distance (m)."""
     name, _, unit = column.rpartition("_")
     return f"{name} ({_UNITS[unit]})".replace("_", " ") if name and unit in _UNITS else column.replace("_", " ")
 

@@ -1,4 +1,4 @@
-"""The twelve objects in a grid, drawn from their meshes: `python -m analysis.figures.objects [FILE]`."""
+"""Draw the meshes of the twelve objects in a grid: `python -m analysis.figures.objects [FILE]`."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ VIEW_DEG = (14.0, -35.0)  # elevation, azimuth
 
 
 def patches(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """Small triangles (F, 3, 3) of a textured mesh and their colours (F, 3) under one lamp."""
+    """Divide a textured mesh into small triangles (F, 3, 3). Returns them with their colours (F, 3) under one lamp."""
     visual: Any = mesh.visual
     image = np.asarray(visual.material.baseColorTexture.convert("RGB")) / 255.0
-    both = np.hstack([mesh.vertices, 1e-3 * visual.uv])  # subdivided together; texture coordinates are too small to affect lengths
+    both = np.hstack([mesh.vertices, 1e-3 * visual.uv])  # subdivided together; the factor keeps uv from affecting edge lengths
     points, faces = trimesh.remesh.subdivide_to_size(both, mesh.faces, PATCH_M)[:2]
     corners = points[faces][..., :3]
     u, v = (1e3 * points[faces][..., 3:].mean(axis=1) % 1.0).T
@@ -52,7 +52,7 @@ def draw(axes, entry: Entry) -> None:
 
 
 def objects_figure(path: Path) -> Path:
-    """Write the grid, in the catalogue's order and at one scale."""
+    """Write a picture of all objects in the catalogue's order, at the same scale."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,4 +1,4 @@
-"""The report: one folder that opens without network, OUTPUT/report/index.html.
+"""Write the report, OUTPUT/report/index.html, in one folder that a browser opens without network.
 
 content   rows, claims and figures of each table, or the reason why the table is absent
 origin    versions, machine, seeds, run times and MLflow runs behind the report
@@ -6,7 +6,7 @@ gallery   pages that compare a measured picture with a simulated one
 rooms     pages of the rooms in three dimensions
 claims    the summary of all claims
 markup    the page as text; it escapes everything that enters the page
-folder    the files of the page, whole or not at all
+folder    the files of the page, written so that a reader never sees an incomplete report
 page/     template, style and scripts
 """
 
@@ -22,12 +22,12 @@ __all__ = ["FAILED", "MISSING", "STALE", "Section", "path", "write"]
 
 
 def path(output: Path) -> Path:
-    """Where the report's first page is."""
+    """Return the path of the report's first page."""
     return output / "report" / folder.INDEX
 
 
 def write(sections: Sequence[Section], output: Path) -> Path:
-    """Write OUTPUT/report from the tables and figures of the output folder; the path of its index.html.
+    """Write OUTPUT/report from the tables and figures of the output folder, and return the path of its index.html.
 
     The report folder can be moved elsewhere. The same content gives the same bytes. Files of an earlier report are removed.
 

@@ -1,4 +1,4 @@
-"""Content of the report by table: its rows, claims and files, or the reason why the table is absent."""
+"""Collect the content of the report by table: the table's rows, claims and files, or the reason why the table is absent."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NO_CASE = {"claim", "p", "items", "seed", "run_keys", "title", "note", "machine
 
 @dataclass(frozen=True)
 class Claim:
-    """A row with a claim. `row` counts from 1; `case` names the columns that distinguish it from other claims of the table."""
+    """A table row with a claim. `row` counts from 1. `case` holds the cells that distinguish this claim from others of the table."""
 
     table: Table
     row: int
@@ -45,10 +45,10 @@ class Section:
     """One table of the report, or the reason why it is absent.
 
     Attributes:
-        output: root of all written files.
-        figures: names of its figures.
-        absent: a key of ABSENT, or "".
-        error: of a failed run, one line.
+        output: root folder of all output.
+        figures: names of the table's figures.
+        absent: why the table is absent, a key of ABSENT; "" if the table is present.
+        error: error of a failed run, as one line.
     """
 
     table: Table
@@ -61,23 +61,23 @@ class Section:
 
     @property
     def command(self) -> str:
-        """The command that makes the table."""
+        """Return the command that makes the table."""
         return f"radartwin tables --profile {self.profile} --only {self.table.name}"
 
     def file(self, suffix: str) -> Path:
-        """A file of the table.
+        """Return the path of the table's file with this suffix.
 
         Raises:
-            MissingError: it does not exist.
+            MissingError: the file does not exist.
         """
         return self._there(self.output / "tables" / f"{self.table.name}.{suffix}")
 
     def figure(self, name: str, suffix: str = ".png") -> Path:
-        """A file of a figure. Raises MissingError if it does not exist."""
+        """Return the path of a figure's file. Raises MissingError if the file does not exist."""
         return self._there(self.output / "figures" / f"{name}{suffix}")
 
     def pixels(self, name: str) -> tuple[int, int]:
-        """Width and height of a figure's picture. Raises MissingError if the file is no picture."""
+        """Return width and height of a figure's picture in pixels. Raises MissingError if the file is not a picture."""
         from PIL import Image
 
         path = self.figure(name)
@@ -88,7 +88,7 @@ class Section:
             raise self._damaged(path) from error
 
     def files(self) -> Iterator[tuple[str, Path]]:
-        """Every file that the page links to, with the part of the report that holds it."""
+        """Yield every file that the page links to, with the part of the report that contains the file."""
         if not self.absent:
             yield from (("tables", self.file(suffix)) for suffix in LINKED)
             yield from (("figures", self.figure(name, suffix)) for name in self.figures for suffix in SUFFIXES)
@@ -97,7 +97,7 @@ class Section:
 
     @cached_property
     def text(self) -> str:
-        """The table as HTML."""
+        """Return the table as HTML."""
         path = self.file("html")
         try:
             return path.read_text(encoding="utf-8")
@@ -106,7 +106,7 @@ class Section:
 
     @cached_property
     def rows(self) -> list[dict[str, str]]:
-        """Rows of the CSV; none of an absent table.
+        """Read the rows of the CSV; an empty list for an absent table.
 
         Raises:
             MissingError: the CSV is missing or damaged.
@@ -125,7 +125,7 @@ class Section:
 
     @cached_property
     def claims(self) -> list[Claim]:
-        """The rows with a claim or with a verdict other than untestable."""
+        """Return the rows that have a claim or a verdict other than untestable."""
         claimed = [(n, row) for n, row in enumerate(self.rows, 1) if row.get("claim") or row["verdict"] != "untestable"]
         columns = [c for c in (self.rows[0] if self.rows else ()) if c not in _NO_CASE]
         telling = [c for c in columns if len({row[c] for _, row in claimed}) > 1][:CASES]
@@ -148,7 +148,7 @@ class Section:
 
 
 def figure(cell: str) -> str:
-    """A cell of the CSV as the tables show it."""
+    """Format a CSV cell as the tables show it."""
     try:
         return text_of(float(cell)) if cell else text_of(None)
     except ValueError:
@@ -156,6 +156,6 @@ def figure(cell: str) -> str:
 
 
 def _case(column: str, cell: str) -> str:
-    """A word as it is, a number with the name of its column: lab, strength 0.5."""
+    """Format a case cell: a word stays as it is, a number gets the name of its column, such as strength 0.5."""
     told = figure(cell)
     return cell if told == cell and not cell[:1].isdigit() else f"{heading(column)} {told}"

@@ -1,4 +1,4 @@
-"""The report's files: collected in a temporary folder, named by their content, and published by replacing index.html last.
+"""Publish the report's files: collect them in a temporary folder, name this folder by its content, and replace index.html last.
 
     report/index.html           links to one folder of parts
     report/parts-DIGEST/        figures, tables, gallery, rooms
@@ -30,13 +30,13 @@ class Stage:
         self._folder = root / STAGE
 
     def take(self, source: Path, part: str) -> str:
-        """Copy a file into a part; its link from within the parts."""
+        """Copy a file into a part (figures, tables, gallery or rooms) and return its link relative to the parts folder."""
         link = f"{part}/{source.name}"
         shutil.copyfile(source, self.path(link))
         return link
 
     def path(self, link: str) -> Path:
-        """Path to which a part is written."""
+        """Return the path of a file in the parts folder, given its link."""
         path = self._folder / link
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
@@ -46,7 +46,7 @@ class Stage:
         digest = _digest(self._folder)
         parts = self.root / f"parts-{digest[:12]}"
         text = page(parts.name)
-        if parts.exists() and _digest(parts) != digest:  # the user changed it
+        if parts.exists() and _digest(parts) != digest:  # the user changed the published folder
             shutil.rmtree(parts)
         if not parts.exists():
             files.sync(self._folder)
@@ -61,7 +61,7 @@ class Stage:
 
 @contextlib.contextmanager
 def staged(root: Path) -> Iterator[Stage]:
-    """An empty stage under the folder's lock; a second report waits for the first.
+    """Within the `with`, yield an empty stage and hold the folder's lock, so that a second report waits for the first.
 
     Raises:
         OutputError: the folder cannot be created or written.
@@ -77,7 +77,7 @@ def staged(root: Path) -> Iterator[Stage]:
 
 
 def _digest(folder: Path) -> str:
-    """SHA-256 of the folder's file names and contents."""
+    """Return the SHA-256 of the folder's file names and contents."""
     total = hashlib.sha256()
     for path in sorted(one for one in folder.rglob("*") if one.is_file()):
         total.update(f"{path.relative_to(folder).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())

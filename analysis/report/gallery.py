@@ -1,6 +1,5 @@
-"""Comparison of measured and simulated pictures: one page per figure of the gallery, with a slider that moves the divider between both
-and a
-slider that moves along range. The values come from the figure's own page (radartwin/plotting/pages.py).
+"""Compare measured and simulated pictures: write one page per gallery figure. One slider moves the divider between the two pictures,
+another selects the range of a cut. The values come from the figure's own page (radartwin/plotting/pages.py).
 """
 
 from __future__ import annotations
@@ -22,12 +21,12 @@ from radartwin.plotting.style import SEQUENTIAL
 TABLE = "gallery"
 PAGE = Path(__file__).with_name("page") / "compare.html"
 _DATA = re.compile(r"^const data = (\{.*\});$", re.MULTILINE)
-_SAME = 1e-3  # of a figure's width: largest offset of panels above each other
+_SAME = 1e-3  # largest horizontal offset of two panels that count as one above the other, as a fraction of the figure's width
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A figure with a comparison page: its name and the link to the page, from within the parts."""
+    """A figure with a comparison page: the figure's name, and the link to the page relative to the parts folder."""
 
     figure: str
     page: str
@@ -50,7 +49,7 @@ def write(sections: Sequence[Section], staged: Stage) -> list[Compared]:
 
 
 def drawn(path: Path, command: str) -> dict[str, Any]:
-    """The data in a figure's page."""
+    """Read the data from a figure's page."""
     found = _DATA.search(path.read_text(encoding="utf-8", errors="replace"))
     try:
         data = json.loads(found[1]) if found else None
@@ -62,7 +61,10 @@ def drawn(path: Path, command: str) -> dict[str, Any]:
 
 
 def pairs(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """Panels with a picture above another of the same columns and extent: title, label and extent; values and marks of both."""
+    """Find each picture panel with another picture of the same columns and extent below.
+
+    Returns: for each pair title, label and extent, and values and marks of both pictures.
+    """
     pictured = [axes for axes in data["axes"] if len(axes["pictures"]) == 1]
     found = []
     for upper in pictured:
@@ -75,7 +77,7 @@ def pairs(data: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _beneath(upper: dict[str, Any], lower: dict[str, Any], near: float) -> bool:
-    """Whether two panels show the same part of the same axes, one above the other."""
+    """Return whether two panels show the same extent, one above the other."""
     same = all(abs(upper["box"][k] - lower["box"][k]) <= near for k in (0, 2)) and upper["box"][3] <= lower["box"][1]
     first, second = (one["pictures"][0] for one in (upper, lower))
     close = all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(first["extent"], second["extent"], strict=True))
@@ -84,7 +86,7 @@ def _beneath(upper: dict[str, Any], lower: dict[str, Any], near: float) -> bool:
 
 
 def page(name: str, panels: Sequence[dict[str, Any]]) -> str:
-    """The page of one figure. Values are in decibels."""
+    """Return the comparison page of one figure. Its values are in decibels."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

@@ -1,4 +1,4 @@
-"""The report's page as text. All text from tables, runs and scenes is escaped here."""
+"""Write the report's page as HTML. This module escapes all text from tables, runs and scenes."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from radartwin.store.products import SHORT
 
 FOLDER = Path(__file__).with_name("page")
 FIRST = ("speed_accuracy", "stability", GALLERY)  # shown above the other tables
-OPEN_ROWS = 12  # a longer table starts folded, and unfolds in print
+OPEN_ROWS = 12  # a table with more rows starts folded, and unfolds in print
 _CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)  # of tables.to_html; this page shows the caption above the figures
 
 
 def page(sections: Sequence[Section], compared: Sequence[Compared], shown: Sequence[Shown], origin: Origin, parts: str) -> str:
-    """The whole page; `parts` is the folder to which its links lead."""
+    """Return the whole page. `parts` is the folder that its links point to."""
     by_name = {section.table.name: section for section in sections}
     first = [by_name[name] for name in FIRST if name in by_name]
     rest = [section for section in sections if section not in first]
@@ -44,7 +44,7 @@ def page(sections: Sequence[Section], compared: Sequence[Compared], shown: Seque
         "tables": "\n".join(_section(section, compared, parts, 3) for section in rest),
         "origin": _origin(origin),
     }
-    # One pass, so that the inserted content is not searched for names.
+    # One pass, so that no placeholder is replaced inside inserted content.
     return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], (FOLDER / "page.html").read_text(encoding="utf-8"))
 
 
@@ -73,7 +73,7 @@ def _section(section: Section, compared: Sequence[Compared], parts: str, level: 
 
 
 def absent(section: Section) -> str:
-    """The text in place of an absent table, with the command that makes it."""
+    """Return the text that replaces an absent table, with the command that makes the table."""
     error = f" <code>{escape(section.error)}</code>" if section.error else ""
     return (
         f'<p class="absent"><strong>{section.absent}</strong>: {ABSENT[section.absent]}{error} '
@@ -82,7 +82,7 @@ def absent(section: Section) -> str:
 
 
 def verdicts(section: Section) -> str:
-    """The number of claims of a table by verdict."""
+    """Return the number of claims of a table by verdict, as HTML."""
     count = section.verdicts
     if not count:
         return f'<p class="verdicts">{plural(len(section.rows), "row")}, none of them a claim.</p>\n'
@@ -109,12 +109,12 @@ def _figure(section: Section, name: str, comparison: str, parts: str) -> str:
 
 
 def spoken_name(section: Section, figure: str) -> str:
-    """validation_room_profile -> room profile"""
+    """Return the name of a figure for readers: validation_room_profile becomes room profile."""
     return figure.removeprefix(f"{section.table.name}_").replace("_", " ")
 
 
 def _link(parts: str, part: str) -> str:
-    """Link from index.html to a part, escaped for an attribute."""
+    """Return the link from index.html to a file of the parts folder, escaped for an attribute."""
     return escape(quote(f"{parts}/{part}"))
 
 

@@ -1,4 +1,4 @@
-"""Where a report comes from: code, machine, and the key, seed, run time and MLflow page of each run. Reads files only."""
+"""Collect the origin of a report: code, machine, and the key, seed, run time and MLflow page of each run. This module only reads files."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _KEY = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the report; a value that the cache does not hold any more is None.
+    """One run of the report. A value is None if the cache no longer holds it.
 
     Attributes:
-        core_seconds: processor time of the run's process, with the products that it made.
-        made: core-seconds of the products (recordings, scans) that the run uses, by key; this run or another made them.
+        core_seconds: processor time of the run, including the products that it computed.
+        made: core-seconds of the products (recordings, scans) that the run uses, by key; another run may have computed them.
         mlflow: address of the run's page while `radartwin dashboard` runs, or "".
     """
 
@@ -43,7 +43,12 @@ class Run:
 
 @dataclass(frozen=True)
 class Origin:
-    """Origin of the whole report. `written_by`: name and value of each line. `tracking`: why no run is linked to MLflow, or ""."""
+    """Origin of the whole report.
+
+    Attributes:
+        written_by: name and value of each line about code and machine.
+        tracking: why no run is linked to MLflow, or "".
+    """
 
     written_by: list[tuple[str, str]]
     runs: list[Run]
@@ -51,17 +56,17 @@ class Origin:
 
     @property
     def core_seconds(self) -> float:
-        """Sum over all runs."""
+        """Return the sum of processor time over all runs."""
         return sum(run.core_seconds or 0.0 for run in self.runs)
 
     @property
     def made(self) -> dict[str, float]:
-        """Products of all runs; a product that several runs use appears once."""
+        """Return the core-seconds of the products of all runs, by key; a product that several runs use appears once."""
         return {key: seconds for run in self.runs for key, seconds in run.made.items()}
 
 
 def of(sections: Sequence[Section], output: Path) -> Origin:
-    """The origin of a report of these sections, from the files of the output folder."""
+    """Read the origin of a report of these sections from the files of the output folder."""
     present = [section for section in sections if not section.absent]
     pages, why = mlflow_pages(output)
     runs = [_run(section, output / "cache", pages.get(section.run_key, "")) for section in present]
@@ -95,7 +100,7 @@ def _run(section: Section, cache: Path, page: str) -> Run:
 
 
 def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
-    """Core-seconds of the products with these keys, as far as the cache holds them."""
+    """Return the core-seconds of the products with these keys, as far as the cache holds the products."""
     kinds = sorted(one for one in cache.iterdir() if one.is_dir()) if cache.is_dir() else []
     found = {}
     for key in {key for key in keys if isinstance(key, str) and _KEY.fullmatch(key)}:
@@ -107,7 +112,7 @@ def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
 
 
 def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
-    """MLflow pages of the finished runs by run key, and the reason if there are none."""
+    """Return the MLflow pages of the finished runs by run key, and the reason if there are none."""
     database = output / DATABASE
     if not database.is_file():
         return {}, f"There is no {database.name} in the output folder, so no run is linked to MLflow."
@@ -125,7 +130,7 @@ def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    """The JSON object in a file; empty if the file is absent or damaged, for instance in a cleared cache."""
+    """Read the JSON object in a file; empty if the file is absent or damaged, for instance in a cleared cache."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

@@ -1,1 +1,1 @@
-"""How figures look, and how a figure becomes an interactive page."""
+"""The style of figures, and their interactive pages."""

@@ -1,7 +1,7 @@
-"""A figure as one HTML page: zoom, pan, and values of the drawn data under the pointer or by keys. It works offline.
+"""Write a figure as one HTML page with zoom, pan, and readout of data values by pointer or keys. The page works offline.
 
 The page shows the figure's own vector drawing and contains its data: the points of lines, scatters, error bars and bars by series, and the
-values of pictures. Dates, shaded meshes and cells of unequal width are drawn, but have no values.
+values of pictures. Dates, shaded meshes and cells of unequal width are drawn, but their values cannot be read out.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MAX_POINTS = 5000  # of one series; longer series are thinned
-MAX_CELLS = 200_000  # of a picture; larger pictures have no values
-POINTS_PER_INCH = 72  # of the drawing's coordinates
-STEPS = 256  # sampled places of a scale that is neither linear nor logarithmic
+MAX_POINTS = 5000  # points of one series; longer series are thinned
+MAX_CELLS = 200_000  # cells of a picture; the page has no values of larger pictures
+POINTS_PER_INCH = 72  # unit of the drawing's coordinates
+STEPS = 256  # number of samples of a scale that is neither linear nor logarithmic
 PAGE = Path(__file__).with_name("pages.html")
 
 
 def page(drawing: Figure, title: str) -> str:
-    """The page of a figure whose layout is final (after `savefig` or `draw_without_rendering`)."""
+    """Return the HTML page of a figure. Its layout must be final (after `savefig` or `draw_without_rendering`)."""
     stream = io.StringIO()
     drawing.savefig(stream, format="svg", metadata={"Date": None})
     drawn = stream.getvalue()
@@ -39,13 +39,13 @@ def page(drawing: Figure, title: str) -> str:
 
 
 def _numbered(drawn: str) -> str:
-    """Replace Matplotlib's identifiers of shared parts, which depend on memory addresses, by numbers."""
+    """Replace Matplotlib's identifiers of shared elements by numbers, because the identifiers depend on memory addresses."""
     names = {name: f"part{number}" for number, name in enumerate(dict.fromkeys(re.findall(r'id="([a-zA-Z]+[0-9a-f]{10})"', drawn)))}
     return re.sub(r"\b[a-zA-Z]+[0-9a-f]{10}\b", lambda found: names.get(found[0], found[0]), drawn)
 
 
 def _axes(axes: Axes, size: list[float]) -> dict[str, Any]:
-    """Position, scales and data of one pair of axes."""
+    """Return position, scales and data of one panel."""
     box = axes.get_position()
     return {
         "box": _rounded([box.x0 * size[0], (1 - box.y1) * size[1], box.x1 * size[0], (1 - box.y0) * size[1]]),
@@ -58,13 +58,13 @@ def _axes(axes: Axes, size: list[float]) -> dict[str, Any]:
 
 
 def _label(axes: Axes, name: str) -> str:
-    """The label of an axis, or of an axis with which it shares the scale."""
+    """Return the label of an axis, or the label of an axis that shares its scale."""
     shared = getattr(axes, f"get_shared_{name}_axes")().get_siblings(axes)
     return next((text for one in (axes, *shared) if (text := getattr(one, f"get_{name}label")())), "")
 
 
 def _scale(axis: Any, limits: tuple[float, float], label: str) -> dict[str, Any]:
-    """Limits, kind and label of a scale, and the names of ticks if the axis has names instead of numbers."""
+    """Return limits, kind and label of a scale, and the tick names if the axis has names instead of numbers."""
     from matplotlib.ticker import FixedFormatter, FuncFormatter
 
     names = []
@@ -81,7 +81,7 @@ def _scale(axis: Any, limits: tuple[float, float], label: str) -> dict[str, Any]
 
 
 def _series(axes: Axes) -> list[dict[str, Any]]:
-    """Points of lines, scatters, error bars and bars in data coordinates; the third number of a bar is its own value."""
+    """Return the points of lines, scatters, error bars and bars in data coordinates. The third number of a bar is its value."""
     from matplotlib.collections import PathCollection
     from matplotlib.container import BarContainer, ErrorbarContainer
 
@@ -120,12 +120,12 @@ def _series(axes: Axes) -> list[dict[str, Any]]:
 
 
 def _points(x: Any, y: Any) -> np.ndarray:
-    """(N, 2), NaN where a value is masked."""
+    """Return points (N, 2), with NaN in place of masked values."""
     return np.column_stack([np.ma.filled(np.ma.asarray(one, float), np.nan) for one in (x, y)])
 
 
 def _pictures(axes: Axes) -> list[dict[str, Any]]:
-    """Images and meshes of equal cells: extent (left, right, first, last), and rows of values from `first` to `last`."""
+    """Return images and meshes of equal cells: extent (left, right, first, last), and rows of values from `first` to `last`."""
     from matplotlib.collections import QuadMesh
 
     found = []

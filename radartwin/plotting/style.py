@@ -1,8 +1,7 @@
-"""One style for every figure: the Okabe-Ito palette, which works without colour vision, and print sizes in inches.
+"""Define the style of every figure: the Okabe-Ito palette, which colour-blind readers can distinguish, and print sizes in inches.
 
-Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. Figures need no display and no global state of
-pyplot:
-create one with `figure`; `save` writes it as PNG, PDF and interactive page.
+Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. Figures need no display and no global
+state of pyplot: `figure` creates a figure, and `save` writes it as PNG, PDF and interactive page.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ SUFFIXES = (".png", ".pdf", ".html")
 
 
 def style() -> dict[Any, Any]:
-    """Matplotlib settings, for `matplotlib.rc_context`."""
+    """Return the Matplotlib settings, for `matplotlib.rc_context`."""
     from cycler import cycler
 
     return {
@@ -50,7 +49,7 @@ def style() -> dict[Any, Any]:
 def figure(
     rows: int = 1, columns: int = 1, *, width_in: float = PAGE_WIDTH_IN, height_in: float = 2.6, **subplots: Any
 ) -> tuple[Figure, Any]:
-    """A figure in the project's style and its axes, as returned by `plt.subplots` but not registered in pyplot."""
+    """Create a figure in the project's style. Returns figure and axes as `plt.subplots`, but does not register them in pyplot."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -60,8 +59,11 @@ def figure(
 
 
 def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path]:
-    """Write `stem`.png, .pdf and .html, each whole or not at all. `drawing`: a figure, a function that draws it, or a stem of existing
-    files."""
+    """Write `stem`.png, .pdf and .html, each atomically, and return their paths.
+
+    Args:
+        drawing: a figure, a function that draws it, or the path without suffix of existing files.
+    """
     import matplotlib
 
     from radartwin.io import files

@@ -1,1 +1,1 @@
-"""Recognition: text anchors, contrastive encoder, probes and forest, checks of what training may see, and exported models."""
+"""Recognition: text embeddings, contrastive encoder, linear probes, random forest, checks of the training data, and exported models."""

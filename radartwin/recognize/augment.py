@@ -1,9 +1,10 @@
-"""Noisy copies of simulated recordings, at the signal-to-noise ratio of the measured recordings.
+"""Make noisy copies of simulated recordings, at the signal-to-noise ratio of the measured recordings.
 
 Paper, recognition with simulation-trained representations: 30 noise-augmented copies per object, matched to measured SNR. Receiver noise is
-white over the samples of a chirp, so it is drawn there and transformed like a signal; the window then correlates neighbouring range bins.
-The noise level is matched to the median target energy of a whole stratum, so that dim objects stay noisier than bright objects. The
-measured recordings contribute energies and noise floors, but no labels.
+white over the samples of a chirp, so the noise is drawn there and transformed like a signal. The window of the range FFT then correlates
+the noise of neighbouring range bins. The noise level is matched to the median target energy of a whole stratum, so that objects with weak
+echoes keep a lower signal-to-noise ratio than objects with strong echoes. The measured recordings contribute energies and noise floors, but
+no labels.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from radartwin.radar.processing import range_fft
 
 
 def added_noise(simulated: NDArray, measured: NDArray, measured_noise: float) -> float:
-    """Noise power per range bin that gives simulated recordings the signal-to-noise ratio of the measured ones.
+    """Compute the noise power per range bin that gives simulated recordings the signal-to-noise ratio of the measured recordings.
 
     Args:
-        simulated, measured: target energies of the recordings of a stratum, (n,) and (m,).
+        simulated, measured: target energies of the simulated (n,) and measured (m,) recordings of a stratum.
         measured_noise: noise power per range bin of the measured recordings.
     Returns:
         median(simulated) / median(measured) * measured_noise.
@@ -36,9 +37,9 @@ def added_noise(simulated: NDArray, measured: NDArray, measured_noise: float) ->
 
 
 def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) -> Processed:
-    """A copy without Doppler whose noise power per range bin is `noise_power`.
+    """Return a copy, without Doppler, whose noise power per range bin is `noise_power`.
 
-    A recording with noise of its own gets only the difference, or nothing if its noise is stronger.
+    If the recording already has noise, only the missing noise power is added, or none if its noise is stronger.
     """
     own = float(processed.noise_floor.mean())
     added = max(0.0, noise_power - own)
@@ -50,7 +51,7 @@ def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) ->
     noise = profile[..., : len(processed.range_m)] * np.float32(np.sqrt(added) / unit)
     assert np.allclose(axis[: len(processed.range_m)], processed.range_m)
     changed = (processed.channels + noise).astype(np.complex64)
-    # Exact if the azimuth row holds every channel; other channels are assumed to get the same noise as the row.
+    # Exact if the azimuth row of virtual antennas is all channels; channels outside the row are assumed to have the same noise.
     gain = np.mean(np.abs(changed) ** 2 - np.abs(processed.channels) ** 2, axis=1)
     power = np.maximum(processed.power + gain, 0).astype(np.float32)
     floor = (processed.noise_floor + added).astype(np.float32)
@@ -58,6 +59,6 @@ def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) ->
 
 
 def copies(processed: Processed, noise_power: float, count: int, seed: int | list[int]) -> Iterator[Processed]:
-    """Yield `count` copies with independent noise."""
+    """Yield `count` copies of a recording with independent noise."""
     for number in range(count):
         yield noisy(processed, noise_power, np.random.default_rng([*np.atleast_1d(seed).tolist(), number]))

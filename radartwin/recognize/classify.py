@@ -1,8 +1,9 @@
-"""Classification of a recording by an exported model: recording -> features of the model's set -> probabilities of its classes.
+"""Classify a recording with an exported model: compute the model's features of the recording, and from them class probabilities.
 
-A recording from outside the study has no log. Its nominal motion is given by the user or estimated: on a turntable the target is at the
-range where the echo changes most over the frames; for a moving radar the target is the strongest continuous path in range.
-`radartwin.radar.captures` finds the order of I and Q and the radar of a capture.
+A recording from outside the study has no log of its motion. The user gives the nominal motion, or this module estimates it: on a turntable
+the target is at the range where the echo changes most over the frames; for a moving radar the target is the strongest continuous track in
+range.
+`radartwin.radar.captures` determines the order of I and Q and the radar of a capture.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _TURNS = "rotation"
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Classes with their probabilities, most likely first, and the given or estimated distance of the target at the start."""
+    """Classes with their probabilities, most likely first, and the given or estimated target distance at the start."""
 
     classes: tuple[str, ...]
     probabilities: NDArray[np.float64]
@@ -47,12 +48,12 @@ def classify(
 
     Args:
         model: a recogniser, or the folder of a saved one.
-        radar, iq_swapped: as `load_capture`.
-        distance_m: from the radar to the target at the start; None estimates it.
-        period_s: of one revolution, for a model of turntable recordings; None takes the model's period.
+        radar, iq_swapped: see `load_capture`.
+        distance_m: distance from the radar to the target at the start; None estimates it.
+        period_s: duration of one revolution, for a model of turntable recordings; None takes the model's period.
     Raises:
-        UserError: as `load_capture` and `Recogniser.load`; the model's features are unknown to this version; the recording is too short or
-            shows no target.
+        UserError: see `load_capture` and `Recogniser.load`. Also raised if this version does not know the model's features, or if the
+            recording is too short or shows no target.
     """
     recogniser = model if isinstance(model, Recogniser) else Recogniser.load(model)
     processed = process(load_capture(recording, radar, iq_swapped=iq_swapped), doppler=False)
@@ -70,7 +71,7 @@ def classify(
 
 
 def nominal(processed: Processed, recogniser: Recogniser, distance_m: float | None, period_s: float | None) -> Nominal:
-    """The nominal motion of a recording without a log. Raises InputError for a distance or period that does not fit the recording."""
+    """Return the nominal motion of a recording without a motion log. Raises InputError if distance or period do not fit the recording."""
     rate, frames = processed.radar.frame_rate_hz, processed.num_frames
     if distance_m is not None and not NEAR_M <= distance_m <= FAR_M:
         raise InputError(f"the target distance {distance_m:g} m is not between {NEAR_M} and {FAR_M} m; give it in metres")
@@ -92,7 +93,7 @@ def nominal(processed: Processed, recogniser: Recogniser, distance_m: float | No
 
 
 def changing_range(processed: Processed) -> float:
-    """Range in metres of the echo that changes most over the frames: the turning target, not the walls.
+    """Return the range in metres of the echo that changes most over the frames: this is the rotating target, not a wall.
 
     Raises:
         InputError: no echo changes.

@@ -1,9 +1,10 @@
-"""An exported recogniser: encoder, class prototypes, feature names and scaling, and provenance.
+"""Save, load and apply an exported recogniser: encoder, class prototypes, feature names and scaling, and provenance.
 
     FOLDER/model.safetensors    encoder weights, prototypes (K, T), centre and spread of the features (D,)
     FOLDER/model.json           classes, features, temperature, provenance, digest of the other file
 
-Neither file holds code, so a model from elsewhere is safe to read. Prototypes are text anchors, or centroids of labelled recordings.
+Neither file holds code, so reading a model from an untrusted source runs no code. A prototype is the vector that stands for a class: the
+text embedding of the class description, or the centroid of labelled recordings.
 """
 
 from __future__ import annotations
@@ -31,11 +32,12 @@ class Recogniser:
     """Maps features of recordings to class probabilities.
 
     Attributes:
-        encoder: of D features.
+        encoder: maps D features to embeddings.
         classes: K labels.
         prototypes: (K, T) unit vectors that embeddings are compared with.
         temperature: of the softmax over classes.
-        names: of the D features. features: the configuration that computes them.
+        names: names of the D features.
+        features: the configuration that computes the features.
         centre, spread: (D,) mean and standard deviation of each feature in training; a spread of 0 leaves the feature out.
         provenance: training data and settings, plain JSON values.
     """
@@ -59,14 +61,14 @@ class Recogniser:
             raise InputError("recogniser: centre and spread of the features must be finite; export the model again")
 
     def probabilities(self, values: NDArray) -> NDArray[np.float64]:
-        """(N, K) of feature rows (N, D)."""
+        """Return class probabilities (N, K) of feature rows (N, D)."""
         if values.ndim != 2 or values.shape[1] != len(self.names) or not np.isfinite(values).all():
             raise InputError(f"recogniser: needs finite rows of its {len(self.names)} features, not {values.shape}")
         scaled = (values - self.centre) / np.where(self.spread > 0, self.spread, np.inf)
         return text_scores(self.encoder.embed(scaled), self.prototypes, self.temperature)
 
     def save(self, folder: str | Path) -> Path:
-        """Write both files atomically, the description last."""
+        """Write both files of the model atomically, model.json last."""
         from safetensors.numpy import save
 
         folder = Path(folder)
@@ -88,7 +90,8 @@ class Recogniser:
         """Read a model that `save` wrote.
 
         Raises:
-            MissingError: a file is missing. InputError: a file is damaged, has another format or belongs to another model.
+            MissingError: a file is missing.
+            InputError: a file is damaged, has another format or belongs to another model.
         """
         from safetensors import SafetensorError
         from safetensors.numpy import load

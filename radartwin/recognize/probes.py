@@ -1,8 +1,9 @@
-"""Classifiers on given features: nearest centroids, linear probes, random forest with a vote, matching of whole signatures.
+"""Classify given features by nearest centroids, logistic regression, a random forest with a vote, or matching of whole signatures.
 
 Paper, recognition with simulation-trained representations (leave-one-out nearest-centroid probe, also within strata of equal distance),
-contrastive alignment (linear probes) and scene-level recognition (random forest on frames, majority vote per recording; matching of raw
-signatures). Predictions are per recording, (n,), in the order of `Samples.per_recording`.
+contrastive alignment (linear probes: logistic regression on embeddings) and scene-level recognition (random forest on frames, majority vote
+per recording; matching of raw signatures). Functions that return (recordings,) give one label per recording, in the order of
+`Samples.per_recording`.
 """
 
 from __future__ import annotations
@@ -15,18 +16,20 @@ from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.split import Split
 
 TREES = 100
-FOLDS = 12  # the number of objects, so that each object is left out alone
+FOLDS = 12  # equals the number of objects, so that each fold leaves out one object
 
 
 def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratified: bool = False) -> NDArray[np.str_]:
-    """(N,): class of the nearest centroid (Euclidean) of all rows of other groups; ties go to the first class by name.
+    """Return for each row (N,) the class of the nearest centroid (Euclidean), computed from the rows of all other groups.
+
+    Ties go to the first class by name.
 
     Args:
         rows: features on comparable scales.
-        groups: (N,) rows with equal entries are left out together; None: the rows of a recording.
-        stratified: take centroids of the row's own stratum only.
+        groups: (N,) rows with equal entries are left out together; None leaves out all rows of a recording together.
+        stratified: compute the centroids from the row's own stratum only.
     Raises:
-        InputError: fewer than two classes remain without a group.
+        InputError: fewer than two classes remain when a group is left out.
     """
     groups = rows.recording if groups is None else groups
     classes, kind = np.unique(rows.label, return_inverse=True)
@@ -47,9 +50,9 @@ def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratif
 
 
 def nearest_centroid(train: Samples, test: Unlabelled) -> NDArray[np.str_]:
-    """(N,): class of the nearest centroid of the training rows; ties go to the first class by name.
+    """Return for each test row (N,) the class of the nearest centroid of the training rows; ties go to the first class by name.
 
-    scikit-learn's NearestCentroid divides by zero if every class has one row.
+    scikit-learn's NearestCentroid is not used, because it divides by zero if every class has one row.
     """
     classes, kind = np.unique(train.label, return_inverse=True)
     sums, counts = _sums(train.values, kind, len(classes))
@@ -57,14 +60,16 @@ def nearest_centroid(train: Samples, test: Unlabelled) -> NDArray[np.str_]:
 
 
 def _sums(values: NDArray, kind: NDArray, classes: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Sum (K, D) and number (K,) of the rows of each class."""
+    """Return the sum (K, D) and the number (K,) of the rows of each class."""
     sums = np.zeros((classes, values.shape[1]))
     np.add.at(sums, kind, values)
     return sums, np.bincount(kind, minlength=classes)
 
 
 def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:
-    """(N,): logistic regression trained on other groups, with equal class weights, in FOLDS folds of whole groups.
+    """Return for each row (N,) the class that logistic regression predicts after training on other groups.
+
+    Cross-validation with FOLDS folds of whole groups; every class has the same total weight.
 
     Args:
         recordings: features on comparable scales.
@@ -79,7 +84,7 @@ def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:
 
 
 def transferred_probe(split: Split) -> NDArray[np.str_]:
-    """(N,): logistic regression trained on the training rows, for each row to score."""
+    """Return for each test row (N,) the class that logistic regression predicts after training on the training rows."""
     from sklearn.linear_model import LogisticRegression
 
     probe = LogisticRegression(max_iter=5000, class_weight="balanced").fit(split.train.values, split.train.label)
@@ -87,7 +92,7 @@ def transferred_probe(split: Split) -> NDArray[np.str_]:
 
 
 def forest(split: Split, seed: int, trees: int = TREES) -> NDArray[np.str_]:
-    """(recordings,): random forest trained on frames, then the majority vote of the frames of each recording."""
+    """Return a label per recording (recordings,): a random forest classifies each frame, and the frames of a recording vote."""
     from sklearn.ensemble import RandomForestClassifier
 
     trained = RandomForestClassifier(trees, class_weight="balanced", random_state=seed, n_jobs=1).fit(split.train.values, split.train.label)
@@ -95,10 +100,13 @@ def forest(split: Split, seed: int, trees: int = TREES) -> NDArray[np.str_]:
 
 
 def vote(recording: NDArray[np.str_], scores: NDArray[np.float64], classes: NDArray[np.str_]) -> NDArray[np.str_]:
-    """(recordings,): the most frequent class of each recording's frames, in the order of names; ties go to the larger mean score.
+    """Return the most frequent class of each recording's frames (recordings,), sorted by recording name.
+
+    Ties go to the class with the larger mean score.
 
     Args:
-        recording: (N,) of each frame. scores: (N, K) of each frame and class.
+        recording: (N,) name of each frame's recording.
+        scores: (N, K) score of each class for each frame.
     """
     names, inverse = np.unique(recording, return_inverse=True)
     votes = np.zeros((len(names), len(classes)))
@@ -111,7 +119,9 @@ def vote(recording: NDArray[np.str_], scores: NDArray[np.float64], classes: NDAr
 
 
 def match_signatures(split: Split) -> NDArray[np.str_]:
-    """(recordings,): label of the training signature with the highest Pearson correlation, within the recording's stratum if possible.
+    """Return for each test recording (recordings,) the label of the training signature with the highest Pearson correlation.
+
+    Only training signatures of the recording's stratum are compared, if there are any.
 
     A signature is one row, such as a flattened range-time map in decibels.
 
@@ -134,7 +144,7 @@ def _unit(rows: NDArray, recording: NDArray) -> NDArray:
 
 
 def standardised(samples: Samples, reference: Unlabelled | None = None) -> Samples:
-    """Features with the mean and standard deviation of the reference rows (default: the samples' own) removed.
+    """Standardise features by the mean and standard deviation of the reference rows, or of the samples themselves if `reference` is None.
 
     A constant feature becomes zero.
     """

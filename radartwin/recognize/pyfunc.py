@@ -1,4 +1,4 @@
-"""A recogniser as an MLflow python_function model: MLflow calls `_load_pyfunc` of the loader module that the model names.
+"""Load a recogniser as an MLflow python_function model. MLflow calls `_load_pyfunc` of the loader module that the model names.
 
 This module needs no mlflow and no pickle: the model's data is the folder that `Recogniser.save` wrote.
 """
@@ -19,7 +19,7 @@ class Classifier:
         self.recogniser = recogniser
 
     def predict(self, model_input, params=None):  # no type hints: MLflow would read them as a schema
-        """A data frame with one row per recording: `label`, and the probability of each class.
+        """Classify recordings. Returns a data frame with one row per recording: `label`, and the probability of each class.
 
         Args:
             model_input: a data frame with a column `recording` of paths and optional columns `distance_m` and `period_s`.

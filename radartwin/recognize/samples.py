@@ -1,8 +1,8 @@
-"""Feature rows with their recording, object, stratum and domain.
+"""Tables of feature rows, each with its recording, object, stratum and domain (simulated or measured).
 
-Rows are sorted by the names of their recordings, so that results do not depend on the order of files or on the worker.
-A recording gets one predicted label, and its frames stay together. If a recording was cut from a longer one, as revolutions are,
-`source` names the longer one; training and test rows never share a source.
+Rows are sorted by the names of their recordings, so that results do not depend on the order of files or on the worker. A classifier gives
+one label per recording, and all frames of a recording are in the same part of a split. If a recording was cut from a longer recording, as
+revolutions are, `source` names the longer recording. Training and test rows never share a source.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Unlabelled:
     """Rows without object labels.
 
     Attributes:
-        names: of the D features.
+        names: names of the D features.
         values: (N, D) float64, finite.
         recording: (N,) name of each row's recording; unique across domains.
         stratum: (N,) condition within which rows are compared, such as the distance, or "".
@@ -59,18 +59,18 @@ class Unlabelled:
         return ("recording", "stratum", "domain", "source")
 
     def take(self, rows: ArrayLike):
-        """The rows of a mask or of indices."""
+        """Return the rows that a mask or indices select."""
         chosen = np.asarray(rows)
         return replace(self, values=self.values[chosen], **{name: getattr(self, name)[chosen] for name in self._columns()})
 
     def with_values(self, values: NDArray, names: Sequence[str] | None = None):
-        """The same rows with other features."""
+        """Return the same rows with other feature values."""
         return replace(self, values=np.asarray(values, dtype=np.float64), names=tuple(names) if names is not None else self.names)
 
 
 @dataclass(frozen=True, eq=False)
 class Samples(Unlabelled):
-    """Rows with the label of their object, (N,)."""
+    """Rows with object labels: `label` (N,) names the object of each row."""
 
     label: NDArray[np.str_]
 
@@ -86,22 +86,22 @@ class Samples(Unlabelled):
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The labels that occur, sorted."""
+        """Return the labels that occur, sorted."""
         return tuple(map(str, np.unique(self.label)))
 
     def unlabelled(self) -> Unlabelled:
         return Unlabelled(self.names, self.values, self.recording, self.stratum, self.domain, self.source)
 
     def relabelled(self, classes: Mapping[str, str]) -> Samples:
-        """The same rows with each label replaced by its class, such as objects by their shape."""
+        """Return the same rows with each label replaced by its class, for example each object by its shape."""
         return replace(self, label=np.array([classes[label] for label in self.label], dtype=str))
 
     def without(self, label: str) -> Samples:
-        """All rows of other objects."""
+        """Return all rows except those of this label."""
         return self.take(self.label != label)
 
     def per_recording(self) -> Samples:
-        """One row per recording, the mean of its rows."""
+        """Return one row per recording, the mean of the recording's rows."""
         names, first, inverse = np.unique(self.recording, return_index=True, return_inverse=True)
         means = np.zeros((len(names), self.values.shape[1]))
         np.add.at(means, inverse, self.values)
@@ -110,7 +110,7 @@ class Samples(Unlabelled):
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The rows (n, D) or (D,) of one recording, its label, domain and stratum, and its source if it was cut from another recording."""
+    """One recording: its rows (n, D) or (D,), label, domain and stratum, and its source if it was cut from another recording."""
 
     recording: str
     label: str
@@ -121,10 +121,10 @@ class Part:
 
 
 def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
-    """All rows of the recordings, in the order of the recordings' names.
+    """Join the rows of all recordings, in the order of the recordings' names.
 
     Raises:
-        InputError: no recording, two recordings of one name, or rows that do not match the feature names.
+        InputError: there is no recording, two recordings have the same name, or the rows do not match the feature names.
     """
     if not parts:
         raise InputError("samples: there are no recordings; give at least one")
@@ -145,7 +145,7 @@ def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
 
 
 def join(*samples: Samples) -> Samples:
-    """Rows of several sets with the same features, sorted by recording. Raises InputError for sets with different features."""
+    """Join the rows of several sets, sorted by recording. Raises InputError if the sets have different features."""
     if len({one.names for one in samples}) != 1:
         raise InputError("samples: sets with different features cannot be joined; compute all with one feature set")
     columns = {name: np.concatenate([getattr(one, name) for one in samples]) for name in samples[0]._columns()}

@@ -1,7 +1,7 @@
-"""Statistics of the share of correct predictions: baselines by counting, exact tests, 95 % intervals.
+"""Statistics of the share of correct predictions: chance levels, exact tests, 95 % confidence intervals.
 
-The unit is the recording. Exact methods: binomial test against chance, Clopper-Pearson intervals, and the McNemar test for two classifiers
-on the same recordings (paper, reconstruction ablation: paired exact test).
+Each recording counts as one prediction. Exact methods: binomial test against chance, Clopper-Pearson intervals, and the McNemar test for
+two classifiers on the same recordings (paper, reconstruction ablation: paired exact test).
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from radartwin.recognize.samples import Samples
 
 
 def uniform_chance(samples: Samples) -> float:
-    """Expected share of correct predictions of a uniform guess among the classes of a recording's stratum."""
+    """Return the expected share of correct predictions of a uniform guess among the classes of each recording's stratum."""
     recordings = samples.per_recording()
     counts = {stratum: np.unique(recordings.label[recordings.stratum == stratum]).size for stratum in np.unique(recordings.stratum)}
     return float(np.mean([1 / counts[stratum] for stratum in recordings.stratum]))
 
 
 def majority_share(samples: Samples) -> float:
-    """Share of correct predictions if every prediction is the most frequent class."""
+    """Return the share of correct predictions if every prediction is the most frequent class."""
     _, counts = np.unique(samples.per_recording().label, return_counts=True)
     return float(counts.max() / counts.sum())
 
 
 def balanced_share(truth: NDArray, answer: NDArray) -> float:
-    """Balanced accuracy: mean over classes of the share of correct predictions."""
+    """Return the balanced accuracy: the mean over classes of the share of correct predictions."""
     return float(np.mean([(answer[truth == label] == label).mean() for label in np.unique(truth)]))
 
 
 def binomial_p(successes: int, n: int, chance: float) -> float:
-    """Exact p of as many successes or more in n independent trials at chance.
+    """Return the exact probability of at least this many successes in n independent trials with success probability `chance`.
 
     >>> binomial_p(30, 100, 0.1) < 1e-6
     True
@@ -46,7 +46,7 @@ def binomial_p(successes: int, n: int, chance: float) -> float:
 
 @dataclass(frozen=True)
 class Paired:
-    """Numbers of recordings that only the first or only the second classifier gets right, and the two-sided exact p."""
+    """Numbers of recordings that only the first or only the second classifier labels correctly, and the two-sided exact p-value."""
 
     first_only: int
     second_only: int
@@ -54,7 +54,7 @@ class Paired:
 
 
 def paired(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> Paired:
-    """Exact McNemar test of two classifiers on the same recordings; each array holds whether a prediction is correct.
+    """Compare two classifiers on the same recordings by the exact McNemar test. Each array says whether a prediction is correct.
 
     >>> paired(np.arange(40) < 23, (np.arange(40) >= 23) & (np.arange(40) < 29)).p < 0.003
     True
@@ -68,10 +68,10 @@ def paired(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> Paired:
 
 
 def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int, classes: NDArray | None = None) -> tuple[float, float, float]:
-    """(low, mean, high) of the share of correct predictions over several seeds, 95 %, by a bootstrap over cells of recordings.
+    """Return (low, mean, high): the mean share of correct predictions over several seeds, and its 95 % confidence interval.
 
-    The bootstrap draws whole cells because recordings of one object at one place share a simulation and are correct or wrong together.
-    Seeds are averaged because they add no recordings.
+    The interval is from a bootstrap over cells of recordings. It draws whole cells because recordings of one object at one place share a
+    simulation, so their errors are correlated. Seeds are averaged because they add no recordings.
 
     Args:
         right: (seeds, N) or (N,), whether a prediction is correct; NaN if a seed did not score a recording.
@@ -92,7 +92,10 @@ def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int, classes
 def mean_difference(
     first: NDArray, second: NDArray, cells: tuple[NDArray, NDArray], resamples: int, seed: int
 ) -> tuple[float, float, float]:
-    """(low, difference of the means, high) of two groups of recordings, 95 %, by a bootstrap over the cells of each."""
+    """Return (low, difference, high): the difference of the means of two groups of recordings, and its 95 % confidence interval.
+
+    The interval is from a bootstrap over the cells of each group.
+    """
     rng = np.random.default_rng([seed, 0xD1])
     (one, ones), (two, twos) = (_cell_means(v, c, resamples, rng) for v, c in zip((first, second), cells, strict=True))
     low, high = np.percentile(ones - twos, [2.5, 97.5])
@@ -100,7 +103,7 @@ def mean_difference(
 
 
 def _cell_means(values: NDArray, cells: NDArray, resamples: int, rng: np.random.Generator) -> tuple[float, NDArray[np.float64]]:
-    """The mean over recordings, and the means of resampled whole cells, (resamples,)."""
+    """Return the mean over recordings, and the means (resamples,) after resampling whole cells."""
     _, cell = np.unique(cells, return_inverse=True)
     sums, sizes = np.bincount(cell, values), np.bincount(cell)
     drawn = rng.integers(0, len(sums), (resamples, len(sums)))
@@ -108,7 +111,9 @@ def _cell_means(values: NDArray, cells: NDArray, resamples: int, rng: np.random.
 
 
 def exact_interval(value: float, n: int) -> tuple[float, float, float]:
-    """(low, value, high) of a share of n independent trials, 95 %, Clopper-Pearson; n * value need not be an integer.
+    """Return (low, value, high): a share of successes in n independent trials, and its 95 % Clopper-Pearson interval.
+
+    n * value need not be an integer.
 
     >>> low, _, high = exact_interval(0.0, 36)
     >>> low, round(high, 3)
@@ -123,7 +128,10 @@ def exact_interval(value: float, n: int) -> tuple[float, float, float]:
 
 
 def confusion(truth: NDArray, answer: NDArray, classes: tuple[str, ...]) -> NDArray[np.float64]:
-    """(K, K) shares of the predictions (columns) per true class (rows); the row of a class without recordings is zero."""
+    """Return the confusion matrix (K, K): for each true class (row) the share of each prediction (column).
+
+    The row of a class without recordings is zero.
+    """
     index = {label: number for number, label in enumerate(classes)}
     counts = np.zeros((len(classes), len(classes)))
     np.add.at(counts, ([index[label] for label in truth], [index[label] for label in answer]), 1)

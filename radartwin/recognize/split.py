@@ -1,7 +1,7 @@
-"""Training and test rows: a split refuses training rows that its supervision level does not allow.
+"""Split rows into training and test rows. A split raises LeakError for training rows that its supervision level does not allow.
 
-Levels (paper, scene-level recognition across supervision levels): `label_free` trains on simulation and sees measured rows without labels,
-for normalisation; `calibrated` adds recordings of the calibration object, which is then not scored; `few_shot` adds a number of labelled
+Levels (paper, scene-level recognition across supervision levels): `label_free` trains on simulation and uses unlabelled measured rows only
+for normalisation. `calibrated` adds recordings of the calibration object, which is then not scored. `few_shot` adds a number of labelled
 measured recordings per class. Every classifier is fitted to a `Split`, so measured labels cannot reach training in any other way.
 """
 
@@ -20,7 +20,7 @@ LEVELS: tuple[Level, ...] = ("label_free", "calibrated", "few_shot")
 
 
 class LeakError(InputError):
-    """Training would use rows that the supervision level does not allow, or rows that are scored."""
+    """Raised if training would use rows that the supervision level does not allow, or rows that are scored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +28,14 @@ class Split:
     """Training rows and test rows.
 
     Attributes:
-        level: of supervision.
-        train: labelled rows: simulated, and at few_shot at most `shots` measured recordings per class.
+        level: supervision level.
+        train: labelled rows: all simulated rows, and at level few_shot at most `shots` measured recordings per class.
         test: measured rows to score; their labels are used for scoring only.
-        shots: few_shot: maximum of measured recordings per class in training.
-        calibration_object: calibrated: the object of the calibration recording; it is not scored.
-        unlabelled: the test rows as training may see them, for normalisation.
+        shots: maximum number of measured recordings per class in training, at level few_shot.
+        calibration_object: object of the calibration recording at level calibrated; it is not scored.
+        unlabelled: the test rows without labels, which training may use for normalisation.
     Raises:
-        LeakError: training or test rows that the level forbids.
+        LeakError: the level forbids some of the training or test rows.
     """
 
     level: Level
@@ -64,7 +64,7 @@ class Split:
         object.__setattr__(self, "unlabelled", self.test.unlabelled())
 
     def _check_labels(self) -> None:
-        """Training holds no measured labels, or at few_shot at most `shots` recordings per class."""
+        """Check that training has no measured labels, or at level few_shot those of at most `shots` recordings per class."""
         measured = self.train.domain == MEASURED
         if self.level != "few_shot":
             if self.shots:
@@ -83,20 +83,21 @@ class Split:
 
     @property
     def labelled(self) -> Samples:
-        """Measured training rows; empty except at few_shot."""
+        """Return the measured training rows; empty except at level few_shot."""
         return self.train.take(self.train.domain == MEASURED)
 
 
 def label_free(simulated: Samples, measured: Samples) -> Split:
-    """Train on simulation only, score every measured recording."""
+    """Return the split that trains on simulation only and scores every measured recording."""
     return Split("label_free", simulated, measured)
 
 
 def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Samples]:
-    """(training rows, test rows): `shots` random recordings per class from one half of its sources, and all of the other half.
+    """Draw `shots` random recordings per class from one half of the class's sources for training, and test on the other half.
 
     The test rows depend on the seed but not on `shots`.
 
+    Returns: training rows and test rows.
     Raises:
         InputError: half of a class's sources hold fewer recordings than `shots`.
     """
@@ -115,7 +116,7 @@ def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Sampl
 
 
 def most_shots(measured: Samples) -> int:
-    """The largest number of recordings per class that `draw_shots` can draw with any seed."""
+    """Return the largest number of recordings per class that `draw_shots` can draw with every seed."""
     fewest = []
     for label in measured.classes:
         own = measured.take(measured.label == label)
@@ -125,12 +126,12 @@ def most_shots(measured: Samples) -> int:
 
 
 def shuffled(samples: Samples, seed: int) -> Samples:
-    """The same rows with the labels permuted over sources, so that any classifier trained on them is at chance."""
+    """Return the same rows with labels permuted over sources, so that a classifier trained on them is correct only by chance."""
     _, first, inverse = np.unique(samples.source, return_index=True, return_inverse=True)
     permuted = np.random.default_rng([seed, 0x5F]).permutation(samples.label[first])
     return replace(samples, label=permuted[inverse])
 
 
 def as_domains(samples: Samples) -> Samples:
-    """Rows labelled by their domain instead of their object."""
+    """Return the rows labelled by their domain instead of their object."""
     return replace(samples, label=samples.domain.copy())

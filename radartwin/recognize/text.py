@@ -1,4 +1,4 @@
-"""Text anchors: descriptions of objects as MiniLM-L6-v2 sentence embeddings.
+"""Text anchors: MiniLM-L6-v2 sentence embeddings of object descriptions.
 
 Ref: W. Wang et al., MiniLM, NeurIPS 2020; sentence-transformers/all-MiniLM-L6-v2 (mean pooling, unit length, 384 numbers). The anchors of
 the catalogue's descriptions ship with this module, together with the model's name and the digest of its weights. Other descriptions need
@@ -26,10 +26,11 @@ SHIPPED = Path(__file__).with_name("anchors.json")
 
 
 def embed(texts: Sequence[str]) -> NDArray[np.float32]:
-    """Unit vectors (n, 384) of texts: shipped anchors are read, all others computed by the model.
+    """Return the embeddings of texts as unit vectors (n, 384). Shipped anchors are read; the model computes all others.
 
     Raises:
-        InputError: an empty text. MissingError: a text without a shipped anchor needs the `text` extra.
+        InputError: a text is empty.
+        MissingError: a text has no shipped anchor and the `text` extra is not installed.
 
     >>> embed(["a tall slim metal food can, a round cylinder of tinplate with a paper label, 124 mm tall"]).shape
     (1, 384)
@@ -45,7 +46,7 @@ def embed(texts: Sequence[str]) -> NDArray[np.float32]:
 
 @functools.cache
 def shipped() -> dict[str, NDArray[np.float32]]:
-    """The shipped unit vectors by text. Raises InputError if they belong to another model."""
+    """Read the shipped unit vectors by text. Raises InputError if they are from another model."""
     content = json.loads(SHIPPED.read_text(encoding="utf-8"))
     if (content["model"], content["weights_sha256"]) != (MODEL, WEIGHTS_SHA256):
         raise InputError(f"{SHIPPED}: the anchors are of {content['model']}, not of {MODEL}; install the package again")
@@ -53,7 +54,7 @@ def shipped() -> dict[str, NDArray[np.float32]]:
 
 
 def encode(texts: Sequence[str]) -> NDArray[np.float32]:
-    """Unit vectors (n, 384) from the model, one text at a time, so that a vector does not depend on the other texts.
+    """Compute the embeddings (n, 384) of texts with the model, one text at a time, so that no vector depends on the other texts.
 
     Raises:
         MissingError: the `text` extra is not installed.
@@ -63,7 +64,7 @@ def encode(texts: Sequence[str]) -> NDArray[np.float32]:
 
 
 def weights_sha256() -> str:
-    """Digest of the installed model's weights. Raises MissingError without the `text` extra."""
+    """Return the digest of the installed model's weights. Raises MissingError without the `text` extra."""
     import hashlib
 
     with (_folder() / "model.safetensors").open("rb") as stream:

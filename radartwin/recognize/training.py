@@ -1,4 +1,4 @@
-"""Training of the contrastive encoder on a split: AdamW on InfoNCE, with early stopping on held-out simulated recordings.
+"""Train the contrastive encoder on a split: AdamW on InfoNCE, with early stopping on held-out simulated recordings.
 
 NumPy draws the initial weights, the held-out recordings and the order of the rows from one root seed. torch computes on one thread, so
 the same seed gives the same bytes.
@@ -21,7 +21,7 @@ from radartwin.recognize.split import Split
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """An encoder, its number of epochs, and the loss on the held-out rows after each epoch (empty without held-out rows)."""
+    """A trained encoder, its number of epochs, and the loss on the held-out rows after each epoch (empty without held-out rows)."""
 
     encoder: Encoder
     epochs: int
@@ -29,15 +29,15 @@ class Trained:
 
 
 def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAULTS, seed: int = 0) -> Trained:
-    """Train on the split's training rows, whose features must be on comparable scales.
+    """Train the encoder on the split's training rows. Their features must be on comparable scales.
 
     If training has simulated rows, a first training holds out one simulated recording per class and finds the epoch of the lowest held-out
-    loss. A second training then uses all rows for that many epochs. Without simulated rows it takes `settings.epochs`.
+    loss. A second training then uses all rows for this number of epochs. Without simulated rows the only training takes `settings.epochs`.
 
     Args:
         anchors: unit text vector (T,) of every class in training.
     Raises:
-        InputError: a class without an anchor, or a paired term without labelled measured recordings.
+        InputError: a class has no anchor, or `settings.paired` is above 0 without labelled measured recordings.
     """
     rows = split.train
     if missing := [label for label in rows.classes if label not in anchors]:
@@ -57,7 +57,7 @@ def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAU
 
 
 def held_out(simulated: Samples, seed: int) -> frozenset[str]:
-    """One simulated recording of each class that has several, drawn by the seed."""
+    """Draw one simulated recording of each class that has several. Returns the names of the recordings."""
     rng = np.random.default_rng([seed, 0xE5])
     drawn = []
     for label in simulated.classes:
@@ -70,7 +70,10 @@ def held_out(simulated: Samples, seed: int) -> frozenset[str]:
 def train(
     rows: Samples, held: Samples | None, anchors: Mapping[str, NDArray], settings: Settings, seed: int, epochs: int
 ) -> tuple[Encoder, tuple[float, ...]]:
-    """(encoder after the last epoch, loss on the held-out rows after each epoch); stops early by `settings.patience`."""
+    """Train for `epochs` epochs, or stop earlier by `settings.patience`.
+
+    Returns: the encoder after the last epoch, and the loss on the held-out rows after each epoch.
+    """
     import torch
 
     rng = np.random.default_rng([seed, 0xEC])
@@ -113,7 +116,7 @@ def _tensors(rows: Samples, index: Mapping[str, int]):
 
 
 def _layers(rng: np.random.Generator, size: int, hidden: int, out: int):
-    """Weights and biases of both layers, uniform within one over the root of the layer's inputs, as torch.nn.Linear draws them."""
+    """Draw weights and biases of both layers uniformly in +-1/sqrt(number of inputs), as torch.nn.Linear does."""
     import torch
 
     layers = []
@@ -132,7 +135,10 @@ def _forward(layers, x):
 
 
 def text_loss(z, y, texts, weight, settings: Settings):
-    """InfoNCE of rows (N, T) against the texts (K, T) of all classes; if symmetric, the mean with that of each text against the rows."""
+    """Return the InfoNCE loss of rows (N, T) against the texts (K, T) of all classes.
+
+    If `settings.symmetric` is set, return the mean of this loss and of the loss of each text against the rows.
+    """
     import torch
     from torch.nn.functional import cross_entropy
 
@@ -147,7 +153,7 @@ def text_loss(z, y, texts, weight, settings: Settings):
 
 
 def _pair_loss(simulated, measured, temperature: float):
-    """InfoNCE in both directions between the two rows of each pair."""
+    """Return the InfoNCE loss between the simulated and the measured row of each pair, in both directions."""
     import torch
     from torch.nn.functional import cross_entropy
 
@@ -157,7 +163,7 @@ def _pair_loss(simulated, measured, temperature: float):
 
 
 def _cases(rows: Samples) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """(simulated, measured) row indices of each object and stratum that has both."""
+    """Return the (simulated, measured) row indices of each object and stratum that has rows of both domains."""
     found = []
     for label, stratum in sorted(set(zip(rows.label, rows.stratum, strict=True))):
         here = (rows.label == label) & (rows.stratum == stratum)

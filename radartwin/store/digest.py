@@ -54,7 +54,7 @@ def _plain(value: Any) -> Any:
 
 
 def semantic(description: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass that influence a result, without `unkeyed` fields, and with a file's content in place of its path."""
+    """Return the fields of a dataclass that influence a result: no `unkeyed` fields, and a file's content in place of its path."""
     out = {}
     for field in dataclasses.fields(description):
         value = getattr(description, field.name)
