@@ -4,7 +4,7 @@ Two recordings of the same object, each with a new set-up, differ in a feature b
 is sqrt(2) t s, with s the standard deviation between such recordings and t Student's quantile for its degrees of freedom (ISO 5725-6:1994,
 4.1.4; the limit tends to 2.8 s for many recordings). The limit of a whole range profile is the 95 % quantile of the root mean square
 difference of two recordings. Each object has its own limits, but no limit is below MIN_SHARE times the limit pooled over all objects.
-Otherwise a saturated feature would get a limit that is too small, for example the multipath share of the power of an object much brighter
+Otherwise a saturated feature would get a limit that is too small, for example the multipath power fraction of an object much brighter
 than its room. The shipped limits come from the testbed (experiments/generators/repeatability.py writes them).
 """
 

@@ -29,7 +29,7 @@ class Probe:
 
     Attributes:
         room: surfaces that a model may leave out. kept: surfaces that every model includes (the object under test and its stand).
-        radar, sensor_poses, motion: as in `simulate`. log: positions of the same frames.
+        radar, sensor_poses, motion: as in `simulate`. log: distances and angles of the same frames.
         families: names of the feature families to compare (radartwin/features/sets.py).
         traced: {model: processed recording}, a cache that probes with different families may share.
     """
@@ -79,7 +79,7 @@ def thinned(
     """Build a probe from evenly spaced angles of the first revolution, or from evenly spaced places of the drive, of a recording.
 
     Args:
-        sensor_poses, motion: (F or 1, 4, 4). log: positions of F frames.
+        sensor_poses, motion: (F or 1, 4, 4). log: distances and angles of F frames.
         count: frames of the probe. None: ASPECTS for a revolution, PLACES for a drive.
         between: shift all frames by half a step, so that they lie between the frames of the default probe.
     """

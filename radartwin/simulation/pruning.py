@@ -1,4 +1,4 @@
-"""Removal of paths that are too weak to matter, with the element pattern applied at both ends."""
+"""Removal of weak paths. Their amplitudes are compared with the element gain at both ends of the path."""
 
 from collections.abc import Sequence
 

@@ -1,1 +1,1 @@
-"""The simulators behind one protocol."""
+"""Simulators with one common interface (`backend.Backend`)."""

@@ -174,7 +174,7 @@ def leave(device: Device, tubes: Tubes, contact: Contact) -> Any:
 
 
 def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Any:
-    """Reflect tubes (`scatter` has already reflected their fields) and cast them. Returns the lanes that meet a face, unevaluated."""
+    """Reflect tubes (`scatter` has already reflected their fields) and cast them. Returns the lanes that meet a face."""
     mirrored = contact.mirrored(tubes.direction)
     # the ray starts at the facet, but the length is counted from the lifted point
     tubes.length = tubes.length - mi.Float64(dr.dot(contact.point - contact.facet_point, mirrored))

@@ -21,7 +21,7 @@ class Walls:
         self.coefficients = device.tabulated(shells.te, shells.tm)
 
     def enter(self, tubes: Tubes, near: Contact, active: Any) -> Any:
-        """Pass tubes straight through walls that they meet from outside. Returns the active lanes that pass, unevaluated."""
+        """Pass tubes straight through walls that they meet from outside. Returns the active lanes that pass."""
         active = active & dr.gather(mi.Bool, self.faces, near.face, active) & near.outside
         for node in range(len(tubes.field_re)):
             tubes.field_re[node], tubes.field_im[node] = self._passed(

@@ -1,1 +1,1 @@
-"""From paths to IQ samples."""
+"""Synthesis of IQ samples from paths."""
