@@ -21,9 +21,7 @@ from radartwin.scene.trajectories.trajectory import pose
 
 FLOATING_M = 0.02  # a larger height above the support means that the object floats
 COVER_M = 0.03  # objects stand on flat covers up to this height, such as a rug
-GAP_M = (
-    0.005  # gap between object and support; faces in contact would shadow each other, because rays start up to 1 mm off a face (at 10 m)
-)
+GAP_M = 0.005  # gap between object and support; faces in contact shadow each other, because rays start up to 1 mm off a face (at 10 m)
 BASE_M = 0.005  # height of the part of an object that counts as its base
 TILT_DEG = (0.5, 15.0)  # a support with less tilt is level; with more tilt objects slide (wood on wood at about 15 degrees)
 TILT_RADIUS_M = 0.15  # radius of the region around an object in which the slope of its support is measured

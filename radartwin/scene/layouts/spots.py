@@ -14,7 +14,7 @@ from radartwin.scene.scene import Surface
 STEP_M = 0.02  # grid step of the candidates on supports up to 3 m; larger supports have a larger step
 _MAX_STEPS = 150  # largest number of grid steps along one side of a support
 CLEAR_M = 0.05  # gap to an anchor if the relation has no distance
-ASIDE_M = 0.3  # how far an object left or right of an anchor may lie in front of or behind the anchor's middle
+ASIDE_M = 0.3  # how far an object left or right of an anchor may stand beyond the anchor's front or back
 
 Side = tuple[Anchor, np.ndarray, np.ndarray, float | None]  # anchor, direction, across, distance
 

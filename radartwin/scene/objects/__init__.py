@@ -1,6 +1,6 @@
-"""Objects as triangle meshes: canonical targets, the catalogue of the study, and meshes from files.
+"""Build objects as triangle meshes: canonical targets, the twelve catalogue objects of the study, and meshes from files.
 
-All dimensions are in metres and all windings are consistent. `catalogue()` lists the twelve objects, `make(name)` builds one of them.
+All dimensions are in metres and all windings are consistent. `catalogue()` lists the catalogue objects, `make(name)` builds one of them.
 """
 
 from radartwin.scene.objects.catalogue import Entry, catalogue, entry, make

@@ -1,4 +1,4 @@
-"""The catalogue of the twelve objects: shape, size, materials, classes and the sources of the dimensions.
+"""Define the catalogue of the twelve objects of the study: shape, size, materials, classes and the sources of the dimensions.
 
 Objects stand on z = 0 with their axis on z, the axis of the turntable. The side +x faces the radar first: the opening of the reflector
 and the handle of the mug point to +x, and the narrow side of a bottle lies along y. `aim_m` is the height at which a level radar aims:
@@ -28,17 +28,17 @@ from radartwin.scene.surface import Surface
 ShapeClass = Literal["symmetric", "faceted", "asymmetric"]
 MaterialClass = Literal["metal", "ceramic", "plastic"]
 
-CAN_M = 0.0683  # 211: 2 11/16 inches
+CAN_M = 0.0683  # diameter of can size 211: 2 11/16 inches
 OUNCE_ML = 28.35  # an avoirdupois ounce of water
 CMI = "Can Manufacturers Institute, dimensional food can standards"
-# No drawing or data sheet was found for these bottles: height and section are estimates, the inside volume is that of the label.
+# No drawing or data sheet is public for these bottles. Height and section are estimates; the inside volume is that of the label.
 VOLUME = (
     "order of magnitude, no data sheet: ordinary retail proportions, sized so that the inside holds the label's volume; PET of 0.5 mm too"
 )
 
 
 class Part(NamedTuple):
-    """One closed part of an object: mesh, material, roughness class and look."""
+    """Hold one closed part of an object: mesh, material, roughness class and look (a name of `textures`)."""
 
     mesh: trimesh.Trimesh
     material: str | Layered
@@ -48,19 +48,23 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class Entry:
-    """One object of the catalogue.
+    """Describe one object of the catalogue.
 
     Attributes:
-        name: identifier. label: everyday name.
-        size_m: width along x, depth along y, height; the width includes a handle.
+        name: identifier.
+        label: everyday name.
+        size_m: width along x (with handle), depth along y, height.
         wall_m: thickness of the wall; 0 for the sheet metal of the reflector.
-        material: of the wall. contents: material inside, or None for air.
-        shape, material_class: the classes of the study. minc: MINC category.
-        volume_ml: inside volume: of a can to the brim, of a bottle by its label; None for the reflector.
-        description: for a text encoder. source: of the dimensions.
+        material: material of the wall.
+        contents: material inside, or None for air.
+        shape, material_class: class labels of the study.
+        minc: MINC category.
+        volume_ml: inside volume, of a can to the brim and of a bottle by its label; None for the reflector.
+        description: text for a text encoder.
+        source: source of the dimensions.
         build: function from the contents ("air" if empty) to the parts.
         aim_m: height at which a level radar aims.
-        rover: whether the object is in the set of the rover.
+        rover: whether the rover experiments use the object.
     """
 
     name: str
@@ -84,12 +88,12 @@ class Entry:
         return self.shape == "symmetric"
 
     def surfaces(self, pose: np.ndarray | None = None, *, filled: bool = True, name: str | None = None) -> tuple[Surface, ...]:
-        """The object's parts as surfaces of one name, so that they move together.
+        """Build the object's parts as surfaces of the same name, so that they move together.
 
         Args:
             pose: (4, 4) object-to-world; by default the parts stay in the object's frame.
-            filled: with its contents; False gives an empty bottle.
-            name: of the surfaces; by default the name of the entry.
+            filled: whether a bottle has its contents or is empty.
+            name: name of the surfaces; by default the name of the entry.
         """
         parts = self.build(self.contents if filled and self.contents else "air")
         provenance = {"source": "true", "confidence": 1.0, "stand_in": self.material == "glass", "minc": self.minc, "object": self.name}
@@ -128,7 +132,7 @@ def _bottle(
     cap: tuple[float, float],
     cap_look: str,
 ) -> Callable[[str], tuple[Part, ...]]:
-    """A lofted body and, a millimetre above it, a cap of (radius, height)."""
+    """Return the build function of a bottle: a lofted body and, a millimetre above it, a cap of (radius, height)."""
 
     def build(contents: str) -> tuple[Part, ...]:
         radius, height = cap
@@ -229,7 +233,7 @@ ENTRIES: tuple[Entry, ...] = (
 
 
 def catalogue() -> dict[str, Entry]:
-    """The twelve objects by name.
+    """Return the twelve objects as a dictionary by name.
 
     >>> sum(entry.symmetric for entry in catalogue().values()), len(catalogue())
     (7, 12)
@@ -238,10 +242,10 @@ def catalogue() -> dict[str, Entry]:
 
 
 def entry(name: str) -> Entry:
-    """One object of the catalogue.
+    """Return one object of the catalogue.
 
     Raises:
-        SceneError: no such object; the message suggests similar names.
+        SceneError: the object does not exist; the message suggests similar names.
     """
     known = catalogue()
     if name not in known:
@@ -252,5 +256,5 @@ def entry(name: str) -> Entry:
 
 
 def make(name: str, pose: np.ndarray | None = None, *, filled: bool = True) -> tuple[Surface, ...]:
-    """The surfaces of one object of the catalogue, see `Entry.surfaces`."""
+    """Build the surfaces of one object of the catalogue, see `Entry.surfaces`."""
     return entry(name).surfaces(pose, filled=filled)

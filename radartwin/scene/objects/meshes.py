@@ -1,4 +1,4 @@
-"""Objects from mesh files, scanned or drawn, in the frame of the catalogue's objects."""
+"""Build objects from mesh files, scanned or drawn, in the same frame as the catalogue objects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from radartwin.scene.mesh_file import read_meshes
 from radartwin.scene.surface import Surface
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
-SMALLEST_M, LARGEST_M = 0.01, 1.0  # size of an object on a table or a turntable
+SMALLEST_M, LARGEST_M = 0.01, 1.0  # limits for the size of an object on a table or a turntable
 UP = {"z": np.eye(4), "y": trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])}
 
 
@@ -28,18 +28,20 @@ def from_mesh(
     roughness_m: float = 0.0,
     minc: str | None = None,
 ) -> tuple[Surface, ...]:
-    """A mesh file as an object: in metres, z up, standing on z = 0, centred on the z axis.
+    """Read a mesh file as an object: in metres, z up, standing on z = 0, centred on the z axis.
 
     Args:
-        path: .obj, .ply or .glb; texture and colours are kept.
-        material: of the whole object. name: of the surfaces; by default the stem of the file name.
-        unit: of the file: m, cm, mm or in. up: upward axis of the file, z or y.
+        path: .obj, .ply or .glb file; the surfaces have its texture and colours.
+        material: material of the whole object.
+        name: name of the surfaces; by default the stem of the file name.
+        unit: length unit of the file: m, cm, mm or in.
+        up: upward axis of the file, z or y.
         minc: MINC category, if known.
     Returns:
         One surface per mesh of the file, all of the same name.
     Raises:
-        MissingError: no such file.
-        MeshError: unreadable, empty, or not between 1 cm and 1 m long.
+        MissingError: the file does not exist.
+        MeshError: the mesh is unreadable, empty, or not between 1 cm and 1 m long.
     """
     if unit not in UNITS:
         raise MeshError(f"{path}: unit is {unit!r}; choose {', '.join(UNITS)}")
@@ -65,6 +67,6 @@ def from_mesh(
 
 
 def _unit_hint(length: float) -> str:
-    """A question with the units in which the length is that of a household object, 5 to 35 cm."""
+    """Return a question that suggests the units in which the object would be 5 to 35 cm long, like a household object."""
     fits = [unit for unit, scale in UNITS.items() if 0.05 <= length * scale <= 0.35]
     return f" Pass unit={' or unit='.join(fits)}?" if fits else ""

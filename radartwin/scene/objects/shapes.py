@@ -1,4 +1,4 @@
-"""Canonical targets as smooth parametric meshes: trihedral, dihedral, plate, sphere, cylinder, any body of revolution.
+"""Build canonical targets as smooth parametric meshes: trihedral, dihedral, plate, sphere, cylinder, any body of revolution.
 
 All dimensions are in metres. Normals point outwards on solids and into the opening on reflectors, which open towards +x. Curved sides have
 exact vertex normals. Sharp rims have separate vertices, so that no normal is an average across an edge.
@@ -17,14 +17,14 @@ SMOOTH_RAD = np.radians(30.0)  # an edge with a smaller angle belongs to a curve
 
 
 def plate(width_m: float, height_m: float) -> trimesh.Trimesh:
-    """Flat rectangle centred at the origin, width along y, height along z, facing +x."""
+    """Build a flat rectangle centred at the origin, width along y, height along z, facing +x."""
     _positive(width_m=width_m, height_m=height_m)
     y, z = width_m / 2, height_m / 2
     return flat([[[0, -y, -z], [0, y, -z], [0, y, z], [0, -y, z]]])
 
 
 def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
-    """Two plates of face_m x height_m at right angles, fold along z through the origin, opening towards +x."""
+    """Build two plates of face_m x height_m at right angles, with the fold along z through the origin and the opening towards +x."""
     _positive(face_m=face_m, height_m=height_m)
     d, z = face_m / np.sqrt(2), height_m / 2
     left = [[0, 0, -z], [d, d, -z], [d, d, z], [0, 0, z]]
@@ -33,10 +33,10 @@ def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
 
 
 def trihedral(leg_m: float) -> trimesh.Trimesh:
-    """Triangular trihedral corner reflector: three right isosceles triangles, boresight (1, 1, 1)/sqrt(3) turned to +x.
+    """Build a triangular trihedral corner reflector of three right isosceles triangles, with its boresight towards +x.
 
-    The origin is the apex, which is the phase centre. One leg rises in the xz plane, the other two spread to left and right below it.
-    The far-field peak is 4 pi leg^4 / (3 lambda^2).
+    The origin is the apex, which is the phase centre. One leg rises in the xz plane; the other two legs spread to the left and right
+    below it. The peak radar cross section in the far field is 4 pi leg^4 / (3 lambda^2).
 
     Args:
         leg_m: length of the two equal sides of each triangle.
@@ -49,7 +49,7 @@ def trihedral(leg_m: float) -> trimesh.Trimesh:
 
 
 def sphere(radius_m: float, subdivisions: int = 4) -> trimesh.Trimesh:
-    """Sphere about the origin with exact normals and 20 * 4^subdivisions faces."""
+    """Build a sphere about the origin with exact normals and 20 * 4^subdivisions faces."""
     _positive(radius_m=radius_m)
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius_m)
     normals = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
@@ -57,21 +57,21 @@ def sphere(radius_m: float, subdivisions: int = 4) -> trimesh.Trimesh:
 
 
 def cylinder(radius_m: float, height_m: float, segments: int = 64) -> trimesh.Trimesh:
-    """Closed cylinder about z, centred at the origin, with a smooth side, flat caps and sharp rims."""
+    """Build a closed cylinder about z, centred at the origin, with a smooth side, flat caps and sharp rims."""
     _positive(radius_m=radius_m, height_m=height_m)
     z = height_m / 2
     return revolution([(0, -z), (radius_m, -z), (radius_m, z), (0, z)], segments)
 
 
 def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: int = 64) -> trimesh.Trimesh:
-    """Body of revolution about z.
+    """Build a body of revolution about z.
 
     Args:
         profile_m: (N, 2) radius and height along the outside, from the bottom upwards; a radius of zero closes an end.
             A bend of less than 30 degrees is smooth, any other bend is a sharp rim.
         segments: number of facets around z.
     Raises:
-        MeshError: fewer than two points, a negative radius, fewer than 3 segments.
+        MeshError: the profile has fewer than two points or a negative radius, or there are fewer than 3 segments.
     """
     profile = np.asarray(profile_m, dtype=np.float64)
     if profile.ndim != 2 or profile.shape[0] < 2 or profile.shape[1] != 2 or (profile[:, 0] < 0).any() or segments < 3:
@@ -102,7 +102,7 @@ def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: 
 
 
 def box(low_m: Sequence[float], high_m: Sequence[float]) -> trimesh.Trimesh:
-    """Solid box between two corners; every side has its own vertices."""
+    """Build a solid box between two corners; every side has its own vertices."""
     low, high = np.asarray(low_m, float), np.asarray(high_m, float)
     if not (high > low).all():
         raise MeshError(f"box: the corner {high.tolist()} is not above {low.tolist()}")
@@ -120,7 +120,7 @@ def box(low_m: Sequence[float], high_m: Sequence[float]) -> trimesh.Trimesh:
 
 
 def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """One mesh of several, with unchanged vertices and normals."""
+    """Join several meshes into a single mesh, with unchanged vertices and normals."""
     offsets = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
     return trimesh.Trimesh(
         np.vstack([m.vertices for m in meshes]),
@@ -131,7 +131,7 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]) -> trimesh.Trimesh:
-    """A mesh of convex planar polygons, counter-clockwise seen from their front; each has its own vertices and normal."""
+    """Build a mesh of convex planar polygons, counter-clockwise seen from the front; each polygon has its own vertices and normal."""
     vertices, faces, normals = [], [], []
     for polygon in polygons:
         corners = np.asarray(polygon, dtype=np.float64)
@@ -144,7 +144,7 @@ def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]
 
 
 def _end_normal(normals: np.ndarray, band: int, neighbour: int) -> np.ndarray:
-    """Profile normal at one end of a band, averaged with the neighbour's normal if the profile is smooth there."""
+    """Return the profile normal at one end of a band, averaged with the neighbour's normal if the profile is smooth there."""
     own = normals[band]
     if 0 <= neighbour < len(normals) and own @ normals[neighbour] > np.cos(SMOOTH_RAD):
         own = own + normals[neighbour]
@@ -153,7 +153,7 @@ def _end_normal(normals: np.ndarray, band: int, neighbour: int) -> np.ndarray:
 
 
 def _without_doubles(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh with vertices of equal position and normal merged; rims keep two vertices."""
+    """Merge vertices of equal position and normal; at a sharp rim two vertices remain."""
     key = np.round(np.hstack([mesh.vertices, mesh.vertex_normals]), 9)
     _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
     faces = inverse.reshape(-1)[mesh.faces]

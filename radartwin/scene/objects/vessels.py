@@ -1,4 +1,4 @@
-"""Vessels as smooth parametric meshes: cans with seams, bottles of any oval or flat-sided section, a mug and its handle.
+"""Build vessels as smooth parametric meshes: cans with seams, bottles of any oval or flat-sided section, a mug and its handle.
 
 All meshes stand on z = 0 with their axis on z, are closed, and have outward normals that are smooth except at edges of 30 degrees or more.
 """
@@ -23,7 +23,7 @@ END_M = 0.054  # diameter of a drink can over the seam of its end
 
 
 def straightened(profile_m: Sequence[tuple[float, float]], least_m: float = 0.005, rim_m: float = 0.0003) -> list[tuple[float, float]]:
-    """The profile with an extra point `rim_m` inside both ends of every straight segment of at least `least_m`.
+    """Add profile points at a distance of `rim_m` from both ends of every straight segment that is at least `least_m` long.
 
     Without these points the averaged vertex normals at a bend would make the whole straight facet curved for the tracer.
     """
@@ -37,16 +37,16 @@ def straightened(profile_m: Sequence[tuple[float, float]], least_m: float = 0.00
 
 
 def smoothed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh with vertex normals averaged across edges of less than 30 degrees and doubled vertices along all other edges."""
+    """Average vertex normals across edges of less than 30 degrees, and duplicate the vertices along all other edges."""
     out = trimesh.graph.smooth_shade(mesh, angle=float(SMOOTH_RAD), facet_minarea=None)
     return trimesh.Trimesh(out.vertices, out.faces, vertex_normals=out.vertex_normals, process=False)
 
 
 def food_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
-    """A three-piece can: a straight body between two protruding double seams, with ends recessed by 4 mm.
+    """Build a three-piece can: a straight body between two protruding double seams, with ends recessed by 4 mm.
 
     Args:
-        diameter_m: over the seams, as in can sizes.
+        diameter_m: diameter over the seams, as in can sizes.
     """
     outer, body, rim, deep = diameter_m / 2, diameter_m / 2 - SEAM_M, 0.003, 0.004
     half = [(0, deep), (body - 0.002, deep), (body - 0.001, 0.0005), (body, 0), (outer - 0.0004, 0), (outer, 0.0004), (outer, rim)]
@@ -55,10 +55,10 @@ def food_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
 
 
 def drink_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
-    """A two-piece can: domed base with a standing ring, straight wall, neck, and an end recessed below its seam.
+    """Build a two-piece can: domed base with a standing ring, straight wall, neck, and an end recessed below its seam.
 
     Args:
-        diameter_m: of the wall.
+        diameter_m: diameter of the wall.
     """
     wall, ring, end = diameter_m / 2, 0.024, END_M / 2
     dome = [(float(r), 0.0105 - 0.0095 * float(r / (ring - 0.002)) ** 2) for r in np.linspace(0, ring - 0.002, 9)]
@@ -70,13 +70,13 @@ def drink_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
 
 
 def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray) -> trimesh.Trimesh:
-    """A vessel lofted through superellipses |x/a|^n + |y/b|^n = 1, with monotone cubic interpolation between them.
+    """Build a vessel lofted through superellipses |x/a|^n + |y/b|^n = 1, with monotone cubic interpolation between them.
 
     Args:
         sections_m: (N, 4) rows of height z, half width a along x, half depth b along y, and exponent n (2: an ellipse, 6: flat sides with
             rounded corners), from the bottom upwards; flat ends close the first and the last section.
     Raises:
-        MeshError: fewer than two sections, heights that do not rise, or an invalid width, depth or exponent.
+        MeshError: there are fewer than two sections, heights do not rise, or a width, depth or exponent is invalid.
     """
     sections = np.asarray(sections_m, float)
     if sections.ndim != 2 or sections.shape[1] != 4 or len(sections) < 2 or (np.diff(sections[:, 0]) <= 0).any():
@@ -108,7 +108,7 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray) -
 
 
 def superellipse(a: float, b: float, n: float) -> np.ndarray:
-    """(4 * QUADRANT, 2) points counter-clockwise; their density follows arc length and curvature with equal weight.
+    """Return points (4 * QUADRANT, 2) of a superellipse, counter-clockwise; their density follows arc length and curvature equally.
 
     >>> bool(np.allclose(np.linalg.norm(superellipse(1, 1, 2), axis=1), 1, atol=1e-3))
     True
@@ -129,9 +129,9 @@ def superellipse(a: float, b: float, n: float) -> np.ndarray:
 
 
 def mug(diameter_m: float, height_m: float) -> trimesh.Trimesh:
-    """The outside of a mug: a straight cup with a rounded foot; a lid of the wall's material closes its mouth.
+    """Build the outside of a mug: a straight cup with a rounded foot; a lid of the wall's material closes its mouth.
 
-    The tracer needs closed hollow bodies. A level radar sees the mouth edge-on, so the lid has little effect.
+    The ray tracer needs closed hollow bodies. A level radar sees the mouth edge-on, so the lid has little effect.
     """
     radius = diameter_m / 2
     foot = [(radius - 0.006 + 0.006 * np.sin(t), 0.006 - 0.006 * np.cos(t)) for t in np.linspace(0, np.pi / 2, 7)]
@@ -142,11 +142,12 @@ def mug(diameter_m: float, height_m: float) -> trimesh.Trimesh:
 def handle(
     wall_m: float, low_m: float, high_m: float, reach_m: float, width_m: float = 0.013, depth_m: float = 0.009, gap_m: float = 0.001
 ) -> trimesh.Trimesh:
-    """A bow of elliptic section with flat ends in the xz plane, from (wall, low) out to wall + reach and back to (wall, high).
+    """Build a handle: a bow in the xz plane from (wall_m, low_m) out to wall_m + reach_m and back to (wall_m, high_m), with flat ends.
 
     Args:
-        wall_m: distance of the wall from the axis. gap_m: between the wall and the ends.
-        width_m: of the section along y. depth_m: of the section in the plane of the bow.
+        wall_m: distance of the wall from the axis.
+        gap_m: gap between the wall and the ends of the bow.
+        width_m, depth_m: axes of the elliptic section, along y and in the plane of the bow.
     """
     t = np.linspace(0, np.pi, 33)
     middle, rise = (low_m + high_m) / 2, (high_m - low_m) / 2
@@ -155,7 +156,7 @@ def handle(
 
 
 def swept(path: np.ndarray, width_m: float, depth_m: float, ends: ArrayLike, around: int = 32) -> trimesh.Trimesh:
-    """An elliptic section swept along a path (N, 3) in the xz plane, closed by flat ends with normals along `ends` (3,)."""
+    """Sweep an elliptic section along a path (N, 3) in the xz plane; close it by flat ends with normals along `ends` (3,)."""
     tangent = np.gradient(path, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     tangent[0], tangent[-1] = np.asarray(ends), -np.asarray(ends)

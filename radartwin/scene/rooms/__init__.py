@@ -1,9 +1,9 @@
-"""Procedural rooms with known truth. World frame: origin on the floor, x along the room, y to the left, z up; metres.
+"""Build procedural rooms with known materials. World frame: origin on the floor, x along the room, y to the left, z up; metres.
 
 Walls, floor and ceiling are single-sided rectangles that face into the room. Windows and doors fill openings in their walls, so no two
-surfaces overlap. Furniture consists of closed boxes with a gap of 1 cm to floor and walls, because faces in contact shadow each other at
-the tracer's ray offset (up to 1 mm at 10 m). Every surface has a material, a roughness and a look; its provenance contains the true MINC
-category.
+surfaces overlap. Furniture consists of closed boxes with a gap of 1 cm to floor and walls, because faces in contact shadow each other: the
+ray tracer starts rays up to 1 mm off a face (at 10 m). Every surface has a material, a roughness and a look (a name of `textures`); its
+provenance contains the true MINC category.
 """
 
 from __future__ import annotations
@@ -53,19 +53,19 @@ __all__ = [
     "void",
 ]
 
-ROVER_HEIGHT_M = 0.4  # of the rover's radar above the floor
+ROVER_HEIGHT_M = 0.4  # height of the rover's radar above the floor
 ROVER_DISTANCES_M = (0.5, 1.0, 2.0)
 # Start of the rover (x, y) on the long axis; (1, 0) in all other rooms.
 _STARTS = {"atrium": (2.0, 0.0), "squash_court": (2.0, 0.0)}
 
 
 def empty() -> Scene:
-    """Free space: a scene without surfaces."""
+    """Return free space: a scene without surfaces."""
     return Scene([], {"room": "empty"})
 
 
 def void() -> Scene:
-    """A scene without a room, for an object and its stand only."""
+    """Return a scene without a room, to which only an object and its stand are added."""
     return Scene([], {"room": "void"})
 
 
@@ -73,10 +73,10 @@ ROOMS: dict[str, Callable[..., Scene]] = {"lab": lab, "atrium": atrium, "squash_
 
 
 def room(name: str, **options: Any) -> Scene:
-    """A room by name, e.g. `room("squash_court", back="glass", detail="cluttered")`.
+    """Build a room by name, e.g. `room("squash_court", back="glass", detail="cluttered")`.
 
     Raises:
-        SceneError: no such room, an unknown option, or an invalid value.
+        SceneError: the room or an option is unknown, or a value is invalid.
 
     >>> room("empty").provenance["room"]
     'empty'
@@ -90,9 +90,9 @@ def room(name: str, **options: Any) -> Scene:
 
 
 def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
-    """The start of the rover in a room, looking along +x, with targets on its boresight at ROVER_DISTANCES_M.
+    """Return the sensor pose at the rover's start in a room, looking along +x; targets stand on its boresight at ROVER_DISTANCES_M.
 
-    `lab_bench` is the bench of the lab's turntable, at the same place and another height.
+    `lab_bench` returns the pose for the turntable in the lab, at the same place and another height.
     """
     if name not in ROOMS:
         raise SceneError(f"there is no room {name!r}; choose {', '.join(ROOMS)}")
@@ -101,7 +101,7 @@ def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
 
 
 def support(position: np.ndarray, radius_m: float = 0.15, thickness_m: float = 0.03) -> Scene:
-    """The stand of an object: a turntable disc on a wooden post, with the centre of its top at `position` (3,).
+    """Build the stand of an object: a turntable disc on a wooden post, with the centre of its top at `position` (3,).
 
     The post is round and thin, and the disc is below the object's base, so that no flat face points at the radar.
     """

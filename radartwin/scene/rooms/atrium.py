@@ -1,4 +1,4 @@
-"""A furnished atrium: wood-panelled walls, glass doors, metal fixtures, plasterboard.
+"""Build a furnished atrium: wood-panelled walls, glass doors, metal fixtures, plasterboard.
 
 The paper lists these features (caption of its rover setup, and "a furnished atrium (glass doors, metal fixtures, plasterboard walls)")
 without dimensions; size and furniture are those of an ordinary entrance hall. A strip 2 m wide along the long axis is free for the rover.
@@ -22,16 +22,16 @@ THIN_M = 0.012  # of boards, plates and rugs, see furniture
 
 
 def atrium(size_m: Sequence[float] = (12.0, 9.0, 5.0), detail: Detail = "furnished", skylight: bool = True, seed: int = 0) -> Scene:
-    """An atrium, x in [0, length], y in [-width/2, width/2], z in [0, height]; the glass doors are in the front wall.
+    """Build an atrium, x in [0, length], y in [-width/2, width/2], z in [0, height]; the glass doors are in the front wall.
 
     Args:
         size_m: length, width, height; furniture keeps its size and its place at the walls.
         detail: "shell" (walls, doors, windows, lifts), "furnished" (columns, desk, seats, planters, railing, metal fixtures, lamps) or
             "cluttered" (also the small items of CLUTTER).
         skylight: whether the ceiling has double glazing.
-        seed: of the textures.
+        seed: seed of the textures.
     Raises:
-        SceneError: too small for the furniture, or an unknown detail.
+        SceneError: the room is too small for the furniture, or `detail` is unknown.
     """
     check_detail("atrium", detail)
     length, width, height = check_size("atrium", size_m, (10.0, 8.0, 3.5), (30, 30, 12))

@@ -1,4 +1,4 @@
-"""The laboratory of the turntable and rail experiments.
+"""Build the laboratory of the turntable and rail experiments.
 
 The paper gives no dimensions, so size and furniture are those of an ordinary laboratory. The size is a parameter, and every piece of
 furniture is a named surface that can be left out.
@@ -21,7 +21,7 @@ CLUTTER = ("monitor", "cardboard_box", "waste_bin", "stool_seat", "extinguisher"
 
 
 def lab_bench(height_m: float = 1.0, wall_distance_m: float = 1.0) -> Bench:
-    """The bench of the lab: sensor on the long axis, `wall_distance_m` in front of the back wall, looking along +x.
+    """Return the sensor pose in the lab: on the long axis, `wall_distance_m` in front of the back wall, looking along +x.
 
     In the default room, targets at 0.5 to 2 m are free of clutter; furniture and walls reflect from 2 to 6 m.
     """
@@ -30,15 +30,15 @@ def lab_bench(height_m: float = 1.0, wall_distance_m: float = 1.0) -> Bench:
 
 
 def lab(size_m: Sequence[float] = (6.0, 5.0, 2.8), detail: Detail = "furnished", seed: int = 0) -> Scene:
-    """A laboratory, x in [0, length], y in [-width/2, width/2], z in [0, height].
+    """Build a laboratory, x in [0, length], y in [-width/2, width/2], z in [0, height].
 
     Args:
         size_m: length, width, height; furniture keeps its size and its place at the walls.
         detail: "shell" (walls, floor, ceiling, window, door), "furnished" (tables, cabinet, shelf, radiator) or
             "cluttered" (also the small items of `CLUTTER`).
-        seed: of the textures.
+        seed: seed of the textures.
     Raises:
-        SceneError: too small for the furniture, or an unknown detail.
+        SceneError: the room is too small for the furniture, or `detail` is unknown.
     """
     check_detail("lab", detail)
     length, width, height = check_size("lab", size_m, (5.0, 4.5, 2.4), (20, 20, 8))

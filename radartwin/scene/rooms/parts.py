@@ -1,4 +1,4 @@
-"""Parts of rooms: walls with openings, finishes with their true materials, and the bench of a measurement.
+"""Build the parts of rooms: walls with openings, finishes with their true materials, and the place of sensor and targets (bench).
 
 A finish is the true description of a surface: material, MINC category, roughness class and look. `radartwin.materials.roughness` gives the
 height of each roughness class and its source: painted plaster 0.05 mm, acoustic board 0.3 mm, planed wood 0.03 mm, metal 0.1 mm, concrete
@@ -34,7 +34,7 @@ DOOR_LEAF = Layered([("wood", 0.04)])
 TABLE_TOP = Layered([("chipboard", 0.025)])
 SHELF_BOARD = Layered([("chipboard", 0.018)])
 PANELLED_WALL = Layered([("wood", 0.019), ("air", 0.04), ("plasterboard", 0.0125)])  # veneered boards on battens
-TILED_FLOOR = Layered([("glass", 0.010)], backing="concrete")  # glass is the closest row to porcelain
+TILED_FLOOR = Layered([("glass", 0.010)], backing="concrete")  # glass is the P.2040 material closest to porcelain
 CONCRETE_WALL = Layered([("concrete", 0.20)])
 SPRUNG_FLOOR = Layered([("wood", 0.022), ("air", 0.05)], backing="concrete")  # 22 mm beech on battens
 TOUGHENED_GLASS = Layered([("glass", 0.012)])
@@ -50,8 +50,11 @@ class Finish(NamedTuple):
     """The true description of a surface.
 
     Attributes:
-        material: for the radar. minc: MINC category. roughness: class of `radartwin.materials.roughness`. look: of `textures`.
-        stand_in: whether the material is a substitute, because P.2040 has no row of it.
+        material: material for the radar.
+        minc: MINC category.
+        roughness: class of `radartwin.materials.roughness`.
+        look: appearance, a name of `textures`.
+        stand_in: whether the material is a substitute, because P.2040 has no fit for the real material at 77 GHz.
     """
 
     material: str | Layered
@@ -87,7 +90,7 @@ FINISHES: dict[str, Finish] = {
     "fabric": Finish(CLOTH, "fabric", "fabric", "fabric", stand_in=True),
     "red fabric": Finish(CLOTH, "fabric", "fabric", "red_fabric", stand_in=True),
     "leather": Finish(HIDE, "leather", "leather", "leather", stand_in=True),
-    "carpet": Finish(Layered([("wood", 0.008)]), "carpet", "carpet", "carpet", stand_in=True),  # stand-in of P.2040's carpet tile at 77 GHz
+    "carpet": Finish(Layered([("wood", 0.008)]), "carpet", "carpet", "carpet", stand_in=True),  # P.2040's carpet tile ends at 40 GHz
     "foliage": Finish(LEAF, "foliage", "foliage", "foliage", stand_in=True),
     "brick": Finish("floorboard", "brick", "brick", "brick", stand_in=True),  # P.2040's brick ends at 40 GHz, see materials.itu
     "soil": Finish("concrete", "other", "food", "soil", stand_in=True),
@@ -101,7 +104,7 @@ FINISHES: dict[str, Finish] = {
 
 @dataclass(frozen=True)
 class Bench:
-    """The place of a measurement: the sensor looks level along the room, targets stand on its boresight.
+    """Hold the place of a measurement: the sensor looks horizontally along the room, and targets stand on its boresight.
 
     Attributes:
         sensor_pose: (4, 4) sensor-to-world.
@@ -110,7 +113,7 @@ class Bench:
     sensor_pose: np.ndarray
 
     def target_position(self, distance_m: float) -> np.ndarray:
-        """Point (3,) on the boresight, at the radar's height."""
+        """Return the point (3,) on the boresight at a distance from the radar."""
         return self.sensor_pose[:3, 3] + distance_m * self.sensor_pose[:3, 0]
 
 
@@ -125,13 +128,14 @@ def surface(
     picture: trimesh.Trimesh | None = None,
     seed: int = 0,
 ) -> Surface:
-    """A mesh with the true material, roughness, look and category of a finish.
+    """Build a surface from a mesh and a finish, which defines the true material, roughness, look and MINC category.
 
     Args:
         finish: a key of FINISHES.
-        look: a look that replaces that of the finish. fit: one bitmap over each side.
-        picture: the mesh with its texture, instead of a look.
-        seed: of the bitmap.
+        look: a look that replaces the look of the finish.
+        fit: whether one bitmap is stretched over each side instead of repeated.
+        picture: the mesh with a texture, which replaces the look.
+        seed: seed of the bitmap.
     """
     kind = FINISHES[finish]
     shown = picture if picture is not None else textures.textured(mesh, look or kind.look, seed, fit)
@@ -142,7 +146,7 @@ def surface(
 def room_scene(
     surfaces: Sequence[Surface], room: str, size_m: Sequence[float], detail: Detail, clutter: Sequence[str] = (), **more: object
 ) -> Scene:
-    """The scene of a room, with its parameters in the provenance.
+    """Build the scene of a room, with the room's parameters in the provenance.
 
     Args:
         clutter: names of the small items that a scan may miss; the provenance lists those that are present.
@@ -158,10 +162,10 @@ def check_detail(room: str, detail: str) -> None:
 
 
 def check_size(room: str, size_m: Sequence[float], least: tuple[float, float, float], most: tuple[float, float, float]) -> list[float]:
-    """Length, width and height as floats.
+    """Return length, width and height as floats.
 
     Raises:
-        SceneError: not three numbers, or a number outside its limits.
+        SceneError: `size_m` does not have three numbers, or a number is outside its limits.
     """
     size = [float(v) for v in size_m]
     bounds = f"at least {least[0]} x {least[1]} x {least[2]}, at most {most[0]:g} x {most[1]:g} x {most[2]:g}"
@@ -180,7 +184,7 @@ def rectangle(
     openings: Sequence[Opening] = (),
     inset: Opening | None = None,
 ) -> trimesh.Trimesh:
-    """Single-sided rectangle with rectangular openings and without T-junctions; its normal is along x up.
+    """Build a single-sided rectangle with rectangular openings and without T-junctions. Its normal is the cross product along x up.
 
     Args:
         corner: (3,). along, up: (3,) unit vectors. size: metres along both.
@@ -206,7 +210,7 @@ def rectangle(
 
 @dataclass(frozen=True)
 class Shell:
-    """The six sides of a box x in [0, length], y in [-width/2, width/2], z in [0, height], each facing inwards.
+    """Hold the six sides of a box, x in [0, length], y in [-width/2, width/2], z in [0, height], each facing inwards.
 
     `side(name)` returns corner, along, up and size of: floor and ceiling (from the corner at the back), wall_front (x = length),
     wall_back (x = 0), wall_left (y > 0), wall_right (y < 0).
@@ -230,9 +234,9 @@ class Shell:
         return np.array(corner, float), along, up, size
 
     def wall(self, name: str, openings: Sequence[Opening] = ()) -> trimesh.Trimesh:
-        """One side without its openings."""
+        """Build one side with openings."""
         return rectangle(*self.side(name), openings=openings)
 
     def filling(self, name: str, inset: Opening, openings: Sequence[Opening] = ()) -> trimesh.Trimesh:
-        """A rectangle that fills an opening of a side, with openings of its own."""
+        """Build a rectangle that fills an opening `inset` of a side and may itself have openings."""
         return rectangle(*self.side(name), openings=openings, inset=inset)

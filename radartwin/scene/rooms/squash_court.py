@@ -1,4 +1,4 @@
-"""An enclosed squash court: painted concrete walls, a wood floor, a metal tin.
+"""Build an enclosed squash court: painted concrete walls, a wood floor, a metal tin (the sheet at the foot of the front wall).
 
 Ref: World Squash Federation, court specifications (singles): 9.75 x 6.40 m, clear height 5.64 m, lines 50 mm wide; lower edges of the front
 wall line at 4.57 m and of the service line at 1.78 m, top of the tin at 0.48 m with its upper 50 mm as a line; the side wall lines fall
@@ -35,7 +35,7 @@ Back = Literal["solid", "glass"]
 def squash_court(
     size_m: Sequence[float] = SIZE_M, detail: Detail = "furnished", back: Back = "solid", lines: bool = True, seed: int = 0
 ) -> Scene:
-    """A court, x in [0, length] towards the front wall, y in [-width/2, width/2], z in [0, height].
+    """Build a court, x in [0, length] towards the front wall, y in [-width/2, width/2], z in [0, height].
 
     Args:
         size_m: length, width, height; by default those of the regulations.
@@ -43,9 +43,9 @@ def squash_court(
             "cluttered" (also the small items of CLUTTER).
         back: the back wall below 2.13 m: "solid" with a wooden door, or 12 mm "glass" with a glass door in a metal frame.
         lines: whether the court has painted markings.
-        seed: of the textures.
+        seed: seed of the textures.
     Raises:
-        SceneError: an unknown detail or back, or a size outside the limits.
+        SceneError: `detail` or `back` is unknown, or the size is outside the limits.
     """
     check_detail("squash_court", detail)
     if back not in ("solid", "glass"):
