@@ -1,4 +1,4 @@
-"""Patterns of surfaces as arrays: grain, joints, weave, mottling. Each pattern repeats without a seam.
+"""Draw patterns of surfaces as arrays: grain, joints, weave, mottling. Each pattern repeats without a seam.
 
 Every pattern takes (rng, (h, w), metres per pixel, colours (K, 3) in 0..1) and returns (h, w, 3) in 0..1, row 0 at the top.
 """
@@ -11,15 +11,16 @@ Shape = tuple[int, int]
 
 
 def rgb(value: int) -> tuple[float, float, float]:
-    """0xRRGGBB as three floats in 0..1."""
+    """Convert 0xRRGGBB to three floats in 0..1."""
     return ((value >> 16) / 255, (value >> 8 & 255) / 255, (value & 255) / 255)
 
 
 def noise(rng: np.random.Generator, shape: Shape, across_px: float, along_px: float | None = None) -> np.ndarray:
-    """Periodic Gaussian noise of unit standard deviation, (h, w).
+    """Draw periodic Gaussian noise of unit standard deviation, (h, w).
 
     Args:
-        across_px: correlation length along a row. along_px: down a column; `across_px` by default.
+        across_px: correlation length along a row, pixels.
+        along_px: correlation length along a column, pixels; `across_px` by default.
     """
     rows, columns = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])[None]
     along_px = across_px if along_px is None else along_px
@@ -29,23 +30,23 @@ def noise(rng: np.random.Generator, shape: Shape, across_px: float, along_px: fl
 
 
 def mixed(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """(h, w, 3) mix of two colours with the share (h, w) of the second."""
+    """Mix two colours to (h, w, 3); `share` (h, w) is the weight of the second colour."""
     share = np.clip(share, 0, 1)[..., None]
     return first * (1 - share) + second * share
 
 
 def shaded(colour: np.ndarray, tone: np.ndarray) -> np.ndarray:
-    """(h, w, 3): a colour or a picture, brightened by the factor 1 + tone (h, w)."""
+    """Multiply a colour or a picture by the brightness factor 1 + tone (h, w); returns (h, w, 3)."""
     return colour * (1 + tone[..., None])
 
 
 def grid(shape: Shape, pixel_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Metres to the right (1, w) and down (h, 1) of each pixel's centre."""
+    """Return the position of each pixel's centre in metres: to the right (1, w), and down (h, 1)."""
     return (np.arange(shape[1])[None] + 0.5) * pixel_m, (np.arange(shape[0])[:, None] + 0.5) * pixel_m
 
 
 def joints(position_m: np.ndarray, pitch_m: float, width_m: float) -> np.ndarray:
-    """Whether a position lies in a joint; joints lie at the multiples of the pitch."""
+    """Return whether each position lies in a joint; joints lie at the multiples of the pitch."""
     return (position_m + width_m / 2) % pitch_m < width_m
 
 
@@ -110,7 +111,7 @@ def painted_concrete(rng: np.random.Generator, shape: Shape, pixel_m: float, col
 
 
 def brick(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Running bond, courses of 75 mm and stretchers of 225 mm with 10 mm of mortar."""
+    """Brick wall in running bond: rows of 75 mm, bricks of 225 mm, both including 10 mm of mortar."""
     right, down = grid(shape, pixel_m)
     course = (down / 0.075).astype(int)
     shifted = right + 0.1125 * (course % 2)

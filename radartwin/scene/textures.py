@@ -1,8 +1,8 @@
-"""Appearance of surfaces: procedural bitmaps by name, and meshes textured with them at true size.
+"""Define the appearance of surfaces: procedural bitmaps by name, and meshes with these bitmaps at true size.
 
-A `Look` is a pattern with its colours and the size in metres of its bitmap, which repeats without a seam. Texture coordinates are
-the metres on the surface over that size; each face is projected onto the side of a box that it faces. The same name and seed give the
-same pixels.
+A `Look` is a pattern with its colours and the size of its bitmap in metres. The bitmap repeats without a seam. Each face is projected onto
+the side of a box that it faces; texture coordinates are metres on that side divided by the size of the bitmap. The same name and seed give
+the same pixels.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from radartwin.scene import patterns
 if TYPE_CHECKING:
     from trimesh.visual.material import PBRMaterial
 
-PIXEL_M = 0.004  # default pixel size; a phone's colour pixel at 4 m is 3 mm
+PIXEL_M = 0.004  # default pixel size; a pixel of a phone's camera covers 3 mm at 4 m
 
 
 class Look(NamedTuple):
-    """A pattern with its colours.
+    """Describe a pattern with its colours.
 
     Attributes:
         draw: (rng, (h, w), metres per pixel, colours) -> (h, w, 3) floats in 0..1.
@@ -33,8 +33,9 @@ class Look(NamedTuple):
         width_m, height_m: size of the bitmap, which is the period of the pattern.
         metallic: metallic factor of the rendered material.
         pixel_m: metres per pixel.
-        fits: the bitmap is stretched over one side of an object: screens, posters.
-        wraps: the bitmap is a label, stretched over the height of a can and repeated around its axis; the ends get its bottom row.
+        fits: whether the bitmap is stretched over one side of an object, as for screens and posters.
+        wraps: whether the bitmap is a label, stretched over the height of a can and repeated around its axis; the can's ends have the
+            colours of the bitmap's bottom row.
     """
 
     draw: Callable[[np.random.Generator, tuple[int, int], float, np.ndarray], np.ndarray]
@@ -92,10 +93,10 @@ LOOKS: dict[str, Look] = {
 
 @lru_cache(maxsize=128)
 def bitmap(name: str, seed: int = 0) -> np.ndarray:
-    """(h, w, 3) uint8 bitmap of a look, read-only, row 0 at the top.
+    """Draw the bitmap of a look: (h, w, 3) uint8, read-only, row 0 at the top.
 
     Raises:
-        SceneError: no such look.
+        SceneError: the look does not exist.
     """
     look = _look(name)
     shape = (round(look.height_m / look.pixel_m), round(look.width_m / look.pixel_m))
@@ -108,14 +109,14 @@ def bitmap(name: str, seed: int = 0) -> np.ndarray:
 
 
 def textured(mesh: trimesh.Trimesh, name: str, seed: int = 0, fit: bool = False) -> trimesh.Trimesh:
-    """A copy of a mesh with the texture of a look.
+    """Return a copy of a mesh with the texture of a look.
 
-    Vertices are doubled only where their faces are projected onto different sides of a box; faces keep their order and winding.
+    Vertices are duplicated only where their faces are projected onto different sides of a box. Faces keep their order and winding.
 
     Args:
-        fit: stretch one bitmap over each side of the mesh instead of repeating it: screens, posters.
+        fit: whether one bitmap is stretched over each side of the mesh instead of repeated, as for screens and posters.
     Raises:
-        SceneError: no such look.
+        SceneError: the look does not exist.
     """
     look = _look(name)
     if look.wraps:
@@ -130,11 +131,12 @@ def _look(name: str) -> Look:
 
 
 def with_image(mesh: trimesh.Trimesh, image: np.ndarray, corner: np.ndarray, along: np.ndarray, up: np.ndarray) -> trimesh.Trimesh:
-    """A copy of a flat mesh covered by one picture.
+    """Return a copy of a flat mesh covered by one picture.
 
     Args:
         image: (h, w, 3) uint8, row 0 at the top.
-        corner: (3,) position of the picture's lower left corner. along, up: (3,) its edges, in metres.
+        corner: (3,) position of the picture's lower left corner.
+        along, up: (3,) vectors along the picture's lower and left edge, as long as the edges, in metres.
     """
     offset = np.asarray(mesh.vertices) - corner
     uv = np.stack([offset @ along / (along @ along), offset @ up / (up @ up)], axis=1)
@@ -142,12 +144,12 @@ def with_image(mesh: trimesh.Trimesh, image: np.ndarray, corner: np.ndarray, alo
 
 
 def picture(canvas: np.ndarray) -> np.ndarray:
-    """(h, w, 3) floats in 0..1 as uint8, for `with_image`."""
+    """Convert (h, w, 3) floats in 0..1 to uint8, for `with_image`."""
     return np.rint(255 * np.clip(canvas, 0, 1)).astype(np.uint8)
 
 
 def tiled(name: str, size_m: tuple[float, float], pixel_m: float, seed: int = 0) -> np.ndarray:
-    """(h, w, 3) floats in 0..1: a look repeated over a rectangle (width, height)."""
+    """Repeat a look over a rectangle (width, height); returns (h, w, 3) floats in 0..1."""
     look, tile = LOOKS[name], bitmap(name, seed)
     columns = ((np.arange(round(size_m[0] / pixel_m)) + 0.5) * pixel_m % look.width_m / look.width_m * tile.shape[1]).astype(int)
     rows = ((np.arange(round(size_m[1] / pixel_m)) + 0.5) * pixel_m % look.height_m / look.height_m * tile.shape[0]).astype(int)
@@ -173,14 +175,14 @@ def _box_projected(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[f
         uv[mirrored, 0] = 1 - uv[mirrored, 0]
     else:
         uv = flat / size_m
-    if len(key) == len(vertices):  # no vertex is doubled: keep the order
+    if len(key) == len(vertices):  # no vertex is duplicated, so the vertices keep their order
         order = np.argsort(vertex)
         return _textured(vertices, faces, normals, uv[order], material)
     return _textured(points, index.reshape(-1, 3), normals[vertex], uv, material)
 
 
 def _with_label(mesh: trimesh.Trimesh, material: PBRMaterial, width_m: float) -> trimesh.Trimesh:
-    """A body around z with a label; vertices are doubled along the label's seam and at the rims of the ends."""
+    """Put a label around a body of revolution about z. Vertices are duplicated along the label's seam and at the rims of the ends."""
     faces, vertices, normals = np.asarray(mesh.faces), np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
     low, high = np.asarray(mesh.bounds)
     repeats = max(1, round(np.pi * float((high - low)[:2].max()) / width_m))

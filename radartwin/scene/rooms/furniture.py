@@ -1,8 +1,8 @@
-"""Furniture of closed boxes with outward normals and gaps of a few millimetres between the parts.
+"""Build furniture of closed boxes with outward normals and gaps of a few millimetres between the parts.
 
-Faces in contact shadow each other at the tracer's ray offset (up to 1 mm at 10 m), so no parts touch: legs end 5 mm below a top, and all
-furniture stands `GAP` off floor and walls. No part is thinner than 12 mm, because the tracer does not treat faces narrower than 10 mm as
-panels and would trace the whole surface with wavelength-scale tubes.
+No parts touch, because the ray tracer starts rays up to 1 mm off a face (at 10 m), so that faces in contact would shadow each other. Legs
+end 5 mm below a top, and all furniture stands `GAP` off floor and walls. No part is thinner than 12 mm, because the tracer does not treat
+faces narrower than 10 mm as panels and would trace the whole surface with wavelength-scale tubes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def table(
     legs: str = "dark metal",
     seed: int = 0,
 ) -> list[Surface]:
-    """A top of `size` (x, y) with its corner of least x and y at `corner`, and four square metal legs that end GAP above `floor`."""
+    """Build a table top of `size` (x, y), with its corner of smallest x and y at `corner`, on metal legs that end GAP above `floor`."""
     (x, y), (depth, width) = corner, size
     board = objects.box([x, y, height - 0.025], [x + depth, y + width, height])
     side, inset = 0.04, 0.03
@@ -43,7 +43,7 @@ def table(
 
 
 def shelf(x: float, y: float, depth: float, width: float, height: float = 1.8, boards: int = 5) -> trimesh.Trimesh:
-    """An open shelf along y: two sides with evenly spaced boards between them."""
+    """Build an open shelf along y: two sides with evenly spaced boards between them."""
     t, gap = 0.018, JOINT
     parts = [objects.box([x, v, GAP], [x + depth, v + t, height]) for v in (y, y + width - t)]
     for z in np.linspace(0.08, height - t, boards):
@@ -52,7 +52,7 @@ def shelf(x: float, y: float, depth: float, width: float, height: float = 1.8, b
 
 
 def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, finish: str = "fabric", seed: int = 0) -> list[Surface]:
-    """A sofa or armchair on metal feet, within the rectangle low (x, y) to high (x, y).
+    """Build a sofa or armchair on metal feet, within the rectangle from `low` (x, y) to `high` (x, y).
 
     Args:
         back: side of the backrest: "-x", "+x", "-y" or "+y".
@@ -63,7 +63,7 @@ def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, fini
     arm, depth, seat, top, rest = 0.16, 0.2, 0.42, 0.62, 0.82
 
     def part(span: tuple[float, float], run: tuple[float, float], z: tuple[float, float]) -> trimesh.Trimesh:
-        """A box: `span` along the backrest, `run` from the front to the back, both measured from the low side."""
+        """Build a box: `span` along the backrest, `run` perpendicular to it; both are measured from the side of smaller x or y."""
         a, b = np.zeros(2), np.zeros(2)
         a[across], b[across] = span
         a[axis], b[axis] = run if sign > 0 else (size[axis] - run[1], size[axis] - run[0])
@@ -88,7 +88,7 @@ def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, fini
 
 
 def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.5, tall: float = 1.1, seed: int = 0) -> list[Surface]:
-    """A brick box with soil and a shrub, centred at (x, y)."""
+    """Build a brick box with soil and a shrub, centred at (x, y)."""
     h, t = side / 2, 0.06
     walls = [
         objects.box([x - h, y - h, GAP], [x - h + t, y + h, height]),
@@ -105,7 +105,7 @@ def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.
 
 
 def shrub(base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
-    """A shrub on its base (3,), clipped to an eight-sided body that is widest at a third of its height.
+    """Build a shrub with its base at `base` (3,), an eight-sided body that is widest at a third of its height.
 
     All edges have angles of 30 degrees or more, so the tracer treats its faces as panels, like all furniture.
     """
@@ -118,7 +118,7 @@ def shrub(base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
 
 
 def railing(low: Sequence[float], high: Sequence[float], height: float = 1.0, posts: int = 5) -> trimesh.Trimesh:
-    """A metal railing along x or y from `low` to `high` (x, y): 40 mm posts, five bars between two posts, and a handrail."""
+    """Build a metal railing along x or y from `low` to `high` (x, y): 40 mm posts, five bars between two posts, and a handrail."""
     axis = int(np.argmax(np.subtract(high, low)))
     across = 1 - axis
     places = np.linspace(low[axis] + 0.02, high[axis] - 0.02, posts)

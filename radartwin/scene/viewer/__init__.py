@@ -1,1 +1,1 @@
-"""A scene as a standalone 3D page."""
+"""Show a scene as a standalone 3D web page."""

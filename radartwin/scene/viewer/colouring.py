@@ -1,4 +1,4 @@
-"""Colours of surfaces by material, segment and reflectivity, and the label of a material."""
+"""Choose colours of surfaces by material, segment and reflectivity, and write the label of a material."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ UNKNOWN: RGB = (216, 27, 160)  # a colour outside the scale
 
 
 def material_label(material: str | Layered) -> str:
-    """`concrete`, or `floorboard 8 mm on concrete`, or `glass 4 mm | air 16 mm | glass 4 mm`."""
+    """Return the label of a material, such as `concrete`, `floorboard 8 mm on concrete` or `glass 4 mm | air 16 mm | glass 4 mm`."""
     if isinstance(material, str):
         return material
     stack = " | ".join(f"{name} {1000 * thickness:.4g} mm" for name, thickness in material.layers)
@@ -49,14 +49,14 @@ def material_label(material: str | Layered) -> str:
 
 
 def outer(material: str | Layered) -> str:
-    """The name of the outermost material."""
+    """Return the name of the outermost material."""
     if isinstance(material, str):
         return material
     return material.layers[0][0] if material.layers else material.backing
 
 
 def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
-    """A colour for every distinct label, in the order of labels; stacks with the same outer layer differ in lightness."""
+    """Choose a colour for every distinct label, in the order of labels; stacks with the same outer layer differ in lightness."""
     outermost = {material_label(m): outer(m) for m in materials}
     used: Counter[str] = Counter()
     colours = {}
@@ -68,7 +68,7 @@ def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
 
 
 def segment_colours(areas: Sequence[float]) -> list[RGB]:
-    """Colours by rank of area; hues differ by the golden angle, so that large neighbouring segments have distinct colours."""
+    """Choose a colour for each segment by its rank in area. Hues differ by the golden angle, so that large segments look distinct."""
     colours: list[RGB] = [(0, 0, 0)] * len(areas)
     for rank, index in enumerate(np.argsort(-np.asarray(areas), kind="stable")):
         hue = (0.58 + rank * 0.61803398875) % 1
@@ -79,7 +79,7 @@ def segment_colours(areas: Sequence[float]) -> list[RGB]:
 
 @lru_cache(maxsize=4096)
 def reflection_db(material: str | Layered, roughness_m: float = 0.0) -> float | None:
-    """Reflected power at normal incidence, dB, mean over the 77 to 81 GHz band; None for a material without values there.
+    """Compute the reflected power at normal incidence in dB, averaged over 77 to 81 GHz; None for a material without values there.
 
     >>> round(reflection_db("metal"), 1), round(reflection_db("concrete"), 1)
     (-0.0, -8.1)
@@ -94,14 +94,14 @@ def reflection_db(material: str | Layered, roughness_m: float = 0.0) -> float | 
 
 
 def ramp(count: int = 33) -> list[RGB]:
-    """Colours from LOW_DB to 0 dB, dark to light (viridis)."""
+    """Return the colours of the scale from LOW_DB to 0 dB, dark to light (viridis)."""
     from matplotlib import colormaps
 
     return [(int(r), int(g), int(b)) for r, g, b in np.round(255 * colormaps["viridis"](np.linspace(0, 1, count))[:, :3])]
 
 
 def reflectivity_colour(level_db: float | None, stops: Sequence[RGB]) -> RGB:
-    """The colour of a level on the ramp, clipped at its ends; UNKNOWN for None."""
+    """Return the colour of a level on the scale, clipped at its ends; UNKNOWN if the level is None."""
     if level_db is None:
         return UNKNOWN
     at = float(np.clip(1 - level_db / LOW_DB, 0, 1)) * (len(stops) - 1)

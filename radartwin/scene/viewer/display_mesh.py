@@ -1,4 +1,4 @@
-"""Meshes for display: thinning of large scenes, vertex colours, pictures of textures, and the planes of walls."""
+"""Prepare meshes for display: thin large scenes, and find vertex colours, pictures of textures and the planes of walls."""
 
 from __future__ import annotations
 
@@ -24,7 +24,11 @@ NO_COLOUR = np.array([0, 0, 0, 0], dtype=np.uint8)  # alpha 0 means: no scan col
 
 
 def thinned(meshes: Sequence[trimesh.Trimesh], limit: int = MAX_FACES) -> tuple[list[trimesh.Trimesh], float]:
-    """The meshes with at most about `limit` faces in all, and the cell size of the thinning in metres, 0 without thinning.
+    """Thin the meshes to at most about `limit` faces in total.
+
+    Returns:
+        meshes: the thinned meshes.
+        cell: cell size of the thinning in metres; 0 without thinning.
 
     All vertices in one cell of a grid become their mean (Rossignac and Borrel 1993). The grid covers the whole scene, so that
     neighbouring surfaces stay connected. Meshes of fewer than 1000 faces are not thinned.
@@ -63,7 +67,7 @@ def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
 
 
 def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """(V, 4) uint8 colours of the vertices, sampled from a texture if the mesh has one; None without colours."""
+    """Return the colours of the vertices, (V, 4) uint8, sampled from the texture if the mesh has a texture; None without colours."""
     visual = mesh.visual
     if visual is None or not visual.defined:
         return None
@@ -76,9 +80,11 @@ def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
 
 
 def pictures(meshes: Sequence[trimesh.Trimesh]) -> tuple[list[bytes], np.ndarray]:
-    """The different textures of the meshes as JPEG, and for every vertex (V, 3) its u, v (downwards) and number of the picture.
+    """Collect the textures of the meshes.
 
-    The number is -1 for a vertex without a picture.
+    Returns:
+        pictures: the different textures as JPEG.
+        coordinates: (V, 3), for every vertex u, v (downwards) and the number of its picture; -1 for a vertex without a picture.
     """
     numbers: dict[bytes, int] = {}
     coordinates = []
@@ -95,7 +101,7 @@ def pictures(meshes: Sequence[trimesh.Trimesh]) -> tuple[list[bytes], np.ndarray
 
 
 def hatched(image: Image) -> Image:
-    """The picture without alpha; its transparent, unscanned areas are hatched in greys."""
+    """Replace the transparent areas of a picture, which were not scanned, by grey hatching."""
     from PIL import Image as pillow
 
     if not image.mode.endswith("A"):
@@ -108,13 +114,13 @@ def hatched(image: Image) -> Image:
 
 
 def texture(mesh: trimesh.Trimesh) -> Image | None:
-    """The picture of the mesh's texture, or None."""
+    """Return the picture of the mesh's texture, or None."""
     material = getattr(mesh.visual, "material", None)
     return getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
 
 
 def wall_planes(surfaces: Sequence[Surface]) -> list[dict[str, list[float]] | None]:
-    """For every surface that bounds the room its plane {"point", "normal"} with the normal into the room; None for the others.
+    """Return for every surface that bounds the room its plane {"point", "normal"}, with the normal into the room; None for others.
 
     A surface bounds the room if it is flat and the rest of the room lies on one side of it. Its winding does not matter.
     """

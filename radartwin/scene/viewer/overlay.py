@@ -1,4 +1,4 @@
-"""Lines and labels over a scene: a grid on the floor, the axes, the radar's track and its field of view."""
+"""Draw lines and labels over a scene: a grid on the floor, the axes, the radar's track and its field of view."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MAX_TICKS = 25  # boresights along the track
 
 
 class Overlay:
-    """Lines and labels of a scene and an optional track.
+    """Collect the lines and labels of a scene and an optional track.
 
     Args:
         poses: (F, 4, 4) sensor-to-world, or None.

@@ -1,4 +1,4 @@
-"""A scene as one HTML page that shows the material of every surface. The page needs no server and no network.
+"""Write a scene as one HTML page that shows the material of every surface. The page needs no server and no network.
 
 This module computes the contents; the scripts in `assets` draw them with WebGL 2. docs/decisions/012-own-or-library.md compares plotly.
 """
@@ -42,10 +42,10 @@ def view(
     by: str = "material",
     max_faces: int = MAX_FACES,
 ) -> Path:
-    """Write the page.
+    """Write a scene as an HTML page.
 
     Args:
-        path: of the .html file.
+        path: path of the .html file.
         poses: (F, 4, 4) or (4, 4) sensor-to-world, drawn as a track with boresights; none by default.
         title: heading of the page; by default the room or source in the scene's provenance.
         by: first colouring: material, segment, reflectivity or colour (of the scan); the page can switch to the others.
@@ -53,8 +53,8 @@ def view(
     Returns:
         The path.
     Raises:
-        SceneError: no surfaces, an unknown colouring, or by="colour" without scan colours.
-        PoseError: poses that are not (F, 4, 4).
+        SceneError: the scene has no surfaces, `by` is unknown, or by="colour" and the scene has no scan colours.
+        PoseError: the poses are not (F, 4, 4).
         OutputError: the page cannot be written.
     """
     return write_atomically(Path(path), _page(*describe(scene, poses, title, by, max_faces)))
