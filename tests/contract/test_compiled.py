@@ -1,4 +1,4 @@
-"""Machine code that is compiled now and the same code read from the cache give the same bytes."""
+"""Newly compiled machine code and the same code read from the cache give the same bytes."""
 
 import os
 import subprocess
@@ -20,7 +20,7 @@ print(hashlib.sha256(rt.simulate(rooms.room("lab", detail="shell"), radar, pose[
 
 @pytest.mark.slow
 def test_compiled_now_and_read_from_the_cache_are_the_same(tmp_path):
-    """Fused products and sums were not: the last bits of a room's images depended on which process compiled."""
+    """With fused multiply-add this failed: the last bits of a room's mirror images depended on which process had compiled the code."""
 
     def digest() -> str:
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

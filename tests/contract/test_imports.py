@@ -1,4 +1,4 @@
-"""The import contracts in pyproject.toml hold: one direction of data flow, no circles, one owner of MLflow."""
+"""The import contracts in pyproject.toml hold: one direction of data flow, no import cycles, one package that imports MLflow."""
 
 from __future__ import annotations
 

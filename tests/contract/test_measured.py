@@ -1,4 +1,4 @@
-"""The interface of a recording set to experiments, on a simulated set, and the features of its recordings."""
+"""Experiments read a recording set through its interface, and compute features of its recordings. The set is simulated."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def reflector() -> Scene:
 
 
 def record(distance_m: float, late: int) -> np.ndarray:
-    """IQ of a trihedral that turns once in FRAMES frames and starts `late` frames late."""
+    """Simulate IQ of a trihedral that rotates once in FRAMES frames and starts `late` frames late."""
     start = np.pi - 2 * np.pi * late / FRAMES
     turning = trajectory.turntable([distance_m, 0.0, 0.0], FRAMES, RADAR.frame_rate_hz, FRAMES / RADAR.frame_rate_hz, start)
     return simulate(reflector(), RADAR, np.eye(4), motion={"target": turning}, noise=True, seed=late).iq
@@ -43,7 +43,7 @@ def record(distance_m: float, late: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A trihedral on a turntable at two distances, recorded twice; the second recording starts six frames late."""
+    """Write a set of a trihedral on a turntable, recorded twice at each of two distances; each second recording starts six frames late."""
     from radartwin.radar.recording import Recording
 
     made = RecordingSet.create(tmp_path_factory.mktemp("measured") / "set", CARD)

@@ -19,7 +19,7 @@ from radartwin.simulation.backends.sionna import is_installed
 from radartwin.simulation.simulate import trace_paths
 from radartwin.store.digest import import_closure, semantic, spec_digest
 
-# What Sionna cannot return is warned of; tests/contract/test_sionna.py asks for the warnings.
+# The simulator warns of paths that Sionna cannot find; tests/contract/test_sionna.py tests the warnings.
 pytestmark = pytest.mark.filterwarnings("ignore:sionna:UserWarning")
 RADAR = rt.Radar.iwr1843(element="isotropic")
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -35,7 +35,7 @@ CASES = {
     "sionna": {},
     "sionna apart": {"separation_m": 0.03},
 }
-# Level of a 5 cm metal sphere at 2 m less that of pi r^2, dB, and how far it may lie from it: what is right is 0.
+# Level error in dB of a 5 cm metal sphere at 2 m, relative to an RCS of pi r^2, as (expected error, tolerance). An exact simulator has 0.
 SPHERE_ERROR_DB = {
     "mitsuba": (0.2, 0.5),  # at 2 m the mirror point is 5 cm nearer than the centre, and waves bend along with the sphere
     "rfgenesis shipped": (-21.9, 1.0),
@@ -43,11 +43,12 @@ SPHERE_ERROR_DB = {
     "rfgenesis corrected": (11.4, 1.0),
     "points": (0.0, 0.3),
     "points sphere": (0.0, 0.1),
-    "points box": (0.4, 0.1),  # its faces are nearer than its centre
-    "sionna": (-np.inf, 0.0),  # no facet of the ball has its mirror point
+    "points box": (0.4, 0.1),  # the faces of the bounding box are nearer than its centre
+    "sionna": (-np.inf, 0.0),  # no facet of the ball has a mirror point, so there is no path
     "sionna apart": (-np.inf, 0.0),
 }
-# Speed read of 0.2 m/s: the shipped chirps lie 6.25 ms apart where the radar's lie 128 us apart, and the 9.77 m/s this reads as folds.
+# Measured speed of a target at 0.2 m/s. RF-Genesis as shipped spaces chirps by 6.25 ms instead of 128 us, so the speed becomes 9.77 m/s,
+# which Doppler folding turns into -5.11 m/s.
 SPEED_READ = {"rfgenesis shipped": -5.11, "rfgenesis columns": -5.11}
 
 
@@ -80,7 +81,7 @@ def ball(radius=0.05):
 
 
 def seen(case, azimuth):
-    """A target that every simulator sees: the ball, or for Sionna, which sees flat things alone, a plate turned to the sensor."""
+    """Return a target that the simulator can see: the ball, or for Sionna, which sees only flat surfaces, a plate that faces the sensor."""
     if not case.startswith("sionna"):
         return ball()
     turned = trajectory.pose([0, 0, 0]) @ trimesh.transformations.rotation_matrix(azimuth, [0, 0, 1])
@@ -227,7 +228,7 @@ def test_processes_give_equal_bytes(name):
 
 
 def broken(kind: str) -> trimesh.Trimesh:
-    """Meshes that are wrong in one way each, about 1 m ahead."""
+    """Return a mesh with one kind of defect, about 1 m in front of the radar."""
     if kind == "zero-area faces":
         corners = [[1, -0.2, -0.2], [1, 0.2, -0.2], [1, 0.2, 0.2], [1, -0.2, 0.2], [1, 0.1, -0.2]]
         return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3], [0, 1, 4]], process=False)
@@ -249,7 +250,7 @@ def test_broken_meshes_stay_finite(simulator, kind):
         iq = rt.simulate(rt.Scene([rt.Surface(broken(kind), "metal", "m", role=role)]), RADAR, HERE, simulator=simulator).iq
         assert np.isfinite(iq).all()
         if kind == "1 cm from a wall" and role == "object" and simulator.name == "points":
-            assert np.abs(iq).max() > 1  # a far-field cross-section knows no near field, and returns more than was sent
+            assert np.abs(iq).max() > 1  # a far-field cross-section is invalid in the near field, and returns more than was sent
         else:
             assert np.abs(iq).max() < 1
 

@@ -1,4 +1,4 @@
-"""Sionna RT as a simulator: exact over walls, warnings about objects, and always in another process."""
+"""Sionna RT as a simulator is exact for walls, warns about objects, and always runs in another process."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def mirror_db(distance_m: float) -> float:
 
 
 def told(scene: rt.Scene, **settings: object) -> tuple[list[Paths], list[str]]:
-    """Paths from the origin, and what was warned of."""
+    """Return the paths from the origin, and the warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         parts = backend("sionna", **settings).paths(scene, RADAR, HERE)
@@ -149,8 +149,8 @@ def test_rates_match_length_differences():
         same = near.argmin()
         if (after.bounces[same] == before.bounces[i]) and np.abs(after.arrival[same] - before.arrival[i]).max() < 0.01:
             checked += abs(before.rate_mps[i]) > 1e-3
-            assert near[same] < 2e-5  # the second-order change of a frame
-    assert checked >= 2  # the wall by the sensor, the plate by both
+            assert near[same] < 2e-5  # second-order change of the path length within a frame
+    assert checked >= 2  # the wall path changes by the sensor's motion, the plate path by both motions
 
 
 @needs_sionna
@@ -218,7 +218,7 @@ def test_scattering_coefficient_matches_the_roughness_loss():
 @needs_sionna
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
 def test_moving_plate_hides_the_wall_behind_it():
-    """A plate slides in front of a wall: then the wall's path is gone."""
+    """When a plate slides in front of a wall, the path to the wall disappears."""
     wall = rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", role="room")
     plate = rt.Surface(objects.plate(0.5, 0.5), "metal", "plate")
     course = np.array([at(2.0, 1.0), at(2.0, 0.01)])

@@ -1,4 +1,4 @@
-"""Headless Chromium driven through the DevTools protocol over a pipe: no driver program, no port, no package."""
+"""Control headless Chromium by the DevTools protocol over a pipe, without driver program, port or package."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ OPTIONS = (
 
 
 def find() -> str | None:
-    """The browser's path, or None where none is installed."""
+    """Return the browser's path, or None if no browser is installed."""
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
 class Page:
-    """One tab. `messages` collects what the console and uncaught errors say."""
+    """One tab. `messages` collects console messages and uncaught errors."""
 
     def __init__(self, send: int, receive: int) -> None:
         self._send, self._receive, self._buffer = send, receive, b""
@@ -45,7 +45,7 @@ class Page:
             self.call(f"{domain}.enable")
 
     def call(self, method: str, **parameters: Any) -> Any:
-        """One command and its answer; console messages that come in between are kept."""
+        """Send one command and return its answer; store console messages that arrive before the answer."""
         number = next(self._ids)
         command: dict[str, Any] = {"id": number, "method": method, "params": parameters}
         if self._session:
@@ -81,13 +81,13 @@ class Page:
             self.messages.append(f"network: {parameters['request']['url'][:100]}")
 
     def run(self, expression: str) -> Any:
-        """The value of a JavaScript expression."""
+        """Evaluate a JavaScript expression."""
         answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
     def open(self, path: Path, width: int = 1280, height: int = 800, fragment: str = "") -> None:
-        """Load a file and wait until the page says that it has drawn."""
+        """Load a file and wait until the page reports that it is drawn."""
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         self.call("Page.navigate", url=path.resolve().as_uri() + fragment)
         self.until("document.body !== null && (document.body.dataset.ready === 'yes' || document.querySelector('.failure') !== null)")
@@ -99,14 +99,14 @@ class Page:
             time.sleep(0.05)
 
     def click(self, selector: str) -> None:
-        """A real click in the middle of an element that has come to rest and that nothing covers, and two frames for the page to draw."""
+        """Click in the middle of an element that no longer moves and is not covered; then wait two frames for the page to draw."""
         x, y = self._at_rest(selector)
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
         self.settle()
 
     def _at_rest(self, selector: str) -> tuple[float, float]:
-        """The middle of an element once it has been in one place for a quarter of a second: frames that load may move what follows them."""
+        """Return the middle of an element after it has not moved for 0.25 s, because loading iframes may move the elements below them."""
         end, since, last = time.monotonic() + 30, time.monotonic(), None
         while True:
             x, y, hit = self.run(
@@ -135,7 +135,7 @@ class Page:
         self.run("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
 
     def screenshot(self, path: Path | None = None) -> np.ndarray:
-        """The window's pixels, (height, width, 3) uint8; also a PNG file if asked."""
+        """Return the window's pixels, (height, width, 3) uint8. If `path` is given, also write them as PNG."""
         png = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
         if path:
             path.write_bytes(png)
@@ -144,7 +144,7 @@ class Page:
 
 @contextlib.contextmanager
 def browser(executable: str, profile: Path) -> Iterator[Callable[[], Page]]:
-    """A running browser; call the result for a new tab."""
+    """Start a browser. Yields a function that opens a new tab."""
     to_browser, our_send = os.pipe()
     our_receive, from_browser = os.pipe()
     # The protocol's pipe is file descriptors 3 and 4; the shell puts ours there.

@@ -1,4 +1,4 @@
-"""The distributions of the checkout, as pip would build them."""
+"""Build the distributions of the checkout as pip does."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def build(kind: Literal["wheel", "sdist"], folder: Path) -> Path:
-    """The archive, written into the folder."""
+    """Build a distribution in the folder and return the path of its archive."""
     code = f"import sys, hatchling.build as b; print(b.build_{kind}(sys.argv[1]))"
     subprocess.run([sys.executable, "-c", code, str(folder)], cwd=ROOT, capture_output=True, check=True)
     (archive,) = folder.iterdir()

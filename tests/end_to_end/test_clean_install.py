@@ -1,7 +1,7 @@
-"""The source distribution alone, installed from the package index into an empty environment of each Python that is here.
+"""The source distribution installs into an empty environment of each installed Python version, and works there.
 
-pip builds the wheel from the archive, as for any user, with the versions of constraints.txt; then what is installed simulates and
-processes, and tests out of the archive run against it. A few gigabytes and minutes for each Python.
+pip builds the wheel from the archive, as for any user, with the versions of constraints.txt. Then the installed package simulates and
+processes a recording, and tests from the archive run against it. Each Python version takes a few gigabytes and minutes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SAMPLE = ("tests/radar/test_radar.py", "tests/store/test_keys.py", "tests/physic
 
 
 def python(version: str) -> Path | None:
-    """An interpreter of this version, on the PATH or among pyenv's; a name on the PATH may be a shim of none."""
+    """Find an interpreter of this version on the PATH or in pyenv. A name on the PATH may be a shim without an interpreter."""
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     for found in (shutil.which(f"python{version}"), *sorted(pyenv.glob(f"{version}.*/bin/python{version}"))):
         if found and subprocess.run([found, "-c", ""], capture_output=True, check=False).returncode == 0:
@@ -38,7 +38,7 @@ def sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def environment(request: pytest.FixtureRequest, sdist: Path, tmp_path: Path) -> Iterator[tuple[Path, Path]]:
-    """The scripts of an environment that holds what the archive installs, and the archive unpacked."""
+    """Return the scripts folder of an environment with the installed archive, and the folder of the unpacked archive."""
     interpreter = python(request.param)
     if interpreter is None:
         pytest.skip(f"Python {request.param} is not installed here; install it to test what the archive installs under it")

@@ -1,4 +1,4 @@
-"""The command line: help, doctor, and a scene to a processed recording."""
+"""The command line prints help, runs doctor, and turns a scene into a processed recording."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ MATERIALS = ("void", "uniform", "vlm")
 
 @contextlib.contextmanager
 def serving(output: Path) -> Iterator[str]:
-    """Run `radartwin dashboard` on the folder; the printed address without the page."""
+    """Run `radartwin dashboard` on the folder. Yields the server's address."""
     command = [sys.executable, "-m", "radartwin", "dashboard", "--output", str(output)]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True)
     assert server.stdout is not None
@@ -161,7 +161,7 @@ def test_a_free_port_is_found_and_a_taken_port_is_refused(sweep) -> None:
 
 @pytest.mark.slow
 def test_a_tracking_server_holds_a_sweep_of_another_folder(tmp_path: Path) -> None:
-    """As on a cluster: the jobs reach the store and its artifacts only over HTTP."""
+    """This is the situation on a cluster: the jobs reach MLflow's store and its artifacts only over HTTP."""
     arguments, own = own_experiment.write(tmp_path / "mine")
     (tmp_path / "served").mkdir()
     with serving(tmp_path / "served") as address:
@@ -199,8 +199,10 @@ def ask(address: str, experiment: str, words: str, most: int) -> tuple[list, flo
 
 @pytest.mark.slow
 def test_two_thousand_runs_are_listed_and_filtered_in_three_seconds(chromium, tmp_path: Path, figures: Path) -> None:
-    """The runs are made by the runner's own tracker, in one process, each with a picture, a table, a dataset and its tags. They are listed
-    in a page loaded anew, from the browser's cache, and in one that is open, where they are filtered too."""
+    """The runner's own tracker writes the runs in one process, each with a picture, a table, a dataset and tags.
+
+    The test lists the runs in a page that is reloaded from the browser's cache, and lists and filters them in a page that is already open.
+    """
     tracker, count = Tracker(TrackingConfig(), tmp_path), 2000
     made = [time.monotonic()]
     for number in range(count):

@@ -1,4 +1,4 @@
-"""The documents and the help texts: their commands and examples run or compose, and every file, module and target they name exists.
+"""Commands and examples in documents and help texts run or compose, and every file, module and target that they name exists.
 
 The commands of the README run in test_readme.py.
 """
@@ -104,7 +104,7 @@ def test_help_ends_with_examples(verb: str, capsys: pytest.CaptureFixture[str]) 
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """An empty folder to work in, from which modules are imported, whatever else has their names; none of them stays."""
+    """Change to an empty folder and import modules from it first, even if others have the same names; remove these modules afterwards."""
     elsewhere = {name: sys.modules.pop(name) for name in OWN if name in sys.modules}
     before = set(sys.modules)
     monkeypatch.chdir(tmp_path)
@@ -130,7 +130,7 @@ def test_the_search_runs(here: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
 
 
 def follow(page: list[Block], folder: Path, prepare: Callable[[str], None] = lambda command: None) -> int:
-    """Do what the blocks say, from top to bottom; how many commands there were."""
+    """Execute the code blocks of a page from top to bottom. Returns the number of commands."""
     count = 0
     for block in page:
         if block.file:
@@ -159,7 +159,7 @@ def test_how_to_extend_works_as_printed(here: Path, capsys: pytest.CaptureFixtur
 
 
 def test_recording_sets_are_made_as_printed(here: Path, shared_data: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The first capture, a folder of them with the page's mapping, the check, and the loop over them."""
+    """The page imports one capture and then a folder of captures with a mapping, checks the set, and loops over its recordings."""
     capture = shared_data / "radar" / "iwr6843_static_room"
     for stem in ("CAPTURE", "FOLDER/mug_1m/run3", "FOLDER/mug_0.5m/run1"):
         (here / stem).parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The page of a figure in a real browser: values under the pointer, zoom and pan by pointer and keys, an empty console."""
+"""The page of a figure in a real browser shows values under the pointer, zooms and pans by pointer and keys, and logs no errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def drawn():
 
 
 def others():
-    """What a page must survive, and tell rightly where it can."""
+    """Draw figures with unusual data, which a page must display without error and with correct values where it shows values."""
     figure, axes = style.figure(2, 3, height_in=4)
     axes[0, 0].plot(["mug", "can"], [1, 2])
     axes[0, 1].pcolormesh([1, 10, 100], [0, 1], [[1.0, 2.0]])
@@ -86,7 +86,7 @@ def test_unsupported_data_has_no_values(tmp_path: Path) -> None:
 
 
 def over(opened, axes: dict, x: float, y: float) -> str:
-    """What is said with the pointer over shares x, y of a pair of axes."""
+    """Return the readout with the pointer at the fractions x and y of a panel's width and height."""
     x0, y0, x1, y1 = axes["box"]
     opened.run(
         f"""(() => {{ const b = svg.getBoundingClientRect(), X = {x0 + x * (x1 - x0)}, Y = {y1 - y * (y1 - y0)};
@@ -109,7 +109,7 @@ def test_pointer_and_keys_read_the_drawn_values(opened, path: Path) -> None:
     said = over(opened, right, share(right["x"], 1.2), share(right["y"], 0.6))
     assert said == "theirs · across can · up 0.6 · bar 0.6"
     assert over(opened, right, share(right["x"], -0.2), share(right["y"], 0.4)).startswith("ours · across mug")
-    for key in ("+", "+"):  # zoomed, the same places say the same
+    for key in ("+", "+"):  # after zooming, the same data points have the same readout
         opened.run(f'holder.dispatchEvent(new KeyboardEvent("keydown", {{key: "{key}"}}))')
     assert opened.run("view[2] < data.size[0] / 1.4")
     assert over(opened, middle, 0.6, 0.9).endswith("value 0.02")

@@ -1,4 +1,4 @@
-"""The report in a real browser from its own folder: offline, by keys, on a phone, in print, without script, and its loading time.
+"""The report works in a real browser offline, by keys, on a phone, in print and without scripts, and loads fast.
 
 The screenshots stay in outputs/screenshots of the checkout.
 """
@@ -31,7 +31,7 @@ READABLE = 4.5  # contrast of text, WCAG 2.2 level AA
 
 @pytest.fixture(scope="module")
 def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report, moved away from the folders that it was made of."""
+    """Return the path of a report that was moved away from the folders from which it was made."""
     output = tmp_path_factory.mktemp("out")
     reported.write(output)
     return Path(shutil.move(output / "report", tmp_path_factory.mktemp("moved") / "a report")) / "index.html"
@@ -60,7 +60,7 @@ def shown(page: browser.Page, table: str) -> list[str]:
 
 
 def until_seen(page: browser.Page, there: Callable[[np.ndarray], bool]) -> None:
-    """Wait until the window's picture, (height, width, 3), shows it: pages in frames of their own cannot be asked."""
+    """Wait until the window's picture (height, width, 3) fulfils the condition, because pages inside iframes cannot be queried."""
     end = time.monotonic() + 30
     while not there(page.screenshot().astype(int)):
         assert time.monotonic() < end, "nothing is drawn in the frame"
@@ -68,7 +68,7 @@ def until_seen(page: browser.Page, there: Callable[[np.ndarray], bool]) -> None:
 
 
 def loaded(page: browser.Page) -> list[str]:
-    """What the page has fetched, by file name."""
+    """Return the names of the files that the page has loaded."""
     return page.run("performance.getEntriesByType('resource').map(one => one.name.split('/').pop())")
 
 
@@ -155,7 +155,7 @@ def test_room_opens_in_place(opened: browser.Page) -> None:
     opened.click(".room .here")
     opened.until("document.querySelector('.room iframe') !== null")
     opened.run("document.querySelector('.room iframe').scrollIntoView({block: 'start'})")
-    # Of what is drawn, how much is neither the page nor the scene's backdrop.
+    # Share of pixels that are neither the page nor the background of the scene.
     until_seen(opened, lambda picture: float((np.ptp(picture[:600, 400:900], axis=2) > 12).mean()) > 0.2)
     keep(opened, "report_room")
     opened.click(".room .here")
@@ -248,7 +248,7 @@ def test_text_has_readable_contrast(opened: browser.Page, scheme: str) -> None:
 
 
 def contrast(first: str, second: str) -> float:
-    """Of two colours written #rgb or #rrggbb, by WCAG 2.2."""
+    """Return the contrast ratio by WCAG 2.2 of two colours written as #rgb or #rrggbb."""
 
     def luminance(colour: str) -> float:
         digits = colour.removeprefix("#")

@@ -1,6 +1,7 @@
-"""Every metric of the scan table, room by room at half, full and double errors of the phone, against recorded bounds.
+"""Every metric of the scan table stays within recorded bounds, for each room at half, full and double scan errors.
 
-The recall of the atrium, whose small objects are lost, fails its limit in the table; here it must not fall below its recorded value.
+In the table, the segmentation recall of the atrium fails its limit because small objects are lost. Here it must not fall below its
+recorded value.
 """
 
 from pathlib import Path
@@ -19,7 +20,7 @@ from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 
-# (room, strength) -> least recall and precision, a little below what seed 0 gave; the other limits are the table's own.
+# (room, strength) -> lowest accepted recall and precision, a little below the values of seed 0. Other metrics use the limits of the table.
 LEAST = {
     ("lab", 0.5): (0.95, 0.95), ("lab", 1.0): (0.95, 0.95), ("lab", 2.0): (0.95, 0.95),
     ("squash_court", 0.5): (0.90, 0.95), ("squash_court", 1.0): (0.92, 0.95), ("squash_court", 2.0): (0.88, 0.91),
@@ -51,7 +52,7 @@ def test_scan_scores_stay_within_recorded_bounds(room: str, strength: float, tmp
 
 @pytest.mark.slow
 def test_atrium_mesh_bounds_the_possible_recall() -> None:
-    """Faces are assigned to the true surface they lie on. An ideal segmentation misses only surface that the fusion lost."""
+    """Assign each face to the true surface on which it lies. An ideal segmentation then misses only surfaces that the fusion lost."""
     room = rooms.room("atrium", detail="cluttered")
     frames, seen = scan(room, 0, 1.0)
     mesh, _ = fuse(frames)

@@ -1,4 +1,4 @@
-"""The tutorial runs from top to bottom in a kernel of its own, and shows what its text says."""
+"""The tutorial notebook runs from top to bottom in a separate kernel, and its results agree with its text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from nbclient import NotebookClient
 
 NOTEBOOK = Path(__file__).resolve().parents[2] / "docs" / "tutorial.ipynb"
-# What the text claims, asked of the kernel after the last cell.
+# Checks of the claims of the text, run in the kernel after the last cell.
 CLAIMS = """
 import json
 print(json.dumps({"peak_m": peak_m, "agreement": agreement, "near_db": float(10 * np.log10(near / far)),
@@ -24,7 +24,7 @@ def test_the_notebook_is_kept_without_what_it_printed() -> None:
     assert all(not cell.outputs and cell.execution_count is None for cell in notebook.cells if cell.cell_type == "code")
 
 
-# The kernel speaks over sockets of its own on loopback; how zmq and tornado meet the event loop is theirs to warn of.
+# The kernel uses its own loopback sockets; zmq and tornado may warn about the event loop.
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::RuntimeWarning", "ignore::ResourceWarning")
 def test_the_tutorial_shows_what_it_says(tmp_path: Path) -> None:
     notebook = nbformat.read(NOTEBOOK, as_version=4)

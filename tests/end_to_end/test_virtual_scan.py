@@ -30,7 +30,7 @@ def scanned(room: str, strength: float, **options):
 @pytest.mark.parametrize("room", ROOMS)
 @pytest.mark.parametrize("strength", [0.5, 1.0, 2.0])
 def test_fused_rooms_reach_the_accuracy_goal(room, strength):
-    """Goal: median 15 mm and 95 % 50 mm at the stated errors, twice that at double errors."""
+    """Goal for the surface error: median 15 mm and 95th percentile 50 mm at the stated sensor errors, twice that at double errors."""
     score, report, seconds = scanned(room, strength)
     gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(

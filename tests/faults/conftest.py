@@ -1,4 +1,4 @@
-"""Fixtures: disks of their own that can be full or read-only."""
+"""Fixtures: separate disks that can be full or read-only."""
 
 from __future__ import annotations
 

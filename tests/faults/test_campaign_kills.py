@@ -1,4 +1,4 @@
-"""A campaign that is killed and restarted ends with the same files, byte for byte, as a campaign without kills.
+"""A campaign that is killed and restarted writes the same files, byte for byte, as a campaign without kills.
 
 Only meta.json differs, because it holds times. The quick test replaces the tracer by a made-up signal; the slow tests trace.
 """
@@ -24,7 +24,7 @@ TINY = [
     "profile.campaign.rover_objects=[can_211_400]", "profile.campaign.rover_every=10",
 ]  # fmt: skip
 RECORDINGS = 13  # in both domains
-# Recordings of noise, and of aspects where there are more frames than aspects. Each takes 0.1 s.
+# Replaces the tracer: a recording is noise, or is interpolated from aspects if there are more frames than aspects. Each takes 0.1 s.
 MADE_UP = """
 import sys, time
 import numpy as np
@@ -79,7 +79,7 @@ def completed(output: Path, program: list[str], seconds: float, *more: str) -> s
 
 
 def products(output: Path) -> dict[str, str]:
-    """Digest of every file of the campaign but meta.json."""
+    """Return the digest of every file of the campaign except meta.json."""
     cache = output / "cache"
     found = [path for kind in ("clean", "processed") for path in cache.glob(f"{kind}/*/*") if path.name != "meta.json"]
     found = [path for path in found if path.parent.suffix != ".tmp"]  # left by a killed process

@@ -1,4 +1,4 @@
-"""After every fault under a sweep, finished runs are kept, unfinished ones are dropped, and the message says what to do."""
+"""After every fault during a sweep, finished runs remain, unfinished runs are removed, and the message says what to do."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Study:
             return connection.execute(question).fetchall()
 
     def no_traces(self) -> bool:
-        """Nothing unfinished lies in the output folder."""
+        """Return whether the output folder has no unfinished files."""
         return not list(self.output.rglob("*.tmp")) and not list(self.output.rglob("*.lock"))
 
 
@@ -159,7 +159,7 @@ def test_a_corrupted_tracking_store_is_named_and_finished_runs_are_kept(study: S
     assert study.run("seed=0")[0] == 0
     database = study.output / "mlflow.db"
     content = bytearray(database.read_bytes())
-    content[100:8192] = bytes(8092)  # behind the header, which still says SQLite
+    content[100:8192] = bytes(8092)  # after the header, which still identifies a SQLite file
     database.write_bytes(content)
     code, said, complained = study.run("seed=0")
     assert code == 2

@@ -25,7 +25,7 @@ from radartwin.runs.experiment import Result
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLES = ["labels", "positioning"]  # the cheapest tables that trace, scan and start Sionna's process
-# Of the report: when a run finished, what it took, and its number in MLflow.
+# Parts of the report that differ between equal runs: end time, processor time, and run id in MLflow.
 STATED = re.compile(r"\d{4}-\d\d-\d\dT[\d:]+Z|[\d,.]+ core-seconds|<a href=\"http://127[^\"]*\"><code>[0-9a-f]+</code></a>")
 
 

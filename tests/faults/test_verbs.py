@@ -24,7 +24,7 @@ from radartwin.runs.tracking import Tracker
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 
-# SQLAlchemy warns mlflow of a loader it will drop; not ours to mend.
+# SQLAlchemy warns about a deprecated loader that mlflow uses.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")]
 
 Command = Callable[..., subprocess.CompletedProcess[str]]

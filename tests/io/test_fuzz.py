@@ -1,4 +1,4 @@
-"""For any content of a file, a reader soon returns a value or raises a UserError of one line.
+"""For any content of a file, a reader returns a value or raises a UserError of one line, within a time limit.
 
 Inputs are valid files with bytes changed, cut or repeated, arbitrary bytes, and JSON with wrong values.
 """

@@ -1,4 +1,4 @@
-"""A folder with one changed file is read, or refused in one line, and soon.
+"""A folder with one changed file is read or refused in one line, within a time limit.
 
 Changes are any value in any place of a JSON tree, replaced words, lost or repeated lines of a text, and changed bytes.
 """

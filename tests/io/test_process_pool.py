@@ -1,4 +1,4 @@
-"""Worker processes end with their parent, with the pool, and never in between without notice."""
+"""Worker processes end when their parent or the pool ends. If a worker dies earlier, the pool reports it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Malicious files are refused in one line, and no code of theirs runs and no file outside their folder is read or written.
+"""Malicious files are refused in one line. None of their code runs, and no file outside their folder is read or written.
 
 Each file here is well formed. Damaged files are in test_fuzz.py.
 """
