@@ -1,1 +1,1 @@
-"""A scan becomes a scene: mesh files checked, segmented into surfaces, flattened and labelled."""
+"""Turn a scan into a scene: read and check it, segment it into surfaces, flatten the surfaces, and label them."""

@@ -1,4 +1,4 @@
-"""Axis conventions of scans: which world axis points up, and how a file writes camera poses.
+"""Convert the axis conventions of scans: the world axis that points up, and the convention of the camera poses.
 
 This library uses a world with z up and camera-to-world poses with the OpenCV camera axes (x right, y down, z forward). OpenGL, ARKit and
 Blender use camera axes with y up and z backward. Structure-from-motion tools such as COLMAP write world-to-camera poses.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-# Rotations that take an up axis to z. They are cyclic, so that handedness is kept.
+# Rotations that turn an up axis into z. They permute the axes cyclically, so that handedness does not change.
 TO_Z_UP = {
     "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
     "y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),

@@ -1,4 +1,4 @@
-"""Turn a scan into a labelled scene: read or fuse, segment, outline, complete, assign one material, save."""
+"""Turn a scan into a labelled scene: read or fuse it, segment it, outline and complete its planes, assign one material, and save it."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from radartwin.scene.scene import Scene
 
 @dataclasses.dataclass(frozen=True)
 class ScanOptions:
-    """How to read a scan. An option that does not apply to the kind of scan is refused.
+    """Options for reading a scan. An option that does not apply to the kind of scan is an error.
 
     Attributes:
-        up: the scan's up axis; "auto" finds it.
+        up: the scan's up axis; "auto" determines it from the scan.
         unit, is_object: for a mesh file, see `radartwin.reconstruct.mesh_file.load_scan`.
-        depth_model: for frames without depth: weights of a monocular depth model.
+        depth_model: weights of a monocular depth model, for frames without depth.
         intrinsics, depth_unit_m, poses: for frames, see `radartwin.reconstruct.frames.layouts.load_frames`.
     """
 
@@ -50,12 +50,12 @@ class ScanOptions:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scan:
-    """A scan as one mesh in metres, z up.
+    """A scan as one mesh, in metres with z up.
 
     Attributes:
         report: facts about the scan as plain values, for the scene's provenance.
         lines: the report as text lines.
-        scan_of: identifies the scanned place.
+        scan_of: identifier of the scanned place.
         frames: the frames that the mesh was fused from, at their aligned poses; None for a mesh file.
     """
 
@@ -81,16 +81,18 @@ def reconstruct(
     Args:
         path: .glb, .ply or .obj of a room, or a folder of colour-and-depth frames with poses.
         out: folder for scene.glb and manifest.json, the coloured scan and the photographs; None writes nothing.
-        options: how to read the scan.
-        material: of every surface, until a material source assigns better ones.
-        flatten: replace planar segments by polygons on their planes and complete their gaps; False keeps the scanned triangles.
-        segmenter: divides the mesh into segments.
+        options: options for reading the scan.
+        material: material of every surface, until a material source assigns better materials.
+        flatten: replace planar segments by polygons on their planes, and fill parts that the scan missed; False keeps the scanned
+            triangles.
+        segmenter: function that divides the mesh into segments.
         progress: receives progress lines; silent by default.
     Returns:
         The scene. Its provenance holds the scan report and the distances by which flattening moved the scanned faces.
     Raises:
-        MissingError, MeshError, ScanError, PoseError: the scan or an option, see `load_scan`, `load_frames` and `check_agreement`.
-        MaterialError: an unknown material.
+        MissingError, MeshError, ScanError, PoseError: the scan or an option is invalid, see `load_scan`, `load_frames` and
+            `check_agreement`.
+        MaterialError: the material is unknown.
         OutputError: `out` cannot be written.
     """
     if isinstance(material, str):
@@ -138,7 +140,7 @@ def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
     up = None if options.up == "auto" else options.up
     layout = layout_of(path)
     if options.depth_model is None:
-        any_up = "z" if "--up" in layout.options else up  # the comparison of views needs no up axis
+        any_up = "z" if "--up" in layout.options else up  # the check of unit and pose convention needs no up axis
         convention = (options.poses or "opencv") if "--poses" in layout.options else None
         with progress.task("comparing views", 1) as advance:
             frames = load_frames(path, options.intrinsics, options.depth_unit_m, any_up, poses=options.poses)
@@ -153,13 +155,13 @@ def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
         mesh, report = fuse(frames, scale=scale, progress=lambda _, __: advance())
     if options.depth_unit_m is None:
         check_size(report.extents_m, str(path), "--depth-unit", {})
-    if len(report.poses) != len(frames):  # fusion has skipped frames evenly
+    if len(report.poses) != len(frames):  # fusion used only every n-th frame
         frames = frames[:: -(-len(frames) // len(report.poses))]
     return Scan(mesh, report.to_dict(), report.lines(), frames.scan_of, frames.with_poses(report.poses))
 
 
 def summary(scene: Scene, rows: int = 30) -> list[str]:
-    """Text lines with a table of the surfaces, largest first, and the extent of the scene."""
+    """Return text lines with a table of the surfaces, largest first, and the extent of the scene."""
     order = sorted(scene, key=lambda s: -float(s.mesh.area))
     lines = [f"{'surface':16} {'m2':>8} {'faces':>6} {'kind':>7}  shape"]
     for surface in order[:rows]:
@@ -178,7 +180,7 @@ def summary(scene: Scene, rows: int = 30) -> list[str]:
 
 
 def _cameras(frames: Frames) -> Cameras:
-    """The cameras of the depth pictures; the frames of a scan share intrinsics and size."""
+    """Return the cameras of the depth pictures. All frames of a scan have the same intrinsics and picture size."""
     first = frames[0]
     height, width = first.depth_m.shape
     return Cameras(frames.poses, first.intrinsics, (width, height))

@@ -1,4 +1,4 @@
-"""Distances from points to triangle meshes, and evenly spread points on meshes."""
+"""Measure distances from points to triangle meshes, and spread points evenly on meshes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import trimesh
 from scipy.spatial import KDTree
 
 SPACING_M = 0.02
-NEIGHBOURS = 6  # nearest samples whose triangles are measured
+NEIGHBOURS = 6  # number of nearest samples; the distance to their triangles is computed
 
 
 class Nearest:
-    """Nearest triangle of several meshes, found through samples of their triangles about `spacing_m` apart.
+    """Finds the nearest triangle of several meshes to each point, with the help of samples on the triangles about `spacing_m` apart.
 
-    The distance to the triangles of the nearest samples is exact. The result is never below the true distance, and exceeds it by less than
-    spacing^2 / (2 distance).
+    For each point, the exact distances to the triangles of the nearest samples are computed. The smallest of these distances is at least
+    the
+    true distance d to the meshes, and exceeds d by less than spacing_m^2 / (2 d).
     """
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh], spacing_m: float = SPACING_M) -> None:
@@ -27,7 +28,7 @@ class Nearest:
         self._tree = KDTree(samples, balanced_tree=False, compact_nodes=False)
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance (N,) metres and index (N,) of the nearest of `triangles`, for points (N, 3)."""
+        """Return the distance (N,) in metres from points (N, 3) to the nearest triangle, and its index (N,) in `triangles`."""
         points = np.asarray(points, dtype=np.float64)
         _, near = self._tree.query(points, k=min(NEIGHBOURS, self._tree.n), workers=-1)
         near = near.reshape(len(points), -1)
@@ -42,7 +43,7 @@ class Nearest:
 
 
 def to_mesh(points: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
-    """Distances (N,) from points (N, 3) to a mesh, metres.
+    """Return the distances (N,) in metres from points (N, 3) to a mesh.
 
     >>> box = trimesh.creation.box((2, 2, 2))
     >>> to_mesh(np.array([[0.0, 0.0, 1.5], [1.0, 1.0, 1.0]]), box).round(6).tolist()
@@ -55,7 +56,8 @@ def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.nda
     """Sample triangles (F, 3, 3) so that every point of a triangle lies within about the spacing of one of its samples.
 
     Returns:
-        The points (N, 3), and the triangle of each (N,): the centroid for small triangles, a triangular grid for large ones.
+        The samples (N, 3): the centroid of a small triangle, a triangular grid on a large triangle.
+        The index (N,) of each sample's triangle.
     """
     longest = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
     steps = np.maximum(np.ceil(longest / spacing_m).astype(int), 1)
@@ -75,7 +77,12 @@ def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.nda
 
 
 def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """About one point per spacing^2 of a mesh, each for an equal share of the area: points (N, 3) and their faces (N,)."""
+    """Spread points over a mesh, one per area of about spacing_m^2. Each point represents an equal share of the mesh's area.
+
+    Returns:
+        The points (N, 3).
+        The face index (N,) of each point.
+    """
     points, face = covered(np.asarray(mesh.triangles), spacing_m)
     area = np.asarray(mesh.area_faces) / np.maximum(np.bincount(face, minlength=len(mesh.faces)), 1)
     total = np.cumsum(area[face])
@@ -85,7 +92,10 @@ def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndar
 
 
 def farthest_points(points: np.ndarray, count: int, first: int = 0) -> list[int]:
-    """Indices of `count` distant points of (N, D) by farthest-point sampling, in the order of their choice; `first` is chosen first."""
+    """Choose `count` points of (N, D) that are far apart, by farthest-point sampling that starts at the point with index `first`.
+
+    Returns: indices of the points, in the sequence in which they were chosen.
+    """
     chosen = [first]
     distance = np.linalg.norm(points - points[first], axis=1)
     while len(chosen) < min(count, len(points)):
@@ -95,7 +105,7 @@ def farthest_points(points: np.ndarray, count: int, first: int = 0) -> list[int]
 
 
 def _triangle_distance(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Distance (N,) of each point (N, 3) to its own triangle (N, 3, 3)."""
+    """Return the distance (N,) from each point (N, 3) to the triangle (N, 3, 3) with the same index."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normal = np.cross(b - a, c - a)
     area = np.maximum((normal**2).sum(axis=1), 1e-30)

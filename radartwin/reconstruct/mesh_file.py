@@ -1,8 +1,10 @@
-"""Read a scan's mesh file: convert its unit and up axis, weld it, and count or refuse defects.
+"""Read a scan's mesh file: convert its unit and up axis, merge equal vertices, and count its defects or reject the file.
 
-The unit is never guessed, because 6400 could be millimetres of a room or centimetres of a hall. An implausible size is refused, and the
-message names the likely unit. The up axis is found from the areas: a room has more horizontal area (floor, ceiling, tables) than area
-across any other axis. If no axis is clear, a .glb takes +Y, which glTF 2.0 defines as up, and other formats need `--up`.
+The unit is never guessed, because a size of 6400 could be 6400 mm for a room or 6400 cm for a hall. A file of implausible size is an error
+whose message names the likely unit. The up axis is determined from the areas of the faces: a room has more area of horizontal faces (floor,
+ceiling, tables) than of faces perpendicular to another axis. If no axis is clear, +Y is the up axis of a .glb, as glTF 2.0 defines it.
+Other
+formats then need `--up`.
 """
 
 from __future__ import annotations
@@ -26,12 +28,12 @@ Axis = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 
 METRES = {"auto": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 
-MIN_EXTENT_M = 0.05  # smaller than any object of the catalogue
+MIN_EXTENT_M = 0.05  # smaller than any object in the library's catalogue
 DEGENERATE_HEIGHT_M = 1e-5  # a thinner triangle has no usable normal in float32
 WELD_DIGITS = 6  # vertices closer than 1 um are merged, because exporters double them along seams
 FLOOR_M = 0.15  # faces this close to the lowest or highest point count as floor or ceiling
-LEVEL = 0.9  # smallest |z| of a level face's normal
-UP_MARGIN = 1.2  # the up axis must have this many times the area of the next axis
+LEVEL = 0.9  # smallest |z| of the normal of a horizontal face
+UP_MARGIN = 1.2  # smallest ratio between the area perpendicular to the up axis and that of the next axis
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,10 +41,11 @@ class ScanReport:
     """Facts about a scan file. Lengths in metres.
 
     Attributes:
-        up: the file's up axis; up_from: how it was determined.
-        vertices, faces: of the file, before welding.
-        extents_m, area_m2, components, watertight, non_manifold_edges, boundary_edges: of the mesh that was read.
-        turned: the faces were inverted, because a room shows its inside and an object its outside.
+        up: the file's up axis.
+        up_from: how the up axis was determined.
+        vertices, faces: numbers of vertices and faces in the file, before equal vertices are merged.
+        extents_m, area_m2, components, watertight, non_manifold_edges, boundary_edges: properties of the mesh that `load_scan` returns.
+        turned: whether the faces were inverted, because a room shows its inside and an object its outside.
     """
 
     source: str
@@ -66,7 +69,7 @@ class ScanReport:
         return dataclasses.asdict(self)
 
     def lines(self) -> list[str]:
-        """The report as text, one fact per line."""
+        """Return the report as text, one fact per line."""
         x, y, z = self.extents_m
         lines = [
             f"{self.source}: {self.vertices} vertices, {self.faces} faces, {self.area_m2:.1f} m2 in "
@@ -87,19 +90,19 @@ class ScanReport:
 def load_scan(
     path: str | Path, unit: Unit = "auto", up: Axis = "auto", is_object: bool | None = None
 ) -> tuple[trimesh.Trimesh, ScanReport]:
-    """Read a mesh file, convert it to metres with z up, weld it, and remove degenerate and duplicate faces.
+    """Read a mesh file: convert it to metres with z up, merge equal vertices, and remove degenerate and duplicate faces.
 
     Args:
         path: .glb, .ply or .obj.
-        unit: of the file's coordinates; "auto" takes metres and refuses an implausible size.
-        up: the file's up axis; "auto" finds it from the areas, and takes +Y for a .glb without a clear vertical.
-        is_object: an object shows its outside and a room its inside; a mesh with the opposite orientation is inverted. None takes a mesh
-            smaller than one metre as an object.
+        unit: unit of the file's coordinates; "auto" takes metres, and an implausible size is then an error.
+        up: the file's up axis; "auto" determines it from the areas, and takes +Y for a .glb without a clear up axis.
+        is_object: whether the mesh is a single object, whose faces must look outwards, or a room, whose faces must look inwards. Faces with
+            the wrong orientation are inverted. None treats a mesh smaller than 1 m as a single object.
     Returns:
         The mesh and the report.
     Raises:
-        MissingError, MeshError: no such file, or not a readable mesh.
-        ScanError: empty, NaN, an implausible size, or no clear up axis.
+        MissingError, MeshError: the file does not exist, or is not a readable mesh.
+        ScanError: the mesh is empty, contains NaN, has an implausible size, or has no clear up axis.
     """
     path = Path(path)
     if unit not in METRES or up not in ("auto", *TO_Z_UP):
@@ -116,7 +119,7 @@ def load_scan(
         mesh.invert()
     if unit == "auto" and not is_object:
         check_size(mesh.extents, str(path), "--unit", {name: m for name, m in METRES.items() if name not in ("auto", "m")})
-    uses = np.bincount(mesh.edges_unique_inverse)  # faces at each edge
+    uses = np.bincount(mesh.edges_unique_inverse)  # number of faces at each edge
     return mesh, ScanReport(
         source=path.name,
         unit="m" if unit == "auto" else unit,
@@ -135,7 +138,7 @@ def load_scan(
 
 
 def _welded(path: Path, unit_m: float) -> tuple[trimesh.Trimesh, dict[str, int]]:
-    """The file's mesh in metres without degenerate and duplicate faces, and the counts for the report."""
+    """Return the file's mesh in metres, without degenerate and duplicate faces, and the numbers for the report."""
     meshes = list(read_meshes(path).values())
     vertices, faces = trimesh.util.append_faces([m.vertices for m in meshes], [m.faces for m in meshes])
     if len(vertices) == 0 or len(faces) == 0:
@@ -158,7 +161,7 @@ def _welded(path: Path, unit_m: float) -> tuple[trimesh.Trimesh, dict[str, int]]
 
 
 def _colours(meshes: list[trimesh.Trimesh], path: Path) -> np.ndarray | None:
-    """RGBA of all vertices (V, 4) uint8, sampled from textures where needed; None unless every mesh has colours.
+    """Return the RGBA colours (V, 4) uint8 of all vertices, sampled from textures where needed; None if a mesh has no colours.
 
     Warns once if a texture file is missing; the scan then has no colours.
     """
@@ -180,7 +183,7 @@ def _colours(meshes: list[trimesh.Trimesh], path: Path) -> np.ndarray | None:
 
 
 def _inside_out(mesh: trimesh.Trimesh) -> bool:
-    """Whether a room (z up) shows its outside: most floor faces look down and most ceiling faces look up."""
+    """Return whether the faces of a room (z up) look outwards: most floor faces look down, and most ceiling faces look up."""
     area, up = np.asarray(mesh.area_faces), np.asarray(mesh.face_normals)[:, 2]
     z = np.asarray(mesh.triangles_center)[:, 2]
     low, high = np.quantile(z, [0.001, 0.999])
@@ -200,14 +203,14 @@ def _check_extent(path: Path, extent: float) -> None:
 
 
 def _heights(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Smallest height of each triangle (F,), metres; zero where corners coincide."""
+    """Return the smallest height (F,) of each triangle in metres; 0 where corners coincide."""
     triangles = np.asarray(mesh.triangles)
     longest = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
     return 2 * np.asarray(mesh.area_faces) / np.maximum(longest, 1e-12)
 
 
 def _up_axis(mesh: trimesh.Trimesh, path: Path) -> tuple[str, str]:
-    """The axis with the largest area of faces across it, and how it was determined."""
+    """Return the axis with the largest area of faces perpendicular to it, and a text that says how it was determined."""
     facing = np.abs(mesh.face_normals) > np.cos(np.radians(20))
     area = (np.asarray(mesh.area_faces)[:, None] * facing).sum(axis=0)
     order = np.argsort(area)

@@ -1,7 +1,9 @@
 """Write a reconstructed scene to a folder: scene.glb, manifest.json, the coloured scan and photographs.
 
-`scan.ply` is the scan as read or fused, metres, z up. `scan_surfaces.npy` holds for each face of the scan the index of its surface in the
-manifest, or -1. The manifest is removed first and written last, so that an interrupted folder is refused by readers.
+`scan.ply` is the scan as it was read or fused, in metres with z up. `scan_surfaces.npy` holds, for each face of the scan, the index of its
+surface in the manifest, or -1. The old manifest is removed first and the new manifest is written last, so that readers reject a folder
+whose
+writing was interrupted.
 """
 
 from __future__ import annotations
@@ -23,13 +25,13 @@ from radartwin.scene.scene import Scene
 
 MESH_FILE, FACE_SURFACES_FILE = "scan.ply", "scan_surfaces.npy"
 PHOTOS = 40  # largest number of saved pictures
-TURN_M = 1.5  # a rotation by one radian counts as much as this shift
+TURN_M = 1.5  # a shift of this length counts as much as a rotation by one radian
 
 
 def save_reconstruction(
     scene: Scene, folder: Path, mesh: trimesh.Trimesh, surface_of_face: np.ndarray, frames: Frames | None, progress: Progress
 ) -> None:
-    """Write everything; `surface_of_face` (F,) is the surface index of each face of the scan's mesh.
+    """Write the scene, the scan and the photographs. `surface_of_face` (F,) is the surface index of each face of the scan's mesh.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -52,13 +54,13 @@ def save_reconstruction(
 
 
 def distinct_views(poses: np.ndarray, count: int) -> list[int]:
-    """Indices of at most `count` poses (N, 4, 4) that differ most in position and direction, in order."""
+    """Return the ascending indices of at most `count` poses (N, 4, 4) that differ most in position and direction."""
     features = np.column_stack([poses[:, :3, 3], TURN_M * poses[:, :3, 2]])
     return sorted(set(farthest_points(features, count)))
 
 
 def _photos(frames: Frames, progress: Progress):
-    """Up to PHOTOS pictures as (colour, pose, intrinsics). Twice as many frames are tried, because some may have no colour."""
+    """Yield up to PHOTOS pictures as (colour, pose, intrinsics). Twice as many frames are read, because some may have no colour."""
     saved = 0
     for i in progress.over(distinct_views(frames.poses, 2 * PHOTOS), "photographs"):
         frame = frames[i]

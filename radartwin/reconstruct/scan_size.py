@@ -1,4 +1,4 @@
-"""A warning for scans that are too large for a room, with the unit that would give a plausible size."""
+"""Warn about a scan that is too large for a room, and name the unit that would give a plausible size."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 
 LARGE_M, HIGH_M = 15.0, 7.0  # a squash court is 9.75 m long and 5.64 m high, the atrium 12 m; the radar's range is unambiguous to 11 m
-OBJECT_M = 1.0  # anything smaller is an object, as in radartwin/scene/objects/meshes.py
+OBJECT_M = 1.0  # a smaller mesh is an object, as in radartwin/scene/objects/meshes.py
 ROOM_M, ROOM_HIGH_M = (1.5, LARGE_M), (1.8, HIGH_M)
 
 
@@ -23,7 +23,7 @@ def check_size(extents_m: Sequence[float], source: str, option: str, units_m: Ma
         option: the command-line option that sets the unit.
         units_m: values of that option, in metres relative to the unit that was used.
     Warns:
-        ScanWarning: gives the size and the units that would make it a room's size.
+        ScanWarning: the scan is too large. The warning states its size, and the units with which it would have the size of a room.
     """
     x, y, z = extents_m
     if max(x, y) <= LARGE_M and z <= HIGH_M:

@@ -1,1 +1,1 @@
-"""Colour-and-depth frames with camera poses: the data type, and the folder layouts that hold them."""
+"""Read and write colour-and-depth frames with camera poses, in several folder layouts."""

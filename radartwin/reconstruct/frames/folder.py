@@ -1,4 +1,4 @@
-"""This library's folder layout for frames.
+"""Read and write this library's folder layout for frames.
 
     frames.json               {"format": "radartwin-frames", "version": 1, "up": "z", "camera": "x right, y down, z forward",
                                "depth_unit_m": 0.001, "scan_of": the scanned place or "",
@@ -35,7 +35,7 @@ JPEG_QUALITY = 95
 
 
 def save_frames(frames: Frames, folder: str | Path) -> Path:
-    """Write frames in our layout; depth is rounded to millimetres, colour becomes JPEG.
+    """Write frames in this library's layout. Depth is rounded to millimetres, and colour is stored as JPEG.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -94,7 +94,7 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
     """Open a folder that `save_frames` wrote.
 
     Raises:
-        ScanError: frames.json is damaged or has another format.
+        ScanError: frames.json is damaged, or has another format.
     """
     try:
         index = untrusted_json.read(folder / INDEX)

@@ -1,4 +1,4 @@
-"""Colour-and-depth frames with camera poses.
+"""Define colour-and-depth frames with camera poses.
 
 World: z up, metres. Poses are 4x4 camera-to-world matrices with OpenCV camera axes (x right, y down, z forward). Pixel centres have integer
 coordinates, so the top left corner of a picture lies at (-0.5, -0.5). Depth is measured along the camera's z axis, not along the ray.
@@ -25,12 +25,12 @@ class Frame:
     """One view of a scan.
 
     Attributes:
-        name: unique within its frames.
+        name: name of the frame, unique within a scan.
         pose: (4, 4) camera-to-world, OpenCV axes, metres.
-        intrinsics: (3, 3) pinhole matrix of `depth_m`, pixels.
-        depth_m: (h, w) float32 along the camera's z axis; 0 where there is no depth.
-        colour: (H, W, 3) uint8 sRGB of the same view, usually finer than the depth, or None.
-        colour_intrinsics: (3, 3) of `colour`, or None without colour.
+        intrinsics: (3, 3) pinhole matrix of the depth picture, pixels.
+        depth_m: (h, w) float32 depth along the camera's z axis; 0 where there is no depth.
+        colour: (H, W, 3) uint8 sRGB picture of the same view, usually with more pixels than the depth; or None.
+        colour_intrinsics: (3, 3) pinhole matrix of `colour`; None if `colour` is None.
         confidence: (h, w) uint8, 0 low, 1 medium, 2 high (as ARKit's ARConfidenceLevel), or None.
     """
 
@@ -44,22 +44,22 @@ class Frame:
 
     @classmethod
     def without_depth(cls, name: str, pose: np.ndarray, colour: np.ndarray, intrinsics: np.ndarray) -> Frame:
-        """A frame with a colour picture and zero depth of the same size."""
+        """Make a frame from a colour picture, with a depth of 0 at every pixel."""
         return cls(name, pose, intrinsics, np.zeros(colour.shape[:2], np.float32), colour, intrinsics)
 
 
 class Frames(Sequence[Frame]):
-    """Frames in recording order. Each access reads the frame from its source again.
+    """A sequence of frames in the order of recording. Each access to a frame reads it from its source again.
 
     Args:
-        names: one per frame, all different.
+        names: one name per frame, all different.
         poses: (N, 4, 4) camera-to-world.
-        read: returns frame i.
-        source: name of the frames in messages.
-        scan_of: identifies the scanned place: a procedural room, or the digest of a real scan's files; empty if unknown.
+        read: function that returns frame i.
+        source: text that names the frames in error messages.
+        scan_of: identifier of the scanned place: the name of a procedural room, or the digest of a real scan's files; empty if unknown.
     Raises:
-        ScanError: no frames, a repeated name, or different numbers of poses and names.
-        PoseError: a pose that is not finite, mirrored or not rigid.
+        ScanError: there are no frames, a name is repeated, or the numbers of poses and names differ.
+        PoseError: a pose is not finite, is mirrored, or is not rigid.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Frames(Sequence[Frame]):
 
     @classmethod
     def of(cls, frames: Iterable[Frame], source: str = "frames", scan_of: str = "") -> Frames:
-        """Frames that are in memory."""
+        """Make a sequence of frames that are already in memory."""
         frames = list(frames)
         poses = np.array([f.pose for f in frames]).reshape(-1, 4, 4)
         return cls((f.name for f in frames), poses, frames.__getitem__, source, scan_of)
@@ -101,12 +101,14 @@ class Frames(Sequence[Frame]):
         return (self[i] for i in range(len(self)))
 
     def with_poses(self, poses: np.ndarray) -> Frames:
-        """The same pictures at other poses (N, 4, 4)."""
+        """Return the same frames with other poses (N, 4, 4)."""
         return Frames(self.names, poses, self._read, self.source, self.scan_of)
 
 
 def scan_digest(files: Iterable[Path]) -> str:
-    """Digest that identifies a real scan independent of its folder, from its mesh file or from the files that hold its poses.
+    """Return a digest that identifies a real scan, computed from its mesh file or from the files that hold its poses.
+
+    The digest does not depend on the scan's folder.
 
     Raises:
         MissingError: a file does not exist.
@@ -124,7 +126,7 @@ def check_poses(poses: np.ndarray, source: str, names: Sequence[str]) -> np.ndar
     """Return poses (N, 4, 4) whose rotations are replaced by the nearest exactly orthonormal ones.
 
     Raises:
-        PoseError: wrong shape, not finite, mirrored (determinant -1), or not rigid.
+        PoseError: a pose has the wrong shape, is not finite, is mirrored (determinant -1), or is not rigid.
     """
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise PoseError(f"{source}: poses have shape {poses.shape}; give (N, 4, 4) camera-to-world matrices")
@@ -143,7 +145,7 @@ def check_poses(poses: np.ndarray, source: str, names: Sequence[str]) -> np.ndar
 
 
 def rescaled(intrinsics: np.ndarray, size: tuple[int, int], to: tuple[int, int]) -> np.ndarray:
-    """Intrinsics (3, 3) of a picture with `size` (width, height), for the same view at the size `to`."""
+    """Convert the intrinsics (3, 3) of a picture with `size` (width, height) to those of the same view with the picture size `to`."""
     scale = np.divide(to, size)
     moved = np.array(intrinsics, dtype=np.float64)
     moved[:2, :2] *= scale[:, None]
@@ -152,7 +154,7 @@ def rescaled(intrinsics: np.ndarray, size: tuple[int, int], to: tuple[int, int])
 
 
 def points(frame: Frame) -> np.ndarray:
-    """World points (h, w, 3) of the depth pixels, metres; NaN where there is no depth."""
+    """Return the world points (h, w, 3) of the depth pixels in metres; NaN where there is no depth."""
     v, u = np.indices(frame.depth_m.shape)
     k = frame.intrinsics
     depth = np.where(frame.depth_m > 0, frame.depth_m, np.nan).astype(np.float64)

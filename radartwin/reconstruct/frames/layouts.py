@@ -20,7 +20,7 @@ class Layout:
     Attributes:
         metadata_file: the file that holds the poses.
         unit_m: default metres per count of the depth pictures; None where `metadata_file` states the unit.
-        options: command-line options that apply to the layout.
+        options: command-line options that the user may give for this layout.
     """
 
     metadata_file: str
@@ -38,7 +38,8 @@ def layout_of(folder: Path) -> Layout:
     """Detect the layout of a folder from its files.
 
     Raises:
-        MissingError: no such folder. ScanError: no known layout.
+        MissingError: the folder does not exist.
+        ScanError: the folder has no known layout.
     """
     if not folder.is_dir():
         raise MissingError(f"{folder} is not a folder; give the folder that holds the scan's frames")
@@ -62,23 +63,25 @@ def load_frames(
     colour_only: bool = False,
     poses: str | None = None,
 ) -> Frames:
-    """Open a folder of frames in any known layout: ARKit export of 3d Scanner App, TUM RGB-D, pose.txt, or ours (`save_frames`).
+    """Open a folder of frames in any known layout: ARKit export of 3d Scanner App, TUM RGB-D, pose.txt, or this library's layout.
 
-    This function checks poses, counts and some depth pictures. Each frame's pictures are checked when the frame is read.
+    This function checks the poses, the numbers of files and some depth pictures. The pictures of a frame are checked when the frame is
+    read.
 
     Args:
-        intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, for pose.txt and TUM. The default is the folder's intrinsics.json
+        intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, only for pose.txt and TUM. The default is the folder's intrinsics.json
             {"fx": , "fy": , "cx": , "cy": }.
-        depth_unit_m: metres per count of the depth pictures, if the layout's default (1 mm; TUM 1/5000 m) is wrong.
-        up: world axis of the poses that points up (x, y, z, -x, -y, -z). ARKit and our layout define it. For the others the default is
-            the axis nearest to the cameras' mean upward direction.
-        poses: one of `radartwin.reconstruct.axes.POSE_CONVENTIONS`, for pose.txt and TUM; "opencv" by default.
-        colour_only: ignore depth, which may be missing; for `radartwin.reconstruct.fusion.monocular`.
+        depth_unit_m: metres per count of the depth pictures. Give it if the layout's default (1/5000 m for TUM, 1 mm otherwise) is wrong.
+        up: world axis of the poses that points up (x, y, z, -x, -y, -z). ARKit and this library's layout define it. For pose.txt and
+            TUM the default is the axis nearest to the cameras' mean upward direction.
+        poses: pose convention, one of `radartwin.reconstruct.axes.POSE_CONVENTIONS`, only for pose.txt and TUM; "opencv" by default.
+        colour_only: ignore the depth pictures, which may be missing. Used by `radartwin.reconstruct.fusion.monocular`.
     Raises:
         MissingError: the folder or one of its pictures does not exist.
-        ScanError: unknown layout, no poses, different counts, no intrinsics, damaged pictures, empty depth, an implausible unit, or an
-            option that does not apply to the layout.
-        PoseError: poses that are mirrored or not rigid.
+        ScanError: the layout is unknown, poses or intrinsics are missing, the numbers of files differ, a picture is damaged or has no
+            depth,
+            the depth unit is implausible, or an option does not apply to the layout.
+        PoseError: a pose is mirrored or not rigid.
     """
     folder = Path(folder)
     layout = layout_of(folder)

@@ -17,17 +17,17 @@ UNITS_M = {0.001: "millimetres", 0.0002: "1/5000 m, as TUM RGB-D", 0.0001: "0.1 
 
 
 def read_picture(path: Path) -> np.ndarray:
-    """Pixels of any picture that Pillow reads.
+    """Read the pixels of any picture that Pillow can read.
 
     Raises:
-        MissingError: no such file.
-        ScanError: not a picture, or a truncated one.
+        MissingError: the file does not exist.
+        ScanError: the file is not a picture, or is truncated.
     """
     return _opened(path, np.asarray)
 
 
 def picture_size(path: Path) -> tuple[int, int]:
-    """(width, height) from the file header; raises as `read_picture`."""
+    """Read (width, height) from the file header. Raises errors as `read_picture`."""
     return _opened(path, lambda picture: picture.size)
 
 
@@ -42,10 +42,10 @@ def _opened(path: Path, read: Callable[[Any], Any]) -> Any:
 
 
 def read_depth(path: Path, unit_m: float) -> np.ndarray:
-    """Depth (h, w) float32 metres; 0 where there is no depth.
+    """Read a depth picture. Return the depth (h, w) float32 in metres; 0 where there is no depth.
 
     Raises:
-        ScanError: more than one channel.
+        ScanError: the picture has more than one channel.
     """
     counts = read_picture(path)
     if counts.ndim != 2:
@@ -55,10 +55,10 @@ def read_depth(path: Path, unit_m: float) -> np.ndarray:
 
 
 def read_colour(path: Path) -> np.ndarray:
-    """Colour (H, W, 3) uint8, also of a grey picture.
+    """Read a colour or grey picture as colour (H, W, 3) uint8.
 
     Raises:
-        ScanError: not 8 bits per channel.
+        ScanError: the picture does not have 8 bits per channel.
     """
     pixels = read_picture(path)
     if pixels.dtype != np.uint8 or pixels.ndim not in (2, 3):
@@ -69,7 +69,7 @@ def read_colour(path: Path) -> np.ndarray:
 def check_depth(paths: Sequence[Path], unit_m: float, source: str, remedy: str = "give --depth-unit") -> None:
     """Check the unit on three non-empty depth pictures, so that a wrong unit fails early.
 
-    The pictures are tried in the order first, middle, last, then between.
+    The pictures are read in the order first, middle, last, then pictures between these.
 
     Raises:
         ScanError: all pictures are empty, or the median depth is implausible for a room.
@@ -92,12 +92,12 @@ def check_depth(paths: Sequence[Path], unit_m: float, source: str, remedy: str =
 
 
 def plausible(median_m: float) -> bool:
-    """Whether an indoor depth picture can have this median."""
+    """Return whether an indoor depth picture can have this median depth."""
     return MEDIAN_DEPTH_M[0] <= median_m <= MEDIAN_DEPTH_M[1]
 
 
 def _bisected(count: int) -> list[int]:
-    """0 to count - 1 in the order first, middle, last, then evenly between in ever finer steps."""
+    """Return the numbers 0 to count - 1 in the order first, middle, last, then evenly between these in ever finer steps."""
     order, parts = dict.fromkeys([0, count // 2, count - 1]), 4
     while len(order) < count:
         order |= dict.fromkeys(min(count * k // parts, count - 1) for k in range(parts))

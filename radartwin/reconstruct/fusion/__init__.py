@@ -1,1 +1,1 @@
-"""Fuse colour-and-depth frames into a mesh: alignment, a signed distance volume, marching cubes."""
+"""Fuse colour-and-depth frames into a mesh: align the poses, average the depth in a signed distance volume, and extract the surface."""

@@ -1,8 +1,8 @@
 """Check the depth unit and the pose convention of frames by comparing overlapping views.
 
-A moving camera sees the same surfaces from several positions. The views coincide only with the right depth unit and the right pose
-convention. The check compares the views under all known units and conventions, normalised to one median depth. It refuses the given choice
-if another choice agrees clearly better, and names the better one.
+A moving camera sees the same surfaces from several positions. The surfaces in these views coincide only if depth unit and pose convention
+are right. The check measures the distance between overlapping views for all known units and conventions, after all views are scaled to the
+same median depth. If another unit or convention than the given one agrees clearly better, the check raises an error that names it.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from radartwin.reconstruct.fusion.views import prepared
 from radartwin.reconstruct.fusion.volume import View
 from radartwin.reconstruct.scan_size import ScanWarning
 
-COMPARED_VIEWS = 40  # evenly over the scan
+COMPARED_VIEWS = 40  # number of compared views, evenly distributed over the scan
 MEDIAN_M = 2.0  # all views are scaled to this median depth
-CLEARLY_BETTER = 0.5  # largest ratio of disagreements at which the smaller one is clearly better
-EQUAL_RATIO = 1.5  # disagreements within this ratio count as equal
-GOOD_M = 0.01  # below this disagreement at MEDIAN_M nothing is wrong: noise and drift of a phone
-SUSPECT_M = 0.06  # above this disagreement at MEDIAN_M something is wrong; twice the drift of a phone over a large hall gives 0.05
-MIN_PAIRS = 0.7  # an alternative needs this share of the given choice's overlapping pairs
+CLEARLY_BETTER = 0.5  # largest ratio of two disagreements at which the smaller disagreement is clearly better
+EQUAL_RATIO = 1.5  # two disagreements with a smaller ratio count as equal
+GOOD_M = 0.01  # a smaller disagreement at MEDIAN_M is explained by the noise and drift of a phone
+SUSPECT_M = 0.06  # a larger disagreement at MEDIAN_M shows an error; twice the drift of a phone over a large hall gives 0.05
+MIN_PAIRS = 0.7  # smallest number of overlapping pairs of an alternative, relative to that of the given choice
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How well the views agree under one choice.
+    """How well the views agree under one depth unit or pose convention.
 
     Attributes:
-        name: of the choice.
+        name: name of the unit or convention.
         pairs: number of overlapping view pairs.
         apart_m: median distance between overlapping views, metres at a median depth of MEDIAN_M.
     """
@@ -53,17 +53,19 @@ class Agreement:
 
 
 def check_agreement(frames: Frames, unit_m: float | None, convention: str | None, metadata_file: str = INDEX) -> None:
-    """Refuse a depth unit or pose convention if another one agrees clearly better; warn if none agrees or the views cannot decide.
+    """Raise an error if another depth unit or pose convention agrees clearly better than the given one.
+
+    Warn if the views agree under no unit and convention, or cannot decide between them.
 
     Args:
-        frames: in the world of their poses, with any up axis.
+        frames: frames in the world of their poses, with any up axis.
         unit_m: metres per count used to read the depth; None if the layout defines it.
-        convention: of the poses, one of `axes.POSE_CONVENTIONS`; None if the layout defines it.
-        metadata_file: the file that defines the convention in that case.
+        convention: pose convention, one of `axes.POSE_CONVENTIONS`; None if the layout defines it.
+        metadata_file: name of the file that defines the convention if `convention` is None.
     Raises:
-        ScanError: names the choice that agrees better, and both disagreements.
+        ScanError: another unit or convention agrees clearly better. The message names it and both disagreements.
     Warns:
-        ScanWarning: the views disagree under every choice, do not overlap, or fit several units.
+        ScanWarning: the views disagree under every unit and convention, do not overlap, or fit several units.
     """
     count = len(frames)
     if count < 2:
@@ -92,7 +94,7 @@ def check_agreement(frames: Frames, unit_m: float | None, convention: str | None
 def _check_convention(
     source: str, views: list[View], poses: np.ndarray, convention: str | None, metadata_file: str, scale: float
 ) -> Agreement:
-    """Agreement under the given convention, after comparing it with the others."""
+    """Compare the given pose convention with the others, and return its agreement."""
     as_written = _as_written(poses, convention or "opencv")
     found = disagreement(views, [camera_to_world(as_written, name) for name in POSE_CONVENTIONS])
     agreements = {name: Agreement(name, *values) for name, values in zip(POSE_CONVENTIONS, found, strict=True)}
@@ -108,7 +110,7 @@ def _check_convention(
 
 
 def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: np.ndarray, unit_m: float, given: Agreement) -> None:
-    """Compare the views for every plausible depth unit. A k times larger depth is simulated by a k times smaller camera motion."""
+    """Compare the views for every plausible depth unit. A camera motion divided by k has the same effect as a depth multiplied by k."""
     depth_m = float(np.median(np.concatenate([f.depth_m[f.depth_m > 0][::50] for f in chosen])))
     others = [u for u in UNITS_M if not np.isclose(u, unit_m, rtol=0.01) and plausible(depth_m * u / unit_m)]
     moved = []
@@ -137,7 +139,7 @@ def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: 
 
 
 def _as_written(poses: np.ndarray, convention: str) -> np.ndarray:
-    """The poses as the file has them: the inverse of `camera_to_world`."""
+    """Convert the poses back to the file's convention; the inverse of `camera_to_world`."""
     flipped = camera_to_world(poses, "opengl") if convention.startswith("opengl") else poses
     return camera_to_world(flipped, "opencv-inverse") if convention.endswith("-inverse") else flipped
 
@@ -147,7 +149,7 @@ def _scaled(view: View, factor: float) -> View:
 
 
 def _extent_m(chosen: Sequence[Frame], factor: float) -> np.ndarray:
-    """Extent (3,) of the seen points, metres, if the depth were `factor` times as large; the outer percents are left out."""
+    """Return the extent (3,) in metres of the points in the frames, with depths multiplied by `factor` and without outliers."""
     clouds = []
     for frame in chosen:
         offsets = points(frame)[::8, ::8].reshape(-1, 3) - frame.pose[:3, 3]

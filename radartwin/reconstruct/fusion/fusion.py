@@ -1,7 +1,7 @@
 """Fuse frames with poses into a mesh, and report the quality.
 
-`fuse` runs all steps: `views` weights the pixels, `alignment` corrects the drift, `volume` averages, `marching` extracts triangles, and
-`holes` measures the gaps.
+`fuse` calls the other modules: `views` computes the weights of the pixels, `alignment` corrects the drift, `volume` averages the depth,
+`marching` extracts triangles, and `holes` measures the holes of the mesh.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from radartwin.reconstruct.fusion.marching import extract
 from radartwin.reconstruct.fusion.views import REFERENCE_NOISE_M, Views
 from radartwin.reconstruct.fusion.volume import View, Volume
 
-VOXELS_ACROSS = 450  # along the room's diagonal: 2 cm for 9 m
+VOXELS_ACROSS = 450  # number of voxels along the room's diagonal: 2 cm voxels for 9 m
 VOXEL_M = (0.01, 0.03)
 TRUNCATION_VOXELS = 4
-MAX_RANGE_M = 5.0  # of phone LiDAR, as Apple states it; greater depths are ignored
-MAX_FRAMES = 400  # of more frames, every n-th is used
+MAX_RANGE_M = 5.0  # range of phone LiDAR, as Apple states it; greater depths are ignored
+MAX_FRAMES = 400  # if there are more frames, every n-th frame is used
 SMALLEST_PART_M2 = 0.03  # smaller connected parts are removed as flying pixels
 RESIDUAL_STEP = 7  # the residual uses every seventh pixel in both directions
 
@@ -35,11 +35,12 @@ class FusionReport:
     """Facts about a fusion; lengths in metres.
 
     Attributes:
-        residual_rms_m, residual_median_m: distance of the used depth pixels from the fused surface, for pixels within the truncation.
-        explained: share of the used depth pixels within the truncation of the surface.
+        residual_rms_m, residual_median_m: rms and median distance of the used depth pixels from the fused surface, for pixels within the
+            truncation distance.
+        explained: share of the used depth pixels that lie within the truncation distance of the surface.
         coloured: share of the vertices that a colour picture shows.
         small_parts: number of removed connected parts.
-        poses: (N, 4, 4) of the frames at fusion; `frames.with_poses(report.poses)` matches the mesh.
+        poses: (N, 4, 4) poses with which the frames were fused. `frames.with_poses(report.poses)` matches the mesh.
         alignment: the drift correction, None if it was off.
         scale: source of the unit of length: "measured" by the depth sensor, or a description of the monocular model.
     """
@@ -65,11 +66,11 @@ class FusionReport:
     scale: str = "measured"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, without the poses."""
+        """Return the report as plain values, without the poses."""
         return dataclasses.asdict(dataclasses.replace(self, poses=np.zeros(0))) | {"poses": None}
 
     def lines(self) -> list[str]:
-        """The report as text, one fact per line."""
+        """Return the report as text, one fact per line."""
         x, y, z = self.extents_m
         lines = [
             f"{self.source}: {self.frames_used} of {self.frames} frames fused, voxels of {1000 * self.voxel_m:.0f} mm, scale {self.scale}",
@@ -95,18 +96,20 @@ def fuse(
     scale: str = "measured",
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[trimesh.Trimesh, FusionReport]:
-    """A coloured mesh of the surfaces in the frames.
+    """Fuse frames into a coloured mesh of the surfaces that they show.
 
     Args:
-        frames: depth with poses, and colour and confidence if available. Of more than MAX_FRAMES every n-th is used.
-        voxel_m: edge of a voxel; by default about 2 cm, from the room's size.
-        refine: correct the drift of the poses first, see `alignment`.
+        frames: frames with depth and poses, and with colour and confidence if available. If there are more than MAX_FRAMES, every n-th
+            frame is used.
+        voxel_m: edge of a voxel; None derives it from the room's size, about 2 cm.
+        refine: whether to correct the drift of the poses first, see `alignment`.
         scale: source of the unit of length, for the report.
         progress: called as progress(done, total) after each frame of both passes.
     Returns:
-        The mesh (metres, z up, vertex colours RGBA, triangles facing free space) and the report.
+        The mesh in metres, z up, with RGBA vertex colours and triangles that face free space.
+        The report.
     Raises:
-        ScanError: no usable depth, no surface, or a room too large for the voxels.
+        ScanError: the frames have no usable depth or show no surface, or the room is too large for the voxels.
     """
     if len(frames) > MAX_FRAMES:
         frames = frames[:: -(-len(frames) // MAX_FRAMES)]
@@ -118,7 +121,7 @@ def fuse(
         alignment = align(views)
         low, high, used = _bounds(views, lambda _: None)
     volume = _filled_volume(views, low, high, used, voxel_m, lambda i: progress(len(views) + i, steps) if progress else None)
-    # A surface needs a standard deviation below the truncation. Views that see through a wrong surface remove it.
+    # A surface needs a standard deviation below the truncation distance. A view that sees through a wrong surface removes the surface.
     mesh, coloured = extract(volume, (REFERENCE_NOISE_M / volume.truncation_m) ** 2)
     mesh, coloured, removed = without_small_parts(mesh, coloured)
     residual = np.concatenate([volume.distance(_points(views[i], RESIDUAL_STEP)) for i in used])
@@ -149,7 +152,7 @@ def fuse(
 def _filled_volume(
     views: Views, low: np.ndarray, high: np.ndarray, used: list[int], voxel_m: float | None, done: Callable[[int], None]
 ) -> Volume:
-    """The volume between two corners with all views integrated; calls done(number of integrated views)."""
+    """Create the volume between two corners and integrate all views. Calls done(number of integrated views) after each view."""
     if voxel_m is None:
         voxel_m = round(float(np.clip(np.linalg.norm(high - low) / VOXELS_ACROSS, *VOXEL_M)), 3)
     elif not 0.002 <= voxel_m <= 0.5:
@@ -165,9 +168,14 @@ def _filled_volume(
 
 
 def without_small_parts(mesh: trimesh.Trimesh, values: np.ndarray) -> tuple[trimesh.Trimesh, np.ndarray, int]:
-    """The mesh without connected parts under SMALLEST_PART_M2, the remaining vertices' `values`, and the number of removed parts.
+    """Remove the connected parts of a mesh that are smaller than SMALLEST_PART_M2.
 
-    `values` (V,) holds one value per vertex. The largest part always remains.
+    The largest part always remains. `values` (V,) holds one value per vertex.
+
+    Returns:
+        The mesh without the removed parts.
+        `values` of the remaining vertices.
+        The number of removed parts.
     """
     faces, colours = np.asarray(mesh.faces), np.asarray(mesh.visual.vertex_colors)  # type: ignore[union-attr]
     label = trimesh.graph.connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(mesh.vertices))
@@ -181,7 +189,7 @@ def without_small_parts(mesh: trimesh.Trimesh, values: np.ndarray) -> tuple[trim
 
 
 def _bounds(views: Views, done: Callable[[int], None]) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Lowest and highest corner of the seen points, and the indices of the views with any usable depth."""
+    """Return the lowest and the highest corner of all depth points, and the indices of the views with any usable depth."""
     low, high, used = np.full(3, np.inf), np.full(3, -np.inf), []
     for i in range(len(views)):
         seen = _points(views[i], 2)
@@ -197,7 +205,7 @@ def _bounds(views: Views, done: Callable[[int], None]) -> tuple[np.ndarray, np.n
 
 
 def _points(view: View, step: int) -> np.ndarray:
-    """World points (N, 3) of every step-th pixel with a weight."""
+    """Return the world points (N, 3) of every step-th pixel in both directions, if its weight is not 0."""
     v, u = np.nonzero(view.weight[::step, ::step])
     u, v = u * step, v * step
     depth = view.depth[v, u].astype(np.float64)

@@ -1,4 +1,4 @@
-"""Measure the holes of a mesh: the loops of its boundary, their length, and the area that would close them."""
+"""Measure the holes of a mesh: count the loops of its boundary, and measure their length and the area that would close them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import trimesh
 
 @dataclasses.dataclass(frozen=True)
 class Holes:
-    """Boundary of a mesh. The longest boundary loop of a connected part is its rim, and the other loops are holes.
+    """Measures of a mesh's boundary. The longest boundary loop of a connected part is its rim, and the other loops are holes.
 
     Attributes:
         count: number of holes.

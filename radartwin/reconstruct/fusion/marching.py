@@ -17,12 +17,13 @@ GREY = 128  # colour of vertices that no colour picture shows
 
 
 def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndarray]:
-    """Triangles where the signed distance changes sign, facing free space.
+    """Extract triangles where the signed distance changes its sign. They face free space.
 
     Args:
-        min_weight: smallest weight of all eight corners of a cube.
+        min_weight: a cube gives triangles only if each of its eight corners has at least this weight.
     Returns:
-        The mesh with vertex colours (RGBA), and a mask (V,) of the vertices that a colour picture shows.
+        The mesh with RGBA vertex colours.
+        A mask (V,) of the vertices that a colour picture shows.
     Raises:
         ScanError: the volume holds no surface.
     """
@@ -55,7 +56,7 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
 
 
 def _whole_cubes(seen: np.ndarray) -> np.ndarray:
-    """Cubes with eight seen corners, marked at the highest corner, as scikit-image expects."""
+    """Return a mask of the cubes whose eight corners were observed, marked at the highest corner, as scikit-image expects."""
     whole = np.zeros_like(seen)
     low, high = slice(None, -1), slice(1, None)
     whole[1:, 1:, 1:] = np.all([seen[corner] for corner in itertools.product((low, high), repeat=3)], axis=0)
@@ -64,7 +65,7 @@ def _whole_cubes(seen: np.ndarray) -> np.ndarray:
 
 @compiled
 def _gather(slot, sdf, weight, block, values, weights):
-    """Copy the piece that starts at `block` (3,) out of its blocks; unobserved voxels get weight 0 and distance 1."""
+    """Copy the voxels of the piece that starts at `block` (3,) to `values` and `weights`. Unobserved voxels get weight 0 and distance 1."""
     values[:] = 1.0
     weights[:] = 0.0
     side = values.shape[0]
@@ -85,7 +86,10 @@ def _gather(slot, sdf, weight, block, values, weights):
 
 @compiled
 def _colours(cells, slot, colour, colour_weight):
-    """Colours (N, 3) at vertices (N, 3) in voxel units, from the coloured voxels around each; mask of the vertices that have any."""
+    """Return colours (N, 3) at vertices `cells` (N, 3), and a mask (N,) of the vertices with a coloured voxel around them.
+
+    The vertices are in units of voxels.
+    """
     out = np.full((len(cells), 3), GREY, np.uint8)
     known = np.zeros(len(cells), np.bool_)
     for p in range(len(cells)):

@@ -4,8 +4,11 @@
     model = DepthModel.load("depth-anything/Depth-Anything-V2-Metric-Indoor-Small-hf")    # or a folder with the weights
     mesh, report = fuse(with_depth(frames, model), scale=model.scale)
 
-The user chooses the weights. Only a name of the model hub starts a download. Lengths come from the model, not from a measurement: metric
-models are wrong by several per cent, and by another factor for each camera, so the report names the source of the scale. This module
+The user chooses the weights. They are downloaded only if the user gives a name of the model hub. All lengths come from the model, not from
+a
+measurement. The lengths of metric models have errors of several per cent that differ between cameras. The report therefore states the
+source
+of the scale. This module
 resizes and normalises the pictures itself, because the fast processors of transformers need torchvision.
 """
 
@@ -22,10 +25,10 @@ from radartwin.errors import BackendError, MissingError, ScanError
 from radartwin.io import untrusted_json
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled
 
-DEPTH_WIDTH = 320  # pixels of the stored depth; models resolve little more
+DEPTH_WIDTH = 320  # width of the stored depth in pixels; the models hardly resolve finer details
 METRIC_TYPES = {"zoedepth", "glpn", "depth_pro"}  # architectures whose output is always metres
 IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-DEFAULT_HEIGHT = 518  # of Depth Anything: 37 patches of 14 pixels
+DEFAULT_HEIGHT = 518  # input height of Depth Anything: 37 patches of 14 pixels
 
 Estimator = Callable[[np.ndarray], np.ndarray]  # colour (H, W, 3) uint8 -> depth (h, w) metres of the same view
 
@@ -37,9 +40,9 @@ class DepthModel:
     Attributes:
         network: the transformers model.
         name: the user's name or folder of the model.
-        mean, std: of the colour normalisation.
+        mean, std: mean and standard deviation of the colour normalisation.
         height: picture height at the network's input, pixels.
-        multiple: the input's sides are multiples of this number of pixels.
+        multiple: width and height of the input are multiples of this number of pixels.
     """
 
     network: Any
@@ -51,11 +54,11 @@ class DepthModel:
 
     @classmethod
     def load(cls, name: str | Path) -> DepthModel:
-        """Load from a folder with config.json and weights, or by a name of the model hub.
+        """Load a model from a folder with config.json and weights, or by a name of the model hub.
 
         Raises:
             BackendError: torch or transformers is not installed.
-            MissingError: no such folder or model.
+            MissingError: the folder or model does not exist.
             ScanError: the model estimates relative depth, which has no scale.
         """
         try:
@@ -82,7 +85,7 @@ class DepthModel:
 
     @property
     def scale(self) -> str:
-        """For `fuse(scale=...)`."""
+        """Text that names the model as source of the scale, for `fuse(scale=...)`."""
         return f"estimated by {Path(self.name).name}, not measured"
 
     def __call__(self, colour: np.ndarray) -> np.ndarray:
@@ -107,10 +110,10 @@ class DepthModel:
 
 
 def with_depth(frames: Frames, estimate: Estimator) -> Frames:
-    """The frames that have colour, with estimated depth.
+    """Return the frames that have colour, with estimated depth.
 
     Args:
-        estimate: a `DepthModel`, or another function from colour to metric depth of the same view.
+        estimate: a `DepthModel`, or another function that takes colour and returns the metric depth of the same view.
     Raises:
         ScanError: no frame has colour.
     """
@@ -150,7 +153,7 @@ def _check_metric(config: Any, name: str) -> None:
 
 
 def _processing(folder: Path) -> dict[str, Any]:
-    """Normalisation and size from preprocessor_config.json beside the weights, if that file exists."""
+    """Read normalisation and size from preprocessor_config.json beside the weights, if this file exists."""
     file = folder / "preprocessor_config.json"
     if not file.is_file():
         return {}

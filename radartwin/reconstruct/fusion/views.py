@@ -1,4 +1,4 @@
-"""Prepare depth pictures for fusion: the slope of the surface at each pixel, and the weight of each pixel."""
+"""Prepare depth pictures for fusion: compute the slope of the surface at each pixel, and the weight of each pixel."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ from radartwin.compiled import compiled
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled
 from radartwin.reconstruct.fusion.volume import View
 
-# Standard deviation of depth z: floor + slope z + curve z^2 for low, medium and high confidence. High is 5 mm at 1 m and 13 mm at 5 m; only
-# ratios matter. Low and medium are fitted to the real frames of docs/decisions/005-virtual-scanner.md (21 to 111 mm and 12 to 43 mm from
+# Standard deviation of depth z: floor + slope z + curve z^2 for low, medium and high confidence. High confidence gives 5 mm at 1 m and 13
+# mm
+# at 5 m; only ratios matter. The values of low and medium are fitted to the real frames of docs/decisions/005-virtual-scanner.md (21 to 111
+# mm and 12 to 43 mm from
 # 1.25 to 3.25 m). A pixel of low confidence has little weight beside one of high confidence, but is often the only one on dark and
 # distant surfaces.
 NOISE_FLOOR_M, NOISE_PER_M = 0.003, 0.002
 NOISE = np.array([[0.0, 0.0, 0.0105], [0.0, 0.0, 0.0041], [NOISE_FLOOR_M, NOISE_PER_M, 0.0]], np.float32)
-REFERENCE_NOISE_M = NOISE_FLOOR_M + NOISE_PER_M  # of a pixel with high confidence at 1 m and normal incidence, which has weight 1
-STEP = 2  # pixels to either side for the slope
+REFERENCE_NOISE_M = NOISE_FLOOR_M + NOISE_PER_M  # noise of a pixel with weight 1: high confidence, 1 m, normal incidence
+STEP = 2  # the slope is computed from the pixels at this distance on either side
 MIN_COSINE = 0.15  # pixels beyond 81 degrees are discarded as edges
 CACHE_BYTES = 1_000_000_000
 
 
 class Views:
-    """Prepared views of frames. Views without colour are cached up to CACHE_BYTES, because fusion reads them several times.
+    """Prepares views of frames for fusion. Up to CACHE_BYTES of views are cached without colour, because fusion reads them several times.
 
     Args:
         max_range_m: greater depths are ignored.
@@ -39,7 +41,7 @@ class Views:
         return len(self.frames)
 
     def __getitem__(self, index: int) -> View:
-        """The view without colour, at its current pose."""
+        """Return a view without colour, at its current pose."""
         view = self._cache.get(index)
         if view is None:
             view = prepared(self.frames[index], self.max_range_m)
@@ -49,14 +51,14 @@ class Views:
         return View(self.poses[index], view.intrinsics, view.depth, view.slope, view.weight)
 
     def coloured(self) -> Iterator[View]:
-        """All views in order, with colour where the frame has colour."""
+        """Yield all views in order, with colour if the frame has colour."""
         for index, frame in enumerate(self.frames):
             view = self._cache.get(index) or prepared(frame, self.max_range_m)
             yield View(self.poses[index], view.intrinsics, view.depth, view.slope, view.weight, *_reduced(frame))
 
 
 def prepared(frame: Frame, max_range_m: float) -> View:
-    """The view of one frame, without colour.
+    """Prepare the view of one frame, without colour.
 
     >>> depth = np.full((9, 9), 2.0, np.float32)
     >>> intrinsics = np.array([[10.0, 0, 4], [0, 10, 4], [0, 0, 1]])
@@ -71,7 +73,10 @@ def prepared(frame: Frame, max_range_m: float) -> View:
 
 
 def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """The colour picture averaged to about the depth's resolution, so that voxels do not alias its texture, and its intrinsics."""
+    """Average the colour picture to about the depth's resolution, so that voxels do not alias its texture.
+
+    Returns: the colour picture and its intrinsics (3, 3); None, None without colour.
+    """
     if frame.colour is None or frame.colour_intrinsics is None:
         return None, None
     factor = max(round(float(frame.colour_intrinsics[0, 0] / frame.intrinsics[0, 0])), 1)
@@ -81,14 +86,14 @@ def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
 
 
 def _sigma(depth: np.ndarray, confidence: np.ndarray) -> np.ndarray:
-    """Standard deviation (h, w) of depths, metres; at least that of high confidence."""
+    """Return the standard deviation (h, w) of depths in metres. It is at least the standard deviation of high confidence."""
     noise = NOISE[confidence]
     return np.maximum(noise[..., 0] + (noise[..., 1] + noise[..., 2] * depth) * depth, NOISE_FLOOR_M + NOISE_PER_M * depth)
 
 
 @compiled
 def _slope(depth, sigma, fx, fy, cx, cy):
-    """|n . r| and weight (h, w); both 0 where there is no depth or no surface around the pixel."""
+    """Return the slope |n . r| and the weight, each (h, w); both are 0 where there is no depth or no surface around the pixel."""
     height, width = depth.shape
     slope, weight = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     for v in range(height):

@@ -1,11 +1,11 @@
-"""A truncated signed distance volume in sparse blocks, filled from depth pictures. Ref: Curless and Levoy 1996, A volumetric method
+"""Fill a truncated signed distance volume, stored in sparse blocks, from depth pictures. Ref: Curless and Levoy 1996, A volumetric method
 for building complex models from range images; blocks as in Niessner et al. 2013, Real-time 3D reconstruction at scale.
 
-Symbols: D(x) -> sdf, positive in front of a surface; W(x) -> weight; truncation is the largest stored distance on either side.
+Symbols: D(x) -> sdf, positive in front of a surface; W(x) -> weight. The truncation is the largest stored distance on either side.
 
-The distance of a pixel is measured perpendicular to its surface, not along the ray: it is the depth difference times the pixel's `slope`
-|n . r|, with the surface normal n and the ray r of unit depth. Behind the surface the weight falls to zero at the truncation, so that the
-two sides of a thin board disturb each other less.
+The distance between a voxel and a pixel's surface is measured perpendicular to the surface, not along the ray. It is the depth difference
+times the pixel's `slope` |n . r|, with the surface normal n and the ray r of unit depth. Behind the surface the weight
+falls to zero at the truncation, so that the two sides of a thin board disturb each other less.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class View:
 
     Attributes:
         pose: (4, 4) camera-to-world.
-        intrinsics: (3, 3) of the depth.
+        intrinsics: (3, 3) of the depth picture.
         depth: (h, w) float32 metres, 0 where there is no depth.
         slope: (h, w) float32, |n . r|.
         weight: (h, w) float32, inverse variance relative to a pixel of high confidence at 1 m and normal incidence.
@@ -46,7 +46,7 @@ class View:
 
 
 class _Blocks(NamedTuple):
-    """Arrays of B blocks for the compiled functions: indices (B, 3), and values of their voxels (B, SIDE, SIDE, SIDE[, 3])."""
+    """Arrays of B blocks, for the compiled functions: indices (B, 3), and values of their voxels (B, SIDE, SIDE, SIDE[, 3])."""
 
     indices: np.ndarray
     sdf: np.ndarray
@@ -59,7 +59,7 @@ class _Blocks(NamedTuple):
 
 
 class _Camera(NamedTuple):
-    """A view for the compiled functions: world-to-camera rotation and shift, lenses as (fx, fy, cx, cy), and pictures."""
+    """A view, for the compiled functions: world-to-camera rotation and shift, intrinsics as (fx, fy, cx, cy), and pictures."""
 
     rotation: np.ndarray
     shift: np.ndarray
@@ -73,7 +73,7 @@ class _Camera(NamedTuple):
 
 
 class _Field(NamedTuple):
-    """The signed distances for lookup: block number at each block index (-1 for none), and values of the blocks' voxels."""
+    """The stored signed distances: the block number at each block index (-1 if there is no block), and the values of the blocks' voxels."""
 
     slot: np.ndarray
     sdf: np.ndarray
@@ -83,7 +83,7 @@ class _Field(NamedTuple):
 
 
 class Volume:
-    """Blocks of SIDE^3 voxels near the seen surfaces; voxel (i, j, k) lies at origin + voxel * (i, j, k).
+    """A signed distance volume: blocks of SIDE^3 voxels near the observed surfaces. Voxel (i, j, k) lies at origin + voxel_m * (i, j, k).
 
     Args:
         low, high: (3,) corners of the volume, metres.
@@ -123,7 +123,7 @@ class Volume:
         self.colour, self.colour_weight = np.zeros((*cells, 3), np.float32), np.zeros(cells, np.float32)
 
     def integrate(self, view: View) -> None:
-        """Average the view into every block that it sees. Blocks are independent, so the result does not depend on threads."""
+        """Average a view into every block that it sees. Blocks are independent, so the result does not depend on the number of threads."""
         blocks = _Blocks(self.blocks, self.sdf, self.weight, self.colour, self.colour_weight, self.origin, self.voxel_m, self.truncation_m)
         colour = view.colour if view.colour is not None else np.zeros((1, 1, 3), np.uint8)
         colour_lens = pinhole(view.colour_intrinsics) if view.colour_intrinsics is not None else (1.0, 1.0, 0.0, 0.0)
@@ -135,7 +135,7 @@ class Volume:
         shared_out(_integrate, len(self.blocks), blocks, camera)
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Signed distance (N,) at world points (N, 3), trilinear; NaN unless all eight voxels around the point were observed."""
+        """Interpolate the signed distance (N,) at world points (N, 3); NaN unless all eight voxels around the point were observed."""
         points = np.ascontiguousarray(points, dtype=np.float64)
         distances = np.empty(len(points))
         field = _Field(self.slot, self.sdf, self.weight, self.origin, self.voxel_m)
@@ -144,13 +144,13 @@ class Volume:
 
 
 def pinhole(intrinsics: np.ndarray) -> tuple[float, float, float, float]:
-    """(fx, fy, cx, cy) of intrinsics (3, 3)."""
+    """Return (fx, fy, cx, cy) of intrinsics (3, 3)."""
     return float(intrinsics[0, 0]), float(intrinsics[1, 1]), float(intrinsics[0, 2]), float(intrinsics[1, 2])
 
 
 @compiled
 def _mark(depth, weight, lens, pose, origin, edge, truncation, marked):
-    """Set marked (X, Y, Z) to 1 at the blocks along each pixel's ray, within the truncation of its depth."""
+    """Set `marked` (X, Y, Z) to 1 at the blocks on each pixel's ray that lie within the truncation of the pixel's depth."""
     nx, ny, nz = marked.shape
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -171,7 +171,7 @@ def _mark(depth, weight, lens, pose, origin, edge, truncation, marked):
 
 @innermost
 def _in_view(x, y, z, radius, rotation, shift, lens, shape):
-    """Whether a sphere about (x, y, z) may lie in the camera's view, with a margin of one pixel."""
+    """Return whether a sphere about (x, y, z) may lie in the camera's view, with a margin of one pixel."""
     zc = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z + shift[2]
     if zc < -radius:
         return False
@@ -186,7 +186,7 @@ def _in_view(x, y, z, radius, rotation, shift, lens, shape):
 
 @innermost
 def _interpolated(depth, u, v, d):
-    """Depth at (u, v): bilinear between four pixels of one surface, else the nearest pixel's depth d."""
+    """Return the depth at (u, v): bilinear between four pixels if they show one surface, otherwise the nearest pixel's depth d."""
     m0, n0 = int(np.floor(v)), int(np.floor(u))
     if m0 >= 0 and n0 >= 0 and m0 + 1 < depth.shape[0] and n0 + 1 < depth.shape[1]:
         a, c, e, g = depth[m0, n0], depth[m0, n0 + 1], depth[m0 + 1, n0], depth[m0 + 1, n0 + 1]
@@ -246,7 +246,7 @@ def _integrate(first, last, blocks, camera):
 
 @compiled
 def _distance(first, last, points, field, distances):
-    """Trilinear signed distances of points first to last; NaN beside voxels that were not observed."""
+    """Write the trilinear signed distances of points first to last; NaN beside voxels that were not observed."""
     slot, sdf, weight, origin, voxel = field
     nx, ny, nz = slot.shape
     corner = np.empty((2, 2, 2))

@@ -18,21 +18,22 @@ from radartwin.reconstruct.segmentation.colour import face_rgb
 from radartwin.reconstruct.segmentation.faces import Segment
 from radartwin.scene.scene import Surface
 
-MIN_PART_M2 = 0.01  # smaller parts are left out
-MISSING_M = 0.05  # scanned points farther than this from every surface are missing: more than noise and simplification
+MIN_PART_M2 = 0.01  # smaller parts are omitted from the scene
+MISSING_M = 0.05  # scanned points farther than this from every surface count as missing; noise and simplification shift points less
 
 
 def assembled(
     mesh: trimesh.Trimesh, segments: Sequence[Segment], flattened: Flattened | None, material: str | Layered
 ) -> tuple[list[Surface], np.ndarray, dict[str, Any]]:
-    """Surfaces of a segmented scan.
+    """Build the surfaces of a segmented scan.
 
     Args:
         flattened: polygons of the planar segments; None keeps all scanned triangles.
-        material: of every surface.
+        material: material of every surface.
     Returns:
-        The surfaces; the surface index of each face of the scan (F,), -1 for none; and statistics, where `left_out_m2` is the area of the
-        scan that lies near no surface.
+        The surfaces.
+        The surface index (F,) of each face of the scan; -1 for a face without a surface.
+        Statistics; `left_out_m2` is the area of the scan that lies near no surface.
     """
     if flattened is not None:
         segments = flattened.segments
@@ -66,7 +67,7 @@ def assembled(
 
 
 def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
-    """Area of the scan farther than MISSING_M from every surface, m2: fragments, trimmed edges and thin parts."""
+    """Return the area of the scan farther than MISSING_M from every surface, m2: fragments, trimmed edges and thin parts."""
     if not surfaces:
         return float(mesh.area)
     points = spread(mesh, MISSING_M)[0]
@@ -75,7 +76,7 @@ def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
 
 
 class _Pieces:
-    """Meshes of segments: polygons, simplified parts, or scanned triangles. `error_m` is the largest simplification error so far."""
+    """Makes the meshes of segments: polygons, simplified parts, or scanned triangles. `error_m` is the largest simplification error."""
 
     def __init__(self, mesh: trimesh.Trimesh, segments: Sequence[Segment], flattened: Flattened | None) -> None:
         self._mesh, self._segments = mesh, segments
@@ -85,7 +86,10 @@ class _Pieces:
         self.error_m = 0.0
 
     def of(self, k: int, alone: bool) -> trimesh.Trimesh | None:
-        """Mesh of segment k, None if it is left out; `alone`: the segment is an object of its own, so a polygon gets a texture."""
+        """Return the mesh of segment k; None if the segment is omitted.
+
+        `alone` states that no other segment belongs to the same object. The polygon of such a segment gets a texture.
+        """
         segment = self._segments[k]
         if self._flats is None:
             piece: Any = self._mesh.submesh([segment.faces], append=True, repair=False)
@@ -112,7 +116,7 @@ def _facts(planar: bool, planes: int, segment: int) -> dict[str, Any]:
 
 
 def _objects(segments: Sequence[Segment]) -> list[list[int]]:
-    """Segment indices grouped by body, in the order of each body's first segment."""
+    """Group the segment indices by body, in the order of each body's first segment."""
     objects: dict[tuple[int, int], list[int]] = {}
     for k, segment in enumerate(segments):
         objects.setdefault((1, segment.body) if segment.body >= 0 else (0, k), []).append(k)

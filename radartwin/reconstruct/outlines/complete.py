@@ -3,7 +3,7 @@
 A gap in a plane has one of four causes:
 - Opening: points behind the plane were seen through the gap. The gap stays open.
 - Hidden part: an object stands in front of the gap. The plane is continued behind it.
-- Pane: the gap was visible but returned no points, as glass and mirrors do. It becomes a surface of its own.
+- Pane: the gap was visible but the scan has no points in it, because it is glass or a mirror. It becomes a separate surface.
 - Noise: the gap is small. It is filled.
 """
 
@@ -19,25 +19,25 @@ from radartwin.reconstruct.outlines.visibility import Sight
 from radartwin.reconstruct.segmentation import masks
 
 # Depths of points relative to the plane.
-BEHIND_M = 0.10  # points behind the plane are deeper than this: more than noise and the reveal of a window
-BEFORE_M = 0.04  # points in front of the plane are farther than this: more than noise
+BEHIND_M = 0.10  # points count as behind the plane beyond this depth, which exceeds noise and the reveal of a window
+BEFORE_M = 0.04  # points count as in front of the plane beyond this distance, which exceeds the noise
 CLOSE_M = 0.25  # an object nearer than this hides the plane from every viewpoint
-HIDES_M = 1.2  # farther objects do not hide a wall: a chair at two metres hides only part of it at a time
-STANDS_M = 2.6  # the same limit for a floor: tall objects hide the floor below them
+HIDES_M = 1.2  # a farther object does not hide a wall: from each viewpoint, a chair at two metres hides another part
+STANDS_M = 2.6  # a farther object does not hide a floor; larger than HIDES_M, because tall objects hide the floor below them
 # Shares of a gap's cells.
-OPEN_SHARE = 0.35  # smallest share with points behind it in an opening
-HIDDEN_SHARE = 0.3  # smallest share with points in front of it in a hidden part
+OPEN_SHARE = 0.35  # an opening has points behind it in at least this share of its cells
+HIDDEN_SHARE = 0.3  # a hidden part has points in front of it in at least this share of its cells
 SMALL_M2 = 0.12  # smaller gaps are filled
 PANE_M2 = (0.2, 25.0)
-RECTANGULAR = 0.85  # smallest share of its bounding rectangle that a pane fills
-MIN_ROW = 0.3  # smallest count of cells in an edge row, relative to the median row
+RECTANGULAR = 0.85  # a pane fills at least this share of its bounding rectangle
+MIN_ROW = 0.3  # smallest number of cells in an edge row, relative to the median row
 BESIDE_CELLS = 5
-VISIBLE_SHARE, VIEWPOINTS, SAMPLES = 0.6, 3, 150  # a pane's share of samples that this many viewpoints see; number of samples
+VISIBLE_SHARE, VIEWPOINTS, SAMPLES = 0.6, 3, 150  # VIEWPOINTS viewpoints see at least this share of a pane's SAMPLES samples
 
 
 @dataclass(frozen=True, eq=False)
 class Completed:
-    """Masks of a grid: the completed plane without its panes, and the panes; filled and open areas, m2."""
+    """The result of `complete`: masks of the completed plane without its panes, and of the panes; filled area and open area, m2."""
 
     mask: np.ndarray
     panes: list[np.ndarray]
@@ -49,10 +49,10 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
     """Fill the gaps of a plane, or leave them open, or turn them into panes.
 
     Args:
-        mask: scanned cells of the plane.
-        points: (N, 3) of the whole scan, thinned to some cells apart.
-        frame: cells that the plane may cover, such as the rectangle that a wall spans; None considers only enclosed holes.
-        sight: visibility of the gaps; None finds no panes, as for floors.
+        mask: mask of the scanned cells of the plane.
+        points: (N, 3) of the whole scan, thinned to a spacing of some cells.
+        frame: mask of the cells that the plane may cover, such as the rectangle that a wall spans; None considers only enclosed holes.
+        sight: tests the visibility of the gaps; with None, as for floors, no gap becomes a pane.
     """
     holes = masks.filled(mask) & ~mask
     gaps = holes if frame is None else (holes | (frame & ~mask))
@@ -89,9 +89,9 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
 
 
 def spanned(mask: np.ndarray, min_share: float) -> np.ndarray | None:
-    """Mask of the rectangle along the grid's axes that a plane spans, or None if it covers less than `min_share` of it.
+    """Return a mask of the rectangle along the grid's axes that a plane spans; None if the plane covers less than `min_share` of it.
 
-    Nearly empty rows and columns do not count, because they are noise beyond an edge.
+    Nearly empty rows and columns are ignored, because they are noise beyond an edge.
     """
     if not mask.any():
         return None
@@ -106,7 +106,7 @@ def spanned(mask: np.ndarray, min_share: float) -> np.ndarray | None:
 
 
 def within(grid: Grid, frame: np.ndarray, mask: np.ndarray, walls: Sequence[tuple[np.ndarray, float]]) -> np.ndarray:
-    """The frame without the cells behind walls (normal, offset), for walls that have hardly any of the plane behind them."""
+    """Remove the cells behind walls (normal, offset) from `frame`. A wall that has more than a little of the plane behind it is ignored."""
     x, y = np.indices(mask.shape)
     places = grid.to_space(grid.low + (np.stack([x, y], axis=-1) + 0.5) * grid.cell_m)
     for normal, offset in walls:
@@ -117,13 +117,13 @@ def within(grid: Grid, frame: np.ndarray, mask: np.ndarray, walls: Sequence[tupl
 
 
 def _walled_off(gap: np.ndarray, mask: np.ndarray, before: np.ndarray) -> bool:
-    """Whether objects stand along the border between a gap and the plane, as walls do in a room that is not rectangular."""
+    """Return whether objects stand along the border between a gap and the plane, as the walls of a room that is not rectangular."""
     border = masks.dilated(gap, 2) & mask
     return bool(border.any() and masks.dilated(before, 4)[border].mean() > 0.6)
 
 
 def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> bool:
-    """Whether most of a gap is visible from several viewpoints, or from half as many viewpoints as the plane beside it."""
+    """Return whether most of a gap is visible from several viewpoints, or from half as many viewpoints as the plane beside it."""
 
     def seen(where: np.ndarray) -> np.ndarray:
         cells = np.argwhere(where)
@@ -138,7 +138,10 @@ def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> boo
 
 
 def _split(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
-    """Separate a window from an adjacent hidden part of the wall: the rectangle in the gap and the rest, or the gap itself."""
+    """Separate a window from an adjacent hidden part of the wall.
+
+    Returns: the largest rectangle in the gap and the rest of the gap, or only the gap.
+    """
     if _fills_rectangle(gap):
         return [gap]
     frame = np.zeros_like(gap)
@@ -165,7 +168,7 @@ def _fills_rectangle(gap: np.ndarray) -> bool:
 
 
 def _framed(gap: np.ndarray, mask: np.ndarray) -> bool:
-    """Whether the plane borders the gap on at least three sides, as around a glass door."""
+    """Return whether the plane borders the gap on at least three sides, as around a glass door."""
     x, y = (np.flatnonzero(gap.any(axis=1 - k)) for k in range(2))
     cells = 3
     sides = (

@@ -1,4 +1,4 @@
-"""A square grid on a plane, on which masks mark covered, hidden or empty cells."""
+"""Define a grid of square cells on a plane. Masks on this grid mark covered, hidden or empty cells."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from radartwin.reconstruct.segmentation.coplanar import in_plane
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Cells of a plane.
+    """A grid of square cells on a plane.
 
     Attributes:
-        normal: (3,) unit; offset_m: the plane is normal . x = offset_m.
-        axes: (2, 3) unit vectors in the plane, level and upwards where it is upright.
-        low: (2,) coordinates of the first cell's corner; shape: cells along both axes; cell_m: their edge.
+        normal: (3,) unit normal of the plane.
+        offset_m: the plane is normal . x = offset_m.
+        axes: (2, 3) unit vectors in the plane; horizontal and upward if the plane is upright.
+        low: (2,) in-plane coordinates of the first cell's corner.
+        shape: numbers of cells along both axes.
+        cell_m: edge of a cell.
     """
 
     normal: np.ndarray
@@ -30,7 +33,7 @@ class Grid:
     def around(
         cls, points: np.ndarray, normal: np.ndarray, offset_m: float, cell_m: float, turn: float = 0.0, margin_m: float = 0.2
     ) -> Grid:
-        """The grid around points (N, 3) with a margin; its axes are rotated by `turn` radians from `in_plane`."""
+        """Make the grid around points (N, 3), with a margin. Its axes are those of `in_plane`, rotated by `turn` radians."""
         axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ in_plane(normal)
         flat = points @ axes.T
         low, high = flat.min(axis=0) - margin_m, flat.max(axis=0) + margin_m
@@ -38,23 +41,23 @@ class Grid:
         return cls(normal, offset_m, axes, low, (int(x), int(y)), cell_m)
 
     def cells(self, points: np.ndarray) -> np.ndarray:
-        """Mask of the cells that hold points (N, 3), projected along the normal."""
+        """Return a mask of the cells that hold points (N, 3), projected along the normal."""
         return self.counts(points) > 0
 
     def counts(self, points: np.ndarray) -> np.ndarray:
-        """Number of points (N, 3), projected along the normal, in each cell."""
+        """Count the points (N, 3), projected along the normal, in each cell."""
         at = np.floor((points @ self.axes.T - self.low) / self.cell_m).astype(int)
         at = at[((at >= 0) & (at < np.array(self.shape))).all(axis=1)]
         return np.bincount(at[:, 0] * self.shape[1] + at[:, 1], minlength=self.shape[0] * self.shape[1]).reshape(self.shape)
 
     def depth(self, points: np.ndarray) -> np.ndarray:
-        """Height (N,) of points above the plane, positive on its visible side."""
+        """Return the height (N,) of points above the plane, positive on its visible side."""
         return points @ self.normal - self.offset_m
 
     def area(self, mask: np.ndarray) -> float:
-        """Area of a mask, m2."""
+        """Return the area of a mask, m2."""
         return float(mask.sum()) * self.cell_m**2
 
     def to_space(self, flat: np.ndarray) -> np.ndarray:
-        """Points (N, 3) of in-plane coordinates (N, 2)."""
+        """Convert in-plane coordinates (N, 2) to points (N, 3)."""
         return np.asarray(flat) @ self.axes + self.offset_m * self.normal

@@ -16,12 +16,13 @@ LARGEST_PX = 1024
 
 
 def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarray, seen: np.ndarray | None = None) -> trimesh.Trimesh:
-    """A flat mesh with a texture of the scanned colours. Cells without a colour take the nearest colour.
+    """Add a texture of the scanned colours to a flat mesh. Cells without a colour take the nearest colour.
 
     Args:
-        grid: of the plane.
-        points: (N, 3) on the plane; rgb: (N, 3) their colours, 0..255.
-        seen: mask of the scanned grid cells; the other cells become transparent. None: all were scanned.
+        grid: grid of the mesh's plane.
+        points: (N, 3) points on the plane.
+        rgb: (N, 3) colours of the points, 0..255.
+        seen: mask of the scanned grid cells; the other cells become transparent. None means that all cells were scanned.
     """
     cell = max(grid.cell_m, grid.cell_m * max(grid.shape) / LARGEST_PX)
     shape = tuple(int(np.ceil(s * grid.cell_m / cell)) for s in grid.shape)
@@ -45,7 +46,7 @@ def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarr
 
 
 def coloured(mesh: trimesh.Trimesh, points: np.ndarray, rgb: np.ndarray) -> trimesh.Trimesh:
-    """A mesh whose vertices take the mean colour of the nearest points (N, 3) with colours rgb (N, 3)."""
+    """Give each vertex of a mesh the mean colour of the nearest points (N, 3), whose colours are rgb (N, 3)."""
     _, near = KDTree(points).query(np.asarray(mesh.vertices), k=min(16, len(points)))
     near = np.asarray(near).reshape(len(mesh.vertices), -1)
     mean = np.rint(rgb[near].mean(axis=1)).astype(np.uint8)

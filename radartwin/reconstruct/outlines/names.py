@@ -14,7 +14,7 @@ MIN_WALL_M2 = 1.0  # a smaller upright plane is furniture
 
 
 def segment_names(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> list[str]:
-    """Names of the segments, numbered in order.
+    """Return the names of the segments. Equal kinds are numbered in the order of the segments.
 
     The floor is the largest level plane that faces up. The ceiling is the largest level plane above it that faces down.
     """

@@ -1,7 +1,10 @@
 """Trace the cells of a plane as simplified polygons with straight, square edges.
 
-An edge near the intersection line with a neighbouring plane moves onto that line, so that rooms close at their corners. Other edges near
-the plane's main directions turn onto these directions. A polygon that this changes by more than the scan's resolution is only simplified.
+An edge near the intersection line with a neighbouring plane moves onto that line, so that rooms close at their corners. Other edges turn
+into a main
+direction of the plane if they are nearly parallel to it. If these steps would change a polygon by more than the scan's resolution, the
+polygon
+is only simplified.
 """
 
 from __future__ import annotations
@@ -17,25 +20,25 @@ from skimage.measure import find_contours
 
 from radartwin.reconstruct.outlines.grid import Grid
 
-SNAP_CELLS = 4.0  # largest distance of an edge that moves onto an intersection line
-ALONG = np.cos(np.radians(15.0))  # largest angle of such an edge
-SQUARE = np.cos(np.radians(12.0))  # largest angle to a main direction of an edge that turns onto it
+SNAP_CELLS = 4.0  # an edge moves onto an intersection line if its distance is at most this number of cells,
+ALONG = np.cos(np.radians(15.0))  # and its angle to the line is at most this angle
+SQUARE = np.cos(np.radians(12.0))  # an edge turns into a main direction if its angle to this direction is at most this angle
 SQUARE_M = 0.1  # shorter edges do not turn
 SMALLEST_M2 = 0.004
-RAGGED = 0.1  # largest difference between cells and their rectangle, relative to its area
+RAGGED = 0.1  # largest area by which cells and their rectangle differ, relative to the rectangle's area
 
 Line = tuple[np.ndarray, np.ndarray]  # a point (2,) and a unit direction (2,)
-_Edge = tuple[np.ndarray, np.ndarray, Line | None]  # its ends, and the line that it moves onto
+_Edge = tuple[np.ndarray, np.ndarray, Line | None]  # the ends of an edge, and the line that it moves onto
 
 
 def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), edge: float = -0.5) -> BaseGeometry:
-    """Polygons of a mask, with holes, in plane coordinates.
+    """Trace a mask as polygons with holes, in plane coordinates.
 
     Args:
-        mask: covered cells.
+        mask: mask of the covered cells.
         lines: intersection lines with neighbouring planes.
-        edge: cells by which the polygon extends beyond the mask. A partly covered cell counts as covered, so the border of a scanned
-            part lies half a cell inside the mask, and the border of a missed part half a cell outside.
+        edge: number of cells by which the polygon extends beyond the mask. A partly covered cell counts as covered. The border of a scanned
+            part therefore lies half a cell inside its mask, and the border of a missed part half a cell outside its mask.
     """
     raw = _traced(grid, mask).buffer(edge * grid.cell_m, join_style="mitre").simplify(1.2 * grid.cell_m)
     pieces = []
@@ -52,9 +55,10 @@ def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), edge: floa
 
 
 def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
-    """The rectangle along the grid's axes that replaces nearly rectangular cells, such as doors and posters, or None.
+    """Return a rectangle along the grid's axes for nearly rectangular cells, such as doors and posters; None for other shapes.
 
-    Each side is the median of the cells' ends. The cells may differ from it by one cell along the edges on average, and by RAGGED.
+    Each side is the median of the cells' ends. The cells may differ from the rectangle by one cell along the edges on
+    average, and by the share RAGGED of its area.
     """
     sides = []
     for cells in (mask.T, mask):
@@ -73,7 +77,7 @@ def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
 
 
 def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
-    """Triangulate a polygon on the plane, facing its normal; None if it is empty."""
+    """Triangulate a polygon on the plane, facing the plane's normal; None if the polygon is empty."""
     polygons = [p for p in getattr(shape, "geoms", [shape]) if p.geom_type == "Polygon" and p.area >= SMALLEST_M2]
     if not polygons:
         return None
@@ -86,7 +90,7 @@ def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
 
 
 def meeting_line(grid: Grid, normal: np.ndarray, offset: float) -> Line | None:
-    """Intersection line with another plane, in plane coordinates; None if the planes are nearly parallel."""
+    """Return the intersection line with another plane, in plane coordinates; None if the planes are nearly parallel."""
     inside = grid.axes @ normal
     length = float(np.linalg.norm(inside))
     if length < 0.5:
@@ -97,17 +101,17 @@ def meeting_line(grid: Grid, normal: np.ndarray, offset: float) -> Line | None:
 
 
 def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
-    """Border of the cells as valid polygons."""
+    """Return the border of the cells as valid polygons."""
     shape = Polygon()
     rings = [Polygon(ring) for ring in find_contours(np.pad(mask, 1).astype(float), 0.5) if len(ring) >= 4]
-    for ring in sorted(rings, key=lambda r: -r.area):  # a ring inside another is a hole
+    for ring in sorted(rings, key=lambda r: -r.area):  # a ring inside another ring is a hole
         shape = shape.symmetric_difference(ring if ring.is_valid else make_valid(ring))
     c = grid.cell_m
     return affine_transform(shape, [c, 0, 0, c, grid.low[0] - c / 2, grid.low[1] - c / 2])
 
 
 def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line]) -> np.ndarray:
-    """A ring (n, 2) with its edges moved onto intersection lines and main directions."""
+    """Move the edges of a ring (n, 2) onto intersection lines and into main directions."""
     fixed = [_fixed(a, b, grid, lines) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
     edges: list[_Edge] = []
     for a, b, line in zip(ring, np.roll(ring, -1, axis=0), fixed, strict=True):
@@ -128,7 +132,7 @@ def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line]) -> np.ndarray:
 
 
 def _pointed(edges: list[_Edge], reach: float) -> list[_Edge]:
-    """Remove the short edges that cells leave across a corner between two straight edges."""
+    """Remove short edges that cut a corner between two straight edges; the grid of cells causes them."""
     out = []
     for k, (a, b, line) in enumerate(edges):
         before, after = edges[k - 1][2], edges[(k + 1) % len(edges)][2]
@@ -145,13 +149,13 @@ def _cross(first: Line, second: Line) -> float:
 
 
 def _meeting(first: Line, second: Line) -> np.ndarray:
-    """Intersection of two lines that are not parallel."""
+    """Return the intersection of two lines that are not parallel."""
     step = second[0] - first[0]
     return first[0] + (step[0] * second[1][1] - step[1] * second[1][0]) / _cross(first, second) * first[1]
 
 
 def _fixed(a: np.ndarray, b: np.ndarray, grid: Grid, lines: Sequence[Line]) -> Line | None:
-    """The line that the edge from a to b moves onto, or None."""
+    """Return the line that the edge from a to b moves onto, or None."""
     step = b - a
     length = float(np.linalg.norm(step))
     if length < 1e-9:
@@ -177,7 +181,7 @@ def _same(first: Line, second: Line, tolerance: float) -> bool:
 
 
 def _corner(at: np.ndarray, before: Line | None, after: Line | None, reach: float) -> list[np.ndarray]:
-    """The corners that replace the corner `at` between two edges that move onto lines."""
+    """Return the corners that replace the corner `at` between two edges that move onto lines."""
 
     def onto(line: Line) -> np.ndarray:
         return line[0] + ((at - line[0]) @ line[1]) * line[1]

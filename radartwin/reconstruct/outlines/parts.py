@@ -1,4 +1,4 @@
-"""Smooth and decimate parts that are not flat, and measure the error."""
+"""Smooth and decimate parts that are not flat, and measure the simplification error."""
 
 from __future__ import annotations
 
@@ -17,9 +17,14 @@ TRIES = 4
 
 
 def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimesh, float] | None:
-    """Simplify faces (K,) of a scan: the mesh, and the 95th percentile of its vertices' distance, metres; None if no face remains.
+    """Simplify the part of a scan that consists of `faces` (K,).
 
-    The part is smoothed without shrinkage (Taubin 1995), then edges collapse by quadric error (Garland and Heckbert 1997).
+    The part is smoothed without shrinkage (Taubin 1995), then edges are collapsed by quadric error (Garland and Heckbert 1997).
+
+    Returns:
+        The simplified mesh.
+        The 95th percentile of the scanned vertices' distance from it, metres.
+        If no face remains, None is returned instead of both.
     """
     used, index = np.unique(np.asarray(mesh.faces)[faces], return_inverse=True)
     points = np.asarray(mesh.vertices)[used]

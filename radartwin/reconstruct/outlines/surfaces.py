@@ -1,7 +1,8 @@
 """Replace planar segments by polygons of few triangles.
 
-A plane and the smaller segments in it (a door in a wall) are outlined together and share their borders. A segment in front of the
-plane, such as a poster on a board, keeps its offset.
+A segment and the smaller segments in its plane, such as a wall and its door, are outlined together, so that they share their borders. A
+segment
+in front of the plane, such as a poster on a board, keeps its distance from the plane.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ from radartwin.reconstruct.segmentation.bodies import contacts, room_bounds
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
 
 CELL_M = 0.02
-CLOSING_M = 0.06  # noise gaps narrower than twice this are closed
-SEAM_M = 0.1  # segments with a shorter seam do not touch
+CLOSING_M = 0.06  # gaps narrower than twice this length count as noise and are closed
+SEAM_M = 0.1  # segments with a shorter common edge do not count as touching
 COPLANAR = np.cos(np.radians(4.0))
 COPLANAR_M = 0.03
-PROUD_M = 0.01  # a larger offset from the plane is kept: +-1 cm on objects over 10 cm (Luetzenburg et al. 2021)
-MIN_ROOM_SHARE, MIN_OBJECT_SHARE = 0.6, 0.85  # smallest covered share of a spanned rectangle whose rest is completed
+PROUD_M = 0.01  # a larger offset from the plane is real: the error is +-1 cm on objects over 10 cm (Luetzenburg et al. 2021)
+MIN_ROOM_SHARE, MIN_OBJECT_SHARE = 0.6, 0.85  # smallest covered share of a rectangle that is completed
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +40,12 @@ class Flat:
     """The polygon of a planar segment.
 
     Attributes:
-        segment: its index; -1 for a pane that the scan missed.
-        mesh: triangles on its plane.
-        grid: of its plane.
-        parent: the segment that a pane lies in, or -1.
-        filled_m2: completed area that the scan missed.
-        seen: mask of the scanned grid cells, None if all or none.
+        segment: index of the segment; -1 for a pane that the scan missed.
+        mesh: triangles of the polygon.
+        grid: grid of the polygon's plane.
+        parent: index of the segment in which a pane lies; otherwise -1.
+        filled_m2: area of the polygon that the scan missed.
+        seen: mask of the scanned grid cells; None if all cells or no cells were scanned.
     """
 
     segment: int
@@ -57,7 +58,7 @@ class Flat:
 
 @dataclass(eq=False)
 class Flattened:
-    """Polygons of all planar segments, the segments at their final planes, and statistics."""
+    """The polygons of all planar segments, the segments with their final planes, and statistics."""
 
     flats: list[Flat] = field(default_factory=list)
     segments: list[Segment] = field(default_factory=list)
@@ -65,7 +66,7 @@ class Flattened:
 
 
 class _Room(NamedTuple):
-    """Data for outlining one plane after another: main wall direction (radians), thinned points, lines of sight."""
+    """Data of the whole scan for outlining its planes; `main_rad` is the main wall direction, `points` are thinned scan points."""
 
     faces: Faces
     segments: Sequence[Segment]
@@ -79,11 +80,11 @@ class _Room(NamedTuple):
 def flattened(
     mesh: trimesh.Trimesh, segments: Sequence[Segment], cameras: Cameras | None = None, step: Callable[[], None] = lambda: None
 ) -> Flattened:
-    """Polygons for the planar segments.
+    """Replace the planar segments by polygons.
 
     Args:
-        cameras: of the scan's pictures, if known.
-        step: called after each plane.
+        cameras: cameras of the scan's pictures, if known.
+        step: function that is called after each plane.
     """
     faces = Faces.of(mesh, 0.0)
     bounds = room_bounds(faces, segments)
@@ -119,7 +120,7 @@ def flattened(
 
 
 def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[tuple[int, int]]) -> list[list[int]]:
-    """Groups of a planar segment with the smaller touching segments in its plane, largest first."""
+    """Group each planar segment with the smaller touching segments in its plane. The largest segment of a group comes first."""
     order = sorted((k for k, s in enumerate(segments) if s.normal is not None), key=lambda k: -segments[k].area_m2)
     near: dict[int, set[int]] = {}
     for i, j in touching:
@@ -147,7 +148,7 @@ def _in_plane_of(faces: Faces, segment: Segment, larger: Segment) -> bool:
 
 
 def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
-    """Offset of a segment from the plane of its group's largest segment, metres; 0 if it may be noise."""
+    """Return the offset of a segment from the plane of its group's largest segment, metres; 0 if the offset may be noise."""
     if segment is root:
         return 0.0
     away = float(np.average(faces.centre[segment.faces] @ root.normal - root.offset_m, weights=faces.area[segment.faces]))
@@ -155,7 +156,7 @@ def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
 
 
 def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
-    """Polygons of one group, and its completed and its open area, m2."""
+    """Outline one group. Return its polygons, its completed area and its open area, m2."""
     root = room.segments[group[0]]
     assert root.normal is not None
     limits = bool(room.bounds[group[0]])
@@ -180,7 +181,7 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
             flats.append(Flat(-1, piece, grid, group[0], float(shape.area)))
             rest = rest.difference(shape)
     for k in group[1:]:
-        # The part is extended beyond the border of the whole plane, because `rest` has that border.
+        # The part is extended beyond the border of the whole plane; the intersection with `rest` then gives it this border.
         part = masks.closed(parts[k], radius) & ~np.any([parts[j] for j in group if j != k], axis=0)
         part |= masks.dilated(part, 2, part | ~whole)
         shape = (outline.rectangle(grid, part) or outline.polygon(grid, part, lines, edge=0.0)).intersection(rest)
@@ -195,7 +196,7 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
 
 
 def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, np.ndarray]]:
-    """The grid of a group's plane along its main direction, and samples (N, 3) of each segment."""
+    """Return the grid of a group's plane along its main direction, and the samples (N, 3) of each segment."""
     faces, root = room.faces, room.segments[group[0]]
     assert root.normal is not None
     together = np.concatenate([room.segments[k].faces for k in group])
@@ -209,7 +210,7 @@ def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, 
 
 
 def _cut_lines(room: _Room, grid: Grid, group: list[int]) -> list[outline.Line]:
-    """Lines in which the planes of touching segments and of the room's bounds cut the grid."""
+    """Return the lines where the planes of touching segments and of the room's bounds cut the grid."""
     members = set(group)
     around = {j if i in members else i for i, j in room.touching if (i in members) != (j in members)}
     cuts = [
@@ -221,14 +222,14 @@ def _cut_lines(room: _Room, grid: Grid, group: list[int]) -> list[outline.Line]:
 
 
 def _cells_of_each(grid: Grid, samples: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-    """Mask of each segment's cells; a shared cell goes to the segment with most samples in it."""
+    """Return a mask of each segment's cells. A shared cell belongs to the segment with most samples in it."""
     counts = np.stack([grid.counts(points) for points in samples.values()])
     most = counts.argmax(axis=0)
     return {k: (counts[n] > 0) & (most == n) for n, k in enumerate(samples)}
 
 
 def _turn(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -> float:
-    """Angle from the grid's axes to the plane's main direction, radians; 0 for upright and slanted planes."""
+    """Return the angle from the grid's axes to the plane's main direction, radians; 0 for upright and slanted planes."""
     if abs(grid.normal[2]) < np.cos(np.radians(10.0)):
         return 0.0  # the axes are already level and upward
     east = np.array([np.cos(main_rad), np.sin(main_rad), 0.0]) @ grid.axes.T
@@ -246,6 +247,6 @@ def _turn(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -> floa
 
 
 def _without_slivers(shape: BaseGeometry, cell: float) -> BaseGeometry:
-    """The shape without parts narrower than a cell; corners are kept."""
+    """Remove the parts of a shape that are narrower than a cell, without rounding its corners."""
     opened = shape.buffer(-cell / 2, join_style="mitre").buffer(cell / 2, join_style="mitre")
     return opened if not opened.is_empty else shape

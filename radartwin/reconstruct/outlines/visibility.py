@@ -1,4 +1,4 @@
-"""Test whether points are visible from the camera positions, past the occupied voxels of the scan."""
+"""Test whether points are visible from the camera positions, or whether occupied voxels of the scan hide them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ VOXEL_M = 0.06
 EYE_M = 1.5  # height of a hand-held phone above the floor
 CLEAR_M = 0.3  # smallest distance between a person and objects
 SHORT_M = 0.18  # lines of sight end this far before the surface, so that the surface itself does not block them
-RANGE_M = 5.0  # of phone LiDAR
+RANGE_M = 5.0  # range of phone LiDAR
 GRAZING = np.cos(np.radians(75.0))
 VIEWPOINTS = 60
 
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """Cameras of pictures: poses (V, 4, 4) camera-to-world, OpenCV axes; common intrinsics (3, 3) and size (width, height)."""
+    """Cameras of a scan: poses (V, 4, 4) camera-to-world, OpenCV axes, with common intrinsics (3, 3) and picture size (width, height)."""
 
     poses: np.ndarray
     intrinsics: np.ndarray
@@ -28,12 +28,13 @@ class Cameras:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Occupied voxels of a scan, and actual or possible viewpoints.
+    """Tests visibility from the occupied voxels of a scan and its actual or possible viewpoints.
 
     Attributes:
-        occupied: (X, Y, Z) mask; low: (3,) its corner.
-        viewpoints: (V, 3).
-        cameras: at the viewpoints, None if unknown.
+        occupied: (X, Y, Z) mask of the occupied voxels.
+        low: (3,) lowest corner of the voxels.
+        viewpoints: (V, 3) positions.
+        cameras: cameras at the viewpoints; None if they are unknown.
     """
 
     occupied: np.ndarray
@@ -43,7 +44,7 @@ class Sight:
 
     @classmethod
     def of(cls, points: np.ndarray, cameras: Cameras | None = None) -> Sight:
-        """From points (N, 3) on the scan. Without cameras, free places at eye height are the viewpoints."""
+        """Make the test from points (N, 3) on the scan. Without cameras, the viewpoints are free places at eye height."""
         low = points.min(axis=0) - VOXEL_M
         index = ((points - low) / VOXEL_M).astype(int)
         occupied = np.zeros(tuple(index.max(axis=0) + 2), dtype=bool)
@@ -54,7 +55,7 @@ class Sight:
         return cls(occupied, low, places[:: max(1, -(-len(places) // VIEWPOINTS))])
 
     def seen(self, places: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """Number of viewpoints (N,) that see each point (N, 3) of a plane with this normal, within the sensor's range."""
+        """Count the viewpoints that see each point (N, 3) of a plane with this normal within the sensor's range. Return the counts (N,)."""
         count = np.zeros(len(places), dtype=int)
         for number, eye in enumerate(self.viewpoints):
             ray = eye - places
@@ -85,7 +86,7 @@ class Sight:
 
 
 def _standing(occupied: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """Free places (V, 3) at eye height above a floor, clear of obstacles at body height."""
+    """Return free places (V, 3) at eye height above a floor, away from obstacles at body height."""
     level = min(int((EYE_M + VOXEL_M) / VOXEL_M), occupied.shape[2] - 1)
     body = np.asarray(occupied[:, :, level // 2 : level + 1].any(axis=2))
     floor = occupied[:, :, : max(1, level // 4)].any(axis=2)

@@ -1,1 +1,1 @@
-"""Divide a scan's mesh into segments, each one surface."""
+"""Divide a scan's mesh into segments. Each segment is one surface."""

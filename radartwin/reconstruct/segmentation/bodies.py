@@ -1,4 +1,4 @@
-"""Group segments into bodies: objects whose sides meet at convex edges and have one colour.
+"""Group segments into bodies: sets of segments that are the sides of one object, because they meet at convex edges and have one colour.
 
 Convexity separates objects (Stein et al. 2014, Object partitioning using local convexity): the sides of a cabinet meet at convex edges, but
 the cabinet meets the wall behind it at a concave edge. Floor, ceiling and walls belong to no body.
@@ -18,18 +18,21 @@ from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
 
 SIMILAR = 14.0  # largest weighted L*a*b* difference between sides of one object, which are lit differently
 SAME = 7.0  # largest difference across a concave edge, as between the boards of a shelf
-OUTER_HEIGHT, INNER_HEIGHT = 0.4, 0.85  # smallest share of the scan's height of a wall with nothing behind it, and of any wall
-INNER_WIDTH_M = 1.0  # narrower planes are sides of columns
-BEHIND_M, NOTHING = 0.15, 0.02  # "nothing behind" means less than this share of the scan farther behind than this
+OUTER_HEIGHT, INNER_HEIGHT = 0.4, 0.85  # smallest height of a wall relative to the scan: with nothing behind it, and otherwise
+INNER_WIDTH_M = 1.0  # a narrower plane is the side of a column
+BEHIND_M, NOTHING = 0.15, 0.02  # a plane has nothing behind it if less than this share of the scan lies more than BEHIND_M behind it
 WALL_AREA_M2 = 1.0
 LEVEL = np.cos(np.radians(15.0))
 UPRIGHT = np.sin(np.radians(15.0))
-CONTACT_M = 0.08  # segments with a shorter seam do not touch
-APART_M = 0.06  # segments this close touch, because scanners miss edges
+CONTACT_M = 0.08  # segments with a shorter common edge do not count as touching
+APART_M = 0.06  # segments this close count as touching, because scanners miss edges
 
 
 def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
-    """Mask (S,) of the room's bounds: floor, ceiling, and upright planes that span the height or have nothing behind them."""
+    """Return a mask (S,) of the segments that bound the room: floor, ceiling, and walls.
+
+    A wall is an upright plane that spans the scan's height or has nothing behind it.
+    """
     places = faces.centre[thinned(faces.centre, 0.1)]
     low, high = np.quantile(faces.centre[:, 2], [0.002, 0.998])
     out = np.zeros(len(segments), dtype=bool)
@@ -50,7 +53,7 @@ def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
 
 
 def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | None) -> list[Segment]:
-    """The segments with their `body` numbers: equal for sides of one object, -1 for floor, ceiling and walls.
+    """Return the segments with `body` numbers. The sides of one object have the same number; floor, ceiling and walls have -1.
 
     Args:
         lab: (F, 3) weighted L*a*b* colours of the faces, or None.
@@ -60,7 +63,7 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
     if lab is not None:
         colour = np.array([np.average(lab[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
     area = np.array([s.area_m2 for s in segments])
-    body_colour = np.zeros((len(segments), 3)) if colour is None else colour.copy()  # by root
+    body_colour = np.zeros((len(segments), 3)) if colour is None else colour.copy()  # indexed by root segment
     root = np.arange(len(segments))
 
     def find(k: int) -> int:
@@ -75,7 +78,7 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
         if a == b:
             continue
         difference = 0.0 if colour is None else float(np.linalg.norm(colour[i] - colour[j]))
-        # Without colour, parts such as legs and handles stay separate, because nothing shows what they belong to.
+        # Without colour, parts such as legs and handles stay separate, because nothing shows which object they belong to.
         if not convex and colour is None:
             continue
         limit = SIMILAR if convex else SAME
@@ -90,10 +93,10 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
 
 
 def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, float, bool]]:
-    """Pairs of segments that touch or lie within APART_M of each other.
+    """Find the pairs of segments that touch or lie within APART_M of each other.
 
     Returns:
-        (i, j, length of the seam in metres, whether two planes meet at a convex edge), longest first.
+        Tuples (i, j, length of the common edge in metres, whether two planes meet at a convex edge), longest edge first.
     """
     owner = np.full(len(faces.area), -1)
     for k, segment in enumerate(segments):
@@ -126,6 +129,6 @@ def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, 
 
 
 def _length(points: np.ndarray) -> float:
-    """Approximate length of a line of points (N, 3): the number of cells of CONTACT_M / 4 that hold points."""
+    """Estimate the length of a line of points (N, 3) from the number of cells of size CONTACT_M / 4 that hold points."""
     cells = np.unique(np.floor(points / (CONTACT_M / 4)).astype(np.int64), axis=0)
     return len(cells) * CONTACT_M / 4

@@ -1,7 +1,7 @@
-"""Separate surfaces of one plane by colour: a door in its wall, a poster, a metal strip along a painted wall.
+"""Separate surfaces that lie in one plane by colour, such as a door in its wall, a poster, or a metal strip along a painted wall.
 
-The plane's colours form a picture. A region is divided repeatedly, as long as the colour steps sharply between neighbouring cells (light
-changes gradually) and the separated piece is wide and large enough. Colours are CIE L*a*b* with reduced lightness, because shading changes
+The plane's colours form a picture. A region is divided as long as it has a sharp colour step between neighbouring cells (light
+changes gradually), and the separated piece is wide and large enough. Colours are CIE L*a*b* with reduced lightness, because shading changes
 lightness most.
 """
 
@@ -18,25 +18,28 @@ from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.coplanar import in_plane
 
 LIGHTNESS = 0.6  # weight of L* against a* and b*
-DEEP_M, BESIDE_M = 0.3, 0.25  # colours within these distances of an edge, inside and outside, are compared
-EDGE = 0.4  # largest difference, relative to the smallest step, between cells two apart in one even area
-MOSTLY = 0.6  # smallest share of a piece's cells that differ from the outside, and of its border that is a sharp edge
-ACROSS = 2.5  # cells; nearer to a border, colours are blurred
-WITHIN = 0.5  # smallest step inside a piece, relative to the step around it, because light on it varies in proportion
+DEEP_M, BESIDE_M = 0.3, 0.25  # colours up to these distances inside and outside of an edge are compared
+EDGE = 0.4  # largest colour difference between cells two apart in an even area, relative to STEP
+MOSTLY = 0.6  # smallest share of a piece's cells that differ from the outside, and smallest share of its border that is a sharp edge
+ACROSS = 2.5  # number of cells; colours nearer to a border are blurred
+WITHIN = 0.5  # smallest colour step inside a piece, relative to the step at its border, because light scales both
 ROUNDS = 12  # largest number of divisions per plane
 
 
-CELL_M = 0.02  # of the picture; about the scan's resolution
+CELL_M = 0.02  # cell size of the picture; about the scan's resolution
 STEP = 7.0  # smallest colour difference across the edge of a piece (weighted L*a*b*; 2 is just visible side by side)
-CONTRAST = 2.0  # smallest ratio of this difference to the colour variation outside the edge
+CONTRAST = 2.0  # smallest ratio of the colour difference to the colour variation outside the edge
 WIDTH_M, AREA_M2 = 0.12, 0.12  # narrower or smaller pieces (painted lines, frames) are not separated
 
 
 def colour_pieces(centre: np.ndarray, area: np.ndarray, lab: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Piece number of each face (K,) of a plane, 0 for the main piece.
+    """Divide the faces of a plane by colour. Return the piece number (K,) of each face; 0 is the main piece.
 
     Args:
-        centre: (K, 3) of the faces; area: (K,); lab: (K, 3) from `face_colours`; normal: (3,).
+        centre: (K, 3) centres of the faces.
+        area: (K,) areas of the faces.
+        lab: (K, 3) colours from `face_colours`.
+        normal: (3,) of the plane.
     """
     points = centre @ in_plane(normal).T
     # A picture with cells smaller than the faces would have holes.
@@ -57,9 +60,9 @@ def colour_pieces(centre: np.ndarray, area: np.ndarray, lab: np.ndarray, normal:
 
 
 def _divide(label: np.ndarray, picture: np.ndarray, cell: float) -> None:
-    """Number the pieces of a picture (W, H, 3) in place; cells with -1 are outside."""
+    """Write the piece numbers of a picture (W, H, 3) to `label`. Cells with -1 are outside the plane."""
     count, todo = 1, [0]
-    min_step = {0: STEP}  # of each piece, for dividing it further
+    min_step = {0: STEP}  # smallest colour step that divides each piece further
     for _ in range(ROUNDS):
         if not todo:
             return
@@ -78,7 +81,10 @@ def _divide(label: np.ndarray, picture: np.ndarray, cell: float) -> None:
 
 
 def _pieces_of(region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> list[tuple[np.ndarray, float]]:
-    """Pieces that differ from the rest of a region by `min_step`, and their steps; the sharpest edge wins an overlap."""
+    """Find pieces that differ from the rest of a region by at least `min_step`. Return each piece with its colour step.
+
+    If two pieces overlap, only the piece with the sharper edge is returned.
+    """
     if region.sum() * cell**2 < 2 * AREA_M2:
         return []
     ranked = []
@@ -97,7 +103,7 @@ def _pieces_of(region: np.ndarray, picture: np.ndarray, cell: float, min_step: f
 
 
 def _between_edges(region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-    """Candidates that colour edges separate from the largest even area."""
+    """Return candidate pieces: areas that colour edges separate from the largest even area."""
     strength = np.zeros(region.shape)
     for axis in range(2):
         step = np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1)
@@ -106,14 +112,14 @@ def _between_edges(region: np.ndarray, picture: np.ndarray, cell: float) -> list
     if not even:
         return []
     main = max(even, key=np.sum)
-    # An edge is blurred over two cells; the nearer one belongs to the main area.
+    # An edge is blurred over two cells. The cell nearer to the main area belongs to the main area.
     others = region & ~masks.dilated(main, 2)
     wide = masks.opened(others, np.ceil(WIDTH_M / 2 / cell))
     return [masks.dilated(piece, 2, region & ~main) for piece in masks.pieces(wide)]
 
 
 def _of_two_colours(region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-    """Candidates: connected areas of the rarer of the region's two main colours."""
+    """Return candidate pieces: connected areas that have the rarer of the region's two main colours."""
     minor = np.zeros(region.shape, dtype=bool)
     minor[region] = _two_means(picture[region])
     minor = masks.opened(minor, WIDTH_M / 2 / cell)
@@ -122,7 +128,7 @@ def _of_two_colours(region: np.ndarray, picture: np.ndarray, cell: float) -> lis
 
 
 def _refined(piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> np.ndarray:
-    """The piece with its border moved to the colour edge; empty if the colours differ by less than `min_step`."""
+    """Return the piece with its border moved to the colour edge. It is empty if the colours differ by less than `min_step`."""
     none = np.zeros_like(piece)
     rest = region & ~piece
     if piece.sum() * cell**2 < AREA_M2 or not rest.any():
@@ -145,7 +151,7 @@ def _refined(piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: f
 
 
 def _steps(piece: np.ndarray, region: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """Colour difference between ACROSS cells on either side, at each cell of a piece's border with the rest of the region."""
+    """Return the colour difference across a piece's border at each border cell, between cells ACROSS cells away on either side."""
     rest = region & ~piece
     to_rest, to_piece = masks.distance(rest), masks.distance(piece)
     inside, outside = piece & (to_rest > ACROSS), rest & (to_piece > ACROSS)
@@ -156,7 +162,7 @@ def _steps(piece: np.ndarray, region: np.ndarray, picture: np.ndarray) -> np.nda
 
 
 def face_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """Weighted L*a*b* of every face (F, 3), None if the mesh has no colour or a single one."""
+    """Return the weighted L*a*b* colour (F, 3) of every face; None if the mesh has no colour or a single colour."""
     rgb = face_rgb(mesh)
     if rgb is None or float(np.ptp(rgb, axis=0).max()) < 4:
         return None
@@ -164,7 +170,7 @@ def face_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
 
 
 def face_rgb(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """sRGB of every face (F, 3), 0..255, None for a mesh without colours."""
+    """Return the sRGB colour (F, 3), 0..255, of every face; None for a mesh without colours."""
     visual: Any = mesh.visual
     if visual.kind == "vertex":
         return np.asarray(visual.vertex_colors)[:, :3][np.asarray(mesh.faces)].mean(axis=1)
@@ -174,7 +180,7 @@ def face_rgb(mesh: trimesh.Trimesh) -> np.ndarray | None:
 
 
 def _two_means(values: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the values (N, 3) in the smaller of two clusters."""
+    """Divide values (N, 3) into two clusters. Return a mask (N,) of the smaller cluster."""
     centred = values - values.mean(axis=0)
     axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
     second = centred @ axis > _otsu(centred @ axis)
@@ -190,7 +196,7 @@ def _two_means(values: np.ndarray) -> np.ndarray:
 
 
 def _local_mean(picture: np.ndarray, where: np.ndarray, cell: float) -> np.ndarray:
-    """Mean colour of the cells of a mask within BESIDE_M of each cell."""
+    """Return, for each cell, the mean colour of the masked cells within BESIDE_M."""
     sigma = BESIDE_M / 2 / cell
     weight = gaussian_filter(where.astype(float), sigma)
     mean = [gaussian_filter(np.where(where, picture[..., k], 0.0), sigma) for k in range(3)]
@@ -198,7 +204,7 @@ def _local_mean(picture: np.ndarray, where: np.ndarray, cell: float) -> np.ndarr
 
 
 def _otsu(values: np.ndarray) -> float:
-    """The threshold with the largest variance between the values below and above it (Otsu 1979)."""
+    """Return the threshold with the largest variance between the values below and above it (Otsu 1979)."""
     counts, edges = np.histogram(values, 128)
     middle = (edges[:-1] + edges[1:]) / 2
     below = np.cumsum(counts)

@@ -1,4 +1,4 @@
-"""Join coplanar pieces of one surface, such as a wall on both sides of a window or of a cabinet.
+"""Join coplanar pieces of one surface, such as the parts of a wall on both sides of a window or of a cabinet.
 
 Two pieces of one plane are joined unless points behind the plane were seen through the gap between them. The floor is visible through the
 gap between two tables, but nothing is visible through a gap in a wall.
@@ -13,16 +13,16 @@ from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.faces import Faces, members
 
 CELL_M = 0.05
-BEHIND_M = 0.06  # points behind the plane are deeper than this: more than its noise
-CONTRADICTED = 0.2  # share of the gap's cells with points behind them that keeps two pieces apart
+BEHIND_M = 0.06  # points count as behind the plane beyond this depth, which exceeds the noise
+CONTRADICTED = 0.2  # two pieces stay separate if at least this share of the gap's cells has points behind the plane
 ANGLE_DEG = 6.0  # largest angle between the planes of two joined pieces
 OFFSET_M = 0.03  # largest distance of either piece's centre from the common plane
-GAP_M, GAP_SIZES = 3.0, 2.0  # largest gap, and in multiples of the smaller piece's side (the root of its area)
+GAP_M, GAP_SIZES = 3.0, 2.0  # largest gap, in metres and in multiples of the smaller piece's side (square root of its area)
 NEAR_M = 0.15  # pieces this close are always joined
 
 
 def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
-    """Join the coplanar pieces of labels (F,), largest first; the result is numbered 0..P-1, -1 for none."""
+    """Join the coplanar pieces of labels (F,), largest first. Return labels (F,) with the numbers 0..P-1; -1 for faces without a plane."""
     while True:
         groups = members(label)
         normal, offset = faces.planes(label)
@@ -43,11 +43,11 @@ def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
 
 
 def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray) -> list[tuple[int, int]]:
-    """Candidate pairs (larger, smaller), largest first: nearly parallel, with centres near each other's planes."""
+    """Return candidate pairs (larger, smaller), largest first: nearly parallel pieces whose centres lie near each other's planes."""
     if len(normal) < 2:
         return []
-    away = np.abs(centre @ normal.T - offset)  # [i, j]: centre of i from the plane of j
-    # Over a distance the plane of a small piece is inaccurate, so the larger piece's plane counts.
+    away = np.abs(centre @ normal.T - offset)  # [i, j]: distance of the centre of i from the plane of j
+    # The plane of a small piece is inaccurate far from the piece, so the larger piece's plane is used.
     large = np.where(area[:, None] >= area[None], away.T, away)
     close = (normal @ normal.T > np.cos(np.radians(ANGLE_DEG))) & (large < 2 * OFFSET_M)
     i, j = np.nonzero(np.triu(close, 1))
@@ -58,7 +58,7 @@ def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.
 
 
 def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray) -> bool:
-    """Whether one plane fits both pieces."""
+    """Return whether one plane fits both pieces."""
     normal, offset = faces.plane(np.concatenate([first, second]))
     return all(
         abs(np.average(faces.centre[g] @ normal - offset, weights=faces.area[g])) < OFFSET_M
@@ -68,7 +68,7 @@ def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray) -> bool:
 
 
 def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tuple[np.ndarray, float], gap_m: float) -> bool:
-    """Whether nothing behind the plane (normal, offset) was seen through a gap between two pieces of at most gap_m."""
+    """Return whether two pieces are one surface: their gap is at most gap_m, and no points were seen through it behind the plane."""
     normal, offset = plane
     axes = in_plane(normal)
     a, b = faces.centre[first] @ axes.T, faces.centre[second] @ axes.T
@@ -102,7 +102,7 @@ def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tup
 
 
 def in_plane(normal: np.ndarray) -> np.ndarray:
-    """Two unit vectors (2, 3) in the plane, right-handed with the normal; level and upwards for an upright plane."""
+    """Return two unit vectors (2, 3) in the plane, right-handed with the normal; horizontal and upward for an upright plane."""
     up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     across = np.cross(up, normal)
     across /= np.linalg.norm(across)

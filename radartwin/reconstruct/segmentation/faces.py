@@ -1,4 +1,4 @@
-"""Per-face arrays of a mesh for segmentation, planes fitted to sets of faces, and segments."""
+"""Compute per-face arrays of a mesh for segmentation, fit planes to sets of faces, and define segments."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 import trimesh
 
-MIN_FITTED = 12  # fewer faces take their mean normal, because a fitted plane would follow their noise
+MIN_FITTED = 12  # with fewer faces the plane takes their mean normal, because a fitted plane would follow their noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,10 +17,13 @@ class Faces:
     """Arrays of F faces.
 
     Attributes:
-        corners: (F, 3, 3) metres; centre: (F, 3); area: (F,) m2.
-        normal: (F, 3) averaged over neighbours; coherence: (F,) their agreement, 1 if all normals are equal.
-        adjacency: (F, F) ones where two faces share an edge.
-        rounds: number of averaging rounds of the normals, each over one more ring of neighbours.
+        corners: (F, 3, 3) metres.
+        centre: (F, 3) metres.
+        area: (F,) m2.
+        normal: (F, 3) normals averaged over neighbours.
+        coherence: (F,) agreement of the averaged normals, 1 if they are all equal.
+        adjacency: (F, F) sparse matrix, 1 where two faces share an edge.
+        rounds: number of averaging rounds of the normals. Each round includes one more ring of neighbours.
     """
 
     corners: np.ndarray
@@ -33,7 +36,7 @@ class Faces:
 
     @classmethod
     def of(cls, mesh: trimesh.Trimesh, smoothing_m: float) -> Faces:
-        """Arrays of a mesh; faces larger than the smoothing radius keep their own normals."""
+        """Compute the arrays of a mesh. Faces larger than the smoothing radius keep their own normals."""
         count = len(mesh.faces)
         i, j = np.asarray(mesh.face_adjacency).reshape(-1, 2).T
         ones = np.ones(2 * len(i))
@@ -57,12 +60,12 @@ class Faces:
         return cls(corners, corners.mean(axis=1), normal, area, coherence, adjacency, rounds)
 
     def distance(self, which: np.ndarray, normal: np.ndarray, offset: np.ndarray | float) -> np.ndarray:
-        """Distance (K,) of each face's farthest corner from one plane, or from its own plane (normal (K, 3))."""
+        """Return the distance (K,) of each face's farthest corner from one plane, or from a plane per face if `normal` is (K, 3)."""
         height = np.einsum("kci,i->kc" if normal.ndim == 1 else "kci,ki->kc", self.corners[which], normal)
         return np.abs(height - np.reshape(offset, (-1, 1))).max(axis=1, initial=0.0)
 
     def plane(self, which: np.ndarray) -> tuple[np.ndarray, float]:
-        """Area-weighted least-squares plane (normal, offset); the normal points to the visible side."""
+        """Fit an area-weighted least-squares plane (normal, offset) to the faces `which`. The normal points to the visible side."""
         weight = self.area[which] / self.area[which].sum()
         centre = weight @ self.centre[which]
         shown = weight @ self.normal[which]
@@ -74,7 +77,7 @@ class Faces:
         return normal, float(normal @ centre)
 
     def planes(self, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Planes of all labels 0..P-1: normals (P, 3) and offsets (P,)."""
+        """Fit a plane to each label 0..P-1. Return normals (P, 3) and offsets (P,)."""
         found = [self.plane(which) for which in members(label)]
         return np.array([n for n, _ in found]).reshape(-1, 3), np.array([d for _, d in found])
 
@@ -85,11 +88,11 @@ class Segment:
 
     Attributes:
         faces: (K,) face indices of the mesh.
-        area_m2: their area.
-        normal: (3,) of the fitted plane, on the visible side; None if the segment is not planar.
+        area_m2: area of these faces.
+        normal: (3,) normal of the fitted plane, towards the visible side; None if the segment is not planar.
         offset_m: the plane is normal . x = offset_m.
-        body: segments with the same number >= 0 are sides of one object; -1 is a surface of its own.
-        noise: scattered fragments, not a surface.
+        body: segments with the same number >= 0 are sides of one object; -1 if the segment is not part of an object.
+        noise: whether the segment consists of scattered fragments and is no surface.
     """
 
     faces: np.ndarray
@@ -101,7 +104,7 @@ class Segment:
 
 
 def members(label: np.ndarray) -> list[np.ndarray]:
-    """Face indices of each label 0..max, ascending; faces with negative labels are left out."""
+    """Return the ascending face indices of each label 0..max. Faces with negative labels are left out."""
     order = np.argsort(label, kind="stable")
     count = int(label.max(initial=-1)) + 1
     bounds = np.searchsorted(label[order], np.arange(count + 1))
@@ -109,7 +112,7 @@ def members(label: np.ndarray) -> list[np.ndarray]:
 
 
 def thinned(points: np.ndarray, spacing_m: float = 0.03) -> np.ndarray:
-    """Ascending indices of one point (N, 3) per occupied cube with this edge."""
+    """Return the ascending indices of one point of (N, 3) per occupied cube with edge spacing_m."""
     key = np.floor((points - points.min(axis=0)) / spacing_m).astype(np.int64)
     size = key.max(axis=0) + 1
     return np.sort(np.unique((key[:, 0] * size[1] + key[:, 1]) * size[2] + key[:, 2], return_index=True)[1])

@@ -1,8 +1,8 @@
 """Grow planes over a mesh, face by face.
 
 Region growing after Rabbani, van den Heuvel and Vosselman 2006, Segmentation of point clouds using smoothness
-constraint: seeds in order of local flatness, neighbours join while normal and distance fit the plane, the plane is
-refitted as it grows.
+constraint: the seeds are taken in order of local flatness. A neighbouring face joins if its normal and its
+distance fit the plane. The plane is refitted as it grows.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ REFIT = 1.2  # the plane is refitted each time its number of faces has grown by 
 
 
 class _Mesh(NamedTuple):
-    """Arrays of the faces: their neighbours in compressed rows, centres (F, 3) or corners (F, 3, 3), normals and areas."""
+    """Arrays of the faces: neighbours in compressed sparse rows, centres (F, 3) or corners (F, 3, 3), normals and areas."""
 
     start: np.ndarray
     neighbour: np.ndarray
@@ -28,7 +28,7 @@ class _Mesh(NamedTuple):
 
 
 def grow(faces: Faces, angle_deg: float, distance_m: float, min_area_m2: float) -> np.ndarray:
-    """Plane index of every face (F,), -1 for none."""
+    """Grow planes. Return the plane index (F,) of every face; -1 if the face belongs to no plane."""
     label = np.full(len(faces.area), -1)
     mesh = _Mesh(faces.adjacency.indptr, faces.adjacency.indices, faces.centre, faces.normal, faces.area)
     order = np.argsort(-faces.coherence, kind="stable")
@@ -37,7 +37,7 @@ def grow(faces: Faces, angle_deg: float, distance_m: float, min_area_m2: float) 
 
 
 def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float) -> None:
-    """Let unlabelled faces join a plane that they touch and that all their corners lie near, ring by ring, in place."""
+    """Label the unlabelled faces that touch a plane and whose corners all lie near it, ring by ring, in place."""
     normal, offset = faces.planes(label)
     if len(normal):
         mesh = _Mesh(faces.adjacency.indptr, faces.adjacency.indices, faces.corners, faces.normal, faces.area)
@@ -46,7 +46,7 @@ def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float)
 
 @compiled
 def _plane(count, sums, normal):
-    """Plane (nx, ny, nz, d) of weighted sums: [w, wc (3), wcc (xx xy xz yy yz zz), wn (3)]."""
+    """Return the plane (nx, ny, nz, d) from weighted sums over its faces: [w, wc (3), wcc (xx xy xz yy yz zz), wn (3)]."""
     w = sums[0]
     cx, cy, cz = sums[1] / w, sums[2] / w, sums[3] / w
     normal[0], normal[1], normal[2] = sums[10], sums[11], sums[12]
@@ -88,7 +88,7 @@ def _add(sums, w, c, n):
 
 @compiled
 def _fits(c, n, normal, offset, min_cosine, distance):
-    """Whether a face with centre c and normal n lies in the plane."""
+    """Return whether a face with centre c and normal n lies in the plane."""
     away = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2] - offset
     return n[0] * normal[0] + n[1] * normal[1] + n[2] * normal[2] > min_cosine and abs(away) < distance
 
@@ -107,7 +107,7 @@ def _grow(mesh, order, min_cosine, distance, min_area, label):
         if tried[seed] or label[seed] >= 0:
             continue
         sums[:] = 0.0
-        origin = centre[seed]  # sums are relative to the seed, because squares of large coordinates lose the millimetres
+        origin = centre[seed]  # sums are relative to the seed, because squares of large coordinates lose accuracy
         _add(sums, area[seed], centre[seed] - origin, normals[seed])
         offset = _plane(1, sums, normal)
         mark[seed] = seed

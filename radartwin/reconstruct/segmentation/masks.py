@@ -1,4 +1,4 @@
-"""Morphology on boolean masks (H, W), with radii in cells."""
+"""Apply morphological operations to boolean masks (H, W), with radii in cells."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def closed(mask: np.ndarray, radius: float) -> np.ndarray:
 
 
 def dilated(mask: np.ndarray, cells: int, within: np.ndarray | None = None) -> np.ndarray:
-    """Grow by a number of cells, only inside `within`."""
+    """Grow the mask by a number of cells, only inside `within`."""
     return np.asarray(ndimage.binary_dilation(mask, iterations=cells, mask=within))
 
 
@@ -33,24 +33,24 @@ def filled(mask: np.ndarray) -> np.ndarray:
 
 
 def pieces(mask: np.ndarray) -> list[np.ndarray]:
-    """Connected parts, one mask each."""
+    """Return the connected parts of the mask, one mask per part."""
     numbers: Any = ndimage.label(mask)
     return [numbers[0] == k for k in range(1, numbers[1] + 1)]
 
 
 def distance(mask: np.ndarray) -> np.ndarray:
-    """Distance from each cell to the nearest cell of the mask, cells."""
+    """Return the distance from each cell to the nearest cell of the mask, in cells."""
     return np.asarray(ndimage.distance_transform_edt(~mask))
 
 
 def nearest(mask: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Index of the mask's cell nearest to each cell."""
+    """Return, for each cell, the index of the nearest cell of the mask."""
     index: Any = ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
     return tuple(index)
 
 
 def largest_rectangle(mask: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns of the largest rectangle inside the mask, by the largest rectangle in the histogram of heights above each row."""
+    """Return the rows and columns of the largest rectangle inside the mask, from the histogram of heights above each row."""
     height = np.zeros(mask.shape[1], dtype=int)
     best, area = (slice(0, 0), slice(0, 0)), 0
     for row, cells in enumerate(mask):
@@ -68,7 +68,7 @@ def largest_rectangle(mask: np.ndarray) -> tuple[slice, slice]:
 
 
 def _disc(radius: float) -> np.ndarray:
-    """Structuring element with a radius in cells, at least one."""
+    """Return a disc as structuring element. The radius is in cells, at least one."""
     r = max(1, round(radius))
     x, y = np.mgrid[-r : r + 1, -r : r + 1]
     return x * x + y * y <= r * r + 0.5 * r

@@ -1,6 +1,7 @@
-"""Segment a scan: grow planes over the mesh, join pieces of one plane, and take the other faces as connected parts.
+"""Segment a scan: grow planes over the mesh, join pieces of one plane, and divide the other faces into connected parts.
 
-Normals are first averaged over neighbouring faces, because 5 mm of depth noise on 5 cm triangles turns a face by 8 degrees. If the scan
+Normals are first averaged over neighbouring faces, because depth noise of 5 mm changes the normal of a 5 cm triangle by 8 degrees. If the
+scan
 has colour, planes are cut where their colour changes, and convex neighbours of one colour form one body.
 """
 
@@ -18,23 +19,25 @@ from radartwin.reconstruct.segmentation.colour import AREA_M2, colour_pieces, fa
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, members
 from radartwin.reconstruct.segmentation.growing import absorb, grow
 
-ANGLE_DEG = 25.0  # largest angle between a face's smoothed normal and the plane's for the face to join
-DISTANCE_M = 0.04  # largest distance of its centre from the plane; about twice the depth noise (phone LiDAR: 1-2 cm)
-MIN_PLANE_M2 = 0.06  # smaller planes are dissolved
+ANGLE_DEG = 25.0  # a face joins a plane up to this angle between its smoothed normal and the plane's normal
+DISTANCE_M = 0.04  # and up to this distance of its centre from the plane; about twice the depth noise (phone LiDAR: 1-2 cm)
+MIN_PLANE_M2 = 0.06  # the faces of smaller planes become unlabelled
 SMOOTHING_M = 0.08  # radius for averaging normals; larger triangles keep their own normals
-LOOSE_DEG = 75.0  # largest angle for a remaining face with all corners within DISTANCE_M of a plane, because its tilt is noise
+LOOSE_DEG = 75.0  # the same angle for a remaining face with all corners within DISTANCE_M of a plane, because its tilt is noise
 MIN_PART_M2 = 0.01  # smaller connected parts are collected in one segment of fragments
-MIN_WIDTH_M = 0.07  # narrower planes are rounded edges, and go to their neighbours
+MIN_WIDTH_M = 0.07  # narrower planes are rounded edges; their faces join neighbouring planes
 
-Segmenter = Callable[[trimesh.Trimesh], list[Segment]]  # each face belongs to one segment; planes first, largest first
+Segmenter = Callable[[trimesh.Trimesh], list[Segment]]  # each face belongs to one segment; planes come first, the largest first
 
 
 def segmented(mesh: trimesh.Trimesh, colour: bool = True, bodies: bool = True) -> list[Segment]:
-    """Segment a mesh (metres, z up) by growing planes: planes, then other parts, each largest first, then one segment of fragments.
+    """Segment a mesh (metres, z up) by growing planes.
+
+    The result lists the planes, then the other parts, each sorted from large to small, then one segment of all fragments.
 
     Args:
         colour: cut planes where their colour changes, if the mesh has colours.
-        bodies: number convex neighbours of one colour as one body.
+        bodies: give convex neighbours of one colour the same body number.
     """
     faces = Faces.of(mesh, SMOOTHING_M)
     label = grow(faces, ANGLE_DEG, DISTANCE_M, MIN_PLANE_M2)
@@ -53,7 +56,7 @@ def segmented(mesh: trimesh.Trimesh, colour: bool = True, bodies: bool = True) -
 
 
 def _cut(faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
-    """Labels with planes cut where their colour changes."""
+    """Return the labels after planes are divided where their colour changes."""
     out, count = label.copy(), int(label.max(initial=-1)) + 1
     for which in members(label):
         if faces.area[which].sum() < 2 * AREA_M2:
@@ -65,7 +68,12 @@ def _cut(faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
 
 
 def _parts(faces: Faces, remaining: np.ndarray) -> tuple[list[Segment], list[Segment]]:
-    """Connected parts of the remaining faces, largest first, and a list with one segment of all fragments, or none."""
+    """Divide the remaining faces into connected parts.
+
+    Returns:
+        The parts, largest first.
+        A list with one segment of all fragments; empty without fragments.
+    """
     if remaining.size == 0:
         return [], []
     count, part = connected_components(faces.adjacency[remaining][:, remaining], directed=False)
@@ -78,13 +86,13 @@ def _parts(faces: Faces, remaining: np.ndarray) -> tuple[list[Segment], list[Seg
 
 
 def plane_segment(faces: Faces, which: np.ndarray) -> Segment:
-    """A planar segment from faces."""
+    """Make a planar segment from faces."""
     normal, offset = faces.plane(which)
     return Segment(which, float(faces.area[which].sum()), normal, offset)
 
 
 def _settle(faces: Faces, label: np.ndarray) -> None:
-    """Give faces along the seam of two planes to the plane nearer to their corners, ring by ring, in place.
+    """Move faces at the common edge of two planes to the plane that is nearer to their corners, ring by ring, in place.
 
     Smoothed normals blur an edge over one or two faces on either side.
     """
@@ -103,7 +111,7 @@ def _settle(faces: Faces, label: np.ndarray) -> None:
 
 
 def _without_narrow(faces: Faces, label: np.ndarray) -> np.ndarray:
-    """Labels without planes narrower than MIN_WIDTH_M (area over length)."""
+    """Remove the labels of planes narrower than MIN_WIDTH_M (area / length)."""
     out = label.copy()
     for which in members(label):
         if which.size <= 2:
