@@ -1,9 +1,8 @@
 """Answer questions with InternVL on this machine through transformers. The weights come from a folder or from a transformers model name.
 
 transformers chooses the model class through AutoModelForImageTextToText. This module prepares each picture as one tile: it resizes the
-picture
-to the square input of the model, and normalises it with ImageNet mean and deviation. The model's own processor does the same, but needs
-torchvision, which has no build for the installed torch. Decoding is greedy, so the same weights give the same answer.
+picture to the square input of the model, and normalises it with ImageNet mean and deviation. The model's own processor does the same, but
+needs torchvision, which has no build for the installed torch. Decoding is greedy, so the same weights give the same answer.
 """
 
 from __future__ import annotations

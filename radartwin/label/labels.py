@@ -1,8 +1,8 @@
 """Define labels (the material of a surface with its source), apply labels to a scene, and save them.
 
 The provenance of a labelled surface holds the source, the confidence (None if not given), stand_in (whether a P.2040 row is used as
-substitute
-for the actual material) and minc (the MINC category, or None). The provenance of the geometry stays unchanged beside these values.
+substitute for the actual material) and minc (the MINC category, or None). The provenance of the geometry stays unchanged beside these
+values.
 """
 
 from __future__ import annotations

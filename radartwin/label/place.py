@@ -2,8 +2,7 @@
 
 Surfaces are matched by votes: each point of a surface votes for the nearest surface of the other scene. If both surfaces are flat, the
 angle between them counts as additional distance. The match tolerates the differences of a rescan (a few centimetres, a surface in two parts
-or with another outline) and does
-not use names. Both scenes must have the same coordinate frame.
+or with another outline) and does not use names. Both scenes must have the same coordinate frame.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Compare labels with the true materials: compute the accuracy of the categories, and the error of the reflection in decibels.
 
-Every surface of the labelled scene is compared with the true surface that most of its area lies on. The area of a surface is its weight.
-A label is right if its MINC category is the true category; for `other`, the material must also agree. The error of a label is the
-electromagnetic distance
-(`radartwin.materials.distance`) between its material and the true material. The confidence intervals are Wilson's (E. Wilson, JASA 22
-(1927) 209), with (sum of
-areas)^2 / sum of areas^2 as the effective number of surfaces, because one wall of 15 m2 is one decision and not fifteen.
+Every surface of the labelled scene is compared with the true surface that most of its area lies on. The area of a surface is its weight. A
+label is right if its MINC category is the true category; for `other`, the material must also agree. The error of a label is the
+electromagnetic distance (`radartwin.materials.distance`) between its material and the true material. The confidence intervals are Wilson's
+(E. Wilson, JASA 22 (1927) 209), with (sum of areas)^2 / sum of areas^2 as the effective number of surfaces, because one wall of 15 m2 is
+one decision and not fifteen.
 """
 
 from __future__ import annotations

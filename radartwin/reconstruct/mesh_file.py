@@ -3,8 +3,7 @@
 The unit is never guessed, because a size of 6400 could be 6400 mm for a room or 6400 cm for a hall. A file of implausible size is an error
 whose message names the likely unit. The up axis is determined from the areas of the faces: a room has more area of horizontal faces (floor,
 ceiling, tables) than of faces perpendicular to another axis. If no axis is clear, +Y is the up axis of a .glb, as glTF 2.0 defines it.
-Other
-formats then need `--up`.
+Other formats then need `--up`.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 `scan.ply` is the scan as it was read or fused, in metres with z up. `scan_surfaces.npy` holds, for each face of the scan, the index of its
 surface in the manifest, or -1. The old manifest is removed first and the new manifest is written last, so that readers reject a folder
-whose
-writing was interrupted.
+whose writing was interrupted.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Build surfaces of the measurement equipment (tripod, rover, turntable drive, cables), which a scan of the room does not contain.
 
 Each function returns surfaces placed relative to the sensor or the target. `provenance["fixture"]` marks them, so that the testbed can
-leave them out when its clutter differs less from the scan (`Gaps.clutter`). All parts stay 1 cm apart and 1 cm from other surfaces,
-because faces in contact shadow each other.
-Sizes are those of ordinary parts (a photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a geared motor in a box); we know of no
-published drawing of such a rig.
+leave them out when its clutter differs less from the scan (`Gaps.clutter`). All parts stay 1 cm apart and 1 cm from other surfaces, because
+faces in contact shadow each other. Sizes are those of ordinary parts (a photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a
+geared motor in a box); we know of no published drawing of such a rig.
 """
 
 from __future__ import annotations

@@ -6,9 +6,9 @@ The recording stores the nominal (logged) pose of frame f, for the time f / fram
 The defaults were chosen before any table was computed. Where no value for such equipment is published, the default is an order of
 magnitude:
 - Rover slip: 1.5 % of the path, half of its variance constant (wheel size, load), half with a correlation length of 0.3 m. The uncalibrated
-  odometry of a
-  differential drive has an error of 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans. Robotics and Automation 12 (1996)
-  869, cited from memory). After the wheel size in the log is corrected, the remaining error is smaller. Mecanum wheels slip more.
+  odometry of a differential drive has an error of 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans. Robotics and
+  Automation 12 (1996) 869, cited from memory). After the wheel size in the log is corrected, the remaining error is smaller. Mecanum wheels
+  slip more.
 - Rover heading: 0.9 degrees per metre, from "1 degree per 45 in" reported for a swerve drive (gwhs/FalconRecharged2021, issue 6), and 0.5
   degrees at the start, for a rover aligned to 4 mm with half a metre of tape.
 - Rover start: 1 cm, for a wheel placed by hand on a marked position on the floor.

@@ -3,15 +3,14 @@
 Each function takes one surface, a strength (0 leaves the surface unchanged) and the surface's own random generator, and draws the same
 random numbers at every strength. The default spreads were chosen before any table was computed:
 - thickness: 5 %. EN 520 allows +-0.5 mm for plasterboard of 12.5 mm, which is 4 %.
-- permittivity: 10 % (real part), and a factor exp(0.5) (loss), as standard deviations. The rows of ITU-R P.2040-4 for one
-  material (concrete to floorboard, ten with several rows) differ at 100 GHz by
-  11 % in the real part, and by 0.51 in the logarithm of the loss. Metal and air are exact.
+- permittivity: 10 % (real part), and a factor exp(0.5) (loss), as standard deviations. The rows of ITU-R P.2040-4 for one material
+  (concrete to floorboard, ten with several rows) differ at 100 GHz by 11 % in the real part, and by 0.51 in the logarithm of the loss.
+  Metal and air are exact.
 - roughness: a factor exp(0.7) of the height, which is the factor of two between values in the literature
   (radartwin/materials/roughness.py). A nominally smooth surface gets 0.1 mm if it is metal. Otherwise it gets 0.3 mm, the lower end of the
   range of 0.3 to 3 mm in the paper's own calibration (implementation section).
 - contents: 10 % of a liquid's permittivity, the uncertainty of its recipe (radartwin/materials/liquids.py), and a headspace of 5 to 15 % of
-  the
-  height for neck and shoulder of the vessel, an order of magnitude.
+  the height for neck and shoulder of the vessel, an order of magnitude.
 """
 
 from __future__ import annotations

@@ -5,11 +5,8 @@
     mesh, report = fuse(with_depth(frames, model), scale=model.scale)
 
 The user chooses the weights. They are downloaded only if the user gives a name of the model hub. All lengths come from the model, not from
-a
-measurement. The lengths of metric models have errors of several per cent that differ between cameras. The report therefore states the
-source
-of the scale. This module
-resizes and normalises the pictures itself, because the fast processors of transformers need torchvision.
+a measurement. The lengths of metric models have errors of several per cent that differ between cameras. The report therefore states the
+source of the scale. This module resizes and normalises the pictures itself, because the fast processors of transformers need torchvision.
 """
 
 from __future__ import annotations

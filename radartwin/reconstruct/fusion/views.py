@@ -11,11 +11,9 @@ from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled
 from radartwin.reconstruct.fusion.volume import View
 
 # Standard deviation of depth z: floor + slope z + curve z^2 for low, medium and high confidence. High confidence gives 5 mm at 1 m and 13
-# mm
-# at 5 m; only ratios matter. The values of low and medium are fitted to the real frames of docs/decisions/005-virtual-scanner.md (21 to 111
-# mm and 12 to 43 mm from
-# 1.25 to 3.25 m). A pixel of low confidence has little weight beside one of high confidence, but is often the only one on dark and
-# distant surfaces.
+# mm at 5 m; only ratios matter. The values of low and medium are fitted to the real frames of docs/decisions/005-virtual-scanner.md (21 to
+# 111 mm and 12 to 43 mm from 1.25 to 3.25 m). A pixel of low confidence has little weight beside one of high confidence, but is often the
+# only one on dark and distant surfaces.
 NOISE_FLOOR_M, NOISE_PER_M = 0.003, 0.002
 NOISE = np.array([[0.0, 0.0, 0.0105], [0.0, 0.0, 0.0041], [NOISE_FLOOR_M, NOISE_PER_M, 0.0]], np.float32)
 REFERENCE_NOISE_M = NOISE_FLOOR_M + NOISE_PER_M  # noise of a pixel with weight 1: high confidence, 1 m, normal incidence

@@ -1,10 +1,8 @@
 """Make planes of a scan exactly upright, level or square to each other if they nearly are.
 
 The depth noise of a scan is millimetres to centimetres, which is one to several wavelengths at 77 GHz. With this noise, a painted wall
-would
-scatter diffusely like rubble instead of reflecting specularly. A plane fitted to thousands of faces has an error of a fraction of a
-millimetre, so
-planar segments are replaced by their planes.
+would scatter diffusely like rubble instead of reflecting specularly. A plane fitted to thousands of faces has an error of a fraction of a
+millimetre, so planar segments are replaced by their planes.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
 """Trace the cells of a plane as simplified polygons with straight, square edges.
 
 An edge near the intersection line with a neighbouring plane moves onto that line, so that rooms close at their corners. Other edges turn
-into a main
-direction of the plane if they are nearly parallel to it. If these steps would change a polygon by more than the scan's resolution, the
-polygon
-is only simplified.
+into a main direction of the plane if they are nearly parallel to it. If these steps would change a polygon by more than the scan's
+resolution, the polygon is only simplified.
 """
 
 from __future__ import annotations

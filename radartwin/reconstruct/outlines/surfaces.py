@@ -1,8 +1,7 @@
 """Replace planar segments by polygons of few triangles.
 
 A segment and the smaller segments in its plane, such as a wall and its door, are outlined together, so that they share their borders. A
-segment
-in front of the plane, such as a poster on a board, keeps its distance from the plane.
+segment in front of the plane, such as a poster on a board, keeps its distance from the plane.
 """
 
 from __future__ import annotations

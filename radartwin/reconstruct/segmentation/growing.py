@@ -1,8 +1,7 @@
 """Grow planes over a mesh, face by face.
 
-Region growing after Rabbani, van den Heuvel and Vosselman 2006, Segmentation of point clouds using smoothness
-constraint: the seeds are taken in order of local flatness. A neighbouring face joins if its normal and its
-distance fit the plane. The plane is refitted as it grows.
+Region growing after Rabbani, van den Heuvel and Vosselman 2006, Segmentation of point clouds using smoothness constraint: the seeds are
+taken in order of local flatness. A neighbouring face joins if its normal and its distance fit the plane. The plane is refitted as it grows.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Segment a scan: grow planes over the mesh, join pieces of one plane, and divide the other faces into connected parts.
 
 Normals are first averaged over neighbouring faces, because depth noise of 5 mm changes the normal of a 5 cm triangle by 8 degrees. If the
-scan
-has colour, planes are cut where their colour changes, and convex neighbours of one colour form one body.
+scan has colour, planes are cut where their colour changes, and convex neighbours of one colour form one body.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Describe the appearance of a scene's surfaces: pixels of all textures in one array, texture coordinates, and optical properties.
 
 The optical properties come from the true materials. Layers of glass and air are transparent if they have air behind them. The MINC classes
-metal and
-mirror reflect. Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
+metal and mirror reflect. Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
 """
 
 from __future__ import annotations
