@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 
 from experiments.campaign.cases import BENCH_ROOM, ROVER, TURN_S, Case, Log, Motion, course
-from radartwin.build.radar import build_radar
+from radartwin.builders.radar import build_radar
 from radartwin.config.config import Config
 from radartwin.config.scene import ROOMS
 from radartwin.config.study import RecordingsConfig

@@ -26,7 +26,7 @@ from experiments.campaign.cases import log as nominal_log
 from experiments.claims import NONE, Claim, RowList
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate, exact, resampled
-from radartwin.build.radar import build_radar
+from radartwin.builders.radar import build_radar
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig

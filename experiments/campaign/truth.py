@@ -18,7 +18,7 @@ from experiments.campaign import tally
 from experiments.campaign.cases import RAIL, ROVER, Case, Log, log, stand_top
 from experiments.campaign.target import on_carriage, seen
 from experiments.campaign.turned import Turned
-from radartwin.build.radar import build_radar
+from radartwin.builders.radar import build_radar
 from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording

@@ -15,9 +15,9 @@ from experiments.campaign.target import on_carriage, seen
 from experiments.scans import virtual_scan
 from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.probe import thinned
-from radartwin.build import auto
-from radartwin.build.radar import build_radar
-from radartwin.build.simulator import simulated_parts, simulator_options
+from radartwin.builders import auto
+from radartwin.builders.radar import build_radar
+from radartwin.builders.simulator import simulated_parts, simulator_options
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator

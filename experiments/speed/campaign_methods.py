@@ -93,7 +93,8 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
         missed = recognition_error(made.samples, reference)
         rows.append({
             "problem": NAME, "family": method.family, "setting": method.setting, **_cost(campaign, simulated), "feature_error": error,
-            "spread of feature_error": spread, "recognition_error": missed, "answers": len(reference), "exact": False, "keys": list(made.keys),
+            "spread of feature_error": spread, "recognition_error": missed, "answers": len(reference), "exact": False,
+            "keys": list(made.keys),
         })  # fmt: skip
     return rows
 

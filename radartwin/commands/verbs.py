@@ -32,8 +32,8 @@ def tables(options: argparse.Namespace) -> int:
 
 
 def simulate(options: argparse.Namespace) -> int:
-    from radartwin.build.provenance import materials_line
-    from radartwin.build.recording import simulate_scene
+    from radartwin.builders.provenance import materials_line
+    from radartwin.builders.recording import simulate_scene
     from radartwin.config.compose import compose
     from radartwin.io import files
     from radartwin.radar.recording import recording_files
@@ -57,7 +57,7 @@ def simulate(options: argparse.Namespace) -> int:
 
 
 def process(options: argparse.Namespace) -> int:
-    from radartwin.build.radar import named_radar
+    from radartwin.builders.radar import named_radar
     from radartwin.io import files
     from radartwin.radar.captures import capture_name
     from radartwin.radar.power_maps import FftSettings
@@ -80,7 +80,7 @@ def process(options: argparse.Namespace) -> int:
 
 
 def import_captures(options: argparse.Namespace) -> int:
-    from radartwin.build.radar import named_radar
+    from radartwin.builders.radar import named_radar
     from radartwin.io.progress import Progress
     from radartwin.recordings.importers import import_captures, key_values
     from radartwin.recordings.mapping import read_mapping
@@ -158,7 +158,7 @@ def view(options: argparse.Namespace) -> int:
 
 
 def classify(options: argparse.Namespace) -> int:
-    from radartwin.build.radar import named_radar
+    from radartwin.builders.radar import named_radar
     from radartwin.recognize.classify import classify
 
     radar = named_radar(options.radar) if options.radar else None

@@ -14,8 +14,8 @@ from radartwin.adaptive.choice import Choice, choose
 from radartwin.adaptive.limits import PROFILE, SHIPPED, Limits, distances, measured
 from radartwin.adaptive.model import DEFAULT, LADDER, Model, cheaper, reduced
 from radartwin.adaptive.probe import ASPECTS, PLACES, thinned
-from radartwin.build.auto import MOTION_FAMILIES
-from radartwin.build.setup import build_setup
+from radartwin.builders.auto import MOTION_FAMILIES
+from radartwin.builders.setup import build_setup
 from radartwin.config.compose import compose
 from radartwin.errors import ConfigError, InputError
 from radartwin.features.envelope import frames_per_revolution

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from radartwin.build.radar import build_radar
+from radartwin.builders.radar import build_radar
 from radartwin.config.compose import combinations, compose, groups, path_override, quoted
 from radartwin.errors import ConfigError, MissingError
 from radartwin.radar.chirp import Radar

@@ -5,9 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
-from radartwin.build.radar import build_radar
-from radartwin.build.scene import add_layout, build_room
-from radartwin.build.trajectory import build_course, check_course
+from radartwin.builders.radar import build_radar
+from radartwin.builders.scene import add_layout, build_room
+from radartwin.builders.trajectory import build_course, check_course
 from radartwin.config.compose import compose
 from radartwin.errors import ConfigError, LayoutError, MissingError, PoseError
 from radartwin.scene.scene import Scene

@@ -334,7 +334,7 @@ def test_wrong_configurations_are_refused(overrides, match):
 
 
 def test_configuration_sets_the_backend_settings():
-    from radartwin.build.simulator import simulator_options
+    from radartwin.builders.simulator import simulator_options
 
     built = simulator_options(compose(["simulator=rfgenesis", "simulator.version=corrected", "simulator.grid=64"]).simulator)["simulator"]
     assert built == backend("rfgenesis", version="corrected", grid=64)
@@ -367,7 +367,7 @@ def test_run_key_depends_on_the_source_of_every_simulator(stage):
 @pytest.mark.parametrize("name", SIMULATORS)
 def test_every_simulator_records_a_configured_scene(name):
     needs(name)
-    from radartwin.build.recording import simulate_scene
+    from radartwin.builders.recording import simulate_scene
 
     recording = simulate_scene(compose([f"simulator={name}", "scene=plate", "trajectory=static"]))
     assert recording.provenance["simulator"] == name

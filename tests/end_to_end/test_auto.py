@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radartwin.build.recording import simulate_scene
+from radartwin.builders.recording import simulate_scene
 from radartwin.config.compose import compose
 from radartwin.errors import ConfigError
 from radartwin.radar.recording import Recording

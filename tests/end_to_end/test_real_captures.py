@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from radartwin.build.radar import named_radar
+from radartwin.builders.radar import named_radar
 from radartwin.errors import MissingError, OutputError, RecordingError
 from radartwin.radar import dca1000
 from radartwin.radar.captures import load_capture

@@ -15,7 +15,7 @@ from experiments.campaign.campaign import Campaign, load_clean
 from experiments.campaign.cases import Case, log
 from experiments.campaign.turned import Turned
 from experiments.scans import virtual_scan
-from radartwin.build.radar import build_radar
+from radartwin.builders.radar import build_radar
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.materials import UniformMaterials

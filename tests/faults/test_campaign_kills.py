@@ -31,7 +31,7 @@ import numpy as np
 from experiments.campaign import truth, twin
 from experiments.campaign.cases import log
 from experiments.campaign.turned import Turned
-from radartwin.build.radar import build_radar
+from radartwin.builders.radar import build_radar
 from radartwin.cli import main
 from radartwin.radar.recording import Recording
 from radartwin.simulation.aspects import Aspects

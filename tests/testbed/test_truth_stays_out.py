@@ -23,7 +23,7 @@ PACKAGE = Path(radartwin.__file__).parent
 @pytest.mark.parametrize("module", TESTBED)
 def test_testbed_imports_no_scan_label_or_settings(module):
     forbidden = (
-        "radartwin.label", "radartwin.reconstruct", "radartwin.config", "radartwin.build",
+        "radartwin.label", "radartwin.reconstruct", "radartwin.config", "radartwin.builders",
     )  # fmt: skip
     code = f"import sys, radartwin.testbed.{module}; sys.exit(' '.join(m for m in sys.modules if m.startswith({forbidden})) or None)"
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from radartwin.adaptive.limits import Limits
-from radartwin.build.auto import choose_simulator
-from radartwin.build.setup import build_setup
-from radartwin.build.simulator import simulated_parts, simulator_options
+from radartwin.builders.auto import choose_simulator
+from radartwin.builders.setup import build_setup
+from radartwin.builders.simulator import simulated_parts, simulator_options
 from radartwin.config.config import Config
 from radartwin.config.simulator import AutoSimulator
 from radartwin.radar.recording import Recording
@@ -21,7 +21,7 @@ def simulate_scene(
     """Simulate a recording of the configured radar in the configured scene. Its provenance describes the scene and its materials.
 
     Args:
-        store, say: see `radartwin.build.auto.choose_simulator`.
+        store, say: see `radartwin.builders.auto.choose_simulator`.
     """
     setup = build_setup(config)
     simulator = config.simulator

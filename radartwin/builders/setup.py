@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from radartwin.adaptive.probe import Probe, thinned
-from radartwin.build.auto import families_of
-from radartwin.build.provenance import describe_room
-from radartwin.build.radar import build_radar
-from radartwin.build.scene import TARGET, add_layout, build_room, build_target, lowest_m
-from radartwin.build.trajectory import Course, build_course, check_course
+from radartwin.builders.auto import families_of
+from radartwin.builders.provenance import describe_room
+from radartwin.builders.radar import build_radar
+from radartwin.builders.scene import TARGET, add_layout, build_room, build_target, lowest_m
+from radartwin.builders.trajectory import Course, build_course, check_course
 from radartwin.config.config import Config
 from radartwin.config.study import FeaturesConfig
 from radartwin.features.log import Nominal
@@ -29,7 +29,7 @@ class Setup:
         room: the scene without the target, with the objects of the layout.
         target: surfaces of the target and its stand; empty for scene.target=none.
         motion: object-to-world poses by surface name, (F, 4, 4), or (1, 4, 4) for surfaces at rest.
-        provenance: see `radartwin.build.provenance.describe_room`.
+        provenance: see `radartwin.builders.provenance.describe_room`.
     """
 
     room: Scene
@@ -51,7 +51,7 @@ class Setup:
             variant: Mitsuba variant.
             count, between: see `radartwin.adaptive.probe.thinned`.
         Raises:
-            ConfigError: see `radartwin.build.auto.families_of`.
+            ConfigError: see `radartwin.builders.auto.families_of`.
         """
         families = families_of(features, self.measured_motion)
         sensor, target = self.course.sensor_poses, self.course.target_poses
