@@ -123,14 +123,14 @@ def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, mark: Path) -> None
 def test_a_pickle_is_refused_as_a_model(tmp_path: Path, mark: Path) -> None:
     (tmp_path / "model.json").write_text(json.dumps({"format": "radartwin recogniser 1", "sha256": "0"}))
     (tmp_path / "model.safetensors").write_bytes(pickle.dumps(Evil(mark)))
-    with pytest.raises(InputError, match="not a model that can be used"):
+    with pytest.raises(InputError, match="not a usable model"):
         Recogniser.load(tmp_path)
     import hashlib
 
     content = pickle.dumps(Evil(mark))
     described = json.loads((tmp_path / "model.json").read_text()) | {"sha256": hashlib.sha256(content).hexdigest()}
     (tmp_path / "model.json").write_text(json.dumps(described))
-    with pytest.raises(InputError, match="not a model that can be used"):
+    with pytest.raises(InputError, match="not a usable model"):
         Recogniser.load(tmp_path)
 
 
@@ -520,7 +520,7 @@ def test_a_configuration_cannot_carry_a_key_into_the_results(source: str, tmp_pa
         "# @package _global_\nexperiment: {name: '${oc.env:RADARTWIN_VLM_KEY}', module: evil}\n"
     )
     overrides = ["experiment=evil"] if source == "file" else [f"output=runs-{KEY}"]
-    with pytest.raises(ConfigError, match="holds a key of the environment") as caught:
+    with pytest.raises(ConfigError, match="holds a secret of the environment") as caught:
         Composer([tmp_path]).compose(overrides)
     assert KEY not in str(caught.value)
 

@@ -47,7 +47,8 @@ def parse(sentence: str) -> Layout:
     Raises:
         LayoutError: a part of the sentence is not understood; the message names this part and the supported phrases.
     """
-    text = " ".join(sentence.lower().split()).replace("one and a half", "1.5").replace("a half metre", "0.5 m")
+    sentence = " ".join(sentence.split())
+    text = sentence.lower().replace("one and a half", "1.5").replace("a half metre", "0.5 m")
     items: list[Item] = []
     for clause in filter(None, _JOINTS.split(text)):
         phrases = list(_PHRASE.finditer(clause))
