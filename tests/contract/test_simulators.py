@@ -15,7 +15,6 @@ from radartwin.errors import ConfigError, InputError, PoseError, SceneError
 from radartwin.scene import objects
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.backend import SIMULATORS, backend
-from radartwin.simulation.backends.sionna import is_installed
 from radartwin.simulation.simulate import trace_paths
 from radartwin.store.digest import import_closure, semantic, spec_digest
 
@@ -54,13 +53,7 @@ SPEED_READ = {"rfgenesis shipped": -5.11, "rfgenesis columns": -5.11}
 
 @pytest.fixture(params=CASES)
 def case(request):
-    needs(request.param.partition(" ")[0])
     return request.param
-
-
-def needs(name):
-    if name == "sionna" and not is_installed():
-        pytest.skip("sionna-rt is not installed: pip install 'radartwin[sionna]'")
 
 
 @pytest.fixture
@@ -211,7 +204,6 @@ def test_same_call_gives_equal_bytes(simulator):
 
 @pytest.mark.parametrize("name", SIMULATORS)
 def test_processes_give_equal_bytes(name):
-    needs(name)
     code = (
         "import hashlib, numpy as np, trimesh, radartwin as rt;"
         "m = trimesh.creation.box((0.1, 0.1, 0.1)); p = np.eye(4); p[0, 3] = 2;"
@@ -366,7 +358,6 @@ def test_run_key_depends_on_the_source_of_every_simulator(stage):
 
 @pytest.mark.parametrize("name", SIMULATORS)
 def test_every_simulator_records_a_configured_scene(name):
-    needs(name)
     from radartwin.builders.recording import simulate_scene
 
     recording = simulate_scene(compose([f"simulator={name}", "scene=plate", "trajectory=static"]))

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from radartwin.errors import BackendError
-from radartwin.simulation.backends import sionna, sionna_process
-
-pytestmark = pytest.mark.skipif(not sionna.is_installed(), reason="sionna-rt is not installed")
+from radartwin.simulation.backends import sionna_process
 
 SLAB = {"variant": "auto", "cosine": np.ones(1), "permittivity": 2.0, "thickness_m": 0.01, "frequency_hz": 77e9}
 

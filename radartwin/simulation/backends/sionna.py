@@ -141,7 +141,7 @@ def is_installed() -> bool:
 def check_installed() -> None:
     """Raise BackendError if sionna-rt is not installed."""
     if not is_installed():
-        raise BackendError("simulator sionna needs the package sionna-rt: pip install 'radartwin[sionna]'")
+        raise BackendError("simulator sionna needs the package sionna-rt: pip install sionna-rt==2.2.0")
 
 
 def reflection_tables(
