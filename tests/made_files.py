@@ -1,4 +1,4 @@
-"""Test data for several tests: a capture log, a mmWave Studio description, a recogniser."""
+"""Test data for several tests: a capture log, a mmWave Studio description, a data card, noise, a recogniser."""
 
 from __future__ import annotations
 
@@ -6,9 +6,22 @@ import json
 
 import numpy as np
 
+from radartwin.radar.chirp import Radar
+from radartwin.radar.recording import Recording
 from radartwin.recognize.encoder import Encoder
 from radartwin.recognize.model import Recogniser
+from radartwin.recordings.card import Card
 from radartwin.recordings.studio_log import PACKET_BYTES
+
+CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", "2026-03-01")
+
+
+def noise(radar: Radar, seed: int = 0, frames: int = 4) -> Recording:
+    """Noise far below full scale, in amplitude units."""
+    rng = np.random.default_rng(seed)
+    shape = (frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
+    iq = 1e-5 * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
+    return Recording(iq.astype(np.complex64), radar, scale=2e-9)
 
 
 def log_text(received: int, lost: int = 0, lanes: int = 2, mode: str = "Raw") -> str:

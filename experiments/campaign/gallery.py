@@ -23,9 +23,9 @@ from experiments.claims import RowList
 from experiments.drawing import range_map
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.features import envelope, gate, track
+from radartwin.features import envelope, track
 from radartwin.features.processed import Processed
-from radartwin.features.profile import profile_correlation
+from radartwin.features.profile import gate_energies, multipath_share, profile_correlation
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.radar.processing import range_doppler, steering
@@ -192,9 +192,9 @@ def _add_rows(rows: RowList, case: Case, found: dict[str, tuple[str, Processed]]
         log = logs[domain]
         nominal = np.asarray(log.distance_m, float)
         path = track.around(processed, nominal, log.frame_rate_hz)
-        energy = gate.gate_energies(processed.power, processed.range_m, nominal)[0]
+        energy = gate_energies(processed.power, processed.range_m, nominal)[0]
         add(LABELS[domain], "range of the target less the log's (mm)", 1e3 * float(np.average(path - nominal, weights=energy)), [key])
-        add(LABELS[domain], "multipath share", gate.multipath_share(processed.power, processed.range_m, nominal), [key])
+        add(LABELS[domain], "multipath share", multipath_share(processed.power, processed.range_m, nominal), [key])
 
 
 def draw(views: dict[str, View], title: str, domain: str) -> Figure:

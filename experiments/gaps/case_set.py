@@ -17,10 +17,10 @@ from radartwin.config.config import Config
 from radartwin.config.materials import TrueMaterials
 from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
-from radartwin.features import brightness, envelope, gate, track
+from radartwin.features import envelope, track
 from radartwin.features.log import Log, distances
 from radartwin.features.processed import Processed, process
-from radartwin.features.profile import FAR_M, NEAR_M, profile_correlation
+from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M, gate_energies, multipath_share, profile_correlation
 from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
@@ -126,7 +126,7 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
     nominal = distances(log, len(log.distance_m))[:count]
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     energy = envelope.target_energy(processed, nominal)
-    in_gate, _ = gate.gate_energies(processed.power, processed.range_m, nominal)
+    in_gate, _ = gate_energies(processed.power, processed.range_m, nominal)
     centre = np.abs(processed.range_m - nominal[:, None]).argmin(axis=1)
     bins_away = np.abs(np.arange(len(processed.range_m)) - centre[:, None])[:, inside]
     room = bins_away > ROOM_BINS
@@ -137,12 +137,12 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
         key=key,
         range_m=processed.range_m[inside],
         channels=processed.channels[..., inside],
-        target=bins_away <= gate.GATE_BINS,
+        target=bins_away <= GATE_BINS,
         room=room,
         profile=processed.power[:, inside].mean(axis=0, dtype=np.float64),
-        brightness_db=brightness.brightness_db(energy, nominal),
+        brightness_db=envelope.brightness_db(energy, nominal),
         room_db=decibels(float(np.sum(processed.power[:, inside], where=room, dtype=np.float64)) / count),
-        multipath=gate.multipath_share(processed.power, processed.range_m, nominal),
+        multipath=multipath_share(processed.power, processed.range_m, nominal),
         harmonic_ratio=ratio,
         track_m=track.around(processed, nominal, log.frame_rate_hz),
         energy=in_gate,

@@ -1,6 +1,6 @@
 """Calibration by one corner reflector: the brightness error of each material after an affine map from simulated to measured values.
 
-One unlabelled recording of the reflector in each domain gives the map (radartwin/features/calibration.py). The mapped feature is the
+One unlabelled recording of the reflector in each domain gives the map (radartwin/features/normalise.py). The mapped feature is the
 brightness of a revolution; one reflector gives one level, so the map is an offset. A map fitted to the frames of a revolution would get a
 slope (0.59 at 1.5 m) because echoes of the room dominate at angles where the reflector echoes weakly. The table applies the map to the
 brightness of every simulated object and gives the measured minus the mapped value. The reflector itself is not scored. Paper:
@@ -23,7 +23,7 @@ from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import MATERIAL, RecognitionRows, cells, count_sources
 from experiments.recognition.readings import FEATURES, MOTION
 from radartwin.config.config import Config
-from radartwin.features import calibration
+from radartwin.features.normalise import fit_map
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import Samples
@@ -66,7 +66,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
     )
     keys = tuple(sorted((*measured.keys, *twin.keys)))
     column = measured.samples.names.index(BRIGHTNESS)
-    mapped = calibration.fit(ours[:1, [column]], theirs[:, [column]])  # one revolution determines an offset but no slope
+    mapped = fit_map(ours[:1, [column]], theirs[:, [column]])  # one revolution determines an offset but no slope
     levels = {BEFORE: twin.samples.values[:, column], AFTER: mapped.apply(twin.samples.values[:, [column]])[:, 0]}
     scored = measured.samples.without(REFLECTOR)
     errors = {when: _errors(scored, twin.samples, level, column) for when, level in levels.items()}

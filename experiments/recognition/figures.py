@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from experiments.drawing import error_bars
 from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import MEASURED, Samples
-from radartwin.recognize.score import confusion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,10 +48,12 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
 
 def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[str]) -> Figure:
     """Draw one confusion matrix per panel from (truth, prediction): share of each predicted class (column) per true class (row)."""
+    from sklearn.metrics import confusion_matrix
+
     drawing, axes = figure(1, len(panels), width_in=PAGE_WIDTH_IN, height_in=3.4, squeeze=False, sharey=True)
     names = [name.replace("_", " ") for name in classes]
     for axis, (title, (truth, prediction)) in zip(axes[0], panels.items(), strict=True):
-        shares = confusion(truth, prediction, tuple(classes))
+        shares = confusion_matrix(truth, prediction, labels=list(classes), normalize="true")
         axis.imshow(shares, vmin=0, vmax=1, cmap="Blues")
         for row, column in np.argwhere(shares >= 0.005):
             dark = "white" if shares[row, column] > 0.6 else "black"

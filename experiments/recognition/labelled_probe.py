@@ -37,7 +37,7 @@ from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
-from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid, standardised
+from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression, nearest_centroid, standardised
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import balanced_share, exact_interval, uniform_chance
 from radartwin.recognize.split import Split, as_domains, draw_shots, label_free, most_shots, shuffled
@@ -231,10 +231,7 @@ def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
 
 def _domain_accuracy(samples: Samples, seed: int) -> float:
     """Train a linear domain classifier on half of the stored recordings; returns its balanced accuracy on the other half."""
-    from sklearn.linear_model import LogisticRegression
-
     order = np.random.default_rng([seed, 0xD0]).permutation(np.unique(samples.source))
     learned = np.isin(samples.source, order[: len(order) // 2])
     train, test = samples.take(learned), samples.take(~learned)
-    probe = LogisticRegression(max_iter=5000, class_weight="balanced").fit(train.values, train.label)
-    return balanced_share(test.label, probe.predict(test.values))
+    return balanced_share(test.label, logistic_regression().fit(train.values, train.label).predict(test.values))

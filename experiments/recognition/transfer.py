@@ -23,8 +23,7 @@ from experiments.recognition.protocol import seeds
 from experiments.recognition.readings import recording_name
 from radartwin.config.config import Config
 from radartwin.errors import InputError
-from radartwin.features import calibration
-from radartwin.features.rank import rank_normalise
+from radartwin.features.normalise import fit_map, rank_normalise
 from radartwin.recognize.probes import forest, match_signatures
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import Split, label_free
@@ -95,7 +94,7 @@ def calibrated_split(
         ours, theirs = (readings.frames(source, domain, case, motion).samples.values for domain, case in cases.items())
         energy = np.array([name.endswith(ENERGY) for name in simulated.names])
         values = simulated.values.copy()
-        values[:, energy] = calibration.fit(ours[:, energy], theirs[:, energy]).apply(values[:, energy])
+        values[:, energy] = fit_map(ours[:, energy], theirs[:, energy]).apply(values[:, energy])
         simulated = simulated.with_values(values)
     simulated, measured = simulated.without(REFLECTOR), frames.measured.without(REFLECTOR)
     return Split("calibrated", simulated.relabelled(classes), measured.relabelled(classes), calibration_object=REFLECTOR)

@@ -120,7 +120,7 @@ def _over(label: str, room: str = "all", motion: str = "all") -> dict[str, Any]:
 def aligned(first: Drive, second: Drive) -> tuple[NDArray, NDArray]:
     """Return the tracked ranges of two drives over their common frames, without the offset between their starts."""
     try:
-        late = start_offset(first.energy, second.energy, max_frames=max(1, len(first.energy) // 4)).frames
+        late = start_offset(first.energy, second.energy, max(1, len(first.energy) // 4))
     except InputError:  # the target's energy is constant or below the noise, so the logged start is used
         late = 0
     return overlap(first.track_m, second.track_m, late)

@@ -15,7 +15,7 @@ from radartwin.features import sets
 from radartwin.features.log import Log, angles, distances
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate
-from radartwin.features.signature import Signature, signature
+from radartwin.features.signature import signature
 from radartwin.io.progress import Progress
 
 
@@ -25,13 +25,14 @@ class Turn:
 
     Attributes:
         values: rotation features by name.
+        signature: range-Doppler signature of a revolution, (N, R), see radartwin.features.signature.
         localised: whether the strongest echo of all ranges lies in the target gate.
     """
 
     case: Case
     key: str
     values: dict[str, float]
-    signature: Signature
+    signature: NDArray[np.float64]
     localised: bool
 
 
@@ -46,7 +47,7 @@ def read(source: RecordingSource, progress: Progress) -> dict[str, Turns]:
         InputError: the recordings have different numbers of frames per revolution.
     """
     found = read_both(source, ("turntable",), lambda case: (case.object, case.distance_m), _turn, progress)
-    frames = sorted({len(turn.signature.level) for turns in found.values() for some in turns.values() for turn in some})
+    frames = sorted({len(turn.signature) for turns in found.values() for some in turns.values() for turn in some})
     if len(frames) > 1:
         raise InputError(
             f"revolutions of {' and '.join(map(str, frames))} frames cannot be compared; record all turntables at one frame rate and period"
@@ -57,7 +58,7 @@ def read(source: RecordingSource, progress: Progress) -> dict[str, Turns]:
 def _turn(case: Case, key: str, processed: Processed, log: Log) -> Turn:
     names, values = sets.vector(processed, log, "rotation")
     target_m = float(distances(log, processed.num_frames)[0])
-    revolution = signature(processed, angles(log, processed.num_frames), log.frame_rate_hz, target_m)
+    revolution = signature(processed, angles(log, processed.num_frames), target_m)
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     strongest = int(np.where(inside, processed.power.mean(axis=0), 0).argmax())
     localised = bool(gate(processed.range_m, target_m)[strongest])

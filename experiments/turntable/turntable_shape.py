@@ -95,7 +95,7 @@ def similarity(turns: dict[str, Turns], names: list[str]) -> Similarity:
     """Compute for each pair of objects the SSIM of measured signatures of the first and simulated signatures of the second."""
     return {
         (first, second): np.array([
-            statistics.ssim(one.signature.level, other.signature.level)
+            statistics.ssim(one.signature, other.signature)
             for (name, distance), some in turns[MEASURED].items() if name == first
             for one in some for other in turns[TWIN].get((second, distance), ())
         ])

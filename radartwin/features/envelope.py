@@ -1,4 +1,4 @@
-"""Compute the target's energy over a motion, and features of its modulation, which depends on the target's shape.
+"""Compute the target's energy over a motion, its level (brightness), and features of its modulation, which depends on the shape.
 
 Symbols: E(f) -> energy, linear target-gate power of frame f minus the noise floor; envelope: E averaged over whole revolutions, (N,), or
 E over the frames of a lateral pass, (F,); P_m = sum_n E_n exp(-j 2 pi m n / N), m >= 0, the DFT of the envelope at positive frequencies.
@@ -10,6 +10,9 @@ E over the frames of a lateral pass, (F,); P_m = sum_n E_n exp(-j 2 pi m n / N),
 - The same harmonics and ratio over a lateral pass (paper, motion-specific feature design, lateral); m then counts cycles per pass.
 - Crest factor max(E) / rms(E), and entropy -sum p ln p / ln N with p = E / sum E. Both are 1 for a flat envelope. Both depend on the number
   of frames in the envelope, so compare only envelopes of equal length.
+- Brightness 10 log10(mean_f E(f) R(f)^4), with the nominal distance R(f) in metres (paper, disentangled fidelity, material). For a point
+  target of radar cross section s, E = G^2 lambda^2 s / ((4 pi)^3 R^4), so the brightness depends only on s and on the radar. Brightness is
+  an absolute level, so receiver gain and calibration change it.
 """
 
 from __future__ import annotations
@@ -18,24 +21,45 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radartwin.errors import InputError
-from radartwin.features.gate import gate_energies
 from radartwin.features.processed import Processed
-from radartwin.features.profile import GATE_BINS
+from radartwin.features.profile import gate_energies
 
 HARMONICS = 6  # highest harmonic of the paper; higher harmonics contain ripple from the facets of the mesh
 Real = NDArray[np.floating]
 
 
-def target_energy(processed: Processed, target_m: ArrayLike, bins: int = GATE_BINS) -> Real:
+def target_energy(processed: Processed, target_m: ArrayLike) -> Real:
     """Compute the target's energy E(f), (F,): power in the target gate minus the noise power there. The mean of E is 0 for pure noise.
 
     Args:
         target_m: range of the centre of the gate in metres, one value or (F,).
     """
     target_m = np.asarray(target_m, dtype=np.float64)
-    inside, _ = gate_energies(processed.power, processed.range_m, target_m, bins)
+    inside, _ = gate_energies(processed.power, processed.range_m, target_m)
     floor = np.broadcast_to(processed.noise_floor, (*target_m.shape, len(processed.range_m)))
-    return inside - gate_energies(floor, processed.range_m, target_m, bins)[0]
+    return inside - gate_energies(floor, processed.range_m, target_m)[0]
+
+
+def without_range_law(energy: Real, distance_m: Real) -> Real:
+    """Multiply each energy by the fourth power of its distance: E(f) R(f)^4, (F,)."""
+    return np.asarray(energy, dtype=np.float64) * np.asarray(distance_m, dtype=np.float64) ** 4
+
+
+def brightness_db(energy: Real, distance_m: Real) -> float:
+    """Compute the brightness B: received over transmitted power at one metre, in decibels.
+
+    Args:
+        energy: (F,) from `target_energy`. distance_m: (F,).
+    Raises:
+        InputError: the mean energy above the noise is zero or negative.
+
+    >>> round(brightness_db(np.full(4, 1e-8), np.full(4, 10.0)), 6)
+    -40.0
+    """
+    mean = float(np.mean(without_range_law(energy, distance_m)))
+    if not mean > 0:
+        raise InputError("brightness: the target is not above the noise; check that it is in its gate")
+    return 10 * float(np.log10(mean))
 
 
 def frames_per_revolution(angle_rad: Real) -> int:

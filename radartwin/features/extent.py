@@ -19,12 +19,12 @@ AZIMUTH_RAD = np.deg2rad(np.arange(-90.0, 91.0))
 _BLOCK = 256  # frames per block
 
 
-def gate_spectrum(processed: Processed, target_m: ArrayLike, bins: int = GATE_BINS) -> NDArray[np.float64]:
+def gate_spectrum(processed: Processed, target_m: ArrayLike) -> NDArray[np.float64]:
     """Compute the azimuth spectrum S(f, phi) of the target gate, (F, len(AZIMUTH_RAD)), at least zero."""
     weights = steering(processed.radar, AZIMUTH_RAD).astype(np.complex64)
     target_m = np.broadcast_to(target_m, processed.num_frames)
     centre = np.abs(processed.range_m - target_m[:, None]).argmin(axis=1)
-    gate = np.clip(centre[:, None] + np.arange(-bins, bins + 1), 0, len(processed.range_m) - 1)
+    gate = np.clip(centre[:, None] + np.arange(-GATE_BINS, GATE_BINS + 1), 0, len(processed.range_m) - 1)
     noise = processed.noise_floor[gate].sum(axis=1, keepdims=True) * np.sum(np.abs(weights) ** 2, axis=0)
     spectrum = np.empty((processed.num_frames, len(AZIMUTH_RAD)))
     for start in range(0, processed.num_frames, _BLOCK):
@@ -34,7 +34,7 @@ def gate_spectrum(processed: Processed, target_m: ArrayLike, bins: int = GATE_BI
     return np.maximum(spectrum - noise, 0.0)
 
 
-def angular_extent(processed: Processed, target_m: ArrayLike, bins: int = GATE_BINS) -> NDArray[np.float64]:
+def angular_extent(processed: Processed, target_m: ArrayLike) -> NDArray[np.float64]:
     """Compute the angular extent of each frame in radians, (F,).
 
     If the target gate has no energy above the noise, the result is the extent of noise.
@@ -42,7 +42,7 @@ def angular_extent(processed: Processed, target_m: ArrayLike, bins: int = GATE_B
     Args:
         target_m: range of the centre of the target gate in metres, one value or (F,).
     """
-    spectrum = gate_spectrum(processed, target_m, bins)
+    spectrum = gate_spectrum(processed, target_m)
     total = spectrum.sum(axis=1, keepdims=True)
     share = np.where(total > 0, spectrum / np.where(total > 0, total, 1.0), 1.0 / len(AZIMUTH_RAD))
     mean = share @ AZIMUTH_RAD

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,28 +78,6 @@ class Processed:
         """Select frames; the arrays of the result are views if `chosen` is a slice."""
         doppler = None if self.doppler is None else self.doppler[chosen]
         return Processed(self.radar, self.range_m, self.power[chosen], self.channels[chosen], doppler, self.velocity_mps, self.noise)
-
-    @classmethod
-    def concatenate(cls, parts: Sequence[Processed]) -> Processed:
-        """Join the parts of one recording in order. Raises InputError without parts, or if radar, ranges or arrays of the parts differ."""
-        if not parts:
-            raise InputError("processed recording: there are no parts to concatenate; give at least one")
-        first = parts[0]
-        for part in parts:
-            same = part.radar == first.radar and part.range_m.shape == first.range_m.shape
-            if not same or (part.doppler is None) != (first.doppler is None) or (part.noise is None) != (first.noise is None):
-                raise InputError("processed recording: the parts have different radars, ranges or contents; process them in the same way")
-        cubes = [part.doppler for part in parts if part.doppler is not None]
-        floors = [part.noise * np.float32(part.num_frames) for part in parts if part.noise is not None]
-        return cls(
-            first.radar,
-            first.range_m,
-            np.concatenate([part.power for part in parts]),
-            np.concatenate([part.channels for part in parts]),
-            np.concatenate(cubes) if cubes else None,
-            first.velocity_mps,
-            (np.sum(floors, axis=0) / sum(part.num_frames for part in parts)).astype(np.float32) if floors else None,
-        )
 
     def save(self, folder: str | Path) -> None:
         """Write the recording into a folder. The arrays are written last, so that `load` refuses an interrupted save."""

@@ -1,42 +1,75 @@
-"""Compute range profiles of a recording, select the target gate, and compare profiles.
+"""Compute the energy in the target gate and the energy shares outside of it, and compare range profiles.
 
-Symbols: P(f, r) -> range_time, power per frame and range bin; coherent over chirps, averaged in power over virtual channels. The paper uses
-range profiles for the environment ablation (simulation in free space against simulation in the scene) and for the multipath share.
+Symbols: P(f, r) -> power, (F, bins), as in `Processed.power`. The gate holds the range bin of the target and GATE_BINS bins (0.13 m) on
+either side. All sums are over ranges from NEAR_M to FAR_M. The multipath share (paper, motion-specific features) is the energy outside the
+gate divided by all energy: sum_{r outside gate} P / sum P. The paper uses range profiles for the environment ablation (simulation in free
+space against simulation in the scene).
 """
 
+from __future__ import annotations
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from radartwin.errors import InputError
-from radartwin.radar.processing import range_fft
-from radartwin.radar.recording import Recording
 
 NEAR_M, FAR_M = 0.3, 5.5  # limits of all range sums: beyond the leakage between the antennas, before the walls with the weakest echoes
 GATE_BINS = 3  # range bins of the target gate on either side of the target's bin
 
 
-def range_time(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the power in each frame and range bin of a recording.
+def gate(range_m: np.ndarray, target_m: ArrayLike) -> np.ndarray:
+    """Return the mask of the target gate: the bin nearest to the target and GATE_BINS bins on either side.
 
+    Args:
+        range_m: (bins,) in metres.
+        target_m: range of the target in metres, one value or one per frame (F,).
     Returns:
-        power: (F, bins), in squared amplitude units.
-        range: (bins,) in metres.
+        (bins,) for one target range, or (F, bins).
+
+    >>> np.flatnonzero(gate(np.arange(20.0), 9.2)).tolist()
+    [6, 7, 8, 9, 10, 11, 12]
     """
-    power = []
-    axis = np.zeros(0)
-    for block in recording.frame_blocks():
-        spectrum, axis = range_fft(recording.iq[block].mean(axis=1), recording.radar)
-        power.append((np.abs(spectrum) ** 2).mean(axis=(1, 2)))
-    return np.concatenate(power), axis
+    centre = np.abs(range_m - np.asarray(target_m)[..., None]).argmin(axis=-1)
+    return np.abs(np.arange(len(range_m)) - centre[..., None]) <= GATE_BINS
 
 
-def gate(range_m: np.ndarray, target_m: float, bins: int = GATE_BINS) -> np.ndarray:
-    """Return the mask (bins,) of the target gate: the bin nearest to the target and `bins` bins on either side.
+def gate_energies(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the energy inside the target gate and the energy at all ranges from NEAR_M to FAR_M, for each frame.
 
-    >>> gate(np.arange(5.0), 2.1, 1)
-    array([False,  True,  True,  True, False])
+    Args:
+        power: (F, bins), or (bins,) for one profile.
+        range_m, target_m: as for `gate`.
+    Returns:
+        inside: energy inside the gate, (F,), or a scalar for one profile.
+        all: energy at all ranges, of the same shape.
+    Raises:
+        InputError: shapes do not fit, or the target is outside NEAR_M to FAR_M.
     """
-    centre = int(np.abs(range_m - target_m).argmin())
-    return np.abs(np.arange(len(range_m)) - centre) <= bins
+    power, target = np.asarray(power, dtype=np.float64), np.asarray(target_m, dtype=np.float64)
+    if power.shape[-1:] != range_m.shape or target.shape not in ((), power.shape[:-1]):
+        raise InputError(
+            f"power {power.shape}, range {range_m.shape} and target {target.shape} do not fit; give (F, bins), (bins,) and (F,)"
+        )
+    if not np.all((target >= NEAR_M) & (target <= FAR_M)):
+        raise InputError(f"a target at {float(target.min()):g} to {float(target.max()):g} m is not between {NEAR_M} and {FAR_M} m")
+    window = (range_m >= NEAR_M) & (range_m <= FAR_M)
+    return np.sum(power * (window & gate(range_m, target)), axis=-1), np.sum(power * window, axis=-1)
+
+
+def multipath_share(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike) -> float:
+    """Compute the multipath share of a recording, 0 to 1. The arguments are those of `gate_energies`.
+
+    Raises:
+        InputError: as `gate_energies`, or the recording has no energy.
+
+    >>> echoes = np.where(np.isin(np.arange(100), (20, 60)), 1.0, 0.0)
+    >>> multipath_share(echoes, np.arange(100) * 0.05, 1.0)
+    0.5
+    """
+    inside, total = gate_energies(power, range_m, target_m)
+    if not np.sum(total) > 0:
+        raise InputError(f"multipath share: there is no energy between {NEAR_M} and {FAR_M} m; check the recording")
+    return float(1 - np.sum(inside) / np.sum(total))
 
 
 def beyond_target_share(profile: np.ndarray, range_m: np.ndarray, target_m: float) -> float:

@@ -17,10 +17,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.features import brightness, envelope, extent, gate, log, track, window
+from radartwin.features import envelope, extent, log, track, window
 from radartwin.features.families import families
 from radartwin.features.processed import Processed
-from radartwin.features.profile import FAR_M, NEAR_M
+from radartwin.features.profile import FAR_M, NEAR_M, gate_energies, multipath_share
 
 Real = NDArray[np.floating]
 _TURNTABLE = "rotation"  # this set takes the target at its nominal range; the other sets track the target
@@ -52,13 +52,13 @@ class _Recording:
         """Envelope over one revolution, or over a pass with the loss by distance removed."""
         if self.turntable:
             return envelope.revolution(self.energy, log.angles(self.log, self.processed.num_frames))
-        return brightness.without_range_law(self.energy, self.nominal_m)
+        return envelope.without_range_law(self.energy, self.nominal_m)
 
     @cached_property
     def gate_floor(self) -> Real:
         """Noise energy in the target gate, (F,); it limits the brightness of a frame from below."""
         floor = np.broadcast_to(self.processed.noise_floor, self.processed.power.shape)
-        return gate.gate_energies(floor, self.processed.range_m, self.target_m)[0]
+        return gate_energies(floor, self.processed.range_m, self.target_m)[0]
 
 
 NamedValues = tuple[Sequence[str], NDArray]
@@ -84,9 +84,9 @@ def _track(recording: _Recording, per_frame: bool) -> NamedValues:
 
 def _multipath(recording: _Recording, per_frame: bool) -> NamedValues:
     if per_frame:
-        inside, whole = gate.gate_energies(recording.processed.power, recording.processed.range_m, recording.target_m)
+        inside, whole = gate_energies(recording.processed.power, recording.processed.range_m, recording.target_m)
         return ["multipath_share"], (1 - inside / np.maximum(whole, np.finfo(float).tiny))[:, None]
-    return ["multipath_share"], np.array([gate.multipath_share(recording.processed.power, recording.processed.range_m, recording.target_m)])
+    return ["multipath_share"], np.array([multipath_share(recording.processed.power, recording.processed.range_m, recording.target_m)])
 
 
 def _window(recording: _Recording, per_frame: bool) -> NamedValues:
@@ -102,10 +102,10 @@ def _extent(recording: _Recording, per_frame: bool) -> NamedValues:
 
 def _brightness(recording: _Recording, per_frame: bool) -> NamedValues:
     if not per_frame:
-        return ["brightness_db"], np.array([brightness.brightness_db(recording.energy, recording.nominal_m)])
+        return ["brightness_db"], np.array([envelope.brightness_db(recording.energy, recording.nominal_m)])
     lower_limit = np.maximum(recording.gate_floor, np.finfo(float).tiny)
     energy = np.maximum(recording.energy, lower_limit)
-    return ["brightness_db"], 10 * np.log10(brightness.without_range_law(energy, recording.nominal_m))[:, None]
+    return ["brightness_db"], 10 * np.log10(envelope.without_range_law(energy, recording.nominal_m))[:, None]
 
 
 def _profile(recording: _Recording, per_frame: bool) -> NamedValues:
@@ -150,7 +150,7 @@ def read(processed: Processed, motion_log: log.Log, families_read: Sequence[str]
     return [name for names, _ in parts for name in names], values
 
 
-def frames(processed: Processed, motion_log: log.Log, name: str, without: Sequence[str] = ()) -> tuple[list[str], Real]:
+def frames(processed: Processed, motion_log: log.Log, name: str) -> tuple[list[str], Real]:
     """Compute the features of each frame. Arguments and errors are those of `vector`.
 
     Returns:
@@ -158,6 +158,6 @@ def frames(processed: Processed, motion_log: log.Log, name: str, without: Sequen
         values: (F, features).
     """
     recording = _Recording(processed, motion_log, name == _TURNTABLE)
-    parts = [_FAMILIES[family](recording, True) for family in families(name, without)]
+    parts = [_FAMILIES[family](recording, True) for family in families(name)]
     blocks = [np.broadcast_to(values, (processed.num_frames, len(names))) for names, values in parts]
     return [feature for names, _ in parts for feature in names], np.concatenate(blocks, axis=1).astype(np.float64)

@@ -8,8 +8,6 @@ faster, so its Doppler frequency folds, both in simulation and in measurement. E
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,28 +19,19 @@ SPAN_M = 1.0  # width of the range window around the target
 FLOOR_DB = 40.0  # dynamic range; cells weaker than the strongest cell by more have the level 0
 
 
-@dataclass(frozen=True, eq=False)
-class Signature:
-    """Hold the level (N, R), from 0 (FLOOR_DB below the strongest cell) to 1 (strongest cell), with its axes.
-
-    `doppler_hz` (N,) ascends, and receding echoes have positive frequencies. `range_m` is (R,).
-    """
-
-    level: NDArray[np.float64]
-    doppler_hz: NDArray[np.float64]
-    range_m: NDArray[np.float64]
-
-
-def signature(processed: Processed, angle_rad: NDArray, frame_rate_hz: float, target_m: float, span_m: float = SPAN_M) -> Signature:
-    """Compute the signature of a turntable recording at ranges within span_m / 2 of the target.
+def signature(processed: Processed, angle_rad: NDArray, target_m: float) -> NDArray[np.float64]:
+    """Compute the signature of a turntable recording at ranges within SPAN_M / 2 of the target.
 
     Args:
         angle_rad: (F,) nominal turntable angle, rising or falling throughout.
+    Returns:
+        Level (N, R), from 0 (FLOOR_DB below the strongest cell) to 1 (strongest cell). The Doppler frequency ascends over the N rows, with
+        0 Hz in row N // 2; receding echoes have positive frequencies.
     Raises:
         InputError: the recording is shorter than a revolution, or has no energy near the target.
     """
     period = frames_per_revolution(angle_rad)
-    near = np.abs(processed.range_m - target_m) <= span_m / 2
+    near = np.abs(processed.range_m - target_m) <= SPAN_M / 2
     # A revolution need not be a whole number of frames, so each starts at the nearest frame.
     step = 2 * np.pi / float(np.median(np.abs(np.diff(angle_rad))))
     starts = [round(k * step) for k in range(int(len(angle_rad) / step + 1e-6) or 1)]
@@ -52,8 +41,6 @@ def signature(processed: Processed, angle_rad: NDArray, frame_rate_hz: float, ta
         slow = np.fft.fft(processed.channels[start : start + period][..., near], axis=0) / period
         power += np.mean(np.abs(slow) ** 2, axis=1)
     if not power.max() > 0:
-        raise InputError(f"signature: there is no energy within {span_m / 2:g} m of {target_m:g} m; check the target's distance")
+        raise InputError(f"signature: there is no energy within {SPAN_M / 2:g} m of {target_m:g} m; check the target's distance")
     decibels = 10 * np.log10(np.maximum(power / power.max(), 10 ** (-FLOOR_DB / 10)))
-    level = np.fft.fftshift(1 + decibels / FLOOR_DB, axes=0)
-    doppler_hz = (np.arange(period, dtype=np.float64) - period // 2) * frame_rate_hz / period
-    return Signature(level, doppler_hz, processed.range_m[near])
+    return np.fft.fftshift(1 + decibels / FLOOR_DB, axes=0)

@@ -17,21 +17,20 @@ from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
 
 SEARCH_M = 0.3  # half width of the search window around the nominal range; covers wheel slip, start offset and the object's depth
-MAX_SPEED_MPS = 0.5  # twice the highest speed of the study, 0.24 m/s
+MAX_SPEED_MPS = 0.5  # highest speed of the peak: twice the highest speed of the study, 0.24 m/s
 Real = NDArray[np.floating]
 
 
-def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_hz: float, max_speed_mps: float = MAX_SPEED_MPS) -> Real:
-    """Track the power-weighted range of the target's peak in each frame, metres, (F,).
+def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_hz: float) -> Real:
+    """Track the power-weighted range of the target's peak in each frame, metres, (F,). A step of one bin per frame is always allowed.
 
     Args:
         low_m, high_m: limits of the search window in metres, one value or one per frame (F,); clipped to NEAR_M..FAR_M.
-        max_speed_mps: highest speed of the peak; a step of one bin per frame is always allowed.
     Raises:
         InputError: the search window of a frame contains no range bin.
     """
     searched = _searched(processed, low_m, high_m)
-    step = max(1, int(np.ceil(max_speed_mps / frame_rate_hz / np.diff(processed.range_m).mean())))
+    step = max(1, int(np.ceil(MAX_SPEED_MPS / frame_rate_hz / np.diff(processed.range_m).mean())))
     return _weighted(processed, _strongest_path(processed.power.astype(np.float64), searched, step))
 
 
@@ -68,9 +67,9 @@ def _weighted(processed: Processed, path: NDArray[np.intp]) -> Real:
     return np.where(total > 0, weight @ range_m / np.where(total > 0, total, 1.0), range_m[path])
 
 
-def around(processed: Processed, distance_m: Real, frame_rate_hz: float, search_m: float = SEARCH_M) -> Real:
-    """Track the target within `search_m` of its nominal distance in each frame, (F,)."""
-    return track(processed, distance_m - search_m, distance_m + search_m, frame_rate_hz)
+def around(processed: Processed, distance_m: Real, frame_rate_hz: float) -> Real:
+    """Track the target within SEARCH_M of its nominal distance in each frame, (F,)."""
+    return track(processed, distance_m - SEARCH_M, distance_m + SEARCH_M, frame_rate_hz)
 
 
 def excursion(track_m: Real) -> float:

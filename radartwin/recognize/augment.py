@@ -41,15 +41,13 @@ def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) ->
 
     If the recording already has noise, only the missing noise power is added, or none if its noise is stronger.
     """
-    own = float(processed.noise_floor.mean())
-    added = max(0.0, noise_power - own)
+    added = max(0.0, noise_power - float(processed.noise_floor.mean()))
     frames, channels, _ = processed.channels.shape
     samples = processed.radar.num_samples
     white = rng.standard_normal((frames, channels, 2 * samples), dtype=np.float32).view(np.complex64)
-    profile, axis = range_fft(white, processed.radar)
+    profile, _ = range_fft(white, processed.radar)
     unit = float(np.sqrt(np.mean(np.abs(profile) ** 2)))
     noise = profile[..., : len(processed.range_m)] * np.float32(np.sqrt(added) / unit)
-    assert np.allclose(axis[: len(processed.range_m)], processed.range_m)
     changed = (processed.channels + noise).astype(np.complex64)
     # Exact if the azimuth row of virtual antennas is all channels; channels outside the row are assumed to have the same noise.
     gain = np.mean(np.abs(changed) ** 2 - np.abs(processed.channels) ** 2, axis=1)

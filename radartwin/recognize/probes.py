@@ -15,7 +15,6 @@ from radartwin.errors import InputError
 from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.split import Split
 
-TREES = 100
 FOLDS = 12  # equals the number of objects, so that each fold leaves out one object
 
 
@@ -50,10 +49,8 @@ def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratif
 
 
 def nearest_centroid(train: Samples, test: Unlabelled) -> NDArray[np.str_]:
-    """Return for each test row (N,) the class of the nearest centroid of the training rows; ties go to the first class by name.
-
-    scikit-learn's NearestCentroid is not used, because it divides by zero if every class has one row.
-    """
+    """Return for each test row (N,) the class of the nearest centroid of the training rows; ties go to the first class by name."""
+    # scikit-learn's NearestCentroid is not used, because it divides by zero if every class has one row.
     classes, kind = np.unique(train.label, return_inverse=True)
     sums, counts = _sums(train.values, kind, len(classes))
     return classes[((test.values[:, None] - sums / counts[:, None]) ** 2).sum(axis=2).argmin(axis=1)]
@@ -75,23 +72,25 @@ def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:
         recordings: features on comparable scales.
         groups: (N,) rows with equal entries are left out together: recordings, or objects.
     """
-    from sklearn.linear_model import LogisticRegression
     from sklearn.model_selection import GroupKFold, cross_val_predict
 
-    probe = LogisticRegression(max_iter=5000, class_weight="balanced")
     folds = GroupKFold(min(FOLDS, np.unique(groups).size))
-    return np.asarray(cross_val_predict(probe, recordings.values, recordings.label, groups=groups, cv=folds))
+    return np.asarray(cross_val_predict(logistic_regression(), recordings.values, recordings.label, groups=groups, cv=folds))
 
 
 def transferred_probe(split: Split) -> NDArray[np.str_]:
     """Return for each test row (N,) the class that logistic regression predicts after training on the training rows."""
+    return logistic_regression().fit(split.train.values, split.train.label).predict(split.unlabelled.values)
+
+
+def logistic_regression():
+    """Return an untrained logistic regression of scikit-learn in which every class has the same total weight."""
     from sklearn.linear_model import LogisticRegression
 
-    probe = LogisticRegression(max_iter=5000, class_weight="balanced").fit(split.train.values, split.train.label)
-    return probe.predict(split.unlabelled.values)
+    return LogisticRegression(max_iter=5000, class_weight="balanced")
 
 
-def forest(split: Split, seed: int, trees: int = TREES) -> NDArray[np.str_]:
+def forest(split: Split, seed: int, trees: int) -> NDArray[np.str_]:
     """Return a label per recording (recordings,): a random forest classifies each frame, and the frames of a recording vote."""
     from sklearn.ensemble import RandomForestClassifier
 
@@ -121,9 +120,8 @@ def vote(recording: NDArray[np.str_], scores: NDArray[np.float64], classes: NDAr
 def match_signatures(split: Split) -> NDArray[np.str_]:
     """Return for each test recording (recordings,) the label of the training signature with the highest Pearson correlation.
 
-    Only training signatures of the recording's stratum are compared, if there are any.
-
-    A signature is one row, such as a flattened range-time map in decibels.
+    A signature is one row, such as a flattened range-time map in decibels. Only training signatures of the
+    recording's stratum are compared, if there are any.
 
     Raises:
         InputError: a signature is constant.
@@ -143,11 +141,7 @@ def _unit(rows: NDArray, recording: NDArray) -> NDArray:
     return centred / norm
 
 
-def standardised(samples: Samples, reference: Unlabelled | None = None) -> Samples:
-    """Standardise features by the mean and standard deviation of the reference rows, or of the samples themselves if `reference` is None.
-
-    A constant feature becomes zero.
-    """
-    rows = (samples if reference is None else reference).values
-    spread = rows.std(axis=0)
-    return samples.with_values((samples.values - rows.mean(axis=0)) / np.where(spread > 0, spread, np.inf))
+def standardised(samples: Samples) -> Samples:
+    """Scale each feature to zero mean and unit standard deviation over the samples; a constant feature becomes zero."""
+    spread = samples.values.std(axis=0)
+    return samples.with_values((samples.values - samples.values.mean(axis=0)) / np.where(spread > 0, spread, np.inf))

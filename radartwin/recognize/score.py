@@ -125,14 +125,3 @@ def exact_interval(value: float, n: int) -> tuple[float, float, float]:
     low = float(beta.ppf(0.025, right, n - right + 1)) if right > 0 else 0.0
     high = float(beta.ppf(0.975, right + 1, n - right)) if right < n else 1.0
     return low, value, high
-
-
-def confusion(truth: NDArray, answer: NDArray, classes: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return the confusion matrix (K, K): for each true class (row) the share of each prediction (column).
-
-    The row of a class without recordings is zero.
-    """
-    index = {label: number for number, label in enumerate(classes)}
-    counts = np.zeros((len(classes), len(classes)))
-    np.add.at(counts, ([index[label] for label in truth], [index[label] for label in answer]), 1)
-    return counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)

@@ -21,11 +21,10 @@ from radartwin.recognize.split import Split
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """A trained encoder, its number of epochs, and the loss on the held-out rows after each epoch (empty without held-out rows)."""
+    """A trained encoder and its number of epochs."""
 
     encoder: Encoder
     epochs: int
-    held_out_loss: tuple[float, ...]
 
 
 def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAULTS, seed: int = 0) -> Trained:
@@ -42,18 +41,16 @@ def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAU
     rows = split.train
     if missing := [label for label in rows.classes if label not in anchors]:
         raise InputError(f"encoder: {missing[0]} has no text anchor; give a description of it")
-    labelled = split.labelled
-    if settings.paired and not len(labelled):
+    if settings.paired and not len(split.labelled):
         raise InputError("encoder.paired needs labelled measured recordings; use supervision=few_shot, or encoder.paired=0")
     held = held_out(split.simulated, seed)
-    losses: tuple[float, ...] = ()
     epochs = settings.epochs
     if held:
         mask = np.isin(rows.recording, list(held))
         losses = train(rows.take(~mask), rows.take(mask), anchors, settings, seed, settings.epochs)[1]
         epochs = int(np.argmin(losses)) + 1
     encoder, _ = train(rows, None, anchors, settings, seed, epochs)
-    return Trained(encoder, epochs, losses)
+    return Trained(encoder, epochs)
 
 
 def held_out(simulated: Samples, seed: int) -> frozenset[str]:
@@ -72,7 +69,7 @@ def train(
 ) -> tuple[Encoder, tuple[float, ...]]:
     """Train for `epochs` epochs, or stop earlier by `settings.patience`.
 
-    Returns: the encoder after the last epoch, and the loss on the held-out rows after each epoch.
+    Returns: the encoder after the last epoch, and the loss on the held-out rows `held` after each epoch.
     """
     import torch
 

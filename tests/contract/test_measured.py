@@ -13,8 +13,8 @@ from radartwin.config.compose import compose
 from radartwin.config.study import RecordingsConfig
 from radartwin.errors import ConfigError, InputError, MissingError, RecordingError
 from radartwin.features.align import overlap, start_offset
-from radartwin.features.gate import gate_energies, multipath_share
-from radartwin.features.profile import range_time
+from radartwin.features.processed import process
+from radartwin.features.profile import gate_energies, multipath_share
 from radartwin.radar.chirp import Radar
 from radartwin.recordings.card import Card
 from radartwin.recordings.index import Row
@@ -101,17 +101,13 @@ def test_a_simulated_set_has_no_problems(folder: Path) -> None:
 
 @pytest.mark.parametrize("distance", DISTANCES_M)
 def test_late_start_is_found_and_removed(measured: RecordingSet, distance: float) -> None:
-    power, axis = zip(*(range_time(recording) for _, recording in measured.recordings(distance_m=distance)), strict=True)
-    gated = [gate_energies(p, axis[0], distance)[0] for p in power]
-    found = start_offset(gated[0], gated[1], period=FRAMES)
-    assert found.frames == LATE
-    assert found.correlation > 0.98
-    straight = start_offset(gated[0], gated[1], max_frames=10)
-    assert straight.frames == LATE
-    first, second = overlap(gated[0], gated[1], straight.frames)
-    assert np.abs(10 * np.log10(first / second))[first > 1e-2 * first.max()].max() < 0.5
+    first, second = (process(recording, doppler=False) for _, recording in measured.recordings(distance_m=distance))
+    gated = [gate_energies(one.power, one.range_m, distance)[0] for one in (first, second)]
+    assert start_offset(*gated, max_frames=10) == LATE
+    early, late = overlap(*gated, LATE)
+    assert np.abs(10 * np.log10(early / late))[early > 1e-2 * early.max()].max() < 0.5
     # In the void there is only noise outside the gate of the reflector.
-    assert multipath_share(power[0], axis[0], distance) < 0.05
+    assert multipath_share(first.power, first.range_m, distance) < 0.05
 
 
 def test_configuration_refuses_a_folder_that_is_not_a_set(tmp_path: Path, folder: Path) -> None:

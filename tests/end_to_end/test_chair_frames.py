@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import radartwin as rt
-from radartwin.features.profile import range_time
+from radartwin.features.processed import process
 from radartwin.label.sources import Vlm
 from radartwin.reconstruct.build import reconstruct
 
@@ -32,8 +32,8 @@ def test_echoes_of_a_labelled_scan_come_from_its_surfaces(shared_data: Path, tmp
     eye = np.array([*(target[:2] - 1.8 * away), 0.6])
     pose[:2, 0], pose[:2, 1], pose[:3, 3] = away, [-away[1], away[0]], eye
     recording = rt.simulate(scene, rt.Radar.iwr1843(), pose[None])
-    power, range_m = range_time(recording)
-    profile = power.mean(axis=0)
+    made = process(recording, doppler=False)
+    profile, range_m = made.power.mean(axis=0, dtype=float), made.range_m
     # Distances of surfaces other than the floor within 45 degrees of the boresight, from the geometry.
     offset = np.concatenate([s.mesh.triangles_center for s in scene if s.name != "floor"]) - eye
     distance = np.linalg.norm(offset, axis=1)

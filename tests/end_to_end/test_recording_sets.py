@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from radartwin import cli
-from radartwin.features.gate import multipath_share
-from radartwin.features.profile import range_time
+from radartwin.features.processed import process
+from radartwin.features.profile import multipath_share
 from radartwin.radar.captures import load_capture
 from radartwin.radar.power_maps import FftSettings
 from radartwin.radar.process_capture import process_capture
@@ -66,7 +66,8 @@ def test_imported_mmwave_studio_capture_is_valid_and_has_the_same_peaks(shared_d
     assert recording.provenance["log"]["received"] == 143473
     pd.testing.assert_frame_equal(process_capture(tmp_path / "room/recordings" / name), process_capture(shared_data / ROOM / f"{name}.bin"))
     # The strongest echoes are at 1.551, 1.052, 1.718 and 1.370 m; the gate is on the first.
-    power, axis = range_time(recording)
+    made = process(recording, doppler=False)
+    power, axis = made.power, made.range_m
     near = np.flatnonzero((axis > 0.6) & (axis < 5.5))
     assert axis[near[power[0, near].argmax()]] == pytest.approx(1.551, abs=0.04)
     assert 0.2 < multipath_share(power, axis, 1.551) < 0.9

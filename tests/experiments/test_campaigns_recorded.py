@@ -19,10 +19,7 @@ from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError, InputError, UserError
 from radartwin.features import sets
-from radartwin.features.align import start_offset
 from radartwin.features.envelope import frames_per_revolution
-from radartwin.features.gate import gate_energies
-from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
 from radartwin.io.progress import Progress
 from radartwin.radar.recording import Recording
 from radartwin.recordings.checks import examine
@@ -93,19 +90,13 @@ def test_both_providers_give_the_same_processed_bytes(folder: Path) -> None:
         assert (first.angle_rad is None) == (second.angle_rad is None)
 
 
-def test_gate_alignment_and_features_match_the_testbed(folder: Path) -> None:
+def test_features_match_the_testbed(folder: Path) -> None:
     testbed, recordings = campaign_of(configured(folder)), campaign_of(recorded(folder))
-    assert (NEAR_M, FAR_M, GATE_BINS) == (0.3, 5.5, 3)
     for case in testbed.cases("measured", motion="turntable"):
-        energies, vectors = [], []
+        vectors = []
         for campaign in (testbed, recordings):
             _, processed = campaign.processed("measured", case)
-            energies.append(gate_energies(processed.power, processed.range_m, case.distance_m))
             vectors.append(sets.vector(processed, campaign.log(case), "rotation"))
-        assert np.array_equal(energies[0][0], energies[1][0])
-        assert np.array_equal(energies[0][1], energies[1][1])
-        late = start_offset(energies[0][0], np.roll(energies[1][0], 2), period=14)
-        assert (late.frames, round(late.correlation, 9)) == (2, 1.0)
         assert vectors[0][0] == vectors[1][0]
         assert np.allclose(vectors[0][1], vectors[1][1], rtol=1e-9)
 

@@ -1,59 +1,57 @@
-"""Range-profile features against closed forms."""
+"""Energy in the target gate, energy shares outside of it, and the correlation of profiles, on signals with known values."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 
 from radartwin.errors import InputError
-from radartwin.features.profile import beyond_target_share, gate, profile_correlation, range_time
-from radartwin.radar.chirp import Radar
-from radartwin.radar.recording import Recording
+from radartwin.features.profile import beyond_target_share, gate_energies, multipath_share, profile_correlation
 
-RADAR = Radar.iwr1843(element="isotropic")
+AXIS = np.arange(200) * 0.05  # 0 to 9.95 m
 
 
-def tones(amplitudes, frames=2):
-    """Recording of point echoes at whole range bins: {bin: amplitude}, the same on every chirp and channel."""
-    n = np.arange(RADAR.num_samples)
-    signal = sum(a * np.exp(2j * np.pi * b * n / RADAR.num_samples) for b, a in amplitudes.items())
-    shape = (frames, RADAR.num_chirps, RADAR.num_tx, RADAR.num_rx, RADAR.num_samples)
-    return Recording(np.broadcast_to(signal, shape).astype(np.complex64), RADAR)
+def spikes(**energy_by_bin: float) -> np.ndarray:
+    power = np.zeros(len(AXIS))
+    for name, energy in energy_by_bin.items():
+        power[int(name[1:])] = energy
+    return power
 
 
-def test_power_of_a_tone_on_a_bin_is_its_amplitude_squared():
-    power, axis = range_time(tones({40: 1e-3}))
-    assert power.shape == (2, 256)
-    assert axis[40] == pytest.approx(40 * RADAR.range_resolution_m)
-    assert power[:, 40] == pytest.approx(1e-6, rel=1e-4)
+def test_shares_are_the_energy_outside_the_gate_and_behind_it() -> None:
+    # The target is in bin 40 (2.0 m), 43 is the last bin of the gate, and 5 (0.25 m) and 111 (5.55 m) are outside the range window.
+    power = spikes(b40=4.0, b43=1.0, b44=2.0, b20=3.0, b5=100.0, b111=100.0)
+    assert multipath_share(power, AXIS, 2.0) == pytest.approx(5 / 10)
+    assert beyond_target_share(power, AXIS, 2.0) == pytest.approx(2 / 10)
 
 
-def test_share_beyond_the_target_is_the_energy_behind_the_gate():
-    power, axis = range_time(tones({40: 2.0, 60: 1.0, 20: 1.0}))
-    target = 40 * RADAR.range_resolution_m
-    assert beyond_target_share(power[0], axis, target) == pytest.approx(1 / 6, rel=1e-3)  # 1 of 4 + 1 + 1
-    assert beyond_target_share(7 * power[0], axis, target) == pytest.approx(beyond_target_share(power[0], axis, target), rel=1e-12)
+def test_moving_gate_contains_the_energy_of_a_moving_target() -> None:
+    target = np.linspace(3.0, 1.0, 21)
+    power = np.stack([spikes(**{f"b{round(r / 0.05)}": 1.0, "b100": 0.25}) for r in target])
+    inside, total = gate_energies(power, AXIS, target)
+    np.testing.assert_allclose(inside, 1.0)
+    np.testing.assert_allclose(total, 1.25)
+    assert multipath_share(power, AXIS, target) == pytest.approx(0.2)
+    assert multipath_share(power, AXIS, 3.0) > 0.8  # a fixed gate misses it
 
 
-def test_gate_is_three_bins_to_either_side():
-    axis = np.arange(20.0)
-    assert np.flatnonzero(gate(axis, 9.2)).tolist() == [6, 7, 8, 9, 10, 11, 12]
+def test_invalid_targets_and_shapes_are_named() -> None:
+    power = np.ones((3, len(AXIS)))
+    for target in (0.2, 5.6, np.nan, [1.0, 1.0, 6.0]):
+        with pytest.raises(InputError, match=r"0\.3 and 5\.5 m"):
+            gate_energies(power, AXIS, target)
+    for axis, target in ((AXIS, [1.0, 1.0]), (AXIS[1:], 1.0)):
+        with pytest.raises(InputError, match="do not fit"):
+            gate_energies(power, axis, target)
+    with pytest.raises(InputError, match="no energy"):
+        multipath_share(np.zeros((3, len(AXIS))), AXIS, 1.0)
+    with pytest.raises(InputError, match="loudness"):
+        profile_correlation(np.ones(3), np.ones(3), np.ones(3), "loudness")
 
 
-def test_correlation_is_one_with_itself_scaled_and_minus_one_with_its_mirror():
+def test_correlation_is_one_with_itself_scaled_and_minus_one_with_its_mirror() -> None:
     axis = np.linspace(0, 6, 200)
     power = 1 + np.exp(-((axis - 2) ** 2))
     assert profile_correlation(power, 5 * power, axis) == pytest.approx(1)
     assert profile_correlation(power, 5 * power, axis, "db") == pytest.approx(1)
     assert profile_correlation(power, (3 - np.sqrt(power)) ** 2, axis) == pytest.approx(-1)
-
-
-def test_unknown_scale_is_named():
-    with pytest.raises(InputError, match="loudness"):
-        profile_correlation(np.ones(3), np.ones(3), np.ones(3), "loudness")
-
-
-def test_channels_with_opposite_phases_keep_their_power():
-    """The channels of a target off boresight are averaged in power, not in amplitude."""
-    tone = tones({40: 1e-3})
-    sign = np.where(np.arange(RADAR.num_rx) % 2, -1, 1).astype(np.complex64)
-    power, _ = range_time(Recording(tone.iq * sign[:, None], RADAR))
-    assert power[:, 40] == pytest.approx(1e-6, rel=1e-4)

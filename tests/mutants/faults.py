@@ -19,7 +19,8 @@ COUPLING, DRIVES, ASPECTS = "tests/physics/test_coupling.py", "tests/physics/tes
 RECEIVER, HARDWARE, BASELINES = "tests/physics/test_receiver.py", "tests/physics/test_hardware.py", "tests/physics/test_baselines.py"
 POSES, POINTS, COVERAGE = "tests/simulation/test_poses.py", "tests/physics/test_point_targets.py", "tests/physics/test_coverage.py"
 RADAR, CFAR, FEATURES = "tests/radar/test_radar.py", "tests/radar/test_cfar.py", "tests/features/test_features.py"
-GATE, PROFILE, RANK = "tests/features/test_gate_align.py", "tests/features/test_profile.py", "tests/features/test_rank_calibration.py"
+ALIGN, PROFILE, NORMALISE = "tests/features/test_align.py", "tests/features/test_profile.py", "tests/features/test_normalise.py"
+PROCESSED = "tests/features/test_processed.py"
 
 MATERIAL_FAULTS = (
     *_in(
@@ -293,31 +294,22 @@ SIGNAL_FAULTS = (
 )
 
 FEATURE_FAULTS = (
-    *_in("features/align", GATE, ("start_offset", "np.roll(second, -lag)", "np.roll(second, lag)", "the offset has the wrong sign")),
-    *_in(
-        "features/gate",
-        GATE,
-        ("multipath_share", "1 - np.sum(inside) / np.sum(total)", "np.sum(inside) / np.sum(total)", "the direct share is reported"),
-    ),
+    *_in("features/align", ALIGN, ("overlap", "max(0, -frames)", "max(0, frames)", "the offset has the wrong sign")),
     *_in(
         "features/profile",
         PROFILE,
-        (
-            "range_time",
-            "(np.abs(spectrum) ** 2).mean(axis=(1, 2))",
-            "np.abs(spectrum.mean(axis=(1, 2))) ** 2",
-            "channels are summed coherently",
-        ),
+        ("multipath_share", "1 - np.sum(inside) / np.sum(total)", "np.sum(inside) / np.sum(total)", "the direct share is reported"),
         ("beyond_target_share", "~gate(range_m, target_m)", "gate(range_m, target_m)", "the gate counts as beyond the target"),
     ),
     *_in(
-        "features/calibration",
-        RANK,
-        ("fit", "measured_spread / np.where(constant, 1.0, spread)", "spread / np.where(constant, 1.0, measured_spread)", "inverted map"),
-    ),
-    *_in(
-        "features/rank",
-        RANK,
+        "features/normalise",
+        NORMALISE,
+        (
+            "fit_map",
+            "measured_spread / np.where(constant, 1.0, spread)",
+            "spread / np.where(constant, 1.0, measured_spread)",
+            "inverted map",
+        ),
         ("rank_normalise", "rankdata(matrix[rows], axis=0) - 0.5", "rankdata(matrix[rows], axis=0) - 1.0", "ranks begin at zero"),
     ),
     *_in(
@@ -325,18 +317,12 @@ FEATURE_FAULTS = (
         FEATURES,
         (
             "target_energy",
-            "inside - gate_energies(floor, processed.range_m, target_m, bins)[0]",
-            "inside + gate_energies(floor, processed.range_m, target_m, bins)[0]",
+            "inside - gate_energies(floor, processed.range_m, target_m)[0]",
+            "inside + gate_energies(floor, processed.range_m, target_m)[0]",
             "noise is added to the target's energy",
         ),
         ("harmonic_ratio", "harmonics(envelope, high)[low - 1 :] ** 2", "harmonics(envelope, high)[low - 1 :]", "amplitudes are summed"),
         ("crest_factor", "np.sqrt(np.mean(envelope**2))", "np.mean(envelope**2)", "the crest factor divides by a power"),
-    ),
-    *_in("features/doppler", FEATURES, ("radial_velocity", "limit / np.pi", "-limit / np.pi", "receding reads as approaching")),
-    *_in("features/extent", FEATURES, ("gate_spectrum", "spectrum - noise", "spectrum", "noise widens the target")),
-    *_in(
-        "features/brightness",
-        FEATURES,
         (
             "without_range_law",
             "np.asarray(distance_m, dtype=np.float64) ** 4",
@@ -344,6 +330,8 @@ FEATURE_FAULTS = (
             "the range law covers one direction only",
         ),
     ),
+    *_in("features/doppler", FEATURES, ("radial_velocity", "limit / np.pi", "-limit / np.pi", "receding reads as approaching")),
+    *_in("features/extent", FEATURES, ("gate_spectrum", "spectrum - noise", "spectrum", "noise widens the target")),
     *_in(
         "features/window",
         FEATURES,
@@ -368,6 +356,16 @@ FEATURE_FAULTS = (
         "features/processed",
         FEATURES,
         ("process", "radar.num_chirps * np.sum(taps**2)", "np.sum(taps**2)", "the noise floor is that of a single chirp"),
+    ),
+    *_in(
+        "features/processed",
+        PROCESSED,
+        (
+            "process",
+            "(np.abs(coherent) ** 2).mean(axis=1, dtype=np.float64)",
+            "np.abs(coherent.mean(axis=1)) ** 2",
+            "channels are summed coherently",
+        ),
     ),
 )
 

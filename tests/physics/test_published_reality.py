@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radartwin.features.profile import beyond_target_share, range_time
+from radartwin.features.processed import process
+from radartwin.features.profile import beyond_target_share
 from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
@@ -92,6 +93,7 @@ def test_most_energy_of_the_lab_at_2_m_arrives_from_beyond_the_target_at_most_as
     gaps = Gaps(solver=0)
     measured = testbed.record(testbed.truth(scene, gaps, 0, rooms.CLUTTER), radar, bench.sensor_pose, motion, gaps, seed=0)
     assert measured.saturated == 0
-    power, axis = range_time(measured)
+    made = process(measured, doppler=False)
+    power, axis = made.power.astype(float), made.range_m
     assert 0.5 < beyond_target_share(np.median(power, axis=0), axis, 2.0) < 0.99
     assert 0.01 < beyond_target_share(power.mean(axis=0), axis, 2.0) < 0.95

@@ -11,23 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_files import CARD, noise
 
 from radartwin.errors import InputError, MissingError, OutputError, RecordingError
 from radartwin.radar.chirp import Radar
-from radartwin.radar.recording import Recording
-from radartwin.recordings.card import Card
 from radartwin.recordings.index import Row, index_text, read_index
 from radartwin.recordings.recording_set import RecordingSet
 
 RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=64, num_chirps=8)
-CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", "2026-03-01")
-
-
-def noise(seed: int = 0, frames: int = 3, radar: Radar = RADAR) -> Recording:
-    rng = np.random.default_rng(seed)
-    shape = (frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
-    iq = 1e-5 * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
-    return Recording(iq.astype(np.complex64), radar, scale=2e-9)
 
 
 def row(name: str, object: str = "mug", distance_m: float | None = 1.0, repetition: int = 0, **more) -> Row:
@@ -44,7 +35,7 @@ def bench(tmp_path: Path) -> RecordingSet:
     bench = RecordingSet.create(tmp_path / "bench", CARD)
     for i, (name, distance, repetition) in enumerate((o, d, n) for o in ("mug", "can") for d in (1.0, 2.0) for n in (0, 1)):
         given = row(f"{name}_{distance:g}m_{repetition}", name, distance, repetition, extra={"operator": "ann" if i % 2 else "bob"})
-        bench.add(noise(i), given)
+        bench.add(noise(RADAR, i), given)
     return bench
 
 
@@ -57,7 +48,7 @@ def test_added_recordings_are_read_back(bench: RecordingSet) -> None:
     assert again.radar == RADAR
     for i, (given, recording) in enumerate(again.recordings()):
         assert given.recording == bench.rows[i].recording
-        np.testing.assert_allclose(recording.iq, noise(i).iq, atol=2e-9)
+        np.testing.assert_allclose(recording.iq, noise(RADAR, i).iq, atol=2e-9)
     assert bench.problems() == []
 
 
@@ -103,22 +94,18 @@ def test_recordings_are_read_on_demand(bench: RecordingSet) -> None:
 def test_invalid_row_is_refused_without_writing(bench: RecordingSet, given: Row, words: tuple[str, ...]) -> None:
     before = files(bench.folder)
     with pytest.raises(InputError) as caught:
-        bench.add(noise(), given)
+        bench.add(noise(RADAR), given)
     assert "\n" not in str(caught.value)
-    for word in words:
-        assert word in str(caught.value)
+    assert not [word for word in words if word not in str(caught.value)], caught.value
     assert files(bench.folder) == before
 
 
-def test_radars_may_differ_in_name(bench: RecordingSet) -> None:
+def test_radars_may_differ_in_name_only(bench: RecordingSet) -> None:
     """mmWave Studio writes one description per capture, with the name of the capture."""
-    bench.add(noise(radar=dataclasses.replace(RADAR, name="run_7")), row("a", repetition=7))
+    bench.add(noise(dataclasses.replace(RADAR, name="run_7")), row("b", repetition=8))
     assert not [problem for problem in bench.problems() if "radar" in str(problem)]
-
-
-def test_another_radar_is_refused_with_its_different_fields(bench: RecordingSet) -> None:
     with pytest.raises(RecordingError, match=r"radar of a .*num_chirps 4 instead of 8"):
-        bench.add(noise(radar=dataclasses.replace(RADAR, num_chirps=4)), row("a", repetition=7))
+        bench.add(noise(dataclasses.replace(RADAR, num_chirps=4)), row("a", repetition=7))
 
 
 def test_create_opens_an_existing_set_and_refuses_another_card(bench: RecordingSet, tmp_path: Path) -> None:
@@ -140,12 +127,10 @@ def test_folder_that_is_not_a_set_is_refused(tmp_path: Path) -> None:
         RecordingSet.load(tmp_path / "nowhere")
     with pytest.raises(MissingError, match=r"not a recording set, because it has no card\.yaml"):
         RecordingSet.load(tmp_path)
-    (tmp_path / "card.yaml").write_text("- 1\n")
-    with pytest.raises(RecordingError, match="mapping"):
-        RecordingSet.load(tmp_path)
-    (tmp_path / "card.yaml").write_text("name: [\n")
-    with pytest.raises(RecordingError, match="line 2"):
-        RecordingSet.load(tmp_path)
+    for text, message in (("- 1\n", "mapping"), ("name: [\n", "line 2")):
+        (tmp_path / "card.yaml").write_text(text)
+        with pytest.raises(RecordingError, match=message):
+            RecordingSet.load(tmp_path)
     CARD.save(tmp_path)
     with pytest.raises(MissingError, match="no recordings yet"):
         _ = RecordingSet.load(tmp_path).radar
@@ -168,12 +153,12 @@ def test_recording_without_poses_uses_those_of_its_trajectory(tmp_path: Path) ->
     path = tmp_path / "drive.txt"
     path.write_text("# time x y z qx qy qz qw\n9.9 0 0 0.4 0 0 0 1\n10.5 0.6 0 0.4 0 0 0.7071068 0.7071068\n")
     drive = RecordingSet.create(tmp_path / "set", CARD)
-    stored = drive.add(noise(), row("a", motion="depth", extra={"start_s": "10.0"}), path)
+    stored = drive.add(noise(RADAR), row("a", motion="depth", extra={"start_s": "10.0"}), path)
     assert stored.trajectory == "a.txt"
     poses = drive.read(stored).sensor_poses
     assert poses is not None
-    np.testing.assert_allclose(poses[:, 0, 3], [0.1, 0.2, 0.3], atol=1e-9)  # 1 m/s at 10 Hz, 0.1 s after the start of the file
-    np.testing.assert_allclose(np.degrees(np.arctan2(poses[:, 1, 0], poses[:, 0, 0])), [15, 30, 45], atol=1e-4)
+    np.testing.assert_allclose(poses[:, 0, 3], [0.1, 0.2, 0.3, 0.4], atol=1e-9)  # 1 m/s at 10 Hz, 0.1 s after the start of the file
+    np.testing.assert_allclose(np.degrees(np.arctan2(poses[:, 1, 0], poses[:, 0, 0])), [15, 30, 45, 60], atol=1e-4)
     assert drive.problems() == []
 
 
@@ -183,7 +168,7 @@ def test_two_writers_can_add_to_one_set(tmp_path: Path) -> None:
         "import sys; sys.path.insert(0, 'tests/recordings')\n"
         "from test_recording_set import *\n"
         f"bench = RecordingSet.load({str(tmp_path / 'set')!r})\n"
-        "for n in range(8):\n    bench.add(noise(n), row(f'{sys.argv[1]}{n}', sys.argv[1], repetition=n))\n"
+        "for n in range(8):\n    bench.add(noise(RADAR, n), row(f'{sys.argv[1]}{n}', sys.argv[1], repetition=n))\n"
     )
     root = Path(__file__).resolve().parents[2]
     writers = [subprocess.Popen([sys.executable, "-c", script, name], cwd=root) for name in ("can", "mug")]
@@ -209,7 +194,7 @@ def work(folder):
     made = RecordingSet.create(folder, CARD)
     for n in range(2):
         if f"a{n}" not in made:
-            made.add(noise(n), row(f"a{n}", motion="depth", repetition=n), root / "drive.csv")
+            made.add(noise(RADAR, n), row(f"a{n}", motion="depth", repetition=n), root / "drive.csv")
 
 def forked(body):
     child = os.fork()

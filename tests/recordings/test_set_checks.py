@@ -9,24 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_files import CARD, noise
 
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
-from radartwin.recordings.card import Card
 from radartwin.recordings.checks import clipped_share, examine, zero_filled_frames
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
 
 RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=128, num_chirps=16)
-CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", "2026-03-01")
 DRIVE = "t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,1,0,0,0,0,0,1\n"
-
-
-def noise(seed: int = 0, radar: Radar = RADAR, frames: int = 4) -> Recording:
-    rng = np.random.default_rng(seed)
-    shape = (frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
-    iq = 1e-5 * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
-    return Recording(iq.astype(np.complex64), radar, scale=2e-9)
 
 
 def row(name: str, repetition: int = 0, **more) -> Row:
@@ -39,7 +31,7 @@ def folder(tmp_path: Path) -> Path:
     made = RecordingSet.create(tmp_path / "set", CARD)
     (tmp_path / "drive.csv").write_text(DRIVE)
     for n in range(4):
-        made.add(noise(n), row(f"a{n}", n), tmp_path / "drive.csv" if n == 3 else None)
+        made.add(noise(RADAR, n), row(f"a{n}", n), tmp_path / "drive.csv" if n == 3 else None)
     assert made.problems() == []
     assert examine(made.folder).notes == []
     return made.folder
@@ -55,20 +47,19 @@ def edit(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1))
 
 
-def rewrite(folder: Path, name: str, change: Callable[[np.ndarray], object], **more) -> None:
-    """Change the samples of a recording, and its fields."""
+def rewrite(folder: Path, name: str, change: Callable[[np.ndarray], object]) -> None:
+    """Change the samples of a recording."""
     recording = Recording.load(folder / "recordings" / name)
     change(recording.iq)
-    dataclasses.replace(recording, **more).save(folder / "recordings" / name)
+    recording.save(folder / "recordings" / name)
 
 
-def silence(frame: int, channel: tuple[int, int] = (0, 0), packets: float = 1.0) -> Callable[[np.ndarray], object]:
-    """Zeros as from the capture card: whole packets of 364 complex samples that start within a chirp."""
+def silence(frame: int) -> Callable[[np.ndarray], object]:
+    """Zeros as from the capture card: a packet of 364 complex samples that starts within a chirp."""
 
     def change(iq: np.ndarray) -> None:
-        flat = iq[frame].reshape(-1)
         start = 3 * iq.shape[-1] + 17
-        flat[start : start + round(364 * packets)] = 0
+        iq[frame].reshape(-1)[start : start + 364] = 0
 
     return change
 
@@ -77,12 +68,8 @@ def dead_receiver(iq: np.ndarray) -> None:
     iq[:, :, :, 2] = 0
 
 
-def all_zero(iq: np.ndarray) -> None:
-    iq[:] = 0
-
-
-def loud(iq: np.ndarray) -> None:
-    iq *= 10
+def scaled(factor: float) -> Callable[[np.ndarray], object]:
+    return lambda iq: np.multiply(iq, factor, out=iq)
 
 
 def filtered(iq: np.ndarray) -> None:
@@ -96,7 +83,6 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "no card": (lambda f: (f / "card.yaml").unlink(), ("card.yaml", "not a recording set")),
     "a card that is no YAML": (lambda f: (f / "card.yaml").write_text("name: [\n"), ("card.yaml", "line 2")),
     "a card without a licence": (lambda f: edit(f / "card.yaml", "licence: CC-BY-4.0", "licence: ''"), ("licence is missing", "CC-BY")),
-    "a card without a sensor": (lambda f: edit(f / "card.yaml", "sensor: IWR1843BOOST\n", ""), ("sensor is missing",)),
     "unknown units": (lambda f: edit(f / "card.yaml", "amplitude", "volts"), ("units 'volts'", "counts or amplitude")),
     "units that the scale contradicts": (lambda f: edit(f / "card.yaml", "amplitude", "counts"), ("a0: its scale 2e-09", "counts")),
     "an index without its columns": (lambda f: edit(f / "index.csv", "distance_m", "distance"), ("line 1: it has no column distance_m",)),
@@ -109,14 +95,10 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "a name twice": (lambda f: edit(f / "index.csv", "a1,", "a0,"), ("line 3: recording a0 is already in line 2",)),
     "a condition twice": (lambda f: edit(f / "index.csv", "depth,1", "depth,0"), ("line 3: it repeats line 2", "mug, 1 m, lab, depth")),
     "an unknown motion": (lambda f: edit(f / "index.csv", "depth,1", "walk,1"), ("line 3", "'walk'", "turntable")),
-    "an unknown split": (lambda f: edit(f / "index.csv", "depth,1,,", "depth,1,,eval"), ("line 3", "'eval'", "test")),
-    "a distance that is no number": (lambda f: edit(f / "index.csv", "mug,1.0", "mug,nan"), ("line 2", "distance_m nan")),
     "a distance in words": (lambda f: edit(f / "index.csv", "mug,1.0", "mug,1 m"), ("line 2", "'1 m' is not a number of metres")),
     "a repetition that is no number": (lambda f: edit(f / "index.csv", "depth,1", "depth,1.5"), ("line 3", "'1.5' is not a whole number")),
-    "an object of two words": (lambda f: edit(f / "index.csv", "mug", "red mug"), ("line 2", "'red mug'")),
     "no samples": (lambda f: (f / "recordings/a1.bin").unlink(), ("recordings/a1: a1.bin missing",)),
     "no description": (lambda f: (f / "recordings/a1.json").unlink(), ("recordings/a1: a1.json missing",)),
-    "no recording": (lambda f: [p.unlink() for p in f.glob("recordings/a1.*")], ("recordings/a1: a1.bin and a1.json missing",)),
     "truncated samples": (lambda f: (f / "recordings/a1.bin").write_bytes(b"\1" * 70000), ("a1: a1.bin: 70000 bytes", "truncated")),
     "empty samples": (lambda f: (f / "recordings/a1.bin").write_bytes(b""), ("recordings/a1", "zero frames")),
     "a frame too few": (lambda f: edit(f / "recordings/a1.json", '"frames": 4', '"frames": 5'), ("a1", "holds 4 frames", "says 5")),
@@ -125,9 +107,9 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         lambda f: edit(f / "recordings/a1.json", '"noise_figure_db": 15.0', '"noise_figure_db": 12.0'),
         ("recordings/a1: its radar differs from the other recordings: noise_figure_db 12.0 instead of 15.0",),
     ),
-    "all zero": (lambda f: rewrite(f, "a1", all_zero), ("recordings/a1: all samples are zero",)),
+    "all zero": (lambda f: rewrite(f, "a1", scaled(0)), ("recordings/a1: all samples are zero",)),
     "a dead receiver": (lambda f: rewrite(f, "a1", dead_receiver), ("recordings/a1: no samples from tx 0 rx 2, tx 1 rx 2",)),
-    "clipped": (lambda f: rewrite(f, "a1", loud), ("recordings/a1", "% of the samples are at full scale")),
+    "clipped": (lambda f: rewrite(f, "a1", scaled(10)), ("recordings/a1", "% of the samples are at full scale")),
     "a lost packet": (lambda f: rewrite(f, "a1", silence(2)), ("recordings/a1: 1 of 4 frames", "(frame 2)", "packet delay")),
     "I and Q exchanged": (lambda f: rewrite(f, "a1", filtered), ("recordings/a1: I and Q seem exchanged", "set iq_swapped to true")),
     "no trajectory": (lambda f: (f / "trajectories/a3.csv").unlink(), ("recordings/a3: trajectory a3.csv is not there",)),
@@ -136,11 +118,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         ("recordings/a3: trajectory a3.csv: it covers 0.000 to 0.200 s, the frames are at 0.000 to 0.300 s",),
     ),
     "a trajectory that begins late": (lambda f: edit(f / "trajectories/a3.csv", "\n0,0", "\n0.1,0"), ("it covers 0.100 to 1.000 s",)),
-    "a trajectory without a column": (lambda f: edit(f / "trajectories/a3.csv", "qw", "w"), ("trajectory a3.csv", "qw")),
     "a trajectory with a word": (lambda f: edit(f / "trajectories/a3.csv", "1,1,0", "1,one,0"), ("trajectory a3.csv, line 3",)),
-    "a trajectory that goes back": (lambda f: edit(f / "trajectories/a3.csv", "\n1,1", "\n-1,1"), ("a3.csv, line 3", "time")),
-    "a trajectory that is not finite": (lambda f: edit(f / "trajectories/a3.csv", "1,1,0", "1,nan,0"), ("a3.csv, line 3", "NaN")),
-    "a quaternion that is none": (lambda f: edit(f / "trajectories/a3.csv", "0,0,0,1\n1", "0,0,0,2\n1"), ("a3.csv, line 2", "quaternion")),
 }  # fmt: skip
 
 
@@ -148,8 +126,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
 def test_each_problem_is_found_alone(folder: Path, damage: Callable[[Path], object], words: tuple[str, ...]) -> None:
     damage(folder)
     problems = found(folder)
-    for word in words:
-        assert word in problems
+    assert not [word for word in words if word not in problems], problems
     assert len(problems.splitlines()) == (4 if "its scale" in problems else 1), problems  # all four recordings have this scale
 
 
@@ -158,7 +135,7 @@ def test_all_problems_are_listed(folder: Path) -> None:
     for name in names:
         DAMAGE[name][0](folder)
     (folder / "recordings" / "a0.bin").unlink()
-    rewrite(folder, "a2", all_zero)
+    rewrite(folder, "a2", scaled(0))
     problems = found(folder)
     assert len(problems.splitlines()) == 5
     for word in ("licence", "'walk'", "a3.csv", "a0.bin missing", "a2: all samples are zero"):
@@ -170,7 +147,7 @@ def test_harmless_findings_are_notes(folder: Path) -> None:
         iq[0, 0, 0, 0, 0] = 1.0  # one value of 131072 beyond full scale
 
     rewrite(folder, "a0", glint)
-    noise(9).save(folder / "recordings" / "left")  # a writer was killed before it wrote the row
+    noise(RADAR, 9).save(folder / "recordings" / "left")  # a writer was killed before it wrote the row
     report = examine(folder)
     assert report.problems == []
     notes = "\n".join(map(str, report.notes))
@@ -183,7 +160,7 @@ def test_rare_packet_loss_that_the_log_reports_is_a_note(tmp_path: Path) -> None
     made = RecordingSet.create(tmp_path / "set", CARD)
     small = dataclasses.replace(RADAR, num_chirps=8)
     for n, lost in enumerate((1, 3)):
-        recording = noise(n, small, frames=120)
+        recording = noise(small, n, frames=120)
         for frame in range(lost):
             silence(40 + frame)(recording.iq)
         made.add(recording, row(f"a{n}", n, extra={"lost_packets": str(lost)}))
@@ -192,21 +169,19 @@ def test_rare_packet_loss_that_the_log_reports_is_a_note(tmp_path: Path) -> None
     assert ["a1: 3 of 120 frames" in str(p) for p in report.problems] == [True]
 
 
-@pytest.mark.parametrize("packets", [1.0, 2.6])
 @pytest.mark.parametrize("start", [0, 1, 181, 182, 363, 5000])
-def test_zero_packets_are_found_at_any_start_and_shorter_runs_are_not(start: int, packets: float) -> None:
-    recording = noise()
+def test_zero_packets_are_found_at_any_start_and_shorter_runs_are_not(start: int) -> None:
+    recording = noise(RADAR)
     assert zero_filled_frames(recording) == []
-    flat = recording.iq[1].reshape(-1)
-    flat[start : start + round(364 * packets)] = 0
+    recording.iq[1].reshape(-1)[start : start + 364] = 0
     assert zero_filled_frames(recording) == [1]
-    short = noise()
+    short = noise(RADAR)
     short.iq[1].reshape(-1)[start : start + 150] = 0
     assert zero_filled_frames(short) == []
 
 
 def test_clipped_share_matches_the_file(tmp_path: Path) -> None:
-    recording = noise()
+    recording = noise(RADAR)
     recording.iq *= 5
     recording.save(tmp_path / "a")
     counts = np.frombuffer((tmp_path / "a.bin").read_bytes(), "<i2").astype(int)

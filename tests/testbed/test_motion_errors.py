@@ -1,7 +1,5 @@
 """Motion errors have the described statistics, and strength 0 has none."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -50,9 +48,7 @@ def test_strength_scales_errors_and_keeps_lengths():
 
 
 def test_equal_seeds_give_equal_rigid_poses():
-    motions: list[tuple[Callable[..., np.ndarray], np.ndarray, RoverErrors | TurntableErrors]]
-    motions = [(rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors())]
-    for make, poses, errors in motions:
+    for make, poses, errors in ((rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors())):
         assert np.array_equal(make(poses, errors, rng(3)), make(poses, errors, rng(3)))
         assert not np.array_equal(make(poses, errors, rng(3)), make(poses, errors, rng(4)))
         assert rigid(make(poses, errors.scaled(5), rng(3)))
@@ -130,7 +126,7 @@ def test_turntable_wobble_tilts_about_its_bearing():
     assert np.mean(np.square(tilts)) == pytest.approx(4 * 0.2**2, rel=0.1)
 
 
-def test_objects_share_the_placement_offset_and_rotating_ones_are_eccentric():
+def test_objects_share_the_placement_offset_and_yaw_and_rotating_ones_are_eccentric():
     motion = {"object": TURN, "stand": np.eye(4)[None]}
     moved = [placed(motion, PlacementErrors(), rng(s)) for s in range(800)]
     stand = np.array([m["stand"][0, :2, 3] for m in moved])
@@ -139,8 +135,11 @@ def test_objects_share_the_placement_offset_and_rotating_ones_are_eccentric():
     np.testing.assert_allclose(centre, stand, atol=1e-9)
     off_axis = np.array([m["object"][0, :2, 3] - [2.0, 0.0] for m in moved]) - stand
     assert off_axis.std() == pytest.approx(2e-3, rel=0.1)
-    yaw = np.degrees([np.arctan2(m["object"][0, 1, 0], m["object"][0, 0, 0]) for m in moved])
-    assert yaw.std() == pytest.approx(2.0, rel=0.1)
+    for name in motion:
+        yaw = np.degrees([np.arctan2(m[name][0, 1, 0], m[name][0, 0, 0]) for m in moved])
+        assert yaw.std() == pytest.approx(2.0, rel=0.1)
+    radius = np.linalg.norm(moved[0]["object"][:, :2, 3] - [2.0, 0.0] - stand[0], axis=1)
+    np.testing.assert_allclose(radius, radius[0], atol=1e-9)
 
 
 def test_poses_at_other_times_follow_the_nominal_course():
@@ -164,16 +163,3 @@ def test_rail_errors_have_the_described_spread_along_the_rail():
     assert (along[:, -1] - along[:, 0]).std() == pytest.approx(3e-3, rel=0.1)
     assert np.abs(across).max() < 1e-12
     assert np.array_equal(there[:, :, :3, :3], np.broadcast_to(slide[:, :3, :3], there[:, :, :3, :3].shape))
-
-
-def test_placement_yaw_applies_to_resting_and_eccentricity_to_rotating_objects():
-    """2 degrees of yaw for resting objects too; 2 mm off the axis only for rotating objects."""
-    rest = np.tile(np.eye(4), (1, 1, 1))
-    errors = PlacementErrors(offset_m=0.0)
-    resting = np.stack([placed({"mug": rest}, errors, rng(s))["mug"][0] for s in range(800)])
-    assert np.degrees(np.arctan2(resting[:, 1, 0], resting[:, 0, 0])).std() == pytest.approx(2.0, rel=0.1)
-    assert np.abs(resting[:, :3, 3]).max() == 0
-    turning = np.stack([placed({"mug": TURN}, errors, rng(s))["mug"] for s in range(50)])
-    radius = np.linalg.norm((turning - TURN)[:, :, :2, 3], axis=2)
-    assert radius.mean() == pytest.approx(2e-3 * np.sqrt(np.pi / 2), rel=0.25)
-    np.testing.assert_allclose(radius, radius[:, :1].repeat(radius.shape[1], axis=1), atol=1e-9)
