@@ -20,17 +20,15 @@ from radartwin.scene.trajectories.trajectory import pose
 ROVER = "rover"  # name of all parts of a rover, which move together
 _BELOW = 0.05  # from the radar's origin down to its mount: half a board and a bracket
 _SIDES = 24  # of cylinders
+_SPREAD_M = 0.35  # horizontal distance of the tripod's feet from the radar
+_DISC_M = 0.03  # thickness of the turntable's disc
+_CABLE_M = 0.8  # length of the cable on the floor
 
 
-def tripod(sensor_pose: np.ndarray, spread_m: float = 0.35) -> Scene:
+def tripod(sensor_pose: np.ndarray) -> Scene:
     """Build a tripod under a radar at rest: a head, and three legs to the floor at z = 0. One leg stands behind the radar.
 
-    Args:
-        sensor_pose: (4, 4), with a horizontal viewing direction.
-
-        spread_m: horizontal distance of the feet from the radar.
-    Raises:
-        SceneError: the radar is lower than 0.3 m.
+    `sensor_pose` (4, 4) has a horizontal viewing direction. Raises SceneError if the radar is lower than 0.3 m.
     """
     height = float(sensor_pose[2, 3])
     if height < 0.3:
@@ -39,7 +37,7 @@ def tripod(sensor_pose: np.ndarray, spread_m: float = 0.35) -> Scene:
     parts = [_fixture("tripod_head", objects.cylinder(0.04, 0.04, _SIDES).apply_transform(pose([0, 0, top - 0.02])), "dark metal")]
     for number, degrees in enumerate((60, 180, 300)):
         out = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
-        hip, foot = 0.05 * out + [0, 0, top - 0.04 - 2 * GAP], spread_m * out + [0, 0, 2 * GAP]
+        hip, foot = 0.05 * out + [0, 0, top - 0.04 - 2 * GAP], _SPREAD_M * out + [0, 0, 2 * GAP]
         parts.append(_fixture(f"tripod_leg_{number}", _rod(hip, foot, 0.011), "dark metal"))
     return Scene(part.moved(_on_floor(sensor_pose)) for part in parts)
 
@@ -65,20 +63,14 @@ def rover(height_m: float = 0.4) -> Scene:
     return Scene(_fixture(ROVER, mesh, finish) for mesh, finish in zip((chassis, computer, mast), names, strict=True))
 
 
-def turntable_drive(position: np.ndarray, thickness_m: float = 0.03) -> Scene:
-    """Build the motor and gear under a turntable's disc, beside its post (see `rooms.support(position)`).
+def turntable_drive(position: np.ndarray) -> Scene:
+    """Build the motor and gear under a turntable's disc, beside its post (see `rooms.support`). `position` (3,) is the top of the disc.
 
-    The box is turned, so that no face is perpendicular to the line of sight of a radar on the x axis.
-
-
-    Args:
-        position: (3,) of the top of the disc.
-        thickness_m: thickness of the disc.
-    Raises:
-        SceneError: the disc is too low for a motor.
+    Both boxes are turned, so that no face is perpendicular to the line of sight of a radar on the x axis. Raises SceneError if the disc is
+    too low for a motor.
     """
     x, y, top = (float(v) for v in position)
-    under = top - thickness_m - 2 * GAP
+    under = top - _DISC_M - 2 * GAP
     if under < 0.15:
         raise SceneError(f"turntable_drive: the disc is at z = {top:g} m, too low for a motor under it; give at least 0.2 m")
     motor = _turned_box([x + 0.11, y, under - 0.04], [0.08, 0.10, 0.08], 20)
@@ -96,11 +88,6 @@ def target_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
     return turntable_drive(target) + _lying_cable(sensor_pose, target)
 
 
-def turntable_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
-    """Build all equipment of a turntable campaign, at the radar and at the target."""
-    return radar_rig(sensor_pose) + target_rig(sensor_pose, target)
-
-
 def _hanging_cable(sensor_pose: np.ndarray) -> Scene:
     """Build a cable that hangs from behind a radar at rest to the floor."""
     height = float(sensor_pose[2, 3])
@@ -108,11 +95,11 @@ def _hanging_cable(sensor_pose: np.ndarray) -> Scene:
     return Scene([_fixture("cable_radar", hanging, "plastic").moved(_on_floor(sensor_pose))])
 
 
-def _lying_cable(sensor_pose: np.ndarray, target: np.ndarray, length_m: float = 0.8) -> Scene:
+def _lying_cable(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
     """Build a cable that lies on the floor, from below the target to the left."""
     across = sensor_pose[:3, 1]
     foot = np.array([target[0], target[1], 0.0])
-    lying = _rod(foot + 0.15 * across + [0, 0, 0.014], foot + (0.15 + length_m) * across + [0, 0, 0.014], 0.004)
+    lying = _rod(foot + 0.15 * across + [0, 0, 0.014], foot + (0.15 + _CABLE_M) * across + [0, 0, 0.014], 0.004)
     return Scene([_fixture("cable_turntable", lying, "plastic")])
 
 

@@ -16,13 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import pose
 from radartwin.simulation.signal.synthesis import thermal_noise
-from radartwin.simulation.simulate import simulate
 from radartwin.testbed import motion_errors as errors
 from radartwin.testbed.variation import own_contents, own_material, own_roughness
 
@@ -61,7 +59,6 @@ OFF = Gaps(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) -> Scene:
     """Return the true scene: the given scene with the deviations of the gaps.
-
 
     Args:
         scene: the scene with all clutter and equipment, and nominal materials and roughness.
@@ -129,66 +126,13 @@ def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: 
     return Actual(sensor, errors.placed(moved, errors.PlacementErrors().scaled(gaps.placement), placing))
 
 
-def record(
-    scene: Scene,
-    radar: Radar,
-    sensor_poses: np.ndarray,
-    motion: Mapping[str, np.ndarray],
-    gaps: Gaps,
-    seed: int,
-    variant: str = "auto",
-) -> Recording:
-    """Simulate one recording of the true scene, with its own motion errors, placement and noise. The recording stores the nominal poses.
+def received(recording: Recording, hardware: Hardware, seed: int) -> Recording:
+    """Add phase noise, leakage, thermal noise and the ADC of one repetition to a recording that only has the radar's IF filter.
 
     Args:
-        scene: from `truth`.
-        sensor_poses, motion: nominal poses, as for `actual`.
-        seed: seed of this repetition of the recording.
-    """
-    true = actual(sensor_poses, motion, radar.frame_rate_hz, gaps, seed)
-    recording = clean(scene, radar, true.sensor_poses, true.motion, gaps, variant)
-    out = received(recording, Hardware().scaled(gaps.hardware), seed)
-    logged = np.asarray(sensor_poses, float).reshape(-1, 4, 4)
-    out.sensor_poses = np.repeat(logged, len(out.iq), axis=0) if len(logged) == 1 else logged
-    return out
-
-
-def clean(
-    scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None, gaps: Gaps, variant: str = "auto"
-) -> Recording:
-    """Simulate a recording before receiver effects: after the IF filter, but without noise, leakage and other effects of one repetition.
-
-    The strength of the hardware gap only decides whether the IF filter is simulated. The result can therefore be reused for all strengths
-    above 0, all boards and all seeds.
-
-    Args:
-        scene: from `truth`.
-        sensor_poses, motion: true poses, as in `simulate`.
-    Returns:
-        A Recording of the nominal radar. Its provenance describes the filter.
-    """
-    fine = gaps.solver > 0
-    hardware = Hardware().scaled(gaps.hardware)
-    recording = simulate(
-        scene, hardware.front_end(radar), sensor_poses, motion=motion, variant=variant,
-        max_bounces=TRUTH_BOUNCES if fine else 4,
-        rays_per_wavelength2=TRUTH_RAYS_PER_WAVELENGTH2 if fine else 1.0,
-    )  # fmt: skip
-    if_filter = None if hardware.if_filter is None else hardware.if_filter.to_dict()
-    return Recording(recording.iq, radar, recording.sensor_poses, provenance={"kind": "testbed, clean", "if_filter": if_filter})
-
-
-def received(recording: Recording, hardware: Hardware, seed: int, first_frame: int = 0) -> Recording:
-    """Apply the receiver effects of one repetition (phase noise, leakage, thermal noise, ADC) to a recording from `clean`.
-
-    Seed and frame number determine the random numbers of each frame. A subset of the frames therefore gives the same samples as in the
-    whole recording.
-
-    Args:
-        recording: a recording from `clean`, or some of its frames.
+        recording: recording of an ideal receiver, see `Hardware.front_end`.
         hardware: at strength 0 the samples stay unchanged, without any noise.
-        seed: seed of the repetition.
-        first_frame: number of the first frame in the whole recording.
+        seed: seed of the repetition. Seed and frame number determine the random numbers of each frame.
     """
     radar = recording.radar
     provenance = {"kind": "testbed", "seed": seed}
@@ -197,8 +141,7 @@ def received(recording: Recording, hardware: Hardware, seed: int, first_frame: i
     iq, saturated = np.empty_like(recording.iq), 0
     for frame in range(len(iq)):
         oscillator, receiver = (
-            np.random.default_rng(np.random.SeedSequence([seed, *name, first_frame + frame]))
-            for name in (b"oscillator noise", b"receiver noise")
+            np.random.default_rng(np.random.SeedSequence([seed, *name, frame])) for name in (b"oscillator noise", b"receiver noise")
         )
         samples = hardware.leaked(hardware.echoes(recording.iq[frame : frame + 1], radar, oscillator), radar)
         samples += thermal_noise(samples.shape, radar, receiver)

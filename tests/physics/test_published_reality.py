@@ -13,8 +13,9 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
+from radartwin.simulation.simulate import simulate
 from radartwin.testbed import fixtures, testbed
-from radartwin.testbed.testbed import OFF, Gaps
+from radartwin.testbed.testbed import Gaps
 
 RADAR = Radar.iwr1843()
 REFLECTOR = Scene([Surface(objects.trihedral(0.1), "metal", "reflector", role="object")])
@@ -28,9 +29,8 @@ def facing(distance_m):
 
 @pytest.fixture(scope="module", params=[0.5, 1.0, 2.0, 4.0])
 def recording(request):
-    gaps = dataclasses.replace(OFF, hardware=1.0)
-    clean = testbed.clean(REFLECTOR, RADAR, np.eye(4)[None], facing(request.param), gaps)
-    return request.param, testbed.received(clean, Hardware(), 0)
+    clean = simulate(REFLECTOR, Hardware().front_end(RADAR), np.eye(4)[None], motion=facing(request.param))
+    return request.param, testbed.received(Recording(clean.iq, RADAR), Hardware(), 0)
 
 
 def radar_equation_db(distance_m):
@@ -87,11 +87,19 @@ def test_most_energy_of_the_lab_at_2_m_arrives_from_beyond_the_target_at_most_as
     bench = rooms.lab_bench()
     place = bench.target_position(2.0)
     top = place - [0, 0, 0.1 / np.sqrt(6) + rooms.GAP]
-    scene = rooms.lab(detail="cluttered") + REFLECTOR + rooms.support(top) + fixtures.turntable_rig(bench.sensor_pose, top)
+    scene = (
+        rooms.lab(detail="cluttered")
+        + REFLECTOR
+        + rooms.support(top)
+        + fixtures.radar_rig(bench.sensor_pose)
+        + fixtures.target_rig(bench.sensor_pose, top)
+    )
     radar = dataclasses.replace(RADAR, frame_rate_hz=24 / 25)
     motion = {"reflector": trajectory.turntable(place, 24, radar.frame_rate_hz)}
-    gaps = Gaps(solver=0)
-    measured = testbed.record(testbed.truth(scene, gaps, 0, rooms.CLUTTER), radar, bench.sensor_pose, motion, gaps, seed=0)
+    true = testbed.truth(scene, Gaps(), 0, rooms.CLUTTER)
+    there = testbed.actual(bench.sensor_pose, motion, radar.frame_rate_hz, Gaps(), 0)
+    clean = simulate(true, Hardware().front_end(radar), there.sensor_poses, motion=there.motion)
+    measured = testbed.received(Recording(clean.iq, radar), Hardware(), 0)
     assert measured.saturated == 0
     made = process(measured, doppler=False)
     power, axis = made.power.astype(float), made.range_m

@@ -10,7 +10,6 @@ from scipy.spatial import KDTree
 import radartwin as rt
 from radartwin.errors import SceneError
 from radartwin.scene import rooms
-from radartwin.scene.trajectories import trajectory
 from radartwin.testbed import fixtures, testbed
 
 BENCH = rooms.lab_bench()
@@ -44,7 +43,7 @@ def check_clear(scene, others=()):
 @pytest.mark.parametrize("distance_m", [0.5, 2.0])
 def test_turntable_equipment_touches_no_surface(distance_m):
     top = BENCH.target_position(distance_m) - [0, 0, 0.05]
-    rig = fixtures.turntable_rig(BENCH.sensor_pose, top)
+    rig = fixtures.radar_rig(BENCH.sensor_pose) + fixtures.target_rig(BENCH.sensor_pose, top)
     check_clear(rig, [*rooms.support(top), *(s for s in rooms.lab(detail="cluttered") if s.name != "floor")])
     assert all(s.kind == "object" and s.provenance["fixture"] for s in rig)
 
@@ -58,16 +57,8 @@ def test_rover_is_below_and_behind_its_radar():
         assert high[2] < 0 or high[0] < -0.01  # nothing in front of the radar at its height
 
 
-def test_rover_moves_with_its_radar_in_a_simulation():
-    plate = rt.Scene([rt.Surface(trimesh.creation.box((0.01, 0.1, 0.1)), "metal", "plate")])
-    poses = trajectory.depth_sweep(trajectory.pose([0, 0, 0.4]))[:2]
-    motion = {"plate": trajectory.static(trajectory.pose([1.5, 0, 0.4]), 1), fixtures.ROVER: poses}
-    with_body = testbed.clean(plate + fixtures.rover(0.4), rt.Radar.iwr1843(), poses, motion, testbed.OFF)
-    assert np.abs(with_body.iq).max() > 0
-
-
 def test_clutter_gap_adds_the_equipment():
-    scene = rt.Scene(rooms.support(TOP)) + fixtures.turntable_rig(BENCH.sensor_pose, TOP)
+    scene = rt.Scene(rooms.support(TOP)) + fixtures.radar_rig(BENCH.sensor_pose) + fixtures.target_rig(BENCH.sensor_pose, TOP)
     assert set(testbed.truth(scene, testbed.OFF, 0).names) == {"turntable", "stand"}
     whole = testbed.truth(scene, dataclasses.replace(testbed.OFF, clutter=1.0), 0)
     assert whole.names == scene.names

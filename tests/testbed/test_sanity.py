@@ -5,8 +5,6 @@ Levels are received over transmitted power. Wide bounds cover the differences be
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -18,8 +16,8 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
-from radartwin.testbed import testbed
-from radartwin.testbed.testbed import OFF
+from radartwin.simulation.simulate import simulate
+from radartwin.testbed.testbed import TRUTH_BOUNCES, TRUTH_RAYS_PER_WAVELENGTH2, received
 
 RADAR = Radar.iwr1843()
 C = 299_792_458.0
@@ -48,9 +46,11 @@ def measured(mesh, distance_m, frames=1):
     """Processed testbed recording, with hardware, of a metal object in free space that faces the radar."""
     scene = Scene([Surface(mesh, "metal", "thing", role="object")])
     motion = {"thing": trajectory.pose([distance_m, 0.0, 0.0], np.diag([-1.0, -1.0, 1.0]))[None]}
-    clean = testbed.clean(scene, RADAR, np.eye(4)[None], motion, dataclasses.replace(OFF, hardware=1.0, solver=1.0))
-    same = Recording(np.repeat(clean.iq, frames, axis=0), RADAR)
-    return process(testbed.received(same, Hardware(), seed=3), doppler=False)
+    filtered = Hardware().front_end(RADAR)
+    clean = simulate(
+        scene, filtered, np.eye(4)[None], motion=motion, max_bounces=TRUTH_BOUNCES, rays_per_wavelength2=TRUTH_RAYS_PER_WAVELENGTH2
+    )
+    return process(received(Recording(np.repeat(clean.iq, frames, axis=0), RADAR), Hardware(), seed=3), doppler=False)
 
 
 @pytest.fixture(scope="module")
