@@ -27,13 +27,12 @@ from numpy.typing import NDArray
 
 from radartwin.errors import InputError, MissingError, OutputError, RecordingError
 from radartwin.io import files
-from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import frame_bytes
 from radartwin.radar.description_files import read_json
 from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings.card import CARD, Card
-from radartwin.recordings.checks import Problem, difference, examine, same_radar
+from radartwin.recordings.checks import difference, same_radar
 from radartwin.recordings.index import COLUMNS, INDEX, RECORDINGS, TRAJECTORIES, Row, describe, index_text, read_index
 from radartwin.recordings.trajectory import frame_poses
 
@@ -219,14 +218,9 @@ class RecordingSet:
             files.write_atomically(self.folder / INDEX, index_text(self.rows))
         return row
 
-    def problems(self, progress: Progress | None = None) -> list[Problem]:
-        """Return all problems of the set on disk, including those of the samples."""
-        return examine(self.folder, progress).problems
-
 
 def read_radar_of(path: Path) -> Radar:
     """Read the radar of a recording, without reading the samples. Raises MissingError or RecordingError."""
-
     described = recording_files(path)[1]
     if not described.is_file():
         raise MissingError(f"{described}: no such file; a recording needs a .bin and a .json of the same name")

@@ -211,7 +211,8 @@ def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.rando
     tilts = np.radians(errors.wobble_deg) * rng.standard_normal((2, 2))
     if errors.none():
         return poses.copy()
-    fixed, turning = (_tilt(x, y) for x, y in tilts)  # the stand's tilt stays constant, the disc's tilt rotates with the disc
+    # The stand's tilt stays constant, the disc's tilt rotates with the disc.
+    fixed, turning = (Rotation.from_rotvec([x, y, 0.0]).as_matrix() for x, y in tilts)
     out = poses.copy()
     spun = _about_z(error) @ poses[:, :3, :3]
     out[:, :3, :3] = fixed @ spun @ turning
@@ -260,7 +261,3 @@ def _about_z(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     out[..., 0, 1] = -out[..., 1, 0]
     out[..., 2, 2] = 1.0
     return out
-
-
-def _tilt(about_x: float, about_y: float) -> NDArray[np.float64]:
-    return Rotation.from_rotvec([about_x, about_y, 0.0]).as_matrix()

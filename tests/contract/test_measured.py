@@ -17,6 +17,7 @@ from radartwin.features.processed import process
 from radartwin.features.profile import gate_energies, multipath_share
 from radartwin.radar.chirp import Radar
 from radartwin.recordings.card import Card
+from radartwin.recordings.checks import examine
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.scene import objects
@@ -96,7 +97,7 @@ def test_digest_depends_on_the_content_only(measured: RecordingSet, tmp_path: Pa
 
 
 def test_a_simulated_set_has_no_problems(folder: Path) -> None:
-    assert RecordingSet.load(folder).problems() == []
+    assert examine(folder).problems == []
 
 
 @pytest.mark.parametrize("distance", DISTANCES_M)

@@ -125,7 +125,7 @@ def test_pixels_see_the_front_of_a_thin_plate_only():
     pose = np.eye(4)
     pose[:3, :3] = np.stack([X, -Y, -Z], axis=1)  # looking down
     pose[:3, 3] = 2.5, 2.0, 2.2
-    frames, truth = scan(scene, strength=0.0, walk=pose[None], colour_every=0)
+    frames, truth = scan(scene, strength=0.0, poses=pose[None], colour_every=0)
     see = sighted(truth, frames)
     at = np.array([[2.5, 2.0, 0.92], [2.5, 2.0, 0.9], [2.5, 2.0, 0.895], [3.3, 2.0, 0.0], [2.5, 2.0, 0.0]])
     facing = np.array([Z, -Z, Z, Z, Z])

@@ -83,7 +83,7 @@ def test_rotating_camera_leaves_the_unit_open_and_lists_both(tmp_path):
     ]
     path = np.array([start @ np.eye(4)] * 3)
     path[:, :3, :3] = [t[:3, :3] @ start[:3, :3] for t in turns]
-    still = scan(rooms.lab(detail="shell"), walk=path, strength=0.0, colour_every=0)[0]
+    still = scan(rooms.lab(detail="shell"), poses=path, strength=0.0, colour_every=0)[0]
     folder, lens = written(still, tmp_path / "frames")
     with pytest.warns(
         ScanWarning, match=r"do not determine the unit of depth: it may be 0\.001 .*, as given, or 0\.0002 .*check --depth-unit"

@@ -175,7 +175,7 @@ def test_mapping_assigns_conditions_to_the_captures_of_a_campaign(campaign: Path
     assert made.card.when == "2026-03-01"
     stored = made.folder / "recordings" / f"{made.select(object='mug', distance_m=0.5, repetition=2)[0].recording}.bin"
     assert stored.read_bytes() == (campaign / "raw/mug_0.5m/run2.bin").read_bytes()
-    assert made.problems() == []
+    assert examine(made.folder).problems == []
 
 
 def test_interrupted_import_continues(campaign: Path) -> None:
@@ -206,7 +206,7 @@ def test_csv_mapping_skips_captures_without_an_entry(campaign: Path) -> None:
     poses = made.read(added[0]).sensor_poses
     assert poses is not None
     np.testing.assert_allclose(poses[:, 0, 3], [0, 0.02, 0.04, 0.06], atol=1e-12)
-    assert made.problems() == []
+    assert examine(made.folder).problems == []
 
 
 def test_values_that_contradict_the_card_are_refused(tmp_path: Path) -> None:
@@ -269,7 +269,7 @@ def test_recordings_keep_their_poses_and_scale(tmp_path: Path) -> None:
     assert again.provenance == {"kind": "simulated"}
     assert again.scale == 2e-9
     np.testing.assert_array_equal(again.sensor_poses, np.eye(4)[None])
-    assert made.problems() == []
+    assert examine(made.folder).problems == []
 
 
 def test_cube_of_amplitudes_is_scaled_and_cube_of_counts_is_kept(tmp_path: Path) -> None:
@@ -281,7 +281,7 @@ def test_cube_of_amplitudes_is_scaled_and_cube_of_counts_is_kept(tmp_path: Path)
     assert not (tmp_path / "set").exists()
     made, added = import_captures(tmp_path / "cube.npy", tmp_path / "set", {**CARD, **MUG, "units": "amplitude"}, radar=RADAR)
     np.testing.assert_allclose(made.read(added[0]).iq.reshape(cube.shape), cube, atol=1e-9)
-    assert made.problems() == []
+    assert examine(made.folder).problems == []
     np.save(tmp_path / "cube.npy", np.rint(1e9 * cube))
     with pytest.raises(RecordingError, match="counts of an ADC, but the card has units=amplitude"):
         import_captures(tmp_path / "cube.npy", tmp_path / "set", {**MUG, "recording": "b", "repetition": 1}, radar=RADAR)

@@ -15,6 +15,7 @@ from made_files import CARD, noise
 
 from radartwin.errors import InputError, MissingError, OutputError, RecordingError
 from radartwin.radar.chirp import Radar
+from radartwin.recordings.checks import examine
 from radartwin.recordings.index import Row, index_text, read_index
 from radartwin.recordings.recording_set import RecordingSet
 
@@ -49,7 +50,7 @@ def test_added_recordings_are_read_back(bench: RecordingSet) -> None:
     for i, (given, recording) in enumerate(again.recordings()):
         assert given.recording == bench.rows[i].recording
         np.testing.assert_allclose(recording.iq, noise(RADAR, i).iq, atol=2e-9)
-    assert bench.problems() == []
+    assert examine(bench.folder).problems == []
 
 
 def test_rows_are_selected_by_columns_and_alternatives(bench: RecordingSet) -> None:
@@ -103,7 +104,7 @@ def test_invalid_row_is_refused_without_writing(bench: RecordingSet, given: Row,
 def test_radars_may_differ_in_name_only(bench: RecordingSet) -> None:
     """mmWave Studio writes one description per capture, with the name of the capture."""
     bench.add(noise(dataclasses.replace(RADAR, name="run_7")), row("b", repetition=8))
-    assert not [problem for problem in bench.problems() if "radar" in str(problem)]
+    assert not [problem for problem in examine(bench.folder).problems if "radar" in str(problem)]
     with pytest.raises(RecordingError, match=r"radar of a .*num_chirps 4 instead of 8"):
         bench.add(noise(dataclasses.replace(RADAR, num_chirps=4)), row("a", repetition=7))
 
@@ -159,13 +160,13 @@ def test_recording_without_poses_uses_those_of_its_trajectory(tmp_path: Path) ->
     assert poses is not None
     np.testing.assert_allclose(poses[:, 0, 3], [0.1, 0.2, 0.3, 0.4], atol=1e-9)  # 1 m/s at 10 Hz, 0.1 s after the start of the file
     np.testing.assert_allclose(np.degrees(np.arctan2(poses[:, 1, 0], poses[:, 0, 0])), [15, 30, 45, 60], atol=1e-4)
-    assert drive.problems() == []
+    assert examine(drive.folder).problems == []
 
 
 def test_two_writers_can_add_to_one_set(tmp_path: Path) -> None:
     RecordingSet.create(tmp_path / "set", CARD)
     script = (
-        "import sys; sys.path.insert(0, 'tests/recordings')\n"
+        "import sys; sys.path[:0] = ['tests', 'tests/recordings']\n"
         "from test_recording_set import *\n"
         f"bench = RecordingSet.load({str(tmp_path / 'set')!r})\n"
         "for n in range(8):\n    bench.add(noise(RADAR, n), row(f'{sys.argv[1]}{n}', sys.argv[1], repetition=n))\n"
@@ -175,16 +176,15 @@ def test_two_writers_can_add_to_one_set(tmp_path: Path) -> None:
     assert [writer.wait(60) for writer in writers] == [0, 0]
     both = RecordingSet.load(tmp_path / "set")
     assert len(both) == 16
-    assert both.problems() == []
+    assert examine(both.folder).problems == []
 
 
 # For every n, one child process kills itself at its n-th call of open, rename, remove or mkdir inside the set, and a second one completes
 # the work. Per n, the script prints whether the set was valid in between and its content at the end.
 _EVERY_MOMENT = """
 import os, signal, sys, json
-sys.path.insert(0, "tests/recordings")
+sys.path[:0] = ["tests", "tests/recordings"]
 from test_recording_set import *
-from radartwin.recordings.checks import examine
 
 os.fsync = lambda descriptor: None  # slow, and without effect on a kill
 root = Path(sys.argv[1])

@@ -32,7 +32,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "drive.csv").write_text(DRIVE)
     for n in range(4):
         made.add(noise(RADAR, n), row(f"a{n}", n), tmp_path / "drive.csv" if n == 3 else None)
-    assert made.problems() == []
+    assert examine(made.folder).problems == []
     assert examine(made.folder).notes == []
     return made.folder
 

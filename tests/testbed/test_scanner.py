@@ -16,12 +16,12 @@ from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.scene import rooms
 from radartwin.scene.rooms import rectangle
 from radartwin.scene.scene import Scene, Surface
-from radartwin.testbed.scanner import Sensor, Walk, scan
+from radartwin.testbed.scanner import Sensor, scan
 from radartwin.testbed.scanner.camera import picture, sight
 from radartwin.testbed.scanner.light import light_of
 from radartwin.testbed.scanner.look import look_of
 from radartwin.testbed.scanner.sensor import drifted, measured
-from radartwin.testbed.scanner.walk import look_along, walked
+from radartwin.testbed.scanner.walk import CLEARANCE_M, look_along, walked
 
 LENS = np.array([[193.0, 0, 127.5], [0, 193, 95.5], [0, 0, 1]])
 SIZE = (256, 192)
@@ -187,11 +187,10 @@ def lab_scan():
 
 def test_walk_keeps_its_clearance_and_is_closed():
     scene = rooms.lab()
-    walk = Walk()
-    path = walked(scene, 120, walk, np.random.default_rng(0))
+    path = walked(scene, 120, np.random.default_rng(0))
     standing = path[:, :3, 3] * (1, 1, 0) + (0, 0, 0.6)
     distance, _ = Nearest([s.mesh for s in scene if s.name not in ("floor", "ceiling")])(standing)
-    assert distance.min() > walk.clearance_m - 0.15  # the grid's cells are 10 cm
+    assert distance.min() > CLEARANCE_M - 0.15  # the grid's cells are 10 cm
     gaps = np.linalg.norm(np.diff(path[:, :3, 3], axis=0, append=path[:1, :3, 3]), axis=1)
     assert gaps.max() < 0.35
     assert np.allclose(np.linalg.det(path[:, :3, :3]), 1)
@@ -252,8 +251,8 @@ def test_fused_scan_is_close_to_its_scene(lab_scan):
     [
         (Scene([]), {}, SceneError, "empty scene"),
         (rooms.lab(), {"strength": -1}, SceneError, "strength"),
-        (rooms.lab(), {"frames": 3, "walk": Walk(clearance_m=9.0)}, SceneError, "nowhere to stand"),
-        (rooms.lab(), {"walk": np.diag([1.0, 1, -1, 1])[None]}, PoseError, "mirrors"),
+        (Scene([Surface(trimesh.creation.box((0.6, 0.6, 2.5)), "wood", "cupboard")]), {}, SceneError, "nowhere to stand"),
+        (rooms.lab(), {"poses": np.diag([1.0, 1, -1, 1])[None]}, PoseError, "mirrors"),
     ],
 )
 def test_wrong_arguments_are_refused(scene, options, error, message):

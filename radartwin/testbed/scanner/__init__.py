@@ -6,6 +6,5 @@ and `walk` moves the phone. `scan` combines all of these modules.
 
 from radartwin.testbed.scanner.scan import ScanTruth, scan
 from radartwin.testbed.scanner.sensor import Sensor
-from radartwin.testbed.scanner.walk import Walk
 
-__all__ = ["ScanTruth", "Sensor", "Walk", "scan"]
+__all__ = ["ScanTruth", "Sensor", "scan"]

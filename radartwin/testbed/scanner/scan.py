@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -16,7 +15,7 @@ from radartwin.testbed.scanner.camera import NOT_SEEN, picture, sight
 from radartwin.testbed.scanner.light import light_of
 from radartwin.testbed.scanner.look import ORGANIC_REFLECTANCE, Look, look_of, to_linear
 from radartwin.testbed.scanner.sensor import Sensor, drifted, measured
-from radartwin.testbed.scanner.walk import Walk, walked
+from radartwin.testbed.scanner.walk import walked
 
 FRAMES = (100, 360)  # smallest and largest number of frames
 FRAMES_PER_M2 = 0.9  # per surface area of the room's bounding box
@@ -46,20 +45,18 @@ def scan(
     seed: int = 0,
     strength: float = 1.0,
     frames: int | None = None,
-    walk: Walk | np.ndarray = Walk(),  # noqa: B008 - frozen
+    poses: np.ndarray | None = None,
     sensor: Sensor = Sensor(),  # noqa: B008 - frozen
     colour_every: int = 1,
-    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Frames, ScanTruth]:
     """Scan a scene as a person with a phone would.
 
     Args:
         strength: factor on noise, dropouts, flying pixels and drift; 0 is an ideal sensor.
         frames: number of frames; None derives it from the room's size.
-        walk: motion of the phone, or its true camera poses (N, 4, 4), OpenCV axes.
+        poses: true camera poses (N, 4, 4), OpenCV axes; None walks through the room.
         sensor: errors of the phone.
         colour_every: every n-th frame has colour; 0 for none.
-        progress: called as progress(done, total) after each frame.
     Returns:
         The frames, with the poses that the phone estimates, and the true values.
     Raises:
@@ -71,7 +68,11 @@ def scan(
     if not 0 <= strength <= 10 or colour_every < 0:
         raise SceneError(f"scan: strength {strength} must be 0 to 10 and colour_every {colour_every} not negative")
     motion, drift, pictures = (np.random.default_rng(s) for s in np.random.SeedSequence([seed, *b"scan"]).spawn(3))
-    poses = _poses(scene, walk, frames, motion)
+    if poses is None:
+        x, y, z = np.ptp(scene.bounds, axis=0)
+        poses = walked(scene, frames or int(np.clip(FRAMES_PER_M2 * 2 * (x * y + y * z + z * x), *FRAMES)), motion)
+    else:
+        poses = check_poses(np.asarray(poses, dtype=np.float64), "poses", [str(i) for i in range(len(poses))])
     look = look_of(scene)
     light = light_of(look) if colour_every else None
     children = pictures.spawn(len(poses))
@@ -93,24 +94,11 @@ def scan(
         surface = np.where((depth > 0) & hit & ~flying & ~seen.mirror, look.surface[seen.face], NOT_SEEN)
         return frame, surface.astype(np.int16), seen.first.astype(np.int16), np.where(hit, seen.depth, 0).astype(np.float32)
 
-    taken = []
     with ThreadPoolExecutor(cores()) as pool:
-        for result in pool.map(take, range(len(poses))):
-            taken.append(result)
-            if progress:
-                progress(len(taken), len(poses))
-    shots, surfaces, firsts, depths = zip(*taken, strict=True)
+        shots, surfaces, firsts, depths = zip(*pool.map(take, range(len(poses))), strict=True)
     truth = ScanTruth(scene.names, poses, np.stack(surfaces), np.stack(firsts), np.stack(depths))
     room = str(scene.provenance.get("room", ""))
     return Frames.of(shots, f"scan of {room or 'a scene'}", room), truth
-
-
-def _poses(scene: Scene, walk: Walk | np.ndarray, frames: int | None, rng: np.random.Generator) -> np.ndarray:
-    """Return the true camera poses (N, 4, 4): the given ones, or those of a walk."""
-    if isinstance(walk, Walk):
-        x, y, z = np.ptp(scene.bounds, axis=0)
-        return walked(scene, frames or int(np.clip(FRAMES_PER_M2 * 2 * (x * y + y * z + z * x), *FRAMES)), walk, rng)
-    return check_poses(np.asarray(walk, dtype=np.float64), "walk", [str(i) for i in range(len(walk))])
 
 
 def _reflectance(look: Look) -> np.ndarray:

@@ -40,17 +40,13 @@ class Sensor:
         range_m: largest depth [Apple].
         spots: number of laser spots across and down the map [L21].
         noise_m, noise_per_m: * standard deviation of the depth of pixels with high confidence, 4 mm + 1 mm per metre. In [chair], 68 % of
-            these pixels lie within 7 to 9 mm of the vendor's mesh at 1 to 3.5 m, including the mesh's own error. [L21] gives +-1 cm and
-            [TY23] 1 cm.
+            these pixels lie within 7 to 9 mm of the vendor's mesh at 1 to 3.5 m, including the mesh's error. [L21] and [TY23] give 1 cm.
         white_m: * standard deviation of the depth noise that is uncorrelated between pixels [chair].
-        unsure: * factors on the depth noise for low, medium and high confidence. In [chair] the 68 % quantiles of the residuals are 20 to
-            110,
-            12 to 43 and 8 mm.
+        unsure: * factors on the depth noise for low, medium and high confidence. The 68 % quantiles of the residuals in [chair] are 20 to
+            110 mm, 12 to 43 mm and 8 mm.
         medium_signal, high_signal: value of reflectance x cosine / range^2 at which half the pixels reach this confidence. In [chair] half
-            of the
-            pixels have high confidence at 2.9 m, and half have low confidence at 3.4 m, on concrete in the shade with an assumed
-            reflectance of 0.2 and
-            cosine of 0.7.
+            of the pixels have high confidence at 2.9 m, and half have low confidence at 3.4 m, on concrete in the shade with an assumed
+            reflectance of 0.2 and cosine of 0.7.
         border: columns at the left edge with low, and with at most medium, confidence, because no spots reach them [chair].
         signal_spread: standard deviation of the logarithm of the signal over a map (speckle, colour) [chair].
         edge_jump: smallest relative depth step within three pixels that counts as an edge.
@@ -64,8 +60,7 @@ class Sensor:
             [K22] gives 0.02 m in three axes.
         yaw_deg: * standard deviation of the heading error after one metre of walking. Roll and pitch do not drift, because the phone
             measures gravity. A heading error that caused all of the 0.02 m in [K22] would be 0.66 degrees. The default is an assumed sixth
-            of 0.66 degrees,
-            because the position also drifts.
+            of 0.66 degrees, because the position also drifts.
         tilt_deg: * standard deviation of the roll and pitch error relative to gravity, per frame; an assumption.
     """
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from scipy import ndimage
 from scipy.sparse import coo_matrix
@@ -18,49 +16,33 @@ CELL_M = 0.1
 LOWEST_M, HIGHEST_M = 0.15, 1.9  # objects between these heights block a person
 
 
-@dataclasses.dataclass(frozen=True)
-class Walk:
-    """A walk with the phone in hand.
-
-    Attributes:
-        eye_m: height of the phone.
-        clearance_m: smallest distance from walls and furniture.
-        pan_deg: rotation between frames.
-        down_deg: lowest elevation of the camera.
-        up_deg: highest elevation; None chooses the elevation that shows the ceiling's edge from 1.5 m away.
-        turns_per_nod: revolutions of the camera during one period of its elevation.
-        tremble_deg: standard deviation of the rotation by the trembling hand.
-    """
-
-    eye_m: float = 1.5
-    clearance_m: float = 0.45
-    pan_deg: float = 28.0
-    down_deg: float = -42.0
-    up_deg: float | None = None
-    turns_per_nod: float = 2.7
-    tremble_deg: float = 1.5
+EYE_M = 1.5  # height of the phone
+CLEARANCE_M = 0.45  # smallest distance of the phone from walls and furniture
+PAN_DEG, TREMBLE_DEG = 28.0, 1.5  # rotation between frames, and its standard deviation by the trembling hand
+DOWN_DEG = -42.0  # lowest elevation of the camera; the highest elevation shows the ceiling's edge from 1.5 m away
+TURNS_PER_NOD = 2.7  # revolutions of the camera during one period of its elevation
 
 
-def walked(scene: Scene, frames: int, walk: Walk, rng: np.random.Generator) -> np.ndarray:
+def walked(scene: Scene, frames: int, rng: np.random.Generator) -> np.ndarray:
     """Return camera poses (N, 4, 4) with OpenCV axes, evenly spaced along a closed walk.
 
     Raises:
         SceneError: no free place to stand.
     """
-    ground = _closed_walk(scene, walk)
+    ground = _closed_walk(scene)
     steps = np.linalg.norm(np.diff(ground, axis=0, append=ground[:1]), axis=1)
     along = np.concatenate([[0], np.cumsum(steps)])
     at = np.linspace(0, along[-1], frames, endpoint=False)
     closed = np.vstack([ground, ground[:1]])
     x, y = (np.interp(at, along, closed[:, i]) for i in range(2))
     low, high = scene.bounds
-    rise = float(high[2] - low[2]) - walk.eye_m
-    up = walk.up_deg if walk.up_deg is not None else float(np.clip(np.degrees(np.arctan2(rise, 1.5)) - 12, 15, 65))
-    yaw = np.radians(walk.pan_deg) * np.arange(frames)
-    nod = np.sin(yaw / walk.turns_per_nod)
-    pitch = np.radians(walk.down_deg + (up - walk.down_deg) * (0.5 + 0.5 * nod))
-    tremble = np.radians(walk.tremble_deg) * rng.standard_normal((frames, 3))
-    height = low[2] + walk.eye_m + 0.03 * np.sin(2 * np.pi * at / 1.4) + 0.01 * rng.standard_normal(frames)
+    rise = float(high[2] - low[2]) - EYE_M
+    up = float(np.clip(np.degrees(np.arctan2(rise, 1.5)) - 12, 15, 65))
+    yaw = np.radians(PAN_DEG) * np.arange(frames)
+    nod = np.sin(yaw / TURNS_PER_NOD)
+    pitch = np.radians(DOWN_DEG + (up - DOWN_DEG) * (0.5 + 0.5 * nod))
+    tremble = np.radians(TREMBLE_DEG) * rng.standard_normal((frames, 3))
+    height = low[2] + EYE_M + 0.03 * np.sin(2 * np.pi * at / 1.4) + 0.01 * rng.standard_normal(frames)
     return look_along(np.stack([x, y, height], axis=1), yaw + tremble[:, 0], pitch + tremble[:, 1], tremble[:, 2])
 
 
@@ -80,7 +62,7 @@ def look_along(positions: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, roll: 
     return poses
 
 
-def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
+def _closed_walk(scene: Scene) -> np.ndarray:
     """Return points (M, 2) of a smooth closed tour over the free floor."""
     low, high = scene.bounds
     shape = tuple(np.ceil((high - low)[:2] / CELL_M).astype(int) + 1)
@@ -92,20 +74,17 @@ def _closed_walk(scene: Scene, walk: Walk) -> np.ndarray:
     blocked[[0, -1], :] = True
     blocked[:, [0, -1]] = True
     clear = CELL_M * np.asarray(ndimage.distance_transform_edt(~blocked))
-    parts = np.asarray(label(clear >= walk.clearance_m, connectivity=1))
+    parts = np.asarray(label(clear >= CLEARANCE_M, connectivity=1))
     if not parts.any():
-        raise SceneError(
-            f"nowhere to stand {walk.clearance_m} m from all surfaces; pass camera poses, or a walk with a smaller clearance_m"
-        )
+        raise SceneError(f"nowhere to stand {CLEARANCE_M} m from all surfaces; pass camera poses")
     largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
     free = parts == largest
     cells = np.argwhere(free)
     first = int(np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1)))
     stops = cells[farthest_points(cells, max(4, round(free.sum() * CELL_M**2 / 2.5)), first)]
     tour = _tour(stops, free, clear)
-    # Smooth the tour where the smoothed points are free.
     smooth = ndimage.gaussian_filter1d(tour.astype(float), 4.0, axis=0, mode="wrap")
-    inside = free[tuple(np.round(smooth).astype(int).T)]
+    inside = free[tuple(np.round(smooth).astype(int).T)]  # the tour stays as it is where the smoothed points are not free
     return np.where(inside[:, None], smooth, tour) * CELL_M + low[:2]
 
 
