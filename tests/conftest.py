@@ -48,7 +48,10 @@ def inside(
     def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
         words = [str(word) for word in arguments]
         capsys.readouterr()
-        status = main(words)
+        try:
+            status = main(words)
+        except SystemExit as stopped:  # raised by argparse
+            status = int(stopped.code or 0)
         said = capsys.readouterr()
         return subprocess.CompletedProcess(words, status, said.out, said.err)
 

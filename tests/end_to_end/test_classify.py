@@ -83,9 +83,9 @@ def test_a_recording_at_another_distance_and_gain_is_recognised(model: Path, tmp
     assert answer.probabilities.sum() == pytest.approx(1.0)
 
 
-def test_the_command_line_prints_the_librarys_probabilities(model: Path, tmp_path: Path, radartwin):
+def test_the_command_line_prints_the_librarys_probabilities(model: Path, tmp_path: Path, inside):
     turning("thrice", 5).save(tmp_path / "seen")
-    done = radartwin("classify", tmp_path / "seen", "--model", model)
+    done = inside("classify", tmp_path / "seen", "--model", model)
     assert done.returncode == 0, done.stderr
     answer = classify(tmp_path / "seen", model)
     expected = [f"{label} {p:.4f}" for label, p in zip(answer.classes, answer.probabilities, strict=True)]
@@ -100,10 +100,10 @@ def test_a_raw_cube_with_a_radar_description_is_classified(model: Path, tmp_path
     assert classify(tmp_path / "seen.npy", model, radar(), iq_swapped=False).classes[0] == "once"
 
 
-def test_a_capture_of_one_frame_is_refused(model: Path, radartwin, shared_data: Path):
+def test_a_capture_of_one_frame_is_refused(model: Path, inside, shared_data: Path):
     """The capture has another radar and another order of I and Q; it is read, but one frame is no revolution."""
     capture = shared_data / "radar" / "iwr6843_static_room" / "iwr6843_frame_adc_data.bin"
-    done = radartwin("classify", capture, "--model", model)
+    done = inside("classify", capture, "--model", model)
     assert done.returncode == 2
     assert "1 frames" in done.stderr.splitlines()[-1]
     assert "record a whole revolution" in done.stderr.splitlines()[-1]
@@ -118,9 +118,9 @@ def test_a_capture_of_one_frame_is_refused(model: Path, radartwin, shared_data: 
         (["seen", "--model", "MODEL", "--distance", "40"], "is not between"),
     ],
 )
-def test_mistakes_give_a_one_line_message(model: Path, tmp_path: Path, radartwin, arguments: list[str], message: str):
+def test_mistakes_give_a_one_line_message(model: Path, tmp_path: Path, inside, arguments: list[str], message: str):
     turning("once", 5).save(tmp_path / "seen")
-    done = radartwin("classify", *(str(model) if word == "MODEL" else word for word in arguments))
+    done = inside("classify", *(str(model) if word == "MODEL" else word for word in arguments))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert message in done.stderr
 

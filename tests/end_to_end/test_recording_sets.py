@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from radartwin import cli
 from radartwin.features.processed import process
 from radartwin.features.profile import multipath_share
 from radartwin.radar.captures import load_capture
@@ -19,38 +18,21 @@ from radartwin.radar.process_capture import process_capture
 from radartwin.recordings.recording_set import RecordingSet
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
-Said = tuple[int, str, str]
 ROOM = "radar/iwr6843_static_room"
 WALK = "radar/openradar_77ghz_frame/doppler_example_1.npy"
 ABOUT_ROOM = ["object=none", "room=indoor", "motion=static", "licence=MIT", "who=mmwave-eyes", "sensor=IWR6843ISK", "when=2024-11-19"]
 ABOUT_WALK = ["object=person", "room=indoor", "motion=other", "licence=Apache-2.0", "who=OpenRadar", "sensor=xWR 77 GHz", "when=2019"]
 
 
-@pytest.fixture
-def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Said]:
-    """The command line in this process, in an empty folder: status, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str | Path) -> Said:
-        try:
-            status = cli.main([*map(str, arguments)])
-        except SystemExit as stopped:  # argparse
-            status = int(stopped.code or 0)
-        said = capsys.readouterr()
-        return status, said.out, said.err
-
-    return run
-
-
-def test_imported_mmwave_studio_capture_is_valid_and_has_the_same_peaks(shared_data: Path, tmp_path: Path, radartwin: Command) -> None:
-    done = radartwin("import", shared_data / ROOM, "--out", "room", *ABOUT_ROOM)
+def test_imported_mmwave_studio_capture_is_valid_and_has_the_same_peaks(shared_data: Path, tmp_path: Path, inside: Command) -> None:
+    done = inside("import", shared_data / ROOM, "--out", "room", *ABOUT_ROOM)
     assert done.returncode == 0, done.stderr
     assert "room: 1 recording added, 1 in all" in done.stdout
     # The capture has one of the hundred frames that description and log give: 143473 packets of 1456 bytes.
     assert "frames are missing: it holds 1; 100 configured, 100 logged" in done.stderr
     name = "iwr6843_frame_adc_data"
     assert (tmp_path / f"room/recordings/{name}.bin").read_bytes() == (shared_data / ROOM / f"{name}.bin").read_bytes()
-    doctor = radartwin("doctor", "--data", "room")
+    doctor = inside("doctor", "--data", "room")
     assert doctor.returncode == 0, doctor.stdout
     assert doctor.stdout.splitlines() == [
         "room: 1 recording, 1 frame, 2.1 MB; radar iwr6843_mmwaveDevice, MIT",
@@ -73,54 +55,44 @@ def test_imported_mmwave_studio_capture_is_valid_and_has_the_same_peaks(shared_d
     assert 0.2 < multipath_share(power, axis, 1.551) < 0.9
 
 
-def test_imported_cube_shows_the_walker(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
+def test_imported_cube_shows_the_walker(shared_data: Path, tmp_path: Path, inside: Command) -> None:
     arguments = ("import", shared_data / WALK, "--out", "walk", "--radar", "openradar_77ghz", *ABOUT_WALK)
-    assert call(*arguments)[:2] == (0, "walk: 1 recording added, 1 in all\n")
-    assert call(*arguments)[:2] == (0, "walk: 0 recordings added, 1 in all\n")
-    status, said, _ = call("doctor", "--data", "walk")
-    assert (status, said.splitlines()[-1]) == (0, "doctor: the set can be used")
+    for added in ("1 recording", "0 recordings"):
+        done = inside(*arguments)
+        assert (done.returncode, done.stdout) == (0, f"walk: {added} added, 1 in all\n")
+    assert inside("doctor", "--data", "walk").stdout.splitlines()[-1] == "doctor: the set can be used"
     moving = process_capture(tmp_path / "walk/recordings/doppler_example_1", settings=FftSettings(static_removed=True))
     assert moving.range_m[0] == pytest.approx(2.955, abs=0.075)
     assert 0.5 < abs(moving.doppler_mps[0]) < 0.8
 
 
-def test_imported_capture_with_q_first_keeps_its_bytes(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
+def test_imported_capture_with_q_first_keeps_its_bytes(shared_data: Path, tmp_path: Path, inside: Command) -> None:
     source = shared_data / ROOM / "iwr6843_frame_adc_data.bin"
     (tmp_path / "raw").mkdir()
     (tmp_path / "raw/radar.mmwave.json").write_bytes((shared_data / ROOM / "iwr6843_mmwaveDevice.mmwave.json").read_bytes())
     np.fromfile(source, "<i2").reshape(-1, 2, 2)[:, ::-1].tofile(tmp_path / "raw/swapped.bin")
-    assert call("import", "raw", "--out", "room", *ABOUT_ROOM)[0] == 0
+    assert inside("import", "raw", "--out", "room", *ABOUT_ROOM).returncode == 0
     assert (tmp_path / "room/recordings/swapped.bin").read_bytes() == (tmp_path / "raw/swapped.bin").read_bytes()
     _, recording = next(RecordingSet.load(tmp_path / "room").recordings())
     assert recording.iq_swapped
     np.testing.assert_array_equal(recording.iq, load_capture(source).iq)
-    assert call("doctor", "--data", "room")[0] == 0
+    assert inside("doctor", "--data", "room").returncode == 0
 
 
-def test_captures_of_two_radars_cannot_share_a_set(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
-    assert call("import", shared_data / ROOM, "--out", "set", *ABOUT_ROOM)[0] == 0
-    before = {path: path.read_bytes() for path in (tmp_path / "set").rglob("*") if path.is_file()}
-    status, _, said = call("import", shared_data / WALK, "--out", "set", "--radar", "openradar_77ghz", *ABOUT_WALK[:3])
-    assert status == 2
-    assert said.splitlines()[-1].startswith("radartwin: set: the radar of doppler_example_1 differs from the set")
-    assert {path: path.read_bytes() for path in (tmp_path / "set").rglob("*") if path.is_file()} == before
-
-
-def test_doctor_lists_every_problem_of_a_damaged_set(shared_data: Path, tmp_path: Path, call: Callable[..., Said]) -> None:
-    assert call("import", shared_data / ROOM, "--out", "room", *ABOUT_ROOM)[0] == 0
+def test_doctor_lists_every_problem_of_a_damaged_set(shared_data: Path, tmp_path: Path, inside: Command) -> None:
+    assert inside("import", shared_data / ROOM, "--out", "room", *ABOUT_ROOM).returncode == 0
     samples = np.fromfile(tmp_path / "room/recordings/iwr6843_frame_adc_data.bin", "<i2")
     samples[50_000:51_000] = 0
     samples = samples.reshape(-1, 2, 2)[:, ::-1]  # Q before I
     samples.tofile(tmp_path / "room/recordings/iwr6843_frame_adc_data.bin")
     card = tmp_path / "room/card.yaml"
     card.write_text(card.read_text().replace("licence: MIT\n", ""))
-    status, said, _ = call("doctor", "--data", "room")
-    assert status == 2
-    problems = [line for line in said.splitlines() if line.startswith("problem")]
-    assert len(problems) == 3
+    done = inside("doctor", "--data", "room")
+    assert done.returncode == 2
+    problems = [line for line in done.stdout.splitlines() if line.startswith("problem")]
     for line, words in zip(problems, ("licence is missing", "zeros (frame 0)", "I and Q seem exchanged"), strict=True):
         assert words in line
-    assert said.splitlines()[-1] == "doctor: 3 problems; see above"
+    assert done.stdout.splitlines()[-1] == "doctor: 3 problems; see above"
 
 
 @pytest.mark.parametrize(
@@ -133,8 +105,7 @@ def test_doctor_lists_every_problem_of_a_damaged_set(shared_data: Path, tmp_path
         (["import", "."], "--out"),
     ],
 )
-def test_user_error_is_one_line_with_status_2(call: Callable[..., Said], arguments: list[str], word: str) -> None:
-    status, _, said = call(*arguments)
-    assert status == 2
-    assert said.count("\n") == 1
-    assert word in said
+def test_user_error_is_one_line_with_status_2(inside: Command, arguments: list[str], word: str) -> None:
+    done = inside(*arguments)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert word in done.stderr

@@ -61,6 +61,8 @@ def test_rows_are_selected_by_columns_and_alternatives(bench: RecordingSet) -> N
     assert len(bench.select(distance_m=1.00001)) == 4  # the index rounds
     with pytest.raises(InputError, match=r"'colour'.*object.*operator"):
         bench.select(colour="red")
+    with pytest.raises(MissingError, match="no recording of object=bottle, distance_m=1"):
+        bench.recordings(object="bottle", distance_m=1)
 
 
 def test_recordings_are_read_on_demand(bench: RecordingSet) -> None:
@@ -135,6 +137,9 @@ def test_folder_that_is_not_a_set_is_refused(tmp_path: Path) -> None:
     CARD.save(tmp_path)
     with pytest.raises(MissingError, match="no recordings yet"):
         _ = RecordingSet.load(tmp_path).radar
+    (tmp_path / "index.csv").write_text("recording,object\n")
+    with pytest.raises(RecordingError, match="no column distance_m"):
+        RecordingSet.load(tmp_path)
 
 
 def test_index_round_trips(tmp_path: Path) -> None:
