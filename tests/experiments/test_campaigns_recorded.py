@@ -18,7 +18,6 @@ from experiments.turntable import environment
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError, InputError, UserError
-from radartwin.features import sets
 from radartwin.features.envelope import frames_per_revolution
 from radartwin.io.progress import Progress
 from radartwin.radar.recording import Recording
@@ -88,17 +87,6 @@ def test_both_providers_give_the_same_processed_bytes(folder: Path) -> None:
         assert np.allclose(first.distance_m, second.distance_m, atol=1e-9)
         assert np.allclose(first.target_poses, second.target_poses, atol=1e-9)
         assert (first.angle_rad is None) == (second.angle_rad is None)
-
-
-def test_features_match_the_testbed(folder: Path) -> None:
-    testbed, recordings = campaign_of(configured(folder)), campaign_of(recorded(folder))
-    for case in testbed.cases("measured", motion="turntable"):
-        vectors = []
-        for campaign in (testbed, recordings):
-            _, processed = campaign.processed("measured", case)
-            vectors.append(sets.vector(processed, campaign.log(case), "rotation"))
-        assert vectors[0][0] == vectors[1][0]
-        assert np.allclose(vectors[0][1], vectors[1][1], rtol=1e-9)
 
 
 def test_an_experiment_gives_the_same_values_for_both_providers(folder: Path) -> None:
