@@ -99,13 +99,6 @@ def test_panes_are_transparent_and_metal_is_opaque():
     assert np.allclose(screen.depth, 1.0, atol=1e-4)
 
 
-def test_mirror_shows_the_room_behind_the_camera():
-    view = seen(wall(1.0, "metal", "mirror", "mirror"), wall(-2.0, name="back"))
-    assert view.mirror.all()
-    assert np.allclose(view.depth, 4.0, atol=1e-3)  # 1 m to the mirror, 3 m back
-    assert (view.first == 0).all()
-
-
 def test_noise_of_high_confidence_has_the_stated_spread():
     view, depth, confidence = errors(wall(2.0), 40)
     sure = (confidence == 2) & (np.arange(SIZE[0]) > 24)  # the noise of the border with low confidence extends into its neighbours

@@ -1,7 +1,7 @@
 """Describe the appearance of a scene's surfaces: pixels of all textures in one array, texture coordinates, and optical properties.
 
-The optical properties come from the true materials. Layers of glass and air are transparent if they have air behind them. The MINC classes
-metal and mirror reflect. Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
+The optical properties come from the true materials. Layers of glass and air are transparent if they have air behind them. Metal
+reflects. Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Look(NamedTuple):
     Attributes:
         triangles: (F, 3, 3) corners in world coordinates. normals: (F, 3).
         surface: (F,) index of the face's surface in the scene.
-        clear: (F,) bool, transparent. mirror: (F,) bool.
+        clear: (F,) bool, transparent.
         metal: (F,) bool. organic: (F,) bool, bright in the near infrared. sheen: (F,) reflectance at normal incidence.
         to_uv: (F, 2, 4) affine map from world to pixels of the texture's finest level.
         texture: (F,) number of the texture, -1 for none. tint: (F, 3) linear colour of a face without texture.
@@ -47,7 +47,6 @@ class Look(NamedTuple):
     normals: np.ndarray
     surface: np.ndarray
     clear: np.ndarray
-    mirror: np.ndarray
     metal: np.ndarray
     organic: np.ndarray
     sheen: np.ndarray
@@ -64,7 +63,6 @@ class Look(NamedTuple):
 
 def look_of(scene: Scene) -> Look:
     """Compute the appearance of a scene.
-
 
     >>> from radartwin.scene.scene import Scene, Surface
     >>> pane = Surface(trimesh.creation.box((1, 1, 0.01)), Layered([("glass", 0.01)]), "pane")
@@ -106,7 +104,6 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
         "normals": normals,
         "surface": np.full(count, index, np.int32),
         "clear": np.full(count, _is_clear(surface)),
-        "mirror": np.full(count, minc == "mirror"),
         "metal": np.full(count, metal),
         "organic": np.full(count, minc in ORGANIC or (not minc and outer in ("wood", "plywood", "chipboard", "floorboard"))),
         "sheen": np.full(count, sheen),

@@ -29,7 +29,7 @@ class ScanTruth:
         names: names of the scene's surfaces, in the order of the scene.
         poses: (N, 4, 4) true camera poses.
         surface: (N, h, w) int16, index of the surface at each pixel's depth; -1 without depth, or if the depth mixes two surfaces.
-        first: (N, h, w) int16, index of the first surface on each ray, including panes and mirrors; -1 where the ray leaves the scene.
+        first: (N, h, w) int16, index of the first surface on each ray, including panes; -1 where the ray leaves the scene.
         depth_m: (N, h, w) float32, true depth of the reflecting surface; 0 where the ray leaves the scene.
     """
 
@@ -91,7 +91,7 @@ def scan(
         if light is not None and i % colour_every == 0:
             colour = picture(look, light, poses[i], colour_intrinsics, sensor.colour_size, rng)
         frame = Frame(f"{i:05d}", estimated[i], intrinsics, depth, colour, colour_intrinsics if colour is not None else None, confidence)
-        surface = np.where((depth > 0) & hit & ~flying & ~seen.mirror, look.surface[seen.face], NOT_SEEN)
+        surface = np.where((depth > 0) & hit & ~flying, look.surface[seen.face], NOT_SEEN)
         return frame, surface.astype(np.int16), seen.first.astype(np.int16), np.where(hit, seen.depth, 0).astype(np.float32)
 
     with ThreadPoolExecutor(cores()) as pool:
