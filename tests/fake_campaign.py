@@ -6,7 +6,7 @@ an object transfer between the domains.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -31,15 +31,16 @@ class FakeCampaign:
         signature: strength of the differences between objects; 0 makes all objects alike.
         gap: distance of the measured objects from their twins.
         turns: revolutions of a measured turntable.
+        keep: whether a domain contains a case.
     """
 
     def __init__(
         self, motions: Sequence[Motion] = ("turntable",), rooms: Sequence[str] = ("lab",), distances: Sequence[float] = (0.5, 1.0),
         repetitions: int = 3, frames: int = 40, signature: float = 1.0, gap: float = 0.1, objects: Sequence[str] = (),
-        turns: int = 1,
+        turns: int = 1, keep: Callable[[str, Case], bool] = lambda domain, case: True,
     ) -> None:  # fmt: skip
         self.motions, self.rooms, self.distances, self.repetitions = motions, rooms, distances, repetitions
-        self.frames, self.signature, self.gap, self.turns = frames, signature, gap, turns
+        self.frames, self.signature, self.gap, self.turns, self.keep = frames, signature, gap, turns, keep
         self.objects = tuple(objects) or tuple(catalogue())
         self.radar = Radar.iwr1843()
         self.range_m = range_axis(self.radar, self.radar.num_samples)
@@ -52,6 +53,7 @@ class FakeCampaign:
             for repetition in range(self.repetitions if domain == "measured" else 1)
             if motion == "turntable" or catalogue()[name].rover
         ]  # fmt: skip
+        found = [case for case in found if self.keep(domain, case)]
         return [case for case in found if all(getattr(case, name) == value for name, value in chosen.items() if value is not None)]
 
     def log(self, case: Case, domain: str = "measured") -> Nominal:

@@ -1,12 +1,11 @@
 """Contrastive alignment of simulated radar with text: linear classifiers (probes) on the embeddings of measured recordings.
 
 The encoder is trained to align simulated rotation features with MiniLM embeddings of the objects' descriptions. It then embeds measured
-features, and a linear classifier (probe) predicts geometry and material of each measured recording. The probe is trained either on all
-other recordings (one interpretation of the paper) or on recordings of other objects only, so that recordings of the tested object cannot
-reveal its class. Classes have equal weight, so chance is one over the number of classes. Paper: contrastive sim-real alignment, geometry 85
-% (chance 50), material 40 % (chance 33). With `supervision=few_shot`, training includes a few randomly drawn measured recordings, and
-`supervision.encoder.paired` adds the loss term between simulated and measured recordings. An encoder trained on simulation alone is
-exported as a model for `radartwin classify`; its features exclude brightness because the gain of another radar is unknown.
+features, and a probe predicts geometry and material of each measured recording. Probes trained on all other recordings are one
+interpretation of the paper. Probes trained on other objects only cannot recognise the class by the tested object's own recordings. Classes
+have equal weight, so chance is one over the number of classes. Paper: contrastive sim-real alignment, geometry 85 % (chance 50), material
+40 % (chance 33). An encoder trained on simulation alone is exported as a model for `radartwin classify`; its features exclude brightness
+because the gain of another radar is unknown.
 """
 
 from __future__ import annotations

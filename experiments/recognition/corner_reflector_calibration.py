@@ -1,10 +1,9 @@
-"""Calibration by one corner reflector: the brightness error of each material after an affine map from simulated to measured values.
+"""Calibration by one corner reflector: the echo power error of each material after an affine map from simulated to measured values.
 
-One unlabelled recording of the reflector in each domain gives the map (radartwin/features/normalise.py). The mapped feature is the
-brightness of a revolution; one reflector gives one level, so the map is an offset. A map fitted to the frames of a revolution would get a
-slope (0.59 at 1.5 m) because echoes of the room dominate at angles where the reflector echoes weakly. The table applies the map to the
-brightness of every simulated object and gives the measured minus the mapped value. The reflector itself is not scored. Paper:
-corner-reflector radiometric calibration: metal aligns, dielectrics stay too dim, liquid-filled containers most.
+The mapped feature is the brightness of a revolution (radartwin/features/envelope.py). One reflector gives one level, so the map is an
+offset. A map fitted to the frames of a revolution would get a slope (0.59 at 1.5 m) because echoes of the room dominate at angles where the
+reflector echoes weakly. Paper: corner-reflector radiometric calibration: metal aligns, dielectrics stay too dim, liquid-filled containers
+most.
 """
 
 from __future__ import annotations

@@ -1,12 +1,10 @@
 """Labelled probe: how much does an encoder trained on simulation alone help if some measured labels are known?
 
-The encoder is trained on noisy copies of simulated revolutions and never sees a measured revolution. It then embeds the measured
-revolutions. The probe classifies each revolution by the nearest class centroid of the other revolutions. The same probe on the features
-without encoder shows the benefit of the training. A second probe uses only revolutions at equal distance, so that distance is no cue.
-Revolutions of one recording are nearly equal, so a third probe leaves out all revolutions of the classified recording; the remaining
-revolutions of the object are at other distances. Paper (recognition with simulation-trained representations): 95.3 +- 1.5 % with encoder,
-89.7 % with raw features and 90.1 % with an adapted RF-Genesis; at equal distance 95.3 % with encoder and 90.3 % raw. Not in the paper:
-accuracy against the number of labels, and controls with shuffled labels and domains.
+The same probe on the features without encoder shows the benefit of the training. Revolutions of one recording are nearly equal, so the
+probe on other recordings leaves out all revolutions of the classified recording; the remaining revolutions of the object are at other distances.
+Paper (recognition with simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted
+RF-Genesis; at equal distance 95.3 % with encoder and 90.3 % raw. Not in the paper: accuracy against the number of labels, and controls with
+shuffled labels and domains.
 """
 
 from __future__ import annotations

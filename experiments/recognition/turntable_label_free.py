@@ -1,9 +1,8 @@
 """Turntable without labels: does training on simulation alone recognise the attributes of an object, or the object itself?
 
-Rotation features of both domains are rank-normalised separately within each distance. The encoder is trained on noisy copies of the
-simulated features. A linear classifier (probe) on its embeddings predicts geometry and material of the measured recordings; the object is
-predicted as the nearest text description. Paper (recognition, label-free): accuracy for geometry is 0.72, and the largest class has a share
-of 0.58; for material 0.72 and 0.67. The object itself is not recognised.
+The encoder is trained on noisy copies of the simulated features; the object is predicted as the nearest text description. Paper
+(recognition, label-free): accuracy for geometry is 0.72, and the largest class has a share of 0.58; for material 0.72 and 0.67. The object
+itself is not recognised.
 """
 
 from __future__ import annotations

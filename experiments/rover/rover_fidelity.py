@@ -1,11 +1,8 @@
 """Along trajectories: does the simulated signal follow the measured signal along a drive, and do features rank objects equally?
 
-For every object, distance and room, the start of the simulated drive is aligned with the start of the measured drive by correlating their
-target energies. The table then gives the Pearson correlation of the tracked ranges over common frames, the Pearson correlation of the mean
-normalised range profiles (amplitudes, 0.3 to 5.5 m), and the difference between Doppler velocity and the log's range rate. At each room,
-motion and distance it gives the Spearman correlation over objects of every feature, and the share of positive correlations with an exact
-binomial p, as in the paper. This p is too small because features depend on one another. For metal and plastic, the table gives the sign of
-the brightness difference in both domains, and the ratio of the differences in decibels. Paper: signal fidelity along trajectories.
+The start of the simulated drive is aligned with the start of the measured drive by correlating their target energies. Range profiles are
+compared as amplitudes from 0.3 to 5.5 m. The binomial p of the share of positive rank correlations is too small, because features depend on
+one another; the paper reports the same p. Paper: signal fidelity along trajectories.
 """
 
 from __future__ import annotations

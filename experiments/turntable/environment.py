@@ -1,10 +1,8 @@
 """Environment ablation: is a simulated range profile closer to the measured one if the simulation includes the room?
 
-A corner reflector turns in front of the radar at each distance. The measured recordings come from the campaign. There are two simulations:
-object and stand alone (void), and object and stand in the twin's room (as scanned, with the configured materials). The table gives the
-Pearson correlation of each simulated mean range profile with the measured profile, and the share of energy that arrives from beyond the
-target. Paper (environment ablation, 2 m): correlation -0.24 in void and +0.42 in the reconstructed scene. About 75 % of the energy arrives
-from beyond the target.
+One simulation contains object and stand alone (void). The other simulation contains object and stand in the twin's room, as scanned, with
+the configured materials. Paper (environment ablation, 2 m): correlation -0.24 in void and +0.42 in the reconstructed scene; about 75 % of
+the energy arrives from beyond the target.
 """
 
 from __future__ import annotations

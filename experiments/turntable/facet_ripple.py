@@ -1,9 +1,9 @@
 """Facet ripple: the echo of a can of flat facets varies with as many cycles per revolution as the can has facets; a smooth can has none.
 
-The table compares a can of FACETS flat facets with the same mesh when its facets are curved by vertex normals, over a full revolution in
-the far field and at one metre. Both meshes repeat after one facet, so ASPECTS_PER_FACET angles across one facet represent all 2048 angles
-of a revolution. Ripple is the harmonic ratio of the band around FACETS cycles per revolution. Paper, disentangled fidelity, shape: the
-triangulated mesh ripples at about 128 cycles per revolution, which smooth objects do not.
+A can of FACETS flat facets is compared with the same mesh whose facets are curved by vertex normals, in the far field and at one metre.
+Both meshes repeat after one facet, so ASPECTS_PER_FACET angles across one facet represent all 2048 angles of a revolution. Ripple is the
+harmonic ratio of the band around FACETS cycles per revolution. Paper, disentangled fidelity, shape: the triangulated mesh ripples at about
+128 cycles per revolution, which smooth objects do not.
 """
 
 from __future__ import annotations

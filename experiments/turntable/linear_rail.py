@@ -1,14 +1,8 @@
 """Translation: does the tracked range of a corner reflector on a rail change by the length of the rail, in both domains?
 
-The reflector moves 60 cm from a distance of one metre, away from the radar (radial) and at 45 degrees to the line of sight (diagonal). Its
-peak is searched over the whole span of the rail. The table gives the excursion (total change) of the peak's power-weighted range, compared
-with the log and between the domains, and the correlation of the tracks over frames (shape correlation). There are two trackers:
-`continuous` follows the strongest track without jumps; `brightest` takes the strongest bin of each frame, which can be a bright echo of the
-room.
-
-Paper (linear transformations), radial: excursion 0.50 m measured and 0.51 m simulated, shape correlation 0.78. Paper, diagonal: 0.22 m
-measured, 0.44 m simulated, 0.42 m expected; the paper blames ambiguous peaks in clutter. Here the expected diagonal excursion is that of
-the log, 0.49 m.
+Paper (linear transformations), radial: excursion (total change of the range) 0.50 m measured and 0.51 m simulated, shape correlation
+(correlation of the tracks over frames) 0.78. Paper, diagonal, at 45 degrees to the line of sight: 0.22 m measured, 0.44 m simulated, 0.42 m
+expected; the paper blames ambiguous peaks in clutter. Here the expected diagonal excursion is that of the log, 0.49 m.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""Material: does the brightness of objects of similar size depend on their material class, and by how much in each domain?
+"""Material: does the echo power of objects of similar size depend on their material class, and by how much in each domain?
 
-The table compares target-gate brightness without the R^4 range law, in decibels, at each distance: the mean of the cans (metal) minus the
-mean of the bottles (plastic), and the mug (ceramic). The corner reflector is left out because it is a retroreflector and not of similar
-size. Paper, disentangled fidelity, material: metal is brighter than plastic in both domains; the simulation exaggerates the contrast and
-under-predicts the ceramic mug. Under-prediction of the mug is judged relative to the cans, so that a difference in gain between the domains
-cancels.
+The classes are cans (metal), bottles (plastic) and the mug (ceramic). The corner reflector is left out because it is a retroreflector and
+not of similar size. Paper, disentangled fidelity, material: metal is brighter than plastic in both domains; the simulation exaggerates the
+contrast and under-predicts the ceramic mug. Under-prediction of the mug is judged relative to the cans, so that a difference in gain
+between the domains cancels.
 """
 
 from __future__ import annotations

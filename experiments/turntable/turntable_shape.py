@@ -1,12 +1,10 @@
 """Shape: do objects differ in the modulation of their echo over a revolution in simulation as they do in measurement?
 
-Every object turns in front of the radar at each distance. Each recording gives the angular harmonic ratio (power at 1 to 6 cycles per
-revolution over the DC power), the other rotation features except brightness, and the range-Doppler signature of a revolution. The table
-compares between the domains: the harmonic ratio of each object; the ranking of objects by this ratio (Spearman); the distances between
-objects in feature space (Mantel test); the signatures (SSIM of an object with its own twin and with other objects' twins); and the change
-of the corner reflector's harmonic ratio with distance. Paper: disentangled fidelity, shape, and turntable fidelity. An object counts as
-cleanly localised if the strongest echo of all ranges lies in the target gate in at least half of its measured recordings; the paper gives
-no criterion.
+The table compares between the domains the harmonic ratio of each object, the ranking of objects by this ratio (Spearman), the distances
+between objects in the space of all rotation features except brightness (Mantel test), the range-Doppler signatures of a revolution (SSIM of
+an object with its own twin and with other objects' twins), and the change of the corner reflector's harmonic ratio with distance. Paper:
+disentangled fidelity, shape, and turntable fidelity. An object counts as cleanly localised if the strongest echo of all ranges lies in the
+target gate in at least half of its measured recordings; the paper gives no criterion.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""Size: does brightness rise with the height of cans that are otherwise equal?
+"""Size: does the echo power rise with the height of cans that are otherwise equal?
 
-The six cans have equal diameter and material and heights from 76 to 157 mm. At each distance and over all distances, the table gives the
-rank correlation of height and target-gate brightness, and the slope of brightness in decibels per doubling of the height. A slope of 6 dB
-is expected, because a cylinder's cross-section grows with its height squared as long as the wavefront is flat across the can. Paper,
-disentangled fidelity, size: the measured domain shows no consistent trend because the array has no aperture in elevation; the simulation
-includes the whole mesh and may show a trend.
+The six cans have equal diameter and material and heights from 76 to 157 mm. The echo power should rise by 6 dB per doubling of the height,
+because a cylinder's cross-section grows with its height squared as long as the wavefront is flat across the can. Paper, disentangled
+fidelity, size: the measured domain shows no consistent trend because the array has no aperture in elevation; the simulation includes the
+whole mesh and may show a trend.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fake_campaign import FakeCampaign
 
+from experiments.campaign.cases import Case
 from experiments.claims import Claim
 from experiments.recognition import (
     contrastive,
@@ -104,12 +105,7 @@ def test_labelled_probe_recognises_different_objects(tmp_path: Path):
 
 def test_labelled_probe_of_single_recordings_has_no_probe_on_others(tmp_path: Path):
     """One recording per object has several revolutions, but no other recordings and none for labels."""
-
-    class Once(FakeCampaign):
-        def cases(self, domain, **chosen):
-            return [case for case in super().cases(domain, **chosen) if case.distance_m == 1.0]
-
-    result = checked(probe(tmp_path, Once(objects=OBJECTS, frames=24, repetitions=1, turns=2)))
+    result = checked(probe(tmp_path, turntable(repetitions=1, keep=lambda domain, case: case.distance_m == 1.0)))
     found = row(result, probe=labelled_probe.REVOLUTIONS, method=labelled_probe.PRETRAINED)
     assert (found["n"], found["answers"]) == (6, 12)
     probes = {one["probe"] for one in result.rows}
@@ -133,18 +129,13 @@ def test_rows_do_not_depend_on_the_order_of_cases(tmp_path: Path):
             return super().cases(domain, **chosen)[::-1]
 
     given = {"objects": OBJECTS, "frames": 24, "repetitions": 2, "turns": 2}
-    first, second = (probe(tmp_path, made, name) for name, made in (("a", FakeCampaign(**given)), ("b", Reversed(**given))))
+    first, second = (probe(tmp_path, made, name) for name, made in (("a", turntable()), ("b", Reversed(**given))))
     assert first.rows == second.rows
 
 
 def test_every_object_has_the_same_number_of_measured_cases():
-
-    class Often(FakeCampaign):
-        def cases(self, domain, **chosen):
-            found = super().cases(domain, **chosen)
-            return [case for case in found if case.repetition < (3 if case.object == "corner_reflector" else 2)]
-
-    measured, _ = shared_cases(Often(objects=OBJECTS), "turntable")
+    often = FakeCampaign(objects=OBJECTS, keep=lambda domain, case: case.repetition < 2 or case.object == "corner_reflector")
+    measured, _ = shared_cases(often, "turntable")
     number = Counter((case.object, case.distance_m) for case in measured)
     assert set(number.values()) == {2}
     assert {case.repetition for case in measured} == {0, 1}
@@ -152,18 +143,15 @@ def test_every_object_has_the_same_number_of_measured_cases():
 
 
 def test_distances_with_one_object_and_objects_without_twin_are_left_out():
+    def keep(domain: str, case: Case) -> bool:
+        return (case.distance_m == 1.0 or case.object == "corner_reflector") and (domain == "measured" or case.object != "mug")
 
-    class Uneven(FakeCampaign):
-        def cases(self, domain, **chosen):
-            found = super().cases(domain, **chosen)
-            found = [case for case in found if case.distance_m == 1.0 or case.object == "corner_reflector"]
-            return [case for case in found if domain == "measured" or case.object != "mug"]
-
-    measured, simulated = shared_cases(Uneven(objects=OBJECTS), "turntable")
+    uneven = FakeCampaign(objects=OBJECTS, keep=keep)
+    measured, simulated = shared_cases(uneven, "turntable")
     assert {case.distance_m for case in (*measured, *simulated)} == {1.0}
     assert {case.object for case in measured} == {case.object for case in simulated} == set(OBJECTS) - {"mug"}
     with pytest.raises(ValueError, match="no lateral recordings in atrium of two objects"):
-        shared_cases(Uneven(objects=OBJECTS), "lateral", "atrium")
+        shared_cases(uneven, "lateral", "atrium")
 
 
 def test_geometry_transfers_without_labels(tmp_path: Path):

@@ -1,7 +1,7 @@
 """Describe the appearance of a scene's surfaces: pixels of all textures in one array, texture coordinates, and optical properties.
 
-The optical properties come from the true materials. Layers of glass and air are transparent if they have air behind them. Metal
-reflects. Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
+The optical properties come from the true materials. Layers of glass and air are transparent if they have air behind them. Metal reflects.
+Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from trimesh.visual import ColorVisuals
 
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene, Surface
@@ -97,8 +96,6 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
         height, width = pixels.shape[:2]
         corner = uv[np.asarray(mesh.faces)] * (width, -height) + (-0.5, height - 0.5)  # v points up, rows go down
         to_uv = _affine(triangles, normals, corner)
-    elif isinstance(mesh.visual, ColorVisuals) and mesh.visual.kind is not None:
-        tint = to_linear(np.asarray(mesh.visual.face_colors)[:, :3])
     return {
         "triangles": triangles,
         "normals": normals,
