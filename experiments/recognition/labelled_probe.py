@@ -1,10 +1,11 @@
 """Labelled probe: how much does an encoder trained on simulation alone help if some measured labels are known?
 
-The same probe on the features without encoder shows the benefit of the training. Revolutions of one recording are nearly equal, so the
-probe on other recordings leaves out all revolutions of the classified recording; the remaining revolutions of the object are at other
-distances. Paper (recognition with simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 %
-with an adapted RF-Genesis; at equal distance 95.3 % with encoder and 90.3 % raw. Not in the paper: accuracy against the number of labels,
-and controls with shuffled labels and domains.
+A probe classifies each measured revolution by the nearest class centroid of other revolutions, in the space of the encoder's embeddings.
+The same probe on the raw features shows the benefit of the training. Revolutions of one recording are nearly equal, so the probe on other
+recordings leaves out all revolutions of the classified recording; the remaining revolutions of the object are at other distances. Paper
+(recognition with simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted RF-
+Genesis; at equal distance 95.3 % with encoder and 90.3 % raw. Not in the paper: accuracy against the number of labels, and controls with
+shuffled labels and domains.
 """
 
 from __future__ import annotations
