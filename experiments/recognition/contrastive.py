@@ -43,7 +43,6 @@ EXPORT_WITHOUT = ("brightness",)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), store, progress)
 
 

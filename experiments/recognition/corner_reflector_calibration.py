@@ -49,7 +49,6 @@ ALIGNED_DB = 3.0  # a factor of two in power
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 

@@ -152,7 +152,6 @@ def _usable_probes(measured: Samples, progress: Progress) -> list[str]:
 
 
 def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
-    """Return the leave-one-out predictions of a probe."""
     return leave_one_out_centroid(samples, samples.source if probe == RECORDINGS else None, stratified=probe == MATCHED)
 
 

@@ -43,7 +43,6 @@ WRONG = (0.25, 0.5, 1.0)  # shares of labels that are replaced
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign, with one campaign per material source."""
     campaigns = {name: Campaign(replace(config, materials=materials), store, progress) for name, (_, materials) in sources(config).items()}
     make_together({key: one for some in campaigns.values() for key, one in transfer.missing(some, ROOM, MOTION).items()}, progress)
     return score(config, campaigns, progress)

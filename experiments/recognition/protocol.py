@@ -42,7 +42,6 @@ def seeds(config: Config) -> list[int]:
 
 
 def encoders(config: Config, split: Split) -> list[Encoder]:
-    """Train one encoder per seed."""
     texts = anchors(split.train.classes)
     return [fit(split, texts, settings(config, split.level), seed).encoder for seed in seeds(config)]
 

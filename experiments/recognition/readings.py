@@ -79,7 +79,6 @@ def vectors(source: RecordingSource, domain: str, cases: Sequence[Case], feature
 
 
 def frames(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, materials: Any = None) -> Readings:
-    """Read one feature row per frame."""
     return _read(source, domain, cases, lambda processed, log: sets.frames(processed, log, features), materials)
 
 

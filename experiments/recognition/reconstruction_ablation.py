@@ -47,7 +47,6 @@ PAPER = {
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     check(config)
     campaign = Campaign(config, store, progress)
     sides = [transfer.missing(campaign, ROOM, MOTION, domain, materials) for _, domain, materials in METHODS]

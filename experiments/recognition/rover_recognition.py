@@ -79,7 +79,6 @@ class Shown:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), store, progress)
 
 

@@ -36,7 +36,6 @@ PAPER = {"geometry": "0.72", "material": "0.72"}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), store, progress)
 
 

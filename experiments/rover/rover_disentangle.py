@@ -48,7 +48,6 @@ Cells = Mapping[Label, NDArray[np.floating]]  # values (2, features): measured, 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 
@@ -102,7 +101,6 @@ def _add_slices(rows: RowList, motion: str, cells: Cells, keys: list[str], slice
 
 
 def _add_effects(rows: RowList, motion: str, cells: Cells, keys: list[str]) -> None:
-    """Add rows of the main effects of object, distance and room on the disagreement."""
     seeds = rows.config.profile.resamples, rows.config.seed
     shares = effects(cells)
     for factor in shares:

@@ -63,7 +63,6 @@ Tracks = dict[tuple[str, str], dict[str, list[RailTrack]]]  # [object, motion][d
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 

@@ -49,7 +49,6 @@ DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", belo
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 

@@ -64,7 +64,6 @@ Similarity = Mapping[tuple[str, str], NDArray[np.float64]]  # [measured object, 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 

@@ -45,7 +45,6 @@ NO_TREND = Claim("no consistent trend with the height of a can", "none", contain
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign."""
     return score(config, Campaign(config, store, progress), progress)
 
 

@@ -32,8 +32,6 @@ class Log(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Nominal:
-    """Hold a motion log as arrays."""
-
     frame_rate_hz: float
     distance_m: NDArray[np.float64]
     angle_rad: NDArray[np.float64] | None

@@ -57,6 +57,5 @@ def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) ->
 
 
 def copies(processed: Processed, noise_power: float, count: int, seed: int | list[int]) -> Iterator[Processed]:
-    """Yield `count` copies of a recording with independent noise."""
     for number in range(count):
         yield noisy(processed, noise_power, np.random.default_rng([*np.atleast_1d(seed).tolist(), number]))

@@ -66,7 +66,6 @@ class Encoder:
 
     @property
     def size(self) -> int:
-        """Return the number of input features, D."""
         return self.weights["hidden_weight"].shape[-1]
 
     def embed(self, values: NDArray) -> NDArray[np.float32]:

@@ -13,8 +13,6 @@ RECORDING = "recording"
 
 
 class Classifier:
-    """Maps recordings to labels and probabilities."""
-
     def __init__(self, recogniser: Recogniser) -> None:
         self.recogniser = recogniser
 

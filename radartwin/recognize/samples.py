@@ -97,7 +97,6 @@ class Samples(Unlabelled):
         return replace(self, label=np.array([classes[label] for label in self.label], dtype=str))
 
     def without(self, label: str) -> Samples:
-        """Return all rows except those of this label."""
         return self.take(self.label != label)
 
     def per_recording(self) -> Samples:

@@ -72,7 +72,6 @@ def weights_sha256() -> str:
 
 
 def write_shipped(texts: Sequence[str]) -> Path:
-    """Encode the texts and write them as the shipped anchors."""
     vectors = {text: base64.b64encode(vector.astype("<f4").tobytes()).decode() for text, vector in zip(texts, encode(texts), strict=True)}
     content = {"model": MODEL, "weights_sha256": weights_sha256(), "anchors": vectors}
     return files.write_atomically(SHIPPED, json.dumps(content, indent=1) + "\n")
