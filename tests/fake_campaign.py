@@ -11,10 +11,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from experiments.campaign.cases import Case, Motion
+from radartwin.config.compose import compose
+from radartwin.config.config import Config
 from radartwin.features.log import Nominal
 from radartwin.features.processed import MAX_RANGE_M, Processed
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import range_axis, velocity_axis
+from radartwin.runs.experiment import Result
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.digest import spec_digest
 
@@ -101,6 +104,18 @@ class FakeCampaign:
         floor = np.full(len(self.range_m), noise, np.float32)
         made = Processed(self.radar, self.range_m, power, channels, None, velocity_axis(self.radar, self.radar.num_chirps), floor)
         return spec_digest([domain, case, str(source), self.signature, self.gap, frames])[:32], made
+
+
+def config(name: str, *overrides: str) -> Config:
+    """The configuration of a table with few bootstrap resamples."""
+    return compose([f"experiment={name}", "output=/tmp/nowhere", "profile.resamples=200", *overrides])
+
+
+def find(result: Result, **wanted) -> dict:
+    """The only row of a table with the given values."""
+    found = [row for row in result.rows if all(row.get(name) == value for name, value in wanted.items())]
+    assert len(found) == 1, (wanted, found)
+    return found[0]
 
 
 def catalogue_number(name: str) -> int:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from echoes import RADAR, echoes
+from fake_campaign import config, find
 
 from experiments.campaign.cases import Case, Motion
 from experiments.turntable import linear_rail
-from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.log import Nominal
 from radartwin.features.processed import Processed, process
@@ -54,26 +52,21 @@ class Rail:
 
 
 def table(clutter: float) -> Result:
-    config: Config = compose(["experiment=linear_rail", "output=/tmp/nowhere"])
-    return linear_rail.score(replace(config, profile=replace(config.profile, resamples=100)), Rail(clutter), Progress())
-
-
-def find(result: Result, metric: str, motion: str, of: str, tracker: str = "continuous") -> dict:
-    rows = [r for r in result.rows if (r["metric"], r["motion"], r["of"], r["tracker"]) == (metric, motion, of, tracker)]
-    assert len(rows) == 1
-    return rows[0]
+    return linear_rail.score(config("linear_rail"), Rail(clutter), Progress())
 
 
 def test_both_trackers_match_the_rail_without_clutter(tmp_path: Path) -> None:
     result = table(clutter=0.0)
     for tracker in linear_rail.TRACKERS:
         for of in ("measured", "simulated"):
-            assert find(result, "excursion (m)", "radial", of, tracker)["value"] == pytest.approx(0.6, abs=2e-3)
-            assert find(result, "excursion (m)", "diagonal", of, tracker)["value"] == pytest.approx(0.4861, abs=2e-3)
-            assert find(result, "excursion less the rail's (m)", "radial", of, tracker)["verdict"] == "holds"
-        assert find(result, "shape correlation", "radial", "both", tracker)["value"] > 0.999
-        assert find(result, "shape correlation", "radial", "both", tracker)["verdict"] == "holds"
-    assert find(result, "excursion (m)", "radial", "measured")["n"] == 3
+            excursion = {"metric": "excursion (m)", "of": of, "tracker": tracker}
+            assert find(result, motion="radial", **excursion)["value"] == pytest.approx(0.6, abs=2e-3)
+            assert find(result, motion="diagonal", **excursion)["value"] == pytest.approx(0.4861, abs=2e-3)
+            assert find(result, metric="excursion less the rail's (m)", motion="radial", of=of, tracker=tracker)["verdict"] == "holds"
+        shape = find(result, metric="shape correlation", motion="radial", of="both", tracker=tracker)
+        assert shape["value"] > 0.999
+        assert shape["verdict"] == "holds"
+        assert shape["n"] == 4
     assert result.metrics["excursion_radial_measured"] == pytest.approx(0.6, abs=2e-3)
     save(result, tmp_path)
     assert (tmp_path / "figures" / "linear_rail.png").stat().st_size > 10_000
@@ -81,14 +74,13 @@ def test_both_trackers_match_the_rail_without_clutter(tmp_path: Path) -> None:
 
 def test_a_constant_room_echo_shortens_the_excursion_of_the_brightest_bin() -> None:
     result = table(clutter=8e-4)
-    short = find(result, "measured less simulated excursion (m)", "diagonal", "both", "brightest")
+    short = find(result, metric="measured less simulated excursion (m)", motion="diagonal", of="both", tracker="brightest")
     assert short["value"] < -0.02
     assert short["verdict"] == "holds"
-    twin = find(result, "excursion less the rail's (m)", "radial", "simulated", "brightest")
+    twin = find(result, metric="excursion less the rail's (m)", motion="radial", of="simulated", tracker="brightest")
     assert twin["verdict"] == "holds"
 
 
 def test_a_campaign_without_rail_recordings_is_refused() -> None:
-    config = compose(["experiment=linear_rail", "output=/tmp/nowhere"])
     with pytest.raises(ConfigError, match="no radial or diagonal recordings"):
-        linear_rail.score(config, Rail(0.0, motions=()), Progress())
+        linear_rail.score(config("linear_rail"), Rail(0.0, motions=()), Progress())

@@ -7,9 +7,10 @@ from collections import Counter
 from dataclasses import fields
 from pathlib import Path
 
+import fake_campaign
 import numpy as np
 import pytest
-from fake_campaign import FakeCampaign
+from fake_campaign import FakeCampaign, find
 
 from experiments.campaign.cases import Case
 from experiments.claims import Claim
@@ -32,12 +33,12 @@ from radartwin.recognize.samples import MEASURED, Part, gather
 from radartwin.runs.experiment import Result, check_rows, save
 from radartwin.store.products import Store
 
-SMALL = ["supervision.copies=3", "supervision.seeds=2", "supervision.trees=20", "supervision.encoder.epochs=10", "profile.resamples=200"]
+SMALL = ["supervision.copies=3", "supervision.seeds=2", "supervision.trees=20", "supervision.encoder.epochs=10"]
 OBJECTS = ("can_211_300", "can_211_400", "corner_reflector", "mug", "mustard", "olive_oil")
 
 
 def config(name: str, *overrides: str) -> Config:
-    return compose([f"experiment={name}", *SMALL, *overrides])
+    return fake_campaign.config(name, *SMALL, *overrides)
 
 
 def turntable(**changed) -> FakeCampaign:
@@ -70,12 +71,6 @@ class Study:
         return self.of(case).log(case, domain)
 
 
-def row(result: Result, **wanted) -> dict:
-    found = [one for one in result.rows if all(one.get(name) == value for name, value in wanted.items())]
-    assert len(found) == 1, (wanted, found)
-    return found[0]
-
-
 def checked(result: Result, folder: Path | None = None) -> Result:
     """Check the rows; with a folder, also save the result and check its figures."""
     check_rows(result.table, result.rows)
@@ -95,18 +90,18 @@ def probe(tmp_path: Path, campaign: FakeCampaign, name: str = "one") -> Result:
 def test_labelled_probe_recognises_different_objects(tmp_path: Path):
     result = checked(probe(tmp_path, turntable()))
     for kind in labelled_probe.PROBES:
-        found = row(result, probe=kind, method=labelled_probe.PRETRAINED)
+        found = find(result, probe=kind, method=labelled_probe.PRETRAINED)
         assert (found["verdict"], found["n"], found["answers"]) == ("holds", 24, 48)
         assert found["chance"] == pytest.approx(1 / 6)
-    assert row(result, probe="control", method="simulated labels shuffled, nearest text")["verdict"] == "holds"
-    assert row(result, probe="4 labels per class", method=labelled_probe.RAW)["n"] < 24
+    assert find(result, probe="control", method="simulated labels shuffled, nearest text")["verdict"] == "holds"
+    assert find(result, probe="4 labels per class", method=labelled_probe.RAW)["n"] < 24
     assert not [one for one in result.rows if one["probe"] == "8 labels per class"]
 
 
 def test_labelled_probe_of_single_recordings_has_no_probe_on_others(tmp_path: Path):
     """One recording per object has several revolutions, but no other recordings and none for labels."""
     result = checked(probe(tmp_path, turntable(repetitions=1, keep=lambda domain, case: case.distance_m == 1.0)))
-    found = row(result, probe=labelled_probe.REVOLUTIONS, method=labelled_probe.PRETRAINED)
+    found = find(result, probe=labelled_probe.REVOLUTIONS, method=labelled_probe.PRETRAINED)
     assert (found["n"], found["answers"]) == (6, 12)
     probes = {one["probe"] for one in result.rows}
     assert labelled_probe.RECORDINGS not in probes
@@ -117,7 +112,7 @@ def test_labelled_probe_of_single_recordings_has_no_probe_on_others(tmp_path: Pa
 @pytest.mark.slow
 def test_labelled_probe_of_equal_objects_is_at_chance(tmp_path: Path):
     result = probe(tmp_path, turntable(signature=0.0))
-    found = row(result, probe=labelled_probe.RECORDINGS, method=labelled_probe.PRETRAINED)
+    found = find(result, probe=labelled_probe.RECORDINGS, method=labelled_probe.PRETRAINED)
     assert found["verdict"] == "fails"
     assert found["low"] <= found["chance"] + 0.1
 
@@ -157,10 +152,10 @@ def test_distances_with_one_object_and_objects_without_twin_are_left_out():
 def test_geometry_transfers_without_labels(tmp_path: Path):
     chosen = config("turntable_label_free")
     result = checked(turntable_label_free.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()))
-    geometry = row(result, attribute="geometry", method=turntable_label_free.ENCODER)
+    geometry = find(result, attribute="geometry", method=turntable_label_free.ENCODER)
     assert geometry["chance"] == 0.5
     assert geometry["value"] > 0.8
-    assert row(result, attribute="material", method=turntable_label_free.ENCODER)["chance"] == 0.5
+    assert find(result, attribute="material", method=turntable_label_free.ENCODER)["chance"] == 0.5
 
 
 @pytest.mark.slow
@@ -170,8 +165,8 @@ def test_geometry_transfers_without_labels(tmp_path: Path):
 def test_contrastive_exports_a_model(tmp_path: Path, overrides: tuple[str, ...]):
     chosen = config("contrastive", *overrides)
     result = checked(contrastive.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()), tmp_path / "result")
-    assert row(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "recording"})["value"] > 0.8
-    assert row(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "object"})["chance"] == 0.5
+    assert find(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "recording"})["value"] > 0.8
+    assert find(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "object"})["chance"] == 0.5
     described = json.loads((tmp_path / "result" / "models" / "recogniser" / "model.json").read_text())
     assert described["classes"] == sorted(OBJECTS)
     assert not [name for name in described["names"] if "brightness" in name]
@@ -184,20 +179,20 @@ def test_rover_rows_follow_the_level_of_supervision(tmp_path: Path):
     assert {one["level"] for one in rover_recognition.score(chosen, study, store, Progress()).rows} == {"label_free"}
     result = checked(rover_recognition.score(config("rover_recognition"), study, store, Progress()))
     assert {one["level"] for one in result.rows} == {"label_free", "calibrated", "few_shot"}
-    objects = row(result, level="label_free", motion="lateral", classes="object", method=rover_recognition.TRAINED)
+    objects = find(result, level="label_free", motion="lateral", classes="object", method=rover_recognition.TRAINED)
     assert (objects["verdict"], objects["n"], objects["chance"]) == ("holds", 24, pytest.approx(1 / 6))
     assert objects["p"] < 1e-4
-    material = row(result, level="calibrated", motion="lateral", method=rover_recognition.TRAINED, metric="balanced accuracy")
+    material = find(result, level="calibrated", motion="lateral", method=rover_recognition.TRAINED, metric="balanced accuracy")
     assert material["n"] == 20  # the reflector's four recordings are not scored
     for motion in ("lateral", "depth"):
-        assert row(result, motion=motion, method="simulated labels shuffled")["verdict"] == "holds"
+        assert find(result, motion=motion, method="simulated labels shuffled")["verdict"] == "holds"
 
 
 def test_the_ablation_detects_the_benefit_of_the_room(tmp_path: Path):
     """In the synthetic rooms a wrong material mirrors the room's echoes, so the labelled twin must win."""
     result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), drives(), Progress()))
     method = f"{reconstruction_ablation.LABELLED} - {reconstruction_ablation.UNIFORM}"
-    assert row(result, classes="object", method=method, metric="gain in accuracy")["value"] > 0
+    assert find(result, classes="object", method=method, metric="gain in accuracy")["value"] > 0
     uneven = [one for one in result.rows if one["metric"] == "share of the unequal answers"]
     assert len(uneven) == 2
     assert all(0 <= one["p"] <= 1 for one in uneven)
@@ -232,7 +227,7 @@ def test_calibration_removes_a_gain_and_does_not_score_the_reflector(tmp_path: P
     chosen = config("corner_reflector_calibration")
     result = checked(corner_reflector_calibration.score(chosen, turntable(repetitions=3), Progress()))
     before, after = (
-        row(result, materials="metal", method=when) for when in (corner_reflector_calibration.BEFORE, corner_reflector_calibration.AFTER)
+        find(result, materials="metal", method=when) for when in (corner_reflector_calibration.BEFORE, corner_reflector_calibration.AFTER)
     )
     assert before["value"] == pytest.approx(3.0, abs=0.5)  # the measured radar has twice the gain
     assert abs(after["value"]) < 0.7

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_campaign import FakeCampaign
+from fake_campaign import FakeCampaign, config, find
 
 from experiments.campaign.cases import ROVER
 from experiments.rover import drive_features, rover_disentangle, rover_fidelity
-from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, save
@@ -22,20 +19,9 @@ ROOMS = ("atrium", "squash_court")
 OBJECTS = ("corner_reflector", "can_211_400", "drink_can_355", "mug", "mustard", "dressing")
 
 
-def config(name: str) -> Config:
-    made = compose([f"experiment={name}", "output=/tmp/nowhere"])
-    return replace(made, profile=replace(made.profile, resamples=100))
-
-
 def campaign(**changes) -> FakeCampaign:
     given = dict(motions=ROVER, rooms=ROOMS, distances=(0.5, 1.0, 2.0), repetitions=1, objects=OBJECTS, frames=20)
     return FakeCampaign(**{**given, **changes})
-
-
-def find(result: Result, metric: str, **case) -> dict:
-    rows = [row for row in result.rows if row["metric"] == metric and all(row[name] == value for name, value in case.items())]
-    assert len(rows) == 1
-    return rows[0]
 
 
 @pytest.fixture(scope="module")
@@ -46,24 +32,25 @@ def fidelity() -> Result:
 def test_a_nearly_exact_twin_orders_objects_alike(fidelity: Result) -> None:
     metric = "share of features that order objects alike"
     for room, paper in (("atrium", "78 %, p 1.5e-5"), ("squash_court", "63 %, p 0.014")):
-        row = find(fidelity, metric, room=room, motion="depth")
+        row = find(fidelity, metric=metric, room=room, motion="depth")
         assert row["value"] > 0.7
         assert row["verdict"] == "holds"
         assert row["paper"] == paper
         assert row["n"] == 6 * 3 * 2  # objects, distances, domains
-    assert find(fidelity, metric, room="atrium", motion="lateral")["verdict"] == "untestable"  # the paper's claim is about depth drives
+    lateral = find(fidelity, metric=metric, room="atrium", motion="lateral")
+    assert lateral["verdict"] == "untestable"  # the paper's claim is about depth drives
 
 
 def test_profiles_correlate_and_signs_agree_by_material(fidelity: Result) -> None:
     for distance in (0.5, 1.0, 2.0):
-        row = find(fidelity, "range-profile correlation", room="atrium", motion="depth", distance_m=distance, case="metal")
+        row = find(fidelity, metric="range-profile correlation", room="atrium", motion="depth", distance_m=distance, case="metal")
         assert row["value"] > 0.9
         assert row["verdict"] == "holds"
-    signs = find(fidelity, "share of places with one sign")
+    signs = find(fidelity, metric="share of places with one sign")
     assert signs["items"] == 2 * 2 * 3
     assert signs["value"] == 1
     assert signs["verdict"] == "holds"
-    ratio = find(fidelity, "simulated over measured")  # both domains have the same contrast
+    ratio = find(fidelity, metric="simulated over measured")  # both domains have the same contrast
     assert ratio["value"] == pytest.approx(1, abs=0.2)
     assert ratio["verdict"] == "fails"
 
@@ -77,7 +64,7 @@ def test_the_figures_are_saved(fidelity: Result, tmp_path: Path) -> None:
 def test_equal_objects_are_ordered_by_chance() -> None:
     source = campaign(signature=0.0, gap=0.3, motions=("depth",), rooms=("atrium",))
     result = rover_fidelity.score(config("rover_fidelity"), source, Progress())
-    row = find(result, "share of features that order objects alike", room="atrium", motion="depth")
+    row = find(result, metric="share of features that order objects alike", room="atrium", motion="depth")
     assert row["verdict"] == "fails"
 
 

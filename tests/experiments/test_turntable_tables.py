@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_campaign import FakeCampaign
+from fake_campaign import FakeCampaign, config, find
 
 from experiments import claims
 from experiments.claims import Claim
 from experiments.statistics import Estimate
 from experiments.turntable import facet_ripple, turntable_material, turntable_shape, turntable_size
-from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.envelope import harmonic_ratio
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, check_rows, save
-
-
-def config(name: str) -> Config:
-    made = compose([f"experiment={name}", "output=/tmp/nowhere"])
-    return replace(made, profile=replace(made.profile, resamples=200))
-
-
-def find(result: Result, metric: str, case: str, of: str = "both") -> dict:
-    found = [row for row in result.rows if row["metric"] == metric and row["case"] == case and row["of"] == of]
-    assert len(found) == 1
-    return found[0]
 
 
 @pytest.fixture(scope="module")
@@ -40,22 +26,22 @@ def shape() -> Result:
 
 def test_a_nearly_exact_twin_keeps_order_distances_and_signatures(shape: Result) -> None:
     for metric in ("order of objects", "distances between objects"):
-        row = find(shape, metric, "all objects")
+        row = find(shape, metric=metric, case="all objects")
         assert row["value"] > 0.8
         assert row["verdict"] == "holds"
         assert row["p"] < 0.01
         assert row["items"] == 12
         assert row["n"] == 12 * 2 * (2 + 1)  # objects, distances, repetitions of both domains
-    assert find(shape, "own signature less others'", "all objects")["verdict"] == "holds"
-    assert find(shape, "signatures", "all objects")["verdict"] == "untestable"  # the paper gives no bound
+    assert find(shape, metric="own signature less others'", case="all objects")["verdict"] == "holds"
+    assert find(shape, metric="signatures", case="all objects")["verdict"] == "untestable"  # the paper gives no bound
 
 
 def test_equal_objects_have_no_order() -> None:
     campaign = FakeCampaign(distances=(1.0,), repetitions=2, signature=0.0)
     result = turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
-    assert find(result, "order of objects", "all objects")["verdict"] == "fails"
-    assert find(result, "distances between objects", "all objects")["verdict"] == "fails"
-    assert find(result, "own signature less others'", "all objects")["verdict"] == "fails"
+    assert find(result, metric="order of objects", case="all objects")["verdict"] == "fails"
+    assert find(result, metric="distances between objects", case="all objects")["verdict"] == "fails"
+    assert find(result, metric="own signature less others'", case="all objects")["verdict"] == "fails"
     assert not [row for row in result.rows if row["metric"] == "variation over distance"]  # one distance
 
 
@@ -75,7 +61,7 @@ def test_harmonic_ratios_follow_the_modulation_of_the_objects(shape: Result) -> 
     """The campaign modulates cans by 0.05 and the reflector by 0.9 of six harmonics that differ between objects."""
     ratio = {row["case"]: row["value"] for row in shape.rows if row["metric"] == "angular harmonic ratio" and row["of"] == "simulated"}
     assert ratio["trihedral corner reflector"] > 10 * max(value for case, value in ratio.items() if "can" in case)
-    assert find(shape, "ratio of harmonic ratios", "least peaked over least flat", "measured")["verdict"] == "holds"
+    assert find(shape, metric="ratio of harmonic ratios", case="least peaked over least flat", of="measured")["verdict"] == "holds"
 
 
 def test_a_campaign_without_turntable_is_refused() -> None:
