@@ -16,7 +16,6 @@ from radartwin.features.profile import GATE_BINS
 from radartwin.radar.processing import steering
 
 AZIMUTH_RAD = np.deg2rad(np.arange(-90.0, 91.0))
-_BLOCK = 256  # frames per block
 
 
 def gate_spectrum(processed: Processed, target_m: ArrayLike) -> NDArray[np.float64]:
@@ -26,11 +25,8 @@ def gate_spectrum(processed: Processed, target_m: ArrayLike) -> NDArray[np.float
     centre = np.abs(processed.range_m - target_m[:, None]).argmin(axis=1)
     gate = np.clip(centre[:, None] + np.arange(-GATE_BINS, GATE_BINS + 1), 0, len(processed.range_m) - 1)
     noise = processed.noise_floor[gate].sum(axis=1, keepdims=True) * np.sum(np.abs(weights) ** 2, axis=0)
-    spectrum = np.empty((processed.num_frames, len(AZIMUTH_RAD)))
-    for start in range(0, processed.num_frames, _BLOCK):
-        block = slice(start, start + _BLOCK)
-        channels = np.take_along_axis(processed.channels[block], gate[block, None], axis=2)
-        spectrum[block] = np.sum(np.abs(channels.swapaxes(1, 2) @ weights) ** 2, axis=1)
+    channels = np.take_along_axis(processed.channels, gate[:, None], axis=2)
+    spectrum = np.sum(np.abs(channels.swapaxes(1, 2) @ weights) ** 2, axis=1).astype(np.float64)
     return np.maximum(spectrum - noise, 0.0)
 
 

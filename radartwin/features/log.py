@@ -15,12 +15,7 @@ from radartwin.errors import InputError
 
 
 class Log(Protocol):
-    """Describe the nominal motion of F frames.
-
-    Attributes:
-        distance_m: (F,) from the radar to the axis of the target.
-        angle_rad: (F,) of the turntable, or None without a turntable.
-    """
+    """The nominal motion of F frames: distances (F,) from the radar to the axis of the target, and angles (F,) of the turntable, if any."""
 
     @property
     def frame_rate_hz(self) -> float: ...

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,16 +26,22 @@ def row(name: str, repetition: int = 0, **more) -> Row:
     return Row(name, "mug", 1.0, "lab", "depth", repetition, **more)
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A good set of four recordings a0 to a3, the last with a trajectory."""
-    made = RecordingSet.create(tmp_path / "set", CARD)
-    (tmp_path / "drive.csv").write_text(DRIVE)
+    base = tmp_path_factory.mktemp("good")
+    made = RecordingSet.create(base / "set", CARD)
+    (base / "drive.csv").write_text(DRIVE)
     for n in range(4):
-        made.add(noise(RADAR, n), row(f"a{n}", n), tmp_path / "drive.csv" if n == 3 else None)
-    assert examine(made.folder).problems == []
-    assert examine(made.folder).notes == []
+        made.add(noise(RADAR, n), row(f"a{n}", n), base / "drive.csv" if n == 3 else None)
+    report = examine(made.folder)
+    assert (report.problems, report.notes) == ([], [])
     return made.folder
+
+
+@pytest.fixture
+def folder(good: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(good, tmp_path / "set")
 
 
 def found(folder: Path) -> str:
