@@ -20,7 +20,6 @@ from radartwin.errors import MissingError, RecordingError
 PACKET_BYTES = 1456  # bytes of samples in one packet
 _LINE = re.compile(r"\s*([A-Za-z][A-Za-z ()]*?)\s*[-:]\s*(.*?)[\s,]*")
 _PART = re.compile(r"(.+)_Raw_(\d+)")
-_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")  # C's ctime writes English names
 
 
 @dataclass(frozen=True)
@@ -136,11 +135,7 @@ def _number(path: Path, values: dict[str, str], key: str, default: int | None) -
 def _time(path: Path, text: str | None) -> str | None:
     if not text:
         return None
-    match = re.fullmatch(r"\w{3}\s+(\w{3})\s+(\d{1,2})\s+(\d\d):(\d\d):(\d\d)\s+(\d{4})", text)
     try:
-        if match is None:
-            raise ValueError
-        month, day, hour, minute, second, year = match.groups()
-        return datetime(int(year), _MONTHS.index(str(month)) + 1, int(day), int(hour), int(minute), int(second)).isoformat()
+        return datetime.strptime(text, "%a %b %d %H:%M:%S %Y").isoformat()  # Python's names are English unless the process sets a locale
     except ValueError:
         raise RecordingError(f"{path}: {text!r} is not a time such as 'Tue Nov 19 20:02:23 2024'") from None
