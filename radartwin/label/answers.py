@@ -43,9 +43,8 @@ class Answer:
         material: MINC category.
         confidence: 0 to 1, or None if the answer has none.
         wall_thickness_mm, contents: for objects; None if unknown.
-        named: name of the material, if it is more exact than the category; otherwise None.
+        named: name of the material, if it is more exact than the category.
         invalid: whether all attempts were invalid, so that `material` is "other".
-        attempts: number of attempts until this answer.
     """
 
     material: str
@@ -64,11 +63,7 @@ class Answer:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Answer:
-        """Make an answer from plain values; the inverse of `to_dict`.
-
-        Raises:
-            LabelError: a field is unknown, or the category is not a MINC category.
-        """
+        """Make an answer from plain values; the inverse of `to_dict`."""
         try:
             answer = cls(**values)
         except TypeError as error:
@@ -128,13 +123,7 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
 
 
 def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
-    """Derive the material of an answer.
-
-    Returns:
-        The material.
-        The roughness in metres.
-        Whether the material is a substitute material or its layers are uncertain.
-
+    """Derive the material of an answer, its roughness in metres, and whether it is a substitute material or has uncertain layers.
 
     >>> material_of(Answer("painted", named="concrete"))[0], material_of(Answer("other", named="mineral fibre ceiling tiles"))[0]
     ('concrete', Layered(layers=(('ceiling_board', 0.015),), backing='air'))
@@ -157,9 +146,8 @@ def specified(answer: Answer) -> Resolved | None:
     """Return the material that the answer's name specifies; None if the name is unknown, or names a material of another category.
 
     Paint and wallpaper may cover any material. For all other categories, a name of another category contradicts the answer, and the
-    category
-    is used. In a name such as "tile on concrete", the lower material is used if the category is a cover such as paint, otherwise the upper
-    material.
+    category is used. In a name such as "tile on concrete", the lower material is used if the category is a cover such as paint, otherwise
+    the upper material.
     """
     parts = re.split(r"\b(?:on|onto|over)\b", answer.named or "")
     found = mentioned(parts[-1 if answer.material in COVERED else 0]) or mentioned(answer.named or "")
@@ -183,9 +171,7 @@ def _build_up(found: Resolved, entry: Row) -> str | Layered:
 
 
 def interior(material: str | Layered, wall_thickness_mm: float | None, contents: str | None) -> str | Layered:
-    """Return a shell that consists of the material's outermost layer and is backed by the contents.
-
-    If the wall thickness or the contents are unknown, the material itself is returned.
+    """Return a shell of the material's outermost layer, backed by the contents; the material itself if the wall or contents are unknown.
 
     >>> interior("hdpe", 1.0, "water-like liquid")
     Layered(layers=(('hdpe', 0.001),), backing='water')

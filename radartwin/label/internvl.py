@@ -32,8 +32,7 @@ class InternVL:
         model: folder or name of InternVL weights in the transformers format (names of published weights end in -hf).
         max_new_tokens: largest length of an answer.
     Raises:
-        MissingError: transformers is not installed, or the weights do not exist.
-        ConfigError: no model is given, or the model is not InternVL.
+        MissingError, ConfigError: transformers is not installed, or the model does not exist or is not InternVL.
     """
 
     name = "local"
@@ -68,11 +67,7 @@ class InternVL:
         self._tokens_per_picture = round(patches * config.downsample_ratio**2)
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
-        """Yield each question with its record, one by one.
-
-        Raises:
-            BackendError: the memory of the device is too small.
-        """
+        """Yield each question with its record."""
         import torch
 
         for question in questions:

@@ -41,24 +41,13 @@ class Record:
 
     def to_dict(self) -> dict[str, Any]:
         return {
-            "format": FORMAT,
-            "key": self.key,
-            "model": self.model,
-            "provider": self.provider,
-            "prompt": self.prompt,
-            "images": list(self.images),
-            "kind": self.kind,
-            "answer": self.answer.to_dict(),
-            "place": self.place.to_dict(),
-        }
+            "format": FORMAT, "key": self.key, "model": self.model, "provider": self.provider, "prompt": self.prompt,
+            "images": list(self.images), "kind": self.kind, "answer": self.answer.to_dict(), "place": self.place.to_dict(),
+        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Record:
-        """Make a record from plain values; the inverse of `to_dict`.
-
-        Raises:
-            LabelError: a value is missing, or the format has another version.
-        """
+        """Make a record from plain values; the inverse of `to_dict`."""
         try:
             if values["format"] != FORMAT:
                 raise KeyError("format")
@@ -97,7 +86,7 @@ class Journal:
 
     @property
     def records(self) -> list[Record]:
-        """Return the records in order of arrival. If several records have the same model and key, only the last of them is returned."""
+        """The records in order of arrival; of several records with the same model and key, the last one."""
         return list(self._records.values())
 
     def get(self, model: str, key: str) -> Record | None:

@@ -23,11 +23,9 @@ from radartwin.scene.storage import MANIFEST
 
 
 class Provider(Protocol):
-    """A source of answers. It yields the answered questions with their records, in any order, and leaves out questions without an answer.
+    """A source of answers, such as a server. `model` is None if the answers may come from any model.
 
-    Attributes:
-        name: "recorded", "server" or "local"; the records store this name.
-        model: model that answers; None accepts the answers of any model. An answer is identified by its model and by the question's key.
+    `answers` yields the answered questions with their records, in any order, and leaves out questions without an answer.
     """
 
     @property
@@ -41,11 +39,7 @@ class Provider(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LabelTask:
-    """The questions about a scene folder.
-
-    Attributes:
-        surfaces: indices of the surfaces to label. A surface that no view shows has no question.
-    """
+    """The questions about a scene folder. `surfaces` are the indices of the surfaces to label; some may be visible in no picture."""
 
     folder: Path
     scene: Scene
@@ -60,9 +54,7 @@ class LabelOptions:
     Attributes:
         provider: "recorded", "server" or "local".
         model: model that answers; None takes the provider's default, or the recorded answers of any model. `answers` needs a model.
-        url: address of the server.
-        timeout_s: time limit of one request.
-        concurrency: number of parallel requests.
+        url, timeout_s, concurrency: address of the server, time limit of one request, and number of parallel requests.
         export: folder for the questions; they are written there, and nothing is labelled.
         answers: file with answers, which replaces the provider.
         missing: "uniform:MATERIAL" gives this material to surfaces without an answer; None makes such a surface an error.
@@ -81,13 +73,7 @@ class LabelOptions:
 
 
 def label_folder(folder: Path, options: LabelOptions, progress: Progress | None = None) -> list[str]:
-    """Label the surfaces of a scene folder, or export the questions about them.
-
-    Returns:
-        Text lines for the user: a table of the labels, or the name of the folder with the questions.
-    Raises:
-        UserError: see `prepare`, `answer`, `import_answers`, `apply`.
-    """
+    """Label the surfaces of a scene folder, or export the questions about them. Return text lines for the user."""
     missing = _missing_label(options.missing)
     if options.answers is not None and not options.model:
         raise ConfigError("--import needs --model NAME, the model or person that answered")
@@ -130,11 +116,7 @@ def _missing_label(text: str | None) -> Label | None:
 
 
 def load(folder: Path) -> Scene:
-    """Load the scene of a scene folder.
-
-    Raises:
-        MissingError, SceneError: the folder is not a scene folder, or the scene has no surfaces of a room.
-    """
+    """Load the scene of a scene folder, which must have surfaces of a room."""
     if not (folder / MANIFEST).is_file():
         raise MissingError(f"{folder} is not a scene folder (it has no {MANIFEST}); make one with radartwin reconstruct SCAN --out FOLDER")
     scene = Scene.load(folder)
@@ -144,11 +126,7 @@ def load(folder: Path) -> Scene:
 
 
 def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | None = None) -> LabelTask:
-    """Prepare the questions about all surfaces to label.
-
-    Raises:
-        InputError: the photographs beside the scene are invalid.
-    """
+    """Prepare the questions about all surfaces to label."""
     photos = load_photos(folder)
     surfaces = tuple(index for index, surface in enumerate(scene) if belongs_to_room(surface))
     with (progress or Progress(quiet=True)).task(f"views of {len(surfaces)} surfaces", len(surfaces)) as advance:
@@ -158,10 +136,7 @@ def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | 
 def answer(task: LabelTask, provider: Provider, progress: Progress | None = None) -> dict[int, Record]:
     """Return the answers by surface index. Stored answers are reused; the provider answers the other questions.
 
-    Each answer of the provider is stored as soon as it arrives.
-
-    Raises:
-        BackendError: the provider did not answer all questions; its answers so far are stored.
+    Each answer of the provider is stored as soon as it arrives, also if a later question raises an error.
     """
     progress = progress or Progress(quiet=True)
     path = task.folder / JOURNAL
@@ -186,11 +161,7 @@ def answer(task: LabelTask, provider: Provider, progress: Progress | None = None
 
 
 def import_answers(task: LabelTask, path: Path, model: str) -> dict[int, Record]:
-    """Read the answers in a file. Return them by surface index, and store them if the whole file is valid.
-
-    Raises:
-        MissingError, LabelError: the file is missing or invalid.
-    """
+    """Read the answers in a file. Return them by surface index, and store them if the whole file is valid."""
     records = {record.key: record for record in read_answers(path, task.questions, model)}
     journal_path = task.folder / JOURNAL
     with lock(journal_path.with_suffix(".lock")):
@@ -201,11 +172,7 @@ def import_answers(task: LabelTask, path: Path, model: str) -> dict[int, Record]
 
 
 def apply(task: LabelTask, records: dict[int, Record], missing: Label | None = None) -> Scene:
-    """Apply the answers to the scene, and write them into its manifest.
-
-    Raises:
-        LabelError: surfaces have no answer and `missing` is None; the manifest is unchanged.
-    """
+    """Apply the answers to the scene, and write them into its manifest. For the errors see `labelled`."""
     keys = {question.surface: question.key for question in task.questions}
     scene = labelled(task.scene, records, task.surfaces, missing, transferred=lambda index: records[index].key != keys.get(index))
     write_labels(task.folder, scene)
@@ -219,18 +186,12 @@ def summary(scene: Scene) -> list[str]:
     rows: list[Sequence[str]] = [("surface", "material", "MINC", "confidence", "stand-in", "from")]
     for surface in scene:
         facts = surface.provenance
-        confidence = facts.get("confidence")
+        confidence = "-" if facts.get("confidence") is None else f"{facts['confidence']:.2f}"
+        stand_in = "yes" if facts.get("stand_in") else "no"
         origin = [str(facts.get("model") or facts.get("source", ""))]
-        rows.append(
-            (
-                surface.name,
-                material_label(surface.material),
-                str(facts.get("minc") or "-"),
-                "-" if confidence is None else f"{confidence:.2f}",
-                "yes" if facts.get("stand_in") else "no",
-                ", ".join(origin + [key for key in ("transferred", "missing", "invalid") if facts.get(key)]),
-            )
-        )
+        origin += [key for key in ("transferred", "missing", "invalid") if facts.get(key)]
+        material = material_label(surface.material)
+        rows.append((surface.name, material, str(facts.get("minc") or "-"), confidence, stand_in, ", ".join(origin)))
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     stand_ins, missing, invalid = (sum(bool(s.provenance.get(key)) for s in scene) for key in ("stand_in", "missing", "invalid"))

@@ -17,7 +17,7 @@ from typing import Any
 from radartwin.errors import LabelError, SceneError
 from radartwin.io import untrusted_json
 from radartwin.io.files import write_atomically
-from radartwin.label.answers import Answer, material_of
+from radartwin.label.answers import material_of
 from radartwin.label.journal import Record
 from radartwin.label.place import overlap, place_of
 from radartwin.materials import Layered
@@ -31,8 +31,6 @@ LABEL_KEYS = (
     "source", "confidence", "stand_in", "minc", "model", "reason", "provider", "transferred", "covered", "key", "named", "invalid",
     "missing", "wall_thickness_mm", "contents", "wrong",
 )  # fmt: skip
-
-Given = str | Layered | Answer | Record
 
 
 def belongs_to_room(surface: Surface) -> bool:
@@ -51,19 +49,17 @@ class Label:
 
 def labelled(
     scene: Scene,
-    answers: Mapping[int, Given],
+    answers: Mapping[int, Record],
     indices: Sequence[int],
-    missing: Label | None = None,
-    transferred: Callable[[int], bool] = lambda index: False,
+    missing: Label | None,
+    transferred: Callable[[int], bool],
 ) -> Scene:
     """Apply answers to the surfaces with the given indices. All other surfaces stay unchanged.
 
     Args:
-        answers: materials or answers by surface index.
-        missing: label of surfaces without an answer.
+        answers: answers by surface index.
+        missing: label of surfaces without an answer; None raises a LabelError that names these surfaces.
         transferred: function that returns whether the answer for a surface index was given for another scan.
-    Raises:
-        LabelError: surfaces without an answer, and no `missing`; the message names them.
     """
     unanswered = [scene.surfaces[i].name or str(i) for i in indices if i not in answers]
     if unanswered and missing is None:
@@ -84,23 +80,20 @@ def labelled(
     return relabelled(scene, rule, VLM)
 
 
-def answer_label(given: Given, surface: Surface, transferred: bool = False) -> Label:
-    """Make the label of a surface from an answer or a material.
+def answer_label(given: Record, surface: Surface, transferred: bool = False) -> Label:
+    """Make the label of a surface from an answer.
 
-    The confidence of an answer from another scan is multiplied by the share of the surface that it covers.
+    The confidence of an answer from another scan (`transferred`) is multiplied by the share of the surface that the answer covers.
     """
-    provenance: dict[str, Any] = {"source": VLM}
-    answer = given.answer if isinstance(given, Record) else given
-    if not isinstance(answer, Answer):
-        provenance |= {"confidence": None, "stand_in": False, "minc": None, "model": None, "reason": ""}
-        return Label(answer, surface.roughness_m, provenance)
+    answer = given.answer
     material, roughness, stand_in = material_of(answer)
-    provenance |= {"confidence": answer.confidence, "stand_in": stand_in, "minc": answer.material, "model": None, "reason": answer.reason}
-    if isinstance(given, Record):
-        provenance |= {"model": given.model, "provider": given.provider, "key": given.key[:12]}
+    provenance: dict[str, Any] = {
+        "source": VLM, "confidence": answer.confidence, "stand_in": stand_in, "minc": answer.material, "model": given.model,
+        "reason": answer.reason, "provider": given.provider, "key": given.key[:12],
+    }  # fmt: skip
     provenance |= {key: value for key in ("named", "wall_thickness_mm", "contents") if (value := getattr(answer, key)) is not None}
     provenance |= {key: True for key, holds in (("invalid", answer.invalid), ("transferred", transferred)) if holds}
-    if transferred and isinstance(given, Record):
+    if transferred:
         covered = overlap(place_of(surface.mesh), given.place)
         confidence = None if answer.confidence is None else round(answer.confidence * covered, 3)
         provenance |= {"covered": round(covered, 3), "confidence": confidence}
@@ -120,14 +113,7 @@ def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], sourc
 
 
 def write_labels(folder: Path, scene: Scene) -> Path:
-    """Write the labels of a scene into the manifest of its folder, completely or not at all; the geometry is unchanged.
-
-    Args:
-        folder: folder that holds the same scene with other labels.
-    Raises:
-        SceneError: the folder now holds another scene.
-        OutputError: the manifest cannot be written.
-    """
+    """Write the labels of a scene into the manifest of its folder, which holds the same scene with other labels."""
     path = folder / MANIFEST
     manifest = untrusted_json.read(path)
     entries = manifest["surfaces"]

@@ -1,6 +1,6 @@
 """Draw a scan beside its material map: the same view in the colours of the scan, and in colours that stand for the MINC categories.
 
-The legend names the simulated material of each visible category. The category with the largest area comes first.
+The legend names the simulated material of each visible category, in MINC's order.
 """
 
 from __future__ import annotations
@@ -29,39 +29,32 @@ FIELD_DEG = 75.0
 PIXELS = 700
 
 
-def material_map(scene: Scene, camera: Camera | None = None, titles: tuple[str, str] = ("scan", "materials")) -> Figure:
-    """Draw two panels: the labelled scene as scanned, and coloured by MINC category, with a legend of visible categories and materials.
-
-    Args:
-        camera: None takes a camera in a corner of the room that looks to the middle.
-    """
+def material_map(scene: Scene) -> Figure:
+    """Draw two panels: the labelled scene as scanned, and coloured by MINC category, with a legend of visible categories and materials."""
     import matplotlib.colors
     from matplotlib.patches import Patch
 
     drawing = Drawing(scene)
-    camera = camera or corner_camera(scene, drawing)
+    camera = corner_camera(scene, drawing, PIXELS)
     seen = drawing.seen(camera)
     shown = drawing.surfaces(seen)
     minc = [str(surface.provenance.get("minc") or "none") for surface in scene]
     palette = np.array([matplotlib.colors.to_rgb(COLOURS.get(name, NO_CATEGORY)) for name in minc] + [(1.0, 1.0, 1.0)])
-    # Brightness by the cosine of incidence makes edges between faces of the same material visible.
+    # Shading by the cosine of incidence makes edges between faces of the same material visible.
     shade = np.ones(seen.face.shape)
     shade[seen.face >= 0] = 0.7 + 0.3 * np.abs(drawing.facing(camera, seen, seen.face >= 0))
     flat = palette[shown] * shade[..., None]
     figure, axes = style.figure(1, 2, width_in=style.PAGE_WIDTH_IN, height_in=4.1)
-    for axis, picture, title in zip(axes, (drawing.picture(camera, seen), np.clip(flat, 0, 1)), titles, strict=True):
+    for axis, picture, title in zip(axes, (drawing.picture(camera, seen), np.clip(flat, 0, 1)), ("scan", "materials"), strict=True):
         axis.imshow(picture, interpolation="nearest")
         axis.set_title(title)
         axis.set_axis_off()
-    areas = {
-        name: int(sum((shown == k).sum() for k, own in enumerate(minc) if own == name)) for name in (*CATEGORIES, "none") if name in minc
-    }
-    names = [name for name in areas if areas[name] > 0]
+    visible = {minc[k] for k in np.unique(shown) if k >= 0}
+    line = {"edgecolor": "#555555", "linewidth": 0.4}
     patches = [
-        Patch(
-            facecolor=COLOURS.get(name, NO_CATEGORY), edgecolor="#555555", linewidth=0.4, label=f"{name}: {_materials(scene, minc, name)}"
-        )
-        for name in names
+        Patch(facecolor=COLOURS.get(name, NO_CATEGORY), label=f"{name}: {_materials(scene, minc, name)}", **line)
+        for name in (*CATEGORIES, "none")
+        if name in visible
     ]
     figure.legend(handles=patches, loc="outside lower center", ncols=min(2, max(1, len(patches))), fontsize=6.5)
     return figure
@@ -80,9 +73,8 @@ def _materials(scene: Scene, minc: list[str], category: str) -> str:
     return most + (f" ({len(areas) - 1} more)" if len(areas) > 1 else "")
 
 
-def corner_camera(scene: Scene, drawing: Drawing | None = None, pixels: int = PIXELS) -> Camera:
+def corner_camera(scene: Scene, drawing: Drawing, pixels: int) -> Camera:
     """Return a camera in the room corner with the best view of many surfaces, at two thirds of the height, looking slightly downwards."""
-    drawing = drawing or Drawing(scene)
     low, high = scene.bounds
     best, best_score = None, -1.0
     for x in (0.12, 0.88):

@@ -26,24 +26,14 @@ QUALITY = 92
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """One photograph.
-
-    Attributes:
-        path: path of the JPEG file.
-        pose: (4, 4) camera-to-world.
-        intrinsics: (3, 3), pixels.
-    """
+    """One photograph: its JPEG file, its pose (4, 4) camera-to-world, and its intrinsics (3, 3) in pixels."""
 
     path: Path
     pose: np.ndarray
     intrinsics: np.ndarray
 
     def pixels(self) -> np.ndarray:
-        """Read the picture, (H, W, 3) uint8.
-
-        Raises:
-            MissingError, InputError: the file is missing, or not a picture.
-        """
+        """Read the picture, (H, W, 3) uint8."""
         try:
             with open_picture(self.path) as picture:
                 return np.asarray(picture.convert("RGB"))
@@ -53,39 +43,31 @@ class Photo:
             raise InputError(f"photograph {self.path} cannot be read; restore it or remove it from {INDEX}") from error
 
 
-def save_photos(folder: Path, pictures: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> list[Photo]:
-    """Write photographs into a scene folder. The index photos.json is written last.
+def save_photos(folder: Path, pictures: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
+    """Write photographs into a scene folder: triples of pixels (H, W, 3) uint8, pose (4, 4) and intrinsics (3, 3).
 
-    Args:
-        folder: the scene folder.
-        pictures: triples of pixels (H, W, 3) uint8, pose (4, 4) and intrinsics (3, 3).
-
-    Raises:
-        PoseError, OutputError: a pose is not rigid; the folder cannot be written.
+    The index photos.json is written last.
     """
-    from PIL import Image
-
-    photos, entries = [], []
+    entries = []
     for number, (pixels, pose, intrinsics) in enumerate(pictures):
         name = f"{FOLDER}/{number:05d}.jpg"
-        photo = _checked(Photo(folder / name, np.asarray(pose, float), np.asarray(intrinsics, float)))
-        stream = io.BytesIO()
-        Image.fromarray(np.ascontiguousarray(pixels)).save(stream, "JPEG", quality=QUALITY, subsampling=0)
-        write_atomically(folder / name, stream.getvalue())
-        photos.append(photo)
-        entries.append({"file": name, "pose": photo.pose.tolist(), "intrinsics": photo.intrinsics.tolist()})
+        write_atomically(folder / name, jpeg(np.ascontiguousarray(pixels), QUALITY))
+        entries.append({"file": name, "pose": pose.tolist(), "intrinsics": intrinsics.tolist()})
     index = {"format": FORMAT, "version": VERSION, "photos": entries}
     write_atomically(folder / INDEX, json.dumps(index, indent=1) + "\n")
-    return photos
+
+
+def jpeg(pixels: np.ndarray, quality: int) -> bytes:
+    """Encode a picture (H, W, 3) uint8 as JPEG, with colours at the full resolution."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "JPEG", quality=quality, subsampling=0)
+    return stream.getvalue()
 
 
 def load_photos(folder: Path) -> Sequence[Photo]:
-    """Load the photographs of a scene folder. A folder without photos.json has no photographs.
-
-    Raises:
-        InputError: the index is invalid, or names a file outside the folder.
-        PoseError: a pose is not rigid.
-    """
+    """Load the photographs of a scene folder. A folder without photos.json has no photographs."""
     path = folder / INDEX
     if not path.is_file():
         return []

@@ -45,11 +45,7 @@ class Place:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Place:
-        """Make a place from plain values; the inverse of `to_dict`.
-
-        Raises:
-            LabelError: a value is missing or has another shape.
-        """
+        """Make a place from plain values; the inverse of `to_dict`."""
         try:
             normal = None if values["normal"] is None else np.array(values["normal"], float).reshape(3)
             points = np.array(values["points_cm"], float).reshape(-1, 3) / 100

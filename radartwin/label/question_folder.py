@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from radartwin.errors import LabelError, MissingError
+from radartwin.errors import LabelError
 from radartwin.io import untrusted_json
 from radartwin.io.files import write_atomically
 from radartwin.label.answers import Kind, read_answer, schema
@@ -37,11 +37,7 @@ NAME is the model or person that answered. If one line is invalid, no answer is 
 
 
 def export(questions: Sequence[Question], folder: Path) -> Path:
-    """Write the questions and their pictures to a folder. questions.jsonl is written last.
-
-    Raises:
-        OutputError: the folder cannot be written.
-    """
+    """Write the questions and their pictures to a folder. questions.jsonl is written last."""
     ordered = sorted(questions, key=lambda question: question.id)
     lines = []
     for question in ordered:
@@ -63,16 +59,10 @@ def export(questions: Sequence[Question], folder: Path) -> Path:
 
 
 def read_answers(path: Path, questions: Sequence[Question], model: str) -> list[Record]:
-    """Read the answers to these questions from a JSONL file.
+    """Read the answers to these questions from a JSONL file. Raises a LabelError that names all invalid lines.
 
     A known material outside MINC is replaced by its closest category, because the question cannot be asked again here.
-
-    Raises:
-        MissingError: the file does not exist.
-        LabelError: lines are invalid; the message names them.
     """
-    if not path.is_file():
-        raise MissingError(f"{path} is missing; give the file of answers with one JSON object per line")
     by_id = {question.id: question for question in questions}
     records: dict[str, tuple[int, Record]] = {}
     problems = []

@@ -89,7 +89,6 @@ class Question:
         kind: "surface" for a surface of the room, or "object" for an object, which may have contents.
         text: the complete prompt.
         crops: pictures of the surface; the last picture also shows its surroundings.
-        place: position and extent of the surface, see `radartwin.label.place`.
     """
 
     surface: int
@@ -133,11 +132,8 @@ def questions(
         photos: photographs of the scene; the mesh is rendered for surfaces that no photograph shows.
         views: largest number of pictures per surface.
         only: indices of the surfaces; None takes all surfaces.
-        step: callback after each surface.
     """
     indices = list(range(len(scene))) if only is None else list(only)
-    if not indices:
-        return []
     floor = float(scene.bounds[0, 2])
     crops = Views(scene, photos, views).crops(indices, step)
     return [_question(index, scene.surfaces[index], tuple(crops[index]), floor) for index in indices if crops[index]]
@@ -195,10 +191,8 @@ def _length(metres: float) -> str:
 def ask(question: Question, complete: Callable[[list[Message]], str]) -> Answer:
     """Ask a question until the answer fits the schema. After an invalid answer, the model receives the schema's error message.
 
-    In the last attempt, a known material outside MINC is replaced by its closest category. Any other invalid answer becomes `other`.
-
-    Args:
-        complete: function that takes the conversation so far and returns the next message of the model.
+    `complete` takes the conversation so far and returns the next message of the model. In the last attempt, a known material outside MINC
+    is replaced by its closest category. Any other invalid answer becomes `other`.
     """
     messages = [{"role": "user", "content": question.text}]
     problem = ""

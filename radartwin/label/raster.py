@@ -19,7 +19,7 @@ from radartwin.scene.scene import Scene
 NEAR_M = 0.05
 UNCOLOURED = 200.0  # grey level of a mesh without colours
 BACKGROUND = 255.0
-COLOURED_SHADE, UNCOLOURED_SHADE = 0.8, 0.35  # brightness at grazing incidence; the colours of a scan already contain shading
+COLOURED_SHADE, UNCOLOURED_SHADE = 0.8, 0.35  # factor of the colour at grazing incidence; the colours of a scan already contain shading
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +49,7 @@ class Camera:
 
     @classmethod
     def looking(cls, eye: np.ndarray, target: np.ndarray, field_deg: float, size: int) -> Camera:
-        """Return a camera at `eye` (3,) that looks to `target` (3,), with a square picture of `size` x `size` pixels.
-
-        The camera is upright unless it looks straight up or down.
-        """
+        """Return an upright camera at `eye` (3,) that looks to `target` (3,), with a square picture of `size` x `size` pixels."""
         forward = (target - eye) / np.linalg.norm(target - eye)
         up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
         right = np.cross(forward, up)
@@ -66,12 +63,7 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The visible triangle of each pixel.
-
-    Attributes:
-        face: (h, w) index of the triangle; -1 where there is none.
-        depth: (h, w) depth along the camera's axis in metres; inf where there is no triangle.
-    """
+    """The visible triangle of each pixel: its index `face` (h, w), or -1, and its `depth` (h, w) along the camera axis, or inf."""
 
     face: np.ndarray
     depth: np.ndarray
@@ -185,10 +177,7 @@ class _Texture:
 
 
 def _appearance(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
-    """Return the corner colours (F, 3, 3) of a mesh, its texture or None, and the brightness at grazing incidence.
-
-    The corner colours are white if the mesh has a texture.
-    """
+    """Return the corner colours (F, 3, 3) of a mesh (white beside a texture), its texture or None, and the shade at grazing incidence."""
     visual, faces = mesh.visual, np.asarray(mesh.faces)
     kind = getattr(visual, "kind", None)
     flat = np.ones((len(faces), 3, 3), np.float32)

@@ -1,10 +1,8 @@
 """Compare labels with the true materials: compute the accuracy of the categories, and the error of the reflection in decibels.
 
-Every surface of the labelled scene is compared with the true surface that most of its area lies on. The area of a surface is its weight. A
-label is right if its MINC category is the true category; for `other`, the material must also agree. The error of a label is the
-electromagnetic distance (`radartwin.materials.distance`) between its material and the true material. The confidence intervals are Wilson's
-(E. Wilson, JASA 22 (1927) 209), with (sum of areas)^2 / sum of areas^2 as the effective number of surfaces, because one wall of 15 m2 is
-one decision and not fifteen.
+The error of a label is the electromagnetic distance (`radartwin.materials.distance`) between its material and the true material. The area
+of a surface is its weight. The confidence intervals are Wilson's (E. Wilson, JASA 22 (1927) 209), with (sum of areas)^2 / sum of areas^2 as
+the effective number of surfaces, because one wall of 15 m2 is one decision and not fifteen.
 """
 
 from __future__ import annotations
@@ -36,18 +34,15 @@ class Judged:
 
     Attributes:
         label: MINC category of the label; None if the material has no category.
-        truth: true MINC category.
         distance_db: electromagnetic distance between the label's material and the true material.
         stand_in: whether the material of the label is a substitute material, or its layers are uncertain.
     """
 
-    name: str
     area_m2: float
     label: str | None
     truth: str
     distance_db: float
-    confidence: float | None
-    stand_in: bool = False
+    stand_in: bool
 
     @property
     def right(self) -> bool:
@@ -56,9 +51,7 @@ class Judged:
 
 
 def judge(labelled: Scene, truth: Scene) -> list[Judged]:
-    """Compare each surface of a labelled scene with the true surface that it lies on, if there is one.
-
-    Both scenes must have the same coordinate frame.
+    """Compare each surface of a labelled scene with the true surface that it lies on, if any, in the same coordinate frame.
 
     Raises:
         SceneError: a true surface has no MINC category.
@@ -74,9 +67,7 @@ def judge(labelled: Scene, truth: Scene) -> list[Judged]:
         area = place_of(surface.mesh).area_m2
         error_db = distance(surface.material, true.material)
         facts = surface.provenance
-        out.append(
-            Judged(surface.name, area, facts.get("minc"), str(category), error_db, facts.get("confidence"), bool(facts.get("stand_in")))
-        )
+        out.append(Judged(area, facts.get("minc"), str(category), error_db, bool(facts.get("stand_in"))))
     return out
 
 
@@ -94,22 +85,18 @@ def accuracy_table(judged: Sequence[Judged]) -> pd.DataFrame:
 
     groups = {category: [j for j in judged if j.truth == category] for category in CATEGORIES}
     rows = [_row(name, group) for name, group in groups.items() if group]
-    return pd.DataFrame([*rows, _row("all", judged)] if judged else [], columns=list(_row("", [])))
+    return pd.DataFrame([*rows, _row("all", judged)])
 
 
-def wilson(weights: np.ndarray, hits: np.ndarray, z: float = Z95) -> tuple[float, float, float]:
-    """Return the weighted share of hits, and the lower and upper end of Wilson's interval with the effective number of draws.
-
-    All three values are nan if there are no draws.
+def wilson(weights: np.ndarray, hits: np.ndarray) -> tuple[float, float, float]:
+    """Return the weighted share of hits, and the ends of Wilson's 95 % interval with the effective number of draws.
 
     >>> [round(value, 3) for value in wilson(np.ones(10), np.arange(10) < 8)]
     [0.8, 0.49, 0.943]
     """
-    weights = np.asarray(weights, float)
-    if weights.size == 0 or weights.sum() <= 0:
-        return float("nan"), float("nan"), float("nan")
-    share = float(weights[np.asarray(hits, bool)].sum() / weights.sum())
+    share = float(weights[hits].sum() / weights.sum())
     n = float(weights.sum() ** 2 / (weights**2).sum())
+    z = Z95
     middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
     half = z / (1 + z**2 / n) * float(np.sqrt(share * (1 - share) / n + z**2 / (4 * n**2)))
     return share, min(share, max(0.0, middle - half)), max(share, min(1.0, middle + half))
@@ -118,7 +105,7 @@ def wilson(weights: np.ndarray, hits: np.ndarray, z: float = Z95) -> tuple[float
 def _row(name: str, group: Sequence[Judged]) -> dict[str, object]:
     areas = np.array([j.area_m2 for j in group])
     distances = np.array([j.distance_db for j in group])
-    accuracy, low, high = wilson(areas, np.array([j.right for j in group], bool))
+    accuracy, low, high = wilson(areas, np.array([j.right for j in group]))
     close, close_low, close_high = wilson(areas, distances <= CLOSE_DB)
     return {
         "minc": name,
@@ -130,7 +117,7 @@ def _row(name: str, group: Sequence[Judged]) -> dict[str, object]:
         "close": close,
         "close_low": close_low,
         "close_high": close_high,
-        "mean_db": float(np.average(distances, weights=areas)) if len(group) else float("nan"),
-        "worst_db": float(distances.max()) if len(group) else float("nan"),
-        "guessed": float(np.average([j.stand_in for j in group], weights=areas)) if len(group) else float("nan"),
+        "mean_db": float(np.average(distances, weights=areas)),
+        "worst_db": float(distances.max()),
+        "guessed": float(np.average([j.stand_in for j in group], weights=areas)),
     }

@@ -33,14 +33,8 @@ class Server:
     """A provider that answers questions with the model of a server.
 
     Args:
-        url: base address of the API, with its /v1.
-        timeout_s: time limit of one request.
-        requests: attempts of one request before its question fails.
         concurrency: number of parallel requests.
-        pause_s: pause before the second attempt; it doubles with each attempt.
-        key: bearer token; None reads RADARTWIN_VLM_KEY.
-    Raises:
-        ConfigError: the address is invalid.
+        url, timeout_s, requests, pause_s, key: see `radartwin.io.chat.Endpoint`; without a key, RADARTWIN_VLM_KEY is read.
     """
 
     model: str = DEFAULT_MODEL
@@ -63,8 +57,7 @@ class Server:
 
         Raises:
             BackendError: some questions have no answer. The error is raised after all other answers, or at once if the server refuses a
-                request or is
-                unreachable.
+                request or is unreachable.
         """
         down = self._endpoint.down
         down.clear()

@@ -6,15 +6,15 @@ target's material and measures the effect of the room.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 
 from radartwin.errors import ConfigError, SceneError
 from radartwin.label.journal import Record
-from radartwin.label.labels import LABEL_KEYS, VLM, Given, Label, belongs_to_room, labelled, relabelled
+from radartwin.label.labels import LABEL_KEYS, VLM, Label, belongs_to_room, labelled, relabelled
 from radartwin.label.place import matches, place_of
 from radartwin.label.recorded import Recorded, records_for
 from radartwin.materials import Layered, check_name
@@ -58,9 +58,8 @@ class Uniform:
         return relabelled(scene, lambda index, surface: self.label(), self.name)
 
     def label(self) -> Label:
-        """The label of every surface."""
-        stand_in = not all(in_range(name) for name in names_in(self.material))
-        return Label(self.material, 0.0, {"source": self.name, "confidence": None, "stand_in": stand_in, "minc": None})
+        provenance = {"source": self.name, "confidence": None, "stand_in": _stand_in(self.material), "minc": None}
+        return Label(self.material, 0.0, provenance)
 
 
 @dataclass(frozen=True)
@@ -76,20 +75,16 @@ class Void:
 
 @dataclass(frozen=True)
 class Truth:
-    """A source that gives the true materials.
-
+    """A source that gives the true materials: those of a procedural room, or those of the true scene.
 
     Args:
-        truth: material by surface name.
-        scene: true scene in the same coordinate frame. Each surface takes the material of the true surface that most of its area lies on.
-            Use
-            it to evaluate a scan, not to label it.
+        scene: true scene in the same coordinate frame, to evaluate a scan. Each surface takes the material of the true surface that most of
+            its area lies on.
     Raises:
         SceneError: the true material of a room surface is unknown.
     """
 
     name: ClassVar[str] = "true"
-    truth: Mapping[str, str | Layered] = field(default_factory=dict)
     scene: Scene | None = None
 
     def __call__(self, scene: Scene) -> Scene:
@@ -97,17 +92,15 @@ class Truth:
 
         def true_label(index: int, surface: Surface) -> Label:
             match = matches[index]
-            if surface.name in self.truth:
-                minc = surface.provenance.get("minc") if surface.provenance.get("source") == self.name else None
-                return _true_label(self.truth[surface.name], surface.roughness_m, minc)
-            if match is not None:
-                return _true_label(match.material, match.roughness_m, match.provenance.get("minc"))
-            if surface.provenance.get("source") == self.name:
-                return _true_label(surface.material, surface.roughness_m, surface.provenance.get("minc"))
-            raise SceneError(
-                f"the true material of surface '{surface.name}' is unknown, because materials=true needs a procedural room; "
-                "use materials=uniform for a scan"
-            )
+            if match is None and surface.provenance.get("source") == self.name:
+                match = surface
+            if match is None:
+                raise SceneError(
+                    f"the true material of surface '{surface.name}' is unknown, because materials=true needs a procedural room; "
+                    "use materials=uniform for a scan"
+                )
+            provenance = {"confidence": 1.0, "stand_in": _stand_in(match.material), "minc": match.provenance.get("minc")}
+            return Label(match.material, match.roughness_m, {"source": self.name, **provenance})
 
         return relabelled(scene, true_label, self.name)
 
@@ -123,7 +116,6 @@ class Random:
         p: probability that a label is wrong.
         seed: seed of the random numbers, together with name and index of the surface.
         among: "room" draws from the categories of the room, "all" from all MINC categories except `other`.
-        truth: source of the true labels.
     Raises:
         ConfigError: p is outside 0 to 1.
         SceneError: a surface has no true MINC category, or there is only one category.
@@ -133,7 +125,6 @@ class Random:
     p: float = 0.5
     seed: int = 0
     among: Literal["room", "all"] = "room"
-    truth: Truth = field(default_factory=Truth)
 
     def __post_init__(self) -> None:
         if not 0 <= self.p <= 1:
@@ -142,7 +133,7 @@ class Random:
             raise ConfigError(f"materials=random: among is {self.among!r}; choose room or all")
 
     def __call__(self, scene: Scene) -> Scene:
-        true = self.truth(scene)
+        true = Truth()(scene)
         categories = {s.name: s.provenance.get("minc") for s in true if belongs_to_room(s)}
         unknown = [name for name, minc in categories.items() if minc is None]
         if unknown:
@@ -169,30 +160,25 @@ class Random:
 
 @dataclass(frozen=True)
 class Vlm:
-    """A source that gives the answers of a vision-language model. A surface keeps such a label if the scene's manifest already holds it.
+    """A source that gives the recorded answers of a vision-language model, matched by place.
+
+    A surface keeps such a label if the scene's manifest already holds it.
 
     Args:
-        answers: material or answer by surface name; None matches the recorded answers for the room by place.
         missing: uniform material of surfaces without an answer; None makes such a surface an error.
         model: model whose answers are used; None accepts every model.
     Raises:
-        MissingError: the scene has no recorded answers.
-        LabelError: room surfaces have no answer; the message names them.
+        MissingError, LabelError: the scene or some of its surfaces have no recorded answers.
     """
 
     name: ClassVar[str] = VLM
-    answers: Mapping[str, Given] | None = None
     missing: str | Layered | None = None
     model: str | None = None
 
     def __call__(self, scene: Scene) -> Scene:
         indices = [i for i, s in enumerate(scene) if belongs_to_room(s) and s.provenance.get("source") != self.name]
-        if self.answers is not None:
-            answers = {i: self.answers[name] for i in indices if (name := scene.surfaces[i].name) in self.answers}
-        else:
-            answers = self._recorded(scene, indices)
         missing = None if self.missing is None else Uniform(self.missing).label()
-        return labelled(scene, answers, indices, missing, transferred=lambda index: self.answers is None)
+        return labelled(scene, self._recorded(scene, indices), indices, missing, transferred=lambda index: True)
 
     def _recorded(self, scene: Scene, indices: Sequence[int]) -> dict[int, Record]:
         if not indices:
@@ -219,11 +205,7 @@ SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (U
 
 
 def material_source(name: str, **options: object) -> MaterialSource:
-    """Make a source from its name in the configuration, e.g. `material_source("uniform", material="concrete")`.
-
-    Raises:
-        ConfigError: the source or an option of it is unknown.
-    """
+    """Make a source from its name in the configuration, e.g. `material_source("uniform", material="concrete")`."""
     if name not in SOURCES:
         raise ConfigError(f"materials={name} is not a material source; choose {', '.join(SOURCES)}")
     try:
@@ -232,6 +214,5 @@ def material_source(name: str, **options: object) -> MaterialSource:
         raise ConfigError(f"materials={name} does not take {', '.join(options)}") from error
 
 
-def _true_label(material: str | Layered, roughness_m: float, minc: object) -> Label:
-    stand_in = not all(in_range(name) for name in names_in(material))
-    return Label(material, roughness_m, {"source": Truth.name, "confidence": 1.0, "stand_in": stand_in, "minc": minc})
+def _stand_in(material: str | Layered) -> bool:
+    return not all(in_range(name) for name in names_in(material))

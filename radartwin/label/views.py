@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from radartwin.label.photos import Photo
+from radartwin.label.photos import Photo, jpeg
 from radartwin.label.raster import Camera, Drawing, Triangles
 from radartwin.scene.scene import Scene
 
@@ -57,11 +56,7 @@ class _View:
 
 @dataclass(eq=False)
 class Views:
-    """Chooses views of the surfaces of a scene, and makes pictures of them.
-
-    Attributes:
-        count: largest number of crops per surface.
-    """
+    """Chooses views of the surfaces of a scene, and makes pictures of them, at most `count` per surface."""
 
     scene: Scene
     photos: Sequence[Photo] = ()
@@ -74,11 +69,7 @@ class Views:
         self._coarse = self._drawing if len(self._drawing.faces) < MANY_FACES else self._drawing.coarser(CELL_M)
 
     def crops(self, indices: Iterable[int], step: Callable[[], None] = lambda: None) -> dict[int, list[Crop]]:
-        """Make the crops of the surfaces with these indices. A surface that no view shows has no crops.
-
-        Args:
-            step: callback after each surface.
-        """
+        """Make the crops of the surfaces with these indices, and call `step` after each surface. Hidden surfaces have no crops."""
         indices = list(indices)
         in_photos = self._in_photos(indices)
         read = functools.lru_cache(maxsize=16)(Photo.pixels)  # about 8 MB each
@@ -187,7 +178,7 @@ class Views:
             pixels, origin = self._drawing.picture(camera, seen), "mesh"
         else:
             pixels, origin = _cut(read(view.photo), (left, top, right, bottom), camera), "photo"
-        return Crop(_jpeg(outlined(pixels, mask)), origin, float(mask.mean()))
+        return Crop(jpeg(outlined(pixels, mask), QUALITY), origin, float(mask.mean()))
 
 
 def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
@@ -272,14 +263,5 @@ def _cut(pixels: np.ndarray, rectangle: tuple[float, float, float, float], camer
     from PIL import Image
 
     left, top, right, bottom = (edge + 0.5 for edge in rectangle)
-    return np.asarray(
-        Image.fromarray(pixels).resize((camera.width, camera.height), Image.Resampling.LANCZOS, box=(left, top, right, bottom))
-    )
-
-
-def _jpeg(pixels: np.ndarray) -> bytes:
-    from PIL import Image
-
-    stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "JPEG", quality=QUALITY, subsampling=0)
-    return stream.getvalue()
+    size = (camera.width, camera.height)
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS, box=(left, top, right, bottom)))

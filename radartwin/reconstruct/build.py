@@ -1,31 +1,42 @@
-"""Turn a scan into a labelled scene: read or fuse it, segment it, outline and complete its planes, assign one material, and save it."""
+"""Turn a scan into a labelled scene: read or fuse it, segment it, outline and complete its planes, assign one material, and save it.
+
+Files in the scene folder: scene.glb, manifest.json, photos/*.jpg, photos.json, `scan.ply` (the scan as it was read or fused, in metres with
+z up) and `scan_surfaces.npy` (for each face of the scan, the index of its surface in the manifest, or -1).
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import trimesh
+from trimesh.exchange.ply import export_ply
 
-from radartwin.errors import ScanError
+from radartwin.errors import OutputError, ScanError
 from radartwin.io import files
 from radartwin.io.progress import Progress
+from radartwin.label.photos import save_photos
 from radartwin.materials import Layered, check_name
+from radartwin.reconstruct.distance import farthest_points
 from radartwin.reconstruct.frames.frames import Frames, scan_digest
 from radartwin.reconstruct.frames.layouts import layout_of, load_frames
 from radartwin.reconstruct.fusion.agreement import check_agreement
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.fusion.monocular import DepthModel, with_depth
-from radartwin.reconstruct.mesh_file import Axis, Unit, load_scan
+from radartwin.reconstruct.mesh_file import Axis, Unit, check_size, load_scan
 from radartwin.reconstruct.outlines.assembly import assembled
-from radartwin.reconstruct.outlines.surfaces import flattened as flatten_planes
+from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.outlines.visibility import Cameras
-from radartwin.reconstruct.scan_folder import save_reconstruction
-from radartwin.reconstruct.scan_size import check_size
-from radartwin.reconstruct.segmentation.segment import Segmenter, segmented
+from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.scene import Scene
+
+MESH_FILE, FACE_SURFACES_FILE = "scan.ply", "scan_surfaces.npy"
+PHOTOS = 40  # largest number of saved pictures
+TURN_M = 1.5  # when pictures are chosen, a shift of this length counts as much as a rotation by one radian
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,8 +64,7 @@ class Scan:
     """A scan as one mesh, in metres with z up.
 
     Attributes:
-        report: facts about the scan as plain values, for the scene's provenance.
-        lines: the report as text lines.
+        report, lines: facts about the scan, as plain values for the scene's provenance and as text.
         scan_of: identifier of the scanned place.
         frames: the frames that the mesh was fused from, at their aligned poses; None for a mesh file.
     """
@@ -72,28 +82,20 @@ def reconstruct(
     *,
     options: ScanOptions = ScanOptions(),
     material: str | Layered = "plasterboard",
-    flatten: bool = True,
-    segmenter: Segmenter = segmented,
     progress: Progress | None = None,
 ) -> Scene:
     """Turn a scan into a scene of named surfaces.
 
     Args:
         path: .glb, .ply or .obj of a room, or a folder of colour-and-depth frames with poses.
-        out: folder for scene.glb and manifest.json, the coloured scan and the photographs; None writes nothing.
-        options: options for reading the scan.
+        out: folder for the scene; None writes nothing.
         material: material of every surface, until a material source assigns better materials.
-        flatten: replace planar segments by polygons on their planes, and fill parts that the scan missed; False keeps the scanned
-            triangles.
-        segmenter: function that divides the mesh into segments.
         progress: receives progress lines; silent by default.
     Returns:
         The scene. Its provenance holds the scan report and the distances by which flattening moved the scanned faces.
     Raises:
-        MissingError, MeshError, ScanError, PoseError: the scan or an option is invalid, see `load_scan`, `load_frames` and
-            `check_agreement`.
-        MaterialError: the material is unknown.
-        OutputError: `out` cannot be written.
+        MissingError, MeshError, ScanError, PoseError: the scan or an option is invalid.
+        MaterialError, OutputError: the material is unknown, or `out` cannot be written.
     """
     if isinstance(material, str):
         check_name(material)
@@ -104,17 +106,14 @@ def reconstruct(
     for line in scan.lines:
         progress.say(line)
     with progress.task("segmenting", 1) as advance:
-        segments = list(segmenter(scan.mesh))
+        segments = segmented(scan.mesh)
         advance()
-    flattened = None
-    if flatten:
-        cameras = None if scan.frames is None else _cameras(scan.frames)
-        with progress.task("outlining planes", sum(s.normal is not None for s in segments)) as advance:
-            flattened = flatten_planes(scan.mesh, segments, cameras, advance)
-    surfaces, surface_of_face, statistics = assembled(scan.mesh, segments, flattened, material)
-    scene = Scene(surfaces, {"source": Path(path).name, "scan_of": scan.scan_of, "scan": scan.report, "flattened": flatten, **statistics})
+    with progress.task("outlining planes", sum(s.normal is not None for s in segments)) as advance:
+        flat = flattened(scan.mesh, segments, None if scan.frames is None else _cameras(scan.frames), advance)
+    surfaces, surface_of_face, statistics = assembled(scan.mesh, flat, material)
+    scene = Scene(surfaces, {"source": Path(path).name, "scan_of": scan.scan_of, "scan": scan.report, "flattened": True, **statistics})
     if out is not None:
-        save_reconstruction(scene, Path(out), scan.mesh, surface_of_face, scan.frames, progress)
+        _save(scene, Path(out), scan, surface_of_face, progress)
     return scene
 
 
@@ -128,7 +127,7 @@ def _from_mesh_file(path: Path, options: ScanOptions, progress: Progress) -> Sca
     with progress.task(f"reading {path.name}", 1) as advance:
         mesh, report = load_scan(path, options.unit, options.up, options.is_object)
         advance()
-    return Scan(mesh, report.to_dict(), report.lines(), scan_digest([path]))
+    return Scan(mesh, dataclasses.asdict(report), report.lines(), scan_digest([path]))
 
 
 def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
@@ -160,6 +159,50 @@ def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
     return Scan(mesh, report.to_dict(), report.lines(), frames.scan_of, frames.with_poses(report.poses))
 
 
+def _cameras(frames: Frames) -> Cameras:
+    """Return the cameras of the depth pictures. All frames of a scan have the same intrinsics and picture size."""
+    first = frames[0]
+    height, width = first.depth_m.shape
+    return Cameras(frames.poses, first.intrinsics, (width, height))
+
+
+def _save(scene: Scene, folder: Path, scan: Scan, surface_of_face: np.ndarray, progress: Progress) -> None:
+    """Write the scene, the scan and the photographs. `surface_of_face` (F,) is the surface index of each face of the scan's mesh.
+
+    The old manifest is removed first and the new manifest is written last, so that readers reject a folder whose writing was interrupted.
+    """
+    files.make_folder(folder)
+    files.sweep(folder)
+    mesh = bytes(export_ply(scan.mesh, encoding="binary", vertex_normal=False))
+    stream = io.BytesIO()
+    np.save(stream, surface_of_face)
+    try:
+        (folder / "manifest.json").unlink(missing_ok=True)
+        (folder / "photos.json").unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot replace the scene in it ({error.strerror}); choose another folder") from error
+    files.write_atomically(folder / MESH_FILE, mesh)
+    files.write_atomically(folder / FACE_SURFACES_FILE, stream.getvalue())
+    if scan.frames is not None:
+        save_photos(folder, _photos(scan.frames, progress))
+    scene.save(folder)
+
+
+def distinct_views(poses: np.ndarray, count: int) -> list[int]:
+    """Return the ascending indices of at most `count` poses (N, 4, 4) that differ most in position and direction."""
+    return sorted(set(farthest_points(np.column_stack([poses[:, :3, 3], TURN_M * poses[:, :3, 2]]), count)))
+
+
+def _photos(frames: Frames, progress: Progress):
+    """Yield up to PHOTOS pictures as (colour, pose, intrinsics). Twice as many frames are read, because some may have no colour."""
+    saved = 0
+    for i in progress.over(distinct_views(frames.poses, 2 * PHOTOS), "photographs"):
+        frame = frames[i]
+        if frame.colour is not None and frame.colour_intrinsics is not None and saved < PHOTOS:
+            saved += 1
+            yield frame.colour, frame.pose, frame.colour_intrinsics
+
+
 def summary(scene: Scene, rows: int = 30) -> list[str]:
     """Return text lines with a table of the surfaces, largest first, and the extent of the scene."""
     order = sorted(scene, key=lambda s: -float(s.mesh.area))
@@ -177,10 +220,3 @@ def summary(scene: Scene, rows: int = 30) -> list[str]:
         lines.append(f"and {len(order) - rows} smaller surfaces, {sum(float(s.mesh.area) for s in order[rows:]):.2f} m2")
     spans = (f"{axis} from {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *scene.bounds, strict=True))
     return [*lines, f"the scene extends over {', '.join(spans)} m; trajectory.position_m is in these coordinates"]
-
-
-def _cameras(frames: Frames) -> Cameras:
-    """Return the cameras of the depth pictures. All frames of a scan have the same intrinsics and picture size."""
-    first = frames[0]
-    height, width = first.depth_m.shape
-    return Cameras(frames.poses, first.intrinsics, (width, height))

@@ -9,15 +9,14 @@ import trimesh
 from scipy.spatial import KDTree
 
 SPACING_M = 0.02
-NEIGHBOURS = 6  # number of nearest samples; the distance to their triangles is computed
+NEIGHBOURS = 6
 
 
 class Nearest:
     """Finds the nearest triangle of several meshes to each point, with the help of samples on the triangles about `spacing_m` apart.
 
-    For each point, the exact distances to the triangles of the nearest samples are computed. The smallest of these distances is at least
-    the
-    true distance d to the meshes, and exceeds d by less than spacing_m^2 / (2 d).
+    For each point, the exact distances to the triangles of the NEIGHBOURS nearest samples are computed. The smallest of these distances
+    exceeds the true distance d to the meshes by less than spacing_m^2 / (2 d).
     """
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh], spacing_m: float = SPACING_M) -> None:
@@ -55,9 +54,7 @@ def to_mesh(points: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
 def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Sample triangles (F, 3, 3) so that every point of a triangle lies within about the spacing of one of its samples.
 
-    Returns:
-        The samples (N, 3): the centroid of a small triangle, a triangular grid on a large triangle.
-        The index (N,) of each sample's triangle.
+    Returns the samples (N, 3), and the index (N,) of each sample's triangle.
     """
     longest = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
     steps = np.maximum(np.ceil(longest / spacing_m).astype(int), 1)
@@ -77,12 +74,7 @@ def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.nda
 
 
 def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Spread points over a mesh, one per area of about spacing_m^2. Each point represents an equal share of the mesh's area.
-
-    Returns:
-        The points (N, 3).
-        The face index (N,) of each point.
-    """
+    """Return points (N, 3) on a mesh, each for an equal share of its area of about spacing_m^2, and the face index (N,) of each point."""
     points, face = covered(np.asarray(mesh.triangles), spacing_m)
     area = np.asarray(mesh.area_faces) / np.maximum(np.bincount(face, minlength=len(mesh.faces)), 1)
     total = np.cumsum(area[face])
@@ -92,10 +84,7 @@ def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndar
 
 
 def farthest_points(points: np.ndarray, count: int, first: int = 0) -> list[int]:
-    """Choose `count` points of (N, D) that are far apart, by farthest-point sampling that starts at the point with index `first`.
-
-    Returns: indices of the points, in the sequence in which they were chosen.
-    """
+    """Return the indices of `count` points of (N, D) that are far apart, by farthest-point sampling that starts at the point `first`."""
     chosen = [first]
     distance = np.linalg.norm(points - points[first], axis=1)
     while len(chosen) < min(count, len(points)):

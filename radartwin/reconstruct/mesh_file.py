@@ -2,14 +2,15 @@
 
 The unit is never guessed, because a size of 6400 could be 6400 mm for a room or 6400 cm for a hall. A file of implausible size is an error
 whose message names the likely unit. The up axis is determined from the areas of the faces: a room has more area of horizontal faces (floor,
-ceiling, tables) than of faces perpendicular to another axis. If no axis is clear, +Y is the up axis of a .glb, as glTF 2.0 defines it.
-Other formats then need `--up`.
+ceiling, tables) than of faces perpendicular to another axis. If no axis is clear, +Y is the up axis of a .glb, as glTF 2.0 defines it, and
+other formats need `--up`.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,7 +19,6 @@ import trimesh
 
 from radartwin.errors import ScanError
 from radartwin.reconstruct.axes import TO_Z_UP
-from radartwin.reconstruct.scan_size import OBJECT_M, check_size
 from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
 from radartwin.scene.mesh_file import read_meshes
 
@@ -26,13 +26,19 @@ Unit = Literal["auto", "m", "cm", "mm", "in", "ft"]
 Axis = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 
 METRES = {"auto": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
-
 MIN_EXTENT_M = 0.05  # smaller than any object in the library's catalogue
 DEGENERATE_HEIGHT_M = 1e-5  # a thinner triangle has no usable normal in float32
 WELD_DIGITS = 6  # vertices closer than 1 um are merged, because exporters double them along seams
+OBJECT_M = 1.0  # a smaller mesh is an object, as in radartwin/scene/objects/meshes.py
+LARGE_M, HIGH_M = 15.0, 7.0  # a squash court is 9.75 m long and 5.64 m high, the atrium 12 m; the radar's range is unambiguous to 11 m
+ROOM_M, ROOM_HIGH_M = (1.5, LARGE_M), (1.8, HIGH_M)
 FLOOR_M = 0.15  # faces this close to the lowest or highest point count as floor or ceiling
 LEVEL = 0.9  # smallest |z| of the normal of a horizontal face
 UP_MARGIN = 1.2  # smallest ratio between the area perpendicular to the up axis and that of the next axis
+
+
+class ScanWarning(UserWarning):
+    """Something about a scan is unusual, but the scan can be read."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,9 +70,6 @@ class ScanReport:
     turned: bool = False
     is_object: bool = False
 
-    def to_dict(self) -> dict[str, Any]:
-        return dataclasses.asdict(self)
-
     def lines(self) -> list[str]:
         """Return the report as text, one fact per line."""
         x, y, z = self.extents_m
@@ -92,13 +95,9 @@ def load_scan(
     """Read a mesh file: convert it to metres with z up, merge equal vertices, and remove degenerate and duplicate faces.
 
     Args:
-        path: .glb, .ply or .obj.
         unit: unit of the file's coordinates; "auto" takes metres, and an implausible size is then an error.
-        up: the file's up axis; "auto" determines it from the areas, and takes +Y for a .glb without a clear up axis.
         is_object: whether the mesh is a single object, whose faces must look outwards, or a room, whose faces must look inwards. Faces with
             the wrong orientation are inverted. None treats a mesh smaller than 1 m as a single object.
-    Returns:
-        The mesh and the report.
     Raises:
         MissingError, MeshError: the file does not exist, or is not a readable mesh.
         ScanError: the mesh is empty, contains NaN, has an implausible size, or has no clear up axis.
@@ -160,10 +159,7 @@ def _welded(path: Path, unit_m: float) -> tuple[trimesh.Trimesh, dict[str, int]]
 
 
 def _colours(meshes: list[trimesh.Trimesh], path: Path) -> np.ndarray | None:
-    """Return the RGBA colours (V, 4) uint8 of all vertices, sampled from textures where needed; None if a mesh has no colours.
-
-    Warns once if a texture file is missing; the scan then has no colours.
-    """
+    """Return the RGBA colours (V, 4) uint8 of all vertices, sampled from textures where needed; None if a mesh has no colours."""
     colours = []
     for mesh in meshes:
         visual: Any = mesh.visual
@@ -199,6 +195,26 @@ def _check_extent(path: Path, extent: float) -> None:
         raise ScanError(f"{path} is degenerate: all its corners coincide, so no unit makes it a scan; export it again")
     if extent < MIN_EXTENT_M:
         raise ScanError(f"{path} spans only {extent:.3g} m; give the unit of its coordinates, for example --unit ft")
+
+
+def check_size(extents_m: Sequence[float], source: str, option: str, units_m: Mapping[str, float]) -> None:
+    """Warn about a scan that is too large for a room, and name the units with which it would have the size of a room.
+
+    Args:
+        extents_m: length, width and height (z up).
+        option: the command-line option that sets the unit.
+        units_m: values of that option, in metres relative to the unit that was used.
+    """
+    x, y, z = extents_m
+    if max(x, y) <= LARGE_M and z <= HIGH_M:
+        return
+    fits = [
+        f"{option} {name} would make it {x * unit:.1f} x {y * unit:.1f} x {z * unit:.1f} m"
+        for name, unit in units_m.items()
+        if ROOM_M[0] <= max(x, y) * unit <= ROOM_M[1] and ROOM_HIGH_M[0] <= z * unit <= ROOM_HIGH_M[1]
+    ]
+    text = f"{source} is {x:.1f} x {y:.1f} x {z:.1f} m, large for a room; check {option}"
+    warnings.warn("; ".join([text, *fits]), ScanWarning, stacklevel=3)
 
 
 def _heights(mesh: trimesh.Trimesh) -> np.ndarray:

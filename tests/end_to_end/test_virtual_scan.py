@@ -1,61 +1,87 @@
-"""Fused virtual scans of the three rooms against the rooms, with half, stated and double sensor errors."""
+"""Fused virtual scans of the three rooms against the rooms, with half, stated and double sensor errors: every metric of the scan table.
+
+In the table, the segmentation recall of the atrium fails its limit because small objects are lost. Here it must not fall below its
+recorded value.
+"""
 
 import resource
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from experiments.scans.accuracy import accuracy
-from experiments.speed.bench_scan import line, measure
+from experiments.scans.accuracy import accuracy, sighted
+from experiments.scans.scan import TARGETS, case_rows, scores
+from experiments.scans.segment_score import score_segments
+from experiments.scans.true_surfaces import Truth
+from experiments.scans.virtual_scan import scanned
+from experiments.speed.bench_scan import measure
 from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
+from radartwin.reconstruct.segmentation.faces import Segment
+from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 
-ROOMS = {"lab": rooms.lab, "atrium": rooms.atrium, "squash_court": rooms.squash_court}
+pytestmark = pytest.mark.slow
+# (room, strength) -> lowest accepted recall and precision, a little below the values of seed 0. Other metrics use the limits of the table.
+LEAST = {
+    ("lab", 0.5): (0.95, 0.95), ("lab", 1.0): (0.95, 0.95), ("lab", 2.0): (0.95, 0.95),
+    ("squash_court", 0.5): (0.90, 0.95), ("squash_court", 1.0): (0.92, 0.95), ("squash_court", 2.0): (0.88, 0.91),
+    ("atrium", 0.5): (0.78, 0.94), ("atrium", 1.0): (0.79, 0.93), ("atrium", 2.0): (0.70, 0.90),
+}  # fmt: skip
+BY_AREA = 0.9
 
 
-def scanned(room: str, strength: float, **options):
-    scene = ROOMS[room]()
-    frames, truth = scan(scene, seed=0, strength=strength, colour_every=0, **options)
+@pytest.mark.parametrize(("room", "strength"), LEAST)
+def test_scan_scores_stay_within_recorded_bounds(room: str, strength: float, tmp_path: Path) -> None:
+    scanned(tmp_path / "scene", room, strength, 0)
+    found = scores(tmp_path / "scene", room, strength, 0)
+    rows = {row["metric"]: row for row in case_rows(room, strength, [found], 1000, 0, "")}
+    recall, precision = LEAST[room, strength]
+    assert rows["recall"]["value"] >= recall
+    assert rows["precision"]["value"] >= precision
+    assert min(rows["area_recall"]["value"], rows["area_precision"]["value"]) >= BY_AREA
+    for metric in ("median_mm", "p95_mm", "coverage", "glass_recall"):
+        if metric in rows:
+            assert rows[metric]["verdict"] == "holds", metric
+    if strength <= 1:
+        assert rows["shell_single"]["verdict"] == "holds"
+    assert set(rows) >= set(TARGETS) - {"glass_recall"}
+
+
+def test_atrium_mesh_bounds_the_possible_recall() -> None:
+    """Assign each face to the true surface on which it lies. An ideal segmentation then misses only surfaces that the fusion lost."""
+    room = rooms.room("atrium", detail="cluttered")
+    frames, seen = scan(room, 0, 1.0)
+    mesh = fuse(frames)[0]
+    look = sighted(seen, frames)
+    truth = Truth.of(room, look)
+    owner = truth.owners()(np.asarray(mesh.triangles_center), np.asarray(mesh.face_normals))
+    ideal = [Segment(np.flatnonzero(owner == k), float(mesh.area_faces[owner == k].sum())) for k in range(len(truth.scene))]
+    ceiling = score_segments(mesh, [s for s in ideal if s.faces.size], room, look)
+    found = score_segments(mesh, segmented(mesh), room, look)
+    assert ceiling.recall > 0.87
+    assert found.recall > 0.9 * ceiling.recall
+
+
+def test_fusion_of_the_largest_room_needs_less_than_a_minute_on_two_cores_and_four_gigabytes():
+    frames = scan(rooms.atrium(), seed=0, colour_every=0)[0]
     start = time.process_time()
-    mesh, report = fuse(frames)
-    seconds = time.process_time() - start
-    return accuracy(mesh, scene, truth, frames), report, seconds
+    fuse(frames)
+    assert time.process_time() - start < 120
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6 < 4.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("room", ROOMS)
-@pytest.mark.parametrize("strength", [0.5, 1.0, 2.0])
-def test_fused_rooms_reach_the_accuracy_goal(room, strength):
-    """Goal for the surface error: median 15 mm and 95th percentile 50 mm at the stated sensor errors, twice that at double errors."""
-    score, report, seconds = scanned(room, strength)
-    gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(
-        f"{room:13s} x{strength}: median {1000 * score.median_m:.1f} mm, 95 % {1000 * score.p95_m:.1f} mm, as placed "
-        f"{1000 * score.placed_median_m:.1f} and {1000 * score.placed_p95_m:.1f} mm; {100 * score.coverage:.1f} % of the seen covered; "
-        f"{report.frames} frames, voxels {1000 * report.voxel_m:.0f} mm, {seconds:.0f} core-seconds, peak {gigabytes:.1f} GB"
-    )
-    allowed = max(strength, 1.0)
-    assert score.median_m <= 0.015 * allowed
-    assert score.p95_m <= 0.050 * allowed
-    assert score.coverage > 0.85
-    assert gigabytes < 4.0
-    assert seconds < 120  # of two cores: 60 s
-
-
-@pytest.mark.slow
 def test_half_a_million_triangles_need_less_than_four_gigabytes():
     found = measure(500_000)
-    print(line(found))
     assert found["faces"] >= 500_000
     assert found["peak_gib"] < 4.0
     assert found["core_seconds"] < 120  # of two cores: 60 s
 
 
-@pytest.mark.slow
 def test_drift_correction_halves_the_error():
     """The same scan fused with and without drift correction."""
     scene = rooms.lab()
@@ -65,7 +91,6 @@ def test_drift_correction_halves_the_error():
     assert refined.p95_m < 0.5 * rough.p95_m
 
 
-@pytest.mark.slow
 def test_saved_scan_fuses_to_the_same_surface(tmp_path):
     scene = rooms.lab(detail="shell")
     frames, truth = scan(scene, seed=2, frames=40, colour_every=4)

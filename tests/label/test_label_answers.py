@@ -128,9 +128,9 @@ def test_contents_are_behind_a_shell_of_the_outer_material() -> None:
     assert interior("metal", 0.2, "oil-like liquid") == "metal", "nothing passes metal"
 
 
-def test_invalid_answer_is_marked_in_the_provenance() -> None:
-    surface = Surface(objects.plate(1, 1), "wood", "plate")
-    label = answer_label(Answer.none("rubbish", 3), surface)
+def test_invalid_answer_is_marked_in_the_provenance(asked: list[Question]) -> None:
+    given = Record.of(asked[0], Answer.none("rubbish", 3), "tiny", "server")
+    label = answer_label(given, Surface(objects.plate(1, 1), "wood", "plate"))
     assert label.provenance["minc"] == "other"
     assert label.provenance["invalid"] is True
     assert label.provenance["confidence"] == 0.0
@@ -260,14 +260,14 @@ def test_ship_writes_the_answers_of_the_manifest_and_their_digest(tmp_path: Path
     surface = Surface(rooms.rectangle([0, 0, 0], np.eye(3)[0], np.eye(3)[1], (2, 2)), "wood", "floor", role="room")
     folder = Scene([surface]).save(tmp_path / "scene")
     with pytest.raises(MissingError, match="has no stored answers that label it"):
-        ship(folder, "den", tmp_path)
+        ship([folder], "den", tmp_path)
     asked = prepare(folder, load(folder), views=1)
     stale = dataclasses.replace(record(asked.questions[0]), key="0" * 64)
     journal = Journal(folder / JOURNAL)
     journal.append(stale)
     journal.append(record(asked.questions[0]))
     apply(asked, {0: record(asked.questions[0])})
-    path = ship(folder, "den", tmp_path / "to")
+    path = ship([folder], "den", tmp_path / "to")
     assert [r.key for r in load_records(path)] == [asked.questions[0].key], "of two stored answers, the one that labels the scene"
     found: dict = {}
     exec((tmp_path / "to" / "digests.py").read_text(), found)
@@ -322,16 +322,8 @@ def test_import_accepts_all_lines_or_names_every_invalid_line(tmp_path: Path, as
         read_answers(path, asked, "someone")
     message = str(caught.value)
     assert "no answer is imported; correct 5 lines" in message
-    for words in (
-        "line 2: not valid JSON",
-        "line 3: the id is not",
-        "line 4: material: 'cheese'",
-        "line 5: ",
-        "line 6: 'wall_thick",
-    ):
+    for words in ("line 2: not valid JSON", "line 3: the id is not", "line 4: material: 'cheese'", "line 5: ", "line 6: 'wall_thick"):
         assert words in message, words
-    with pytest.raises(MissingError, match="give the file of answers"):
-        read_answers(tmp_path / "none.jsonl", asked, "someone")
 
 
 # --- score
@@ -342,8 +334,7 @@ def room(labels: list[str], truth: list[str], areas: list[float]) -> tuple[Scene
         surfaces = []
         for k, (name, area) in enumerate(zip(names, areas, strict=True)):
             mesh = objects.plate(area, 1.0).apply_translation([3.0 * k, 0, 0])
-            provenance = {"source": source, "minc": name, "confidence": 0.5}
-            surfaces.append(Surface(mesh, MINC[name].material, f"s{k}", role="room", provenance=provenance))
+            surfaces.append(Surface(mesh, MINC[name].material, f"s{k}", role="room", provenance={"source": source, "minc": name}))
         return Scene(surfaces)
 
     return build(labels, "vlm"), build(truth, "true")
@@ -371,7 +362,6 @@ def test_wilson_interval_matches_published_values() -> None:
         assert (share, round(least, 4), round(most, 4)) == (pytest.approx(hits / n), low, high)
     _, one, _ = wilson(np.array([100.0, 1e-6]), np.array([True, False]))
     assert one == pytest.approx(wilson(np.ones(1), np.ones(1, bool))[1], abs=1e-4), "one large wall is one decision"
-    assert np.isnan(wilson(np.zeros(0), np.zeros(0, bool))[0])
 
 
 def test_unmatched_surfaces_do_not_count_and_truth_needs_categories() -> None:
@@ -381,7 +371,6 @@ def test_unmatched_surfaces_do_not_count_and_truth_needs_categories() -> None:
     blank = Scene([dataclasses.replace(s, provenance={"source": "true"}) for s in truth])
     with pytest.raises(SceneError, match="true surface 's0' has no MINC category"):
         judge(labelled, blank)
-    assert list(accuracy_table([]).columns)[:3] == ["minc", "n", "area_m2"]
 
 
 def test_random_labels_score_below_true_labels() -> None:

@@ -101,16 +101,6 @@ def test_reply_of_the_network_is_read_as_an_answer(weights: Path, question: Ques
     assert question.text in tokenizer.decode(inputs["input_ids"][0])
 
 
-def test_pictures_change_the_features_of_the_network(weights: Path, question: Question, inputs: dict) -> None:
-    import torch
-
-    list(InternVL(str(weights)).answers([question]))
-    network = transformers.InternVLForConditionalGeneration.from_pretrained(weights)
-    features = network.get_image_features(torch.zeros(2, 3, 56, 56)).pooler_output
-    assert features.shape[:2] == (2, 4)
-    assert not torch.allclose(network.get_image_features(inputs["pixel_values"].float().cpu()).pooler_output, features)
-
-
 def test_picture_is_normalised_with_the_mean_of_imagenet(weights: Path, question: Question, inputs: dict) -> None:
     stream = io.BytesIO()
     Image.new("RGB", (64, 48), (124, 116, 104)).save(stream, "JPEG", quality=95)  # the mean colour of ImageNet

@@ -103,17 +103,15 @@ def test_colours_of_vertices_faces_and_textures_are_drawn() -> None:
         drawing = Drawing(Scene([Surface(mesh, "wood", "wall")]))
         picture = drawing.picture(camera, drawing.seen(camera))
         if name == "texture":
-            top_left, top_right, bottom_left = picture[8, 8], picture[8, 24], picture[24, 8]
-            assert top_left.argmax() == 0, picture[8, 8]
-            assert top_right.argmax() == 1
-            assert bottom_left.argmax() == 2
+            assert [picture[place].argmax() for place in ((8, 8), (8, 24), (24, 8))] == [0, 1, 2], "top left, top right, bottom left"
         else:
             assert np.allclose(picture[16, 16], [10, 200, 30], atol=4), name
 
 
-def test_every_surface_has_three_crops_with_outline_and_surroundings() -> None:
+def test_every_surface_has_three_crops_with_outline_and_surroundings_and_they_are_deterministic() -> None:
     scene = box_room()
     crops = Views(scene).crops(range(len(scene)))
+    assert [crop.jpeg for crop in Views(scene).crops([5])[5]] == [crop.jpeg for crop in crops[5]]
     for index, found in crops.items():
         name = scene.surfaces[index].name
         assert len(found) == 3, name
@@ -128,11 +126,6 @@ def test_every_surface_has_three_crops_with_outline_and_surroundings() -> None:
     assert box[2].share < 0.5 * box[0].share, "the last crop is wide"
 
 
-def test_crops_of_one_scene_are_identical() -> None:
-    first, second = (Views(box_room()).crops([0, 5]) for _ in range(2))
-    assert [crop.jpeg for crops in first.values() for crop in crops] == [crop.jpeg for crops in second.values() for crop in crops]
-
-
 def test_photographs_are_used_only_if_they_show_the_surface(tmp_path) -> None:
     scene = box_room()
     drawing = Drawing(scene)
@@ -140,8 +133,8 @@ def test_photographs_are_used_only_if_they_show_the_surface(tmp_path) -> None:
     shots = [(drawing.picture(camera, drawing.seen(camera)), camera.pose, camera.intrinsics) for camera in (low, high)]
     shots.append((np.zeros((480, 640, 3), np.uint8), eye_at([-1, 1.5, 1.5], [-4, 1.5, 1.5]).pose, high.intrinsics))  # away
 
-    photos = save_photos(tmp_path, shots)
-    crops = Views(scene, photos, 2).crops(range(len(scene)))
+    save_photos(tmp_path, shots)
+    crops = Views(scene, load_photos(tmp_path), 2).crops(range(len(scene)))
     by_name = {scene.surfaces[index].name: found for index, found in crops.items()}
     assert {crop.origin for crop in by_name["box"]} == {"photo"}
     assert [crop.origin for crop in by_name["near"]] == ["mesh", "mesh"], "no photograph shows the wall behind the camera"
@@ -161,9 +154,9 @@ def test_outline_follows_the_mask_and_the_border() -> None:
 
 def test_photographs_round_trip_and_invalid_files_are_named(tmp_path) -> None:
     camera = eye_at([0, 0, 1], [1, 0, 1], 32, 24)
-    saved = save_photos(tmp_path, [(np.full((24, 32, 3), 100, np.uint8), camera.pose, camera.intrinsics)])
+    save_photos(tmp_path, [(np.full((24, 32, 3), 100, np.uint8), camera.pose, camera.intrinsics)])
     [loaded] = load_photos(tmp_path)
-    assert np.array_equal(loaded.pose, saved[0].pose)
+    assert np.array_equal(loaded.pose, camera.pose)
     assert np.array_equal(loaded.intrinsics, camera.intrinsics)
     assert np.abs(loaded.pixels().astype(int) - 100).max() <= 1
     assert load_photos(tmp_path / "none") == []
@@ -173,8 +166,9 @@ def test_photographs_round_trip_and_invalid_files_are_named(tmp_path) -> None:
     loaded.path.unlink()
     with pytest.raises(MissingError, match=r"is missing, though photos\.json names it"):
         loaded.pixels()
+    save_photos(tmp_path, [(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4)), np.eye(3))])
     with pytest.raises(PoseError, match="not a rigid"):
-        save_photos(tmp_path, [(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4)), np.eye(3))])
+        load_photos(tmp_path)
     (tmp_path / "photos.json").write_text("{}")
     with pytest.raises(InputError, match=r"photos\.json is not a radartwin-photos"):
         load_photos(tmp_path)
@@ -183,11 +177,7 @@ def test_photographs_round_trip_and_invalid_files_are_named(tmp_path) -> None:
 def test_question_has_the_geometry_and_not_the_material() -> None:
     scene = Scene([s.replaced(name=f"secret_{s.name}", material="detergent", provenance={"minc": "leather"}) for s in box_room()])
     asked = questions(scene, views=1)
-    assert len(asked) == 6
-    for question in asked:
-        for word in ("secret", "detergent"):
-            assert word not in question.text
-        assert len(question.id) == 12
+    assert not any(word in question.text for question in asked for word in ("secret", "detergent"))
     texts = {scene.surfaces[q.surface].name: q.text for q in asked}
     assert "4.0 m x 3.0 m, flat, level, facing up, its middle 0.0 m above" in texts["secret_floor"]
     assert "3.0 m x 2.5 m, flat, upright, its middle 1.2 m above" in texts["secret_far"]

@@ -15,9 +15,9 @@ X, Y, Z = np.eye(3)
 L, W, H = SIZE
 
 
-def sheet(corner, along, up, size, hole=None):
+def sheet(corner, along, up, size, hole=None, edge_m=EDGE_M):
     """A grid of triangles facing along x up, without those inside the hole (u0, v0, u1, v1)."""
-    nu, nv = (round(s / EDGE_M) for s in size)
+    nu, nv = (round(s / edge_m) for s in size)
     u, v = np.meshgrid(np.linspace(0, size[0], nu + 1), np.linspace(0, size[1], nv + 1), indexing="ij")
     points = np.asarray(corner, float) + u[..., None] * np.asarray(along) + v[..., None] * np.asarray(up)
     grid = np.arange(u.size).reshape(u.shape)
@@ -36,15 +36,22 @@ def block(size, centre):
     return box.apply_translation(centre)
 
 
-def shell(window=None):
+def inner_sides(size):
+    """Corner, two directions and extents of the six sides of a box, seen from inside."""
+    x, y, z = size
     return [
-        sheet([0, 0, 0], X, Y, (L, W)),
-        sheet([0, W, H], X, -Y, (L, W)),
-        sheet([0, 0, 0], Y, Z, (W, H)),
-        sheet([L, W, 0], -Y, Z, (W, H)),
-        sheet([L, 0, 0], -X, Z, (L, H)),
-        sheet([0, W, 0], X, Z, (L, H), window),
+        ((0, 0, 0), X, Y, (x, y)),
+        ((0, y, z), X, -Y, (x, y)),
+        ((0, 0, 0), Y, Z, (y, z)),
+        ((x, y, 0), -Y, Z, (y, z)),
+        ((x, 0, 0), -X, Z, (x, z)),
+        ((0, y, 0), X, Z, (x, z)),
     ]
+
+
+def shell(window=None):
+    *others, last = inner_sides(SIZE)
+    return [*(sheet(*side) for side in others), sheet(*last, window)]
 
 
 def scan(pieces, noise_m=0.0, seed=0):
@@ -62,21 +69,14 @@ def saved(mesh, tmp_path, name="room.ply"):
     return tmp_path / name
 
 
-def truth(window=False):
-    inner = [WINDOW] if window else []
-    named = [
-        ("floor", rectangle([0, 0, 0], X, Y, (L, W))),
-        ("ceiling", rectangle([0, W, H], X, -Y, (L, W))),
-        ("back", rectangle([0, 0, 0], Y, Z, (W, H))),
-        ("front", rectangle([L, W, 0], -Y, Z, (W, H))),
-        ("right", rectangle([L, 0, 0], -X, Z, (L, H))),
-        ("left", rectangle([0, W, 0], X, Z, (L, H), inner)),
-    ]
-    surfaces = [Surface(m, "plasterboard", n, role="room", provenance={"source": "true", "minc": "painted"}) for n, m in named]
-    if window:
-        pane = rectangle([0, W, 0], X, Z, (L, H), inset=WINDOW)
-        surfaces.append(Surface(pane, "glass", "window", role="room", provenance={"source": "true", "minc": "glass"}))
-    return Scene(surfaces)
+def truth():
+    """The room with its window as a pane."""
+    *others, last = inner_sides(SIZE)
+    meshes = [*(rectangle(*side) for side in others), rectangle(*last, [WINDOW])]
+    facts = {"source": "true", "minc": "painted"}
+    surfaces = [Surface(mesh, "plasterboard", f"side_{k}", role="room", provenance=facts) for k, mesh in enumerate(meshes)]
+    pane = rectangle(*last, inset=WINDOW)
+    return Scene([*surfaces, Surface(pane, "glass", "window", role="room", provenance={"source": "true", "minc": "glass"})])
 
 
 def coloured(mesh, rule, seed=0):

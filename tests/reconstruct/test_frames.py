@@ -8,7 +8,6 @@ import pytest
 from PIL import Image
 
 from radartwin.errors import MissingError, PoseError, ScanError
-from radartwin.reconstruct.axes import TO_Z_UP as UP
 from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.frames import Frame, Frames, points, rescaled
 from radartwin.reconstruct.frames.layouts import load_frames
@@ -68,12 +67,6 @@ def test_own_layout_returns_the_saved_frames(own):
         assert np.allclose(new.intrinsics, LENS)
 
 
-def test_incomplete_own_folder_is_refused(own):
-    (own / "frames.json").unlink()
-    with pytest.raises(ScanError, match="no poses"):
-        load_frames(own)
-
-
 def test_arkit_axes_are_converted_to_z_up_and_opencv(tmp_path):
     frames = load_frames(arkit(tmp_path / "arkit"))
     assert np.allclose(frames[0].pose[:3, 3], (0, 0, 1.5))
@@ -81,14 +74,6 @@ def test_arkit_axes_are_converted_to_z_up_and_opencv(tmp_path):
     assert np.allclose(frames[0].pose[:3, 1], (0, 0, -1))  # rows of the picture go down
     middle = points(frames[0])[95:97, 127:129].reshape(-1, 3).mean(axis=0)
     assert np.allclose(middle, (0, 2, 1.5), atol=0.01)
-
-
-def test_rescaled_intrinsics_keep_the_same_rays():
-    lens = np.array([[1447.0, 0, 959.5], [0, 1447, 719.5], [0, 0, 1]])
-    small = rescaled(lens, (1920, 1440), (256, 192))
-    assert small[0, 2] == pytest.approx(127.5)  # the middle stays the middle: pixel centres are whole numbers
-    # The same ray leaves through the corner of either picture.
-    assert (-0.5 - small[0, 2]) / small[0, 0] == pytest.approx((-0.5 - lens[0, 2]) / lens[0, 0])
 
 
 def test_pose_file_up_axis_is_found_from_the_cameras(tmp_path):
@@ -116,14 +101,6 @@ def test_tum_pictures_take_the_pose_nearest_in_time(tmp_path):
     assert frames.poses[:, 0, 3].tolist() == [1, 2]  # the third has no pose within 20 ms
     assert frames[0].depth_m[5, 5] == pytest.approx(2.0)  # 1/5000 m
     assert frames[0].colour is not None
-
-
-@pytest.mark.parametrize("axis", UP)
-def test_every_up_axis_rotation_ends_at_z_and_keeps_handedness(axis):
-    up = np.zeros(3)
-    up["xyz".index(axis[-1])] = -1 if axis[0] == "-" else 1
-    assert np.allclose(UP[axis] @ up, (0, 0, 1))
-    assert np.linalg.det(UP[axis]) == pytest.approx(1)
 
 
 def test_frames_load_without_depth_files_with_colour_only(own):
@@ -154,6 +131,9 @@ def test_wrong_folders_frames_and_options_are_refused(tmp_path, own):
         (ScanError, "same name", lambda: Frames.of([wall("a"), wall("a")])),
         (ScanError, "2 frames and 1 poses", lambda: load_frames(own).with_poses(np.eye(4)[None])),
         (ScanError, "--up up: choose x, y, z", lambda: load_frames(own, up="up")),
+        (ScanError, "--poses sideways: choose opencv, opengl", lambda: load_frames(own, poses="sideways")),
+        (ScanError, "--depth-unit 0: give metres", lambda: load_frames(arkit(tmp_path / "c"), depth_unit_m=0.0)),
+        (ScanError, "--depth-unit does not apply", lambda: load_frames(tmp_path / "c", depth_unit_m=0.001, colour_only=True)),
         (PoseError, "not finite", lambda: Frames(["0"], wall().pose[None] * np.nan, lambda i: wall())),
         (PoseError, "00000 mirrors", lambda: load_frames(arkit(tmp_path / "a", flip=-1.0))),
         (PoseError, "not a rotation", lambda: load_frames(arkit(tmp_path / "b", flip=1.1))),
@@ -200,7 +180,10 @@ def test_inconsistent_pose_files_are_refused(tmp_path, lines, count, intrinsics,
         load_frames(pose_file(tmp_path / "frames", lines, count), intrinsics)
 
 
-def test_damaged_index_is_refused(own):
+def test_damaged_or_missing_index_is_refused(own):
     (own / "frames.json").write_text("{}")
     with pytest.raises(ScanError, match=r"frames\.json: damaged"):
+        load_frames(own)
+    (own / "frames.json").unlink()
+    with pytest.raises(ScanError, match="no poses"):
         load_frames(own)

@@ -9,8 +9,7 @@ from radartwin.errors import ScanError
 from radartwin.reconstruct.distance import Nearest, to_mesh
 from radartwin.reconstruct.frames.frames import Frame, Frames
 from radartwin.reconstruct.fusion import fusion, volume
-from radartwin.reconstruct.fusion.fusion import fuse
-from radartwin.reconstruct.fusion.holes import holes
+from radartwin.reconstruct.fusion.fusion import fuse, holes
 from radartwin.testbed.scanner.walk import look_along
 
 LENS = np.array([[70.0, 0, 47.5], [0, 70, 35.5], [0, 0, 1]])
@@ -200,12 +199,10 @@ def test_holes_are_counted_and_measured():
     assert found.boundary_m == pytest.approx(2 + 4)
 
 
-def test_unusable_frames_and_voxels_are_refused(monkeypatch):
+def test_unusable_frames_and_too_many_voxels_are_refused(monkeypatch):
     dark = [Frame(f.name, f.pose, LENS, f.depth_m + np.float32(6), None, None, None) for f in frames(count=3)]
     with pytest.raises(ScanError, match="no usable depth within 5 m"):
         fuse(Frames.of(dark))
-    with pytest.raises(ScanError, match=r"voxel_m=5"):
-        fuse(frames(count=3), voxel_m=5.0)
     monkeypatch.setattr(volume, "MAX_BLOCKS", 300)
     with pytest.raises(ScanError, match=r"pass voxel_m=0\.0[4-9]"):
         fuse(frames(count=12), voxel_m=0.03, refine=False)

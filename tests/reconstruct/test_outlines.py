@@ -11,10 +11,10 @@ from shapely import Polygon
 from experiments.scans.segment_score import score_scene
 from radartwin.reconstruct.build import ScanOptions, reconstruct
 from radartwin.reconstruct.outlines import outline
+from radartwin.reconstruct.outlines.assembly import ERROR_M, simplified
 from radartwin.reconstruct.outlines.complete import complete
 from radartwin.reconstruct.outlines.flatten import regular
 from radartwin.reconstruct.outlines.grid import Grid
-from radartwin.reconstruct.outlines.parts import ERROR_M, simplified
 from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.outlines.visibility import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
@@ -91,7 +91,7 @@ def test_framed_window_without_points_becomes_a_pane(tmp_path):
     panes = [s for s in scene if s.provenance["completed"]]
     assert [s.name for s in panes] == ["pane_1"]
     assert panes[0].mesh.area == pytest.approx(1.2, rel=0.08)
-    score = score_scene(scene, truth(window=True))
+    score = score_scene(scene, truth())
     assert score.clear[0].name == "window"
     assert min(score.clear[0].recall, score.clear[0].precision) > 0.9
     assert min(score.precision, score.recall) > 0.97

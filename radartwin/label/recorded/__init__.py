@@ -32,12 +32,7 @@ JOURNAL = Path("labels") / "answers.jsonl"  # in a scene folder
 
 @dataclass(frozen=True)
 class Recorded:
-    """A provider that answers questions with recorded answers.
-
-    Args:
-        records: recorded answers.
-        model: model whose answers are used; None accepts every model.
-    """
+    """A provider that answers questions with recorded answers, those of `model` or of every model."""
 
     records: Sequence[Record]
     model: str | None = None
@@ -82,12 +77,7 @@ def shipped_rooms() -> list[str]:
 
 @functools.cache
 def shipped(room: str) -> tuple[Record, ...]:
-    """Return the shipped records of a room.
-
-    Raises:
-        MissingError: no records ship for the room.
-        LabelError: the file is missing or differs from the shipped file.
-    """
+    """Return the shipped records of a room."""
     if room not in DIGESTS:
         rooms = ", ".join(shipped_rooms()) or "no room"
         raise MissingError(f"there are no recorded answers for {room}; they ship for {rooms}")
@@ -97,22 +87,17 @@ def shipped(room: str) -> tuple[Record, ...]:
     return tuple(load_records(path))
 
 
-def ship(folders: Path | Sequence[Path], room: str, to: Path = SHIPPED, about: str = "") -> Path:
-    """Write the answers of a room, and their digest, to the files that ship with the package.
-
-    The answers are those that the manifests of labelled scene folders name.
+def ship(folders: Sequence[Path], room: str, to: Path = SHIPPED, about: str = "") -> Path:
+    """Write the answers of a room, and their digest, to the files that ship with the package. Return the path of the answers.json.
 
     Args:
-        folders: scene folders of one room, from one or several scans, labelled by `radartwin label`.
+        folders: scene folders of one room, from one or several scans, labelled by `radartwin label`. The answers that their manifests name
+            are written.
         to: folder that holds digests.py and one folder per room.
         about: model, date and method of the answers, as text.
-    Returns:
-        The path of the answers.json that was written.
-    Raises:
-        MissingError: a folder does not store the answers that its manifest names.
     """
     records = {}
-    for folder in [folders] if isinstance(folders, Path) else folders:
+    for folder in folders:
         named = {surface.provenance.get("key") for surface in Scene.load(folder)}
         own = [record for record in Journal(folder / JOURNAL).records if record.key[:12] in named]
         if not own:
@@ -127,11 +112,7 @@ def ship(folders: Path | Sequence[Path], room: str, to: Path = SHIPPED, about: s
 
 
 def load_records(path: Path) -> list[Record]:
-    """Read the records of an answers.json.
-
-    Raises:
-        LabelError: the file is invalid.
-    """
+    """Read the records of an answers.json."""
     try:
         content = json.loads(path.read_text())
         if content["format"] != FORMAT or content["version"] != VERSION:
@@ -142,18 +123,14 @@ def load_records(path: Path) -> list[Record]:
 
 
 def save_records(path: Path, room: str, records: Sequence[Record], about: str = "") -> Path:
-    """Write an answers.json, sorted by key, so that the same answers give the same bytes. For `about` see `ship`."""
+    """Write an answers.json, sorted by key, so that the same answers give the same bytes."""
     lines = [json.dumps(record.to_dict(), separators=(",", ":")) for record in sorted(records, key=lambda r: (r.key, r.model))]
     head = f'{{"format": "{FORMAT}", "version": {VERSION}, "room": {json.dumps(room)}, "about": {json.dumps(about)}, "answers": [\n'
     return write_atomically(path, head + ",\n".join(lines) + "\n]}\n")
 
 
 def records_for(scene: Scene, folder: Path | None) -> list[Record]:
-    """Return all records that apply to a scene: first those in its folder, then those that ship for its room.
-
-    Raises:
-        MissingError: there are no such records.
-    """
+    """Return all records that apply to a scene: first those in its folder, then those that ship for its room."""
     records = Journal(folder / JOURNAL).records if folder is not None else []
     room = room_of(scene)
     if room is not None:

@@ -35,11 +35,7 @@ JPEG_QUALITY = 95
 
 
 def save_frames(frames: Frames, folder: str | Path) -> Path:
-    """Write frames in this library's layout. Depth is rounded to millimetres, and colour is stored as JPEG.
-
-    Raises:
-        OutputError: the folder cannot be written.
-    """
+    """Write frames in this library's layout. Depth is rounded to millimetres, and colour is stored as JPEG."""
     folder = Path(folder)
     make_folder(folder)
     (folder / INDEX).unlink(missing_ok=True)
@@ -91,11 +87,7 @@ def _write(pixels: np.ndarray, folder: Path, name: str) -> str:
 
 
 def load_own(folder: Path, colour_only: bool) -> Frames:
-    """Open a folder that `save_frames` wrote.
-
-    Raises:
-        ScanError: frames.json is damaged, or has another format.
-    """
+    """Open a folder that `save_frames` wrote."""
     try:
         index = untrusted_json.read(folder / INDEX)
         if (index["format"], index["version"]) != (FORMAT, VERSION):
@@ -109,9 +101,9 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
         colours = [inside(folder, str(e["colour"])) if e["colour"] else None for e in entries]
         lenses = [np.array(e["colour_intrinsics"], dtype=np.float64).reshape(3, 3) if e["colour"] else None for e in entries]
         confidences = [inside(folder, str(e["confidence"])) if e["confidence"] else None for e in entries]
+    except ScanError:
+        raise
     except (OSError, ValueError, KeyError, TypeError) as error:
-        if isinstance(error, ScanError):
-            raise
         raise ScanError(f"{folder / INDEX}: damaged ({type(error).__name__}: {error}); save the frames again") from error
     if entries and not colour_only:
         check_depth(depths, unit, str(folder), f"correct depth_unit_m in {INDEX}:")

@@ -121,8 +121,6 @@ def _one_camera(
 ) -> Frames:
     """Make the frames of a camera whose colour pictures show the same view as its depth pictures."""
     names, depths, colours, unit_m, colour_only = pictures
-    if not names:
-        raise ScanError(f"{folder}: no frames; the lists of pictures and poses are empty")
     camera = _camera(folder, intrinsics)
     if not colour_only:
         check_depth(depths, unit_m, str(folder))
@@ -158,11 +156,7 @@ def _camera(folder: Path, intrinsics: Sequence[float] | None) -> np.ndarray:
 
 
 def _numbers(path: Path, columns: int) -> np.ndarray:
-    """Read the rows (N, columns) of a text file; # starts a comment.
-
-    Raises:
-        ScanError: a row has another number of columns, or there are no rows.
-    """
+    """Read the rows (N, columns) of a text file; # starts a comment."""
     rows = []
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         words = line.partition("#")[0].replace(",", " ").split()

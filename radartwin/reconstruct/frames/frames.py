@@ -52,9 +52,7 @@ class Frames(Sequence[Frame]):
     """A sequence of frames in the order of recording. Each access to a frame reads it from its source again.
 
     Args:
-        names: one name per frame, all different.
-        poses: (N, 4, 4) camera-to-world.
-        read: function that returns frame i.
+        read: function that returns frame i. `poses` (N, 4, 4), camera-to-world, replace the pose of the frame that `read` returns.
         source: text that names the frames in error messages.
         scan_of: identifier of the scanned place: the name of a procedural room, or the digest of a real scan's files; empty if unknown.
     Raises:
@@ -106,13 +104,7 @@ class Frames(Sequence[Frame]):
 
 
 def scan_digest(files: Iterable[Path]) -> str:
-    """Return a digest that identifies a real scan, computed from its mesh file or from the files that hold its poses.
-
-    The digest does not depend on the scan's folder.
-
-    Raises:
-        MissingError: a file does not exist.
-    """
+    """Return a digest that identifies a real scan, computed from the contents of its mesh file or of the files that hold its poses."""
     digest = hashlib.sha256()
     for file in files:
         try:
@@ -123,11 +115,7 @@ def scan_digest(files: Iterable[Path]) -> str:
 
 
 def check_poses(poses: np.ndarray, source: str, names: Sequence[str]) -> np.ndarray:
-    """Return poses (N, 4, 4) whose rotations are replaced by the nearest exactly orthonormal ones.
-
-    Raises:
-        PoseError: a pose has the wrong shape, is not finite, is mirrored (determinant -1), or is not rigid.
-    """
+    """Return poses (N, 4, 4) with exactly orthonormal rotations. Raises a PoseError if a pose is not rigid."""
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise PoseError(f"{source}: poses have shape {poses.shape}; give (N, 4, 4) camera-to-world matrices")
     for name, pose in zip(names, poses, strict=True):

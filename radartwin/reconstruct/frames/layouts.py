@@ -15,12 +15,11 @@ from radartwin.reconstruct.frames.frames import Frames
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """A known folder layout.
+    """A known folder layout, and the command-line options that apply to this layout.
 
     Attributes:
         metadata_file: the file that holds the poses.
         unit_m: default metres per count of the depth pictures; None where `metadata_file` states the unit.
-        options: command-line options that the user may give for this layout.
     """
 
     metadata_file: str
@@ -35,12 +34,7 @@ POSE_FILE = Layout("pose.txt", POSE_FILE_UNIT_M, TUM.options)
 
 
 def layout_of(folder: Path) -> Layout:
-    """Detect the layout of a folder from its files.
-
-    Raises:
-        MissingError: the folder does not exist.
-        ScanError: the folder has no known layout.
-    """
+    """Detect the layout of a folder from its files. For the errors see `load_frames`."""
     if not folder.is_dir():
         raise MissingError(f"{folder} is not a folder; give the folder that holds the scan's frames")
     if (folder / INDEX).is_file():
@@ -65,8 +59,7 @@ def load_frames(
 ) -> Frames:
     """Open a folder of frames in any known layout: ARKit export of 3d Scanner App, TUM RGB-D, pose.txt, or this library's layout.
 
-    This function checks the poses, the numbers of files and some depth pictures. The pictures of a frame are checked when the frame is
-    read.
+    The poses, the numbers of files and some depth pictures are checked here, and the pictures of a frame when the frame is read.
 
     Args:
         intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, only for pose.txt and TUM. The default is the folder's intrinsics.json
@@ -75,12 +68,11 @@ def load_frames(
         up: world axis of the poses that points up (x, y, z, -x, -y, -z). ARKit and this library's layout define it. For pose.txt and
             TUM the default is the axis nearest to the cameras' mean upward direction.
         poses: pose convention, one of `radartwin.reconstruct.axes.POSE_CONVENTIONS`, only for pose.txt and TUM; "opencv" by default.
-        colour_only: ignore the depth pictures, which may be missing. Used by `radartwin.reconstruct.fusion.monocular`.
+        colour_only: ignore the depth pictures, which may be missing, because a model estimates the depth.
     Raises:
         MissingError: the folder or one of its pictures does not exist.
         ScanError: the layout is unknown, poses or intrinsics are missing, the numbers of files differ, a picture is damaged or has no
-            depth,
-            the depth unit is implausible, or an option does not apply to the layout.
+            depth, the depth unit is implausible, or an option does not apply to the layout.
         PoseError: a pose is mirrored or not rigid.
     """
     folder = Path(folder)

@@ -17,17 +17,12 @@ UNITS_M = {0.001: "millimetres", 0.0002: "1/5000 m, as TUM RGB-D", 0.0001: "0.1 
 
 
 def read_picture(path: Path) -> np.ndarray:
-    """Read the pixels of any picture that Pillow can read.
-
-    Raises:
-        MissingError: the file does not exist.
-        ScanError: the file is not a picture, or is truncated.
-    """
+    """Read the pixels of any picture that Pillow can read."""
     return _opened(path, np.asarray)
 
 
 def picture_size(path: Path) -> tuple[int, int]:
-    """Read (width, height) from the file header. Raises errors as `read_picture`."""
+    """Read (width, height) from the file header."""
     return _opened(path, lambda picture: picture.size)
 
 
@@ -42,11 +37,7 @@ def _opened(path: Path, read: Callable[[Any], Any]) -> Any:
 
 
 def read_depth(path: Path, unit_m: float) -> np.ndarray:
-    """Read a depth picture. Return the depth (h, w) float32 in metres; 0 where there is no depth.
-
-    Raises:
-        ScanError: the picture has more than one channel.
-    """
+    """Read a depth picture of one channel. Return the depth (h, w) float32 in metres; 0 where there is no depth."""
     counts = read_picture(path)
     if counts.ndim != 2:
         raise ScanError(f"{path}: a depth picture has one channel, this one has shape {counts.shape}; is it a colour picture?")
@@ -55,11 +46,7 @@ def read_depth(path: Path, unit_m: float) -> np.ndarray:
 
 
 def read_colour(path: Path) -> np.ndarray:
-    """Read a colour or grey picture as colour (H, W, 3) uint8.
-
-    Raises:
-        ScanError: the picture does not have 8 bits per channel.
-    """
+    """Read a colour or grey picture with 8 bits per channel as colour (H, W, 3) uint8."""
     pixels = read_picture(path)
     if pixels.dtype != np.uint8 or pixels.ndim not in (2, 3):
         raise ScanError(f"{path}: a colour picture has 8 bits per channel, this one is {pixels.dtype} of shape {pixels.shape}")
@@ -67,12 +54,9 @@ def read_colour(path: Path) -> np.ndarray:
 
 
 def check_depth(paths: Sequence[Path], unit_m: float, source: str, remedy: str = "give --depth-unit") -> None:
-    """Check the unit on three non-empty depth pictures, so that a wrong unit fails early.
+    """Raise a ScanError if all depth pictures are empty, or if the median depth of three pictures is implausible for a room.
 
     The pictures are read in the order first, middle, last, then pictures between these.
-
-    Raises:
-        ScanError: all pictures are empty, or the median depth is implausible for a room.
     """
     seen: list[np.ndarray] = []
     for path in (paths[i] for i in _bisected(len(paths))):

@@ -21,7 +21,7 @@ from radartwin.reconstruct.frames.pictures import UNITS_M, plausible
 from radartwin.reconstruct.fusion.alignment import disagreement
 from radartwin.reconstruct.fusion.views import prepared
 from radartwin.reconstruct.fusion.volume import View
-from radartwin.reconstruct.scan_size import ScanWarning
+from radartwin.reconstruct.mesh_file import ScanWarning
 
 COMPARED_VIEWS = 40  # number of compared views, evenly distributed over the scan
 MEDIAN_M = 2.0  # all views are scaled to this median depth
@@ -34,10 +34,9 @@ MIN_PAIRS = 0.7  # smallest number of overlapping pairs of an alternative, relat
 
 @dataclass(frozen=True)
 class Agreement:
-    """How well the views agree under one depth unit or pose convention.
+    """How well the views agree under the depth unit or pose convention `name`.
 
     Attributes:
-        name: name of the unit or convention.
         pairs: number of overlapping view pairs.
         apart_m: median distance between overlapping views, metres at a median depth of MEDIAN_M.
     """
@@ -54,8 +53,6 @@ class Agreement:
 
 def check_agreement(frames: Frames, unit_m: float | None, convention: str | None, metadata_file: str = INDEX) -> None:
     """Raise an error if another depth unit or pose convention agrees clearly better than the given one.
-
-    Warn if the views agree under no unit and convention, or cannot decide between them.
 
     Args:
         frames: frames in the world of their poses, with any up axis.

@@ -39,13 +39,7 @@ ANCHOR_M = 0.6  # length of the path's beginning that defines the position of th
 
 @dataclasses.dataclass(frozen=True)
 class AlignmentReport:
-    """The changes by the alignment; lengths in metres.
-
-    Attributes:
-        pairs: number of compared view pairs.
-        before_m, after_m: median distance between the surfaces of overlapping views, before and after the alignment.
-        largest_shift_m, largest_turn_deg: largest change of a pose.
-    """
+    """The number of compared view pairs, the median distance between their surfaces before and after, and the largest change of a pose."""
 
     pairs: int
     before_m: float
@@ -94,7 +88,7 @@ def align(views: Views) -> AlignmentReport:
     return AlignmentReport(len(pairs), before, after, float(shift.max()), float(np.degrees(angle.max())))
 
 
-def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray], scale_m: float = SCALES_M[0]) -> list[tuple[int, float]]:
+def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray]) -> list[tuple[int, float]]:
     """Return, for each set of poses (N, 4, 4), the number of overlapping view pairs, and the median distance between them in metres."""
     sampled = _Sampled.of(views)
     found = []
@@ -104,7 +98,7 @@ def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray], scale_m
         if len(pairs):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RuntimeWarning)  # views of opposite sides of surfaces have no residuals
-                apart = _normal_equations(poses, sampled, pairs, np.zeros(3), scale_m)[1]
+                apart = _normal_equations(poses, sampled, pairs, np.zeros(3), SCALES_M[0])[1]
         found.append((len(pairs) if np.isfinite(apart) else 0, apart))
     return found
 
@@ -169,10 +163,7 @@ def _pairs(poses: np.ndarray, sampled: _Sampled) -> np.ndarray:
 def _normal_equations(
     poses: np.ndarray, sampled: _Sampled, pairs: np.ndarray, centre: np.ndarray, scale_m: float
 ) -> tuple[np.ndarray, float]:
-    """Return the normal equations (P, 27) of each pair and the median residual in metres.
-
-    The 27 values are the 21 of the upper triangle and the 6 of the right side.
-    """
+    """Return the normal equations (P, 27) of each pair (21 of the upper triangle, 6 of the right side) and the median residual in m."""
     samples, depths, lenses = sampled
     blocks, residuals = np.zeros((len(pairs), 27)), np.full(len(pairs), np.nan)
     worlds = [

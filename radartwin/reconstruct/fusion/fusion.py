@@ -1,7 +1,6 @@
 """Fuse frames with poses into a mesh, and report the quality.
 
-`fuse` calls the other modules: `views` computes the weights of the pixels, `alignment` corrects the drift, `volume` averages the depth,
-`marching` extracts triangles, and `holes` measures the holes of the mesh.
+`views` computes the weights of the pixels, `alignment` corrects the drift, `volume` averages the depth, and `marching` extracts triangles.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ import trimesh
 from radartwin.errors import ScanError
 from radartwin.reconstruct.frames.frames import Frames
 from radartwin.reconstruct.fusion.alignment import AlignmentReport, align
-from radartwin.reconstruct.fusion.holes import Holes, holes
 from radartwin.reconstruct.fusion.marching import extract
 from radartwin.reconstruct.fusion.views import REFERENCE_NOISE_M, Views
 from radartwin.reconstruct.fusion.volume import View, Volume
@@ -31,6 +29,21 @@ RESIDUAL_STEP = 7  # the residual uses every seventh pixel in both directions
 
 
 @dataclasses.dataclass(frozen=True)
+class Holes:
+    """Measures of a mesh's boundary. The longest boundary loop of a connected part is its rim, and the other loops are holes.
+
+    Attributes:
+        boundary_m: length of all boundary edges, rims included.
+        area_m2, largest_m2: area of triangle fans that would close all holes, and of the largest fan.
+    """
+
+    count: int
+    boundary_m: float
+    area_m2: float
+    largest_m2: float
+
+
+@dataclasses.dataclass(frozen=True)
 class FusionReport:
     """Facts about a fusion; lengths in metres.
 
@@ -40,7 +53,7 @@ class FusionReport:
         explained: share of the used depth pixels that lie within the truncation distance of the surface.
         coloured: share of the vertices that a colour picture shows.
         small_parts: number of removed connected parts.
-        poses: (N, 4, 4) poses with which the frames were fused. `frames.with_poses(report.poses)` matches the mesh.
+        poses: (N, 4, 4) poses with which the frames were fused.
         alignment: the drift correction, None if it was off.
         scale: source of the unit of length: "measured" by the depth sensor, or a description of the monocular model.
     """
@@ -99,15 +112,13 @@ def fuse(
     """Fuse frames into a coloured mesh of the surfaces that they show.
 
     Args:
-        frames: frames with depth and poses, and with colour and confidence if available. If there are more than MAX_FRAMES, every n-th
-            frame is used.
+        frames: if there are more than MAX_FRAMES, every n-th frame is used.
         voxel_m: edge of a voxel; None derives it from the room's size, about 2 cm.
         refine: whether to correct the drift of the poses first, see `alignment`.
         scale: source of the unit of length, for the report.
         progress: called as progress(done, total) after each frame of both passes.
     Returns:
-        The mesh in metres, z up, with RGBA vertex colours and triangles that face free space.
-        The report.
+        The mesh in metres, z up, with RGBA vertex colours and triangles that face free space, and the report.
     Raises:
         ScanError: the frames have no usable depth or show no surface, or the room is too large for the voxels.
     """
@@ -155,8 +166,6 @@ def _filled_volume(
     """Create the volume between two corners and integrate all views. Calls done(number of integrated views) after each view."""
     if voxel_m is None:
         voxel_m = round(float(np.clip(np.linalg.norm(high - low) / VOXELS_ACROSS, *VOXEL_M)), 3)
-    elif not 0.002 <= voxel_m <= 0.5:
-        raise ScanError(f"voxel_m={voxel_m:g}: choose 0.002 to 0.5 m; 0.02 suits a room")
     volume = Volume(low, high, voxel_m, TRUNCATION_VOXELS * voxel_m)
     for i in used:
         volume.mark(views[i])
@@ -168,14 +177,10 @@ def _filled_volume(
 
 
 def without_small_parts(mesh: trimesh.Trimesh, values: np.ndarray) -> tuple[trimesh.Trimesh, np.ndarray, int]:
-    """Remove the connected parts of a mesh that are smaller than SMALLEST_PART_M2.
-
-    The largest part always remains. `values` (V,) holds one value per vertex.
+    """Remove the connected parts of a mesh that are smaller than SMALLEST_PART_M2, except the largest part.
 
     Returns:
-        The mesh without the removed parts.
-        `values` of the remaining vertices.
-        The number of removed parts.
+        The mesh, the `values` (V,) of its remaining vertices, and the number of removed parts.
     """
     faces, colours = np.asarray(mesh.faces), np.asarray(mesh.visual.vertex_colors)  # type: ignore[union-attr]
     label = trimesh.graph.connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(mesh.vertices))
@@ -186,6 +191,36 @@ def without_small_parts(mesh: trimesh.Trimesh, values: np.ndarray) -> tuple[trim
     new_faces = number[faces[keep[faces[:, 0]]]]
     out = trimesh.Trimesh(np.asarray(mesh.vertices)[keep], new_faces, vertex_colors=colours[keep], process=False)
     return out, values[keep], int((~large).sum())
+
+
+def holes(mesh: trimesh.Trimesh) -> Holes:
+    """Count and measure the holes of a mesh.
+
+    >>> sheet = trimesh.creation.box((1, 1, 1))
+    >>> holes(sheet).count
+    0
+    """
+    edges = np.asarray(mesh.edges_sorted, dtype=np.int64)
+    unique, uses = np.unique(edges, axis=0, return_counts=True)
+    boundary = unique[uses == 1]
+    if not len(boundary):
+        return Holes(0, 0.0, 0.0, 0.0)
+    count = len(mesh.vertices)
+    ends = np.asarray(mesh.vertices)[boundary]
+    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    loop, part = (trimesh.graph.connected_component_labels(links, count)[boundary[:, 0]] for links in (boundary, unique))
+    perimeter = np.bincount(loop, weights=length)
+    sums = np.stack([np.bincount(loop, weights=ends.mean(axis=1)[:, axis] * length) for axis in range(3)], axis=1)
+    centre = sums / np.maximum(perimeter, 1e-12)[:, None]
+    fan = 0.5 * np.linalg.norm(np.cross(ends[:, 0] - centre[loop], ends[:, 1] - centre[loop]), axis=1)
+    area = np.bincount(loop, weights=fan)
+    is_hole = perimeter > 0
+    part_of_loop = np.zeros(len(perimeter), dtype=np.int64)
+    part_of_loop[loop] = part
+    for p in np.unique(part):
+        own = np.flatnonzero((part_of_loop == p) & (perimeter > 0))
+        is_hole[own[np.argmax(perimeter[own])]] = False
+    return Holes(int(is_hole.sum()), float(length.sum()), float(area[is_hole].sum()), float(area[is_hole].max(initial=0.0)))
 
 
 def _bounds(views: Views, done: Callable[[int], None]) -> tuple[np.ndarray, np.ndarray, list[int]]:

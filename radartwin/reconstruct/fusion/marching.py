@@ -22,8 +22,7 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
     Args:
         min_weight: a cube gives triangles only if each of its eight corners has at least this weight.
     Returns:
-        The mesh with RGBA vertex colours.
-        A mask (V,) of the vertices that a colour picture shows.
+        The mesh with RGBA vertex colours, and a mask (V,) of the vertices that a colour picture shows.
     Raises:
         ScanError: the volume holds no surface.
     """
@@ -86,10 +85,7 @@ def _gather(slot, sdf, weight, block, values, weights):
 
 @compiled
 def _colours(cells, slot, colour, colour_weight):
-    """Return colours (N, 3) at vertices `cells` (N, 3), and a mask (N,) of the vertices with a coloured voxel around them.
-
-    The vertices are in units of voxels.
-    """
+    """Return colours (N, 3) at vertices (N, 3) in units of voxels, and a mask (N,) of the vertices with a coloured voxel around them."""
     out = np.full((len(cells), 3), GREY, np.uint8)
     known = np.zeros(len(cells), np.bool_)
     for p in range(len(cells)):

@@ -37,9 +37,8 @@ class DepthModel:
     Attributes:
         network: the transformers model.
         name: the user's name or folder of the model.
-        mean, std: mean and standard deviation of the colour normalisation.
-        height: picture height at the network's input, pixels.
-        multiple: width and height of the input are multiples of this number of pixels.
+        mean, std: of the colour normalisation.
+        height: picture height at the network's input, pixels; `multiple` divides the height and the width.
     """
 
     network: Any
@@ -54,8 +53,7 @@ class DepthModel:
         """Load a model from a folder with config.json and weights, or by a name of the model hub.
 
         Raises:
-            BackendError: torch or transformers is not installed.
-            MissingError: the folder or model does not exist.
+            BackendError, MissingError: transformers is not installed, or the model does not exist.
             ScanError: the model estimates relative depth, which has no scale.
         """
         try:
@@ -73,9 +71,9 @@ class DepthModel:
             raise MissingError(
                 f"{name}: no depth model ({str(error).splitlines()[0]}); check the name, the folder and the network"
             ) from error
+        except ScanError:
+            raise
         except ValueError as error:
-            if isinstance(error, ScanError):
-                raise
             raise ScanError(f"{name}: not a depth model of transformers ({str(error).splitlines()[0]}); choose another") from error
         backbone = getattr(config, "backbone_config", None) or config
         return cls(network, str(name), **_processing(Path(name)), multiple=int(getattr(backbone, "patch_size", 14) or 14))
@@ -86,11 +84,7 @@ class DepthModel:
         return f"estimated by {Path(self.name).name}, not measured"
 
     def __call__(self, colour: np.ndarray) -> np.ndarray:
-        """Estimate depth (h, w) float32 metres at the network's own resolution, from colour (H, W, 3) uint8.
-
-        Raises:
-            ScanError: the estimate is not finite.
-        """
+        """Estimate depth (h, w) float32 metres at the network's own resolution, from colour (H, W, 3) uint8."""
         import torch
         from PIL import Image
 
@@ -107,13 +101,7 @@ class DepthModel:
 
 
 def with_depth(frames: Frames, estimate: Estimator) -> Frames:
-    """Return the frames that have colour, with estimated depth.
-
-    Args:
-        estimate: a `DepthModel`, or another function that takes colour and returns the metric depth of the same view.
-    Raises:
-        ScanError: no frame has colour.
-    """
+    """Return the frames that have colour, with the depth that `estimate` (a `DepthModel`) returns."""
     chosen = [i for i, frame in enumerate(frames) if frame.colour is not None]
     if not chosen:
         raise ScanError(f"{frames.source}: no frame has colour, so depth cannot be estimated; scan again with pictures")

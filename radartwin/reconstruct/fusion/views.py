@@ -23,10 +23,9 @@ CACHE_BYTES = 1_000_000_000
 
 
 class Views:
-    """Prepares views of frames for fusion. Up to CACHE_BYTES of views are cached without colour, because fusion reads them several times.
+    """Prepares views of frames for fusion, without depths over `max_range_m`.
 
-    Args:
-        max_range_m: greater depths are ignored.
+    Up to CACHE_BYTES of views are cached without colour, because fusion reads them several times.
     """
 
     def __init__(self, frames: Frames, max_range_m: float) -> None:
@@ -71,10 +70,7 @@ def prepared(frame: Frame, max_range_m: float) -> View:
 
 
 def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Average the colour picture to about the depth's resolution, so that voxels do not alias its texture.
-
-    Returns: the colour picture and its intrinsics (3, 3); None, None without colour.
-    """
+    """Return the colour picture averaged to about the depth's resolution, so that voxels do not alias its texture, and its intrinsics."""
     if frame.colour is None or frame.colour_intrinsics is None:
         return None, None
     factor = max(round(float(frame.colour_intrinsics[0, 0] / frame.intrinsics[0, 0])), 1)

@@ -83,12 +83,9 @@ class _Field(NamedTuple):
 
 
 class Volume:
-    """A signed distance volume: blocks of SIDE^3 voxels near the observed surfaces. Voxel (i, j, k) lies at origin + voxel_m * (i, j, k).
+    """A signed distance volume between the corners `low` and `high` (3,), metres: blocks of SIDE^3 voxels near the observed surfaces.
 
-    Args:
-        low, high: (3,) corners of the volume, metres.
-        voxel_m: edge of a voxel.
-        truncation_m: largest stored distance.
+    Voxel (i, j, k) lies at origin + voxel_m * (i, j, k). `truncation_m` is the largest stored distance.
     """
 
     def __init__(self, low: np.ndarray, high: np.ndarray, voxel_m: float, truncation_m: float) -> None:
@@ -107,11 +104,7 @@ class Volume:
         _mark(view.depth, view.weight, lens, view.pose, self.origin, SIDE * self.voxel_m, self.truncation_m, self._marked)
 
     def allocate(self) -> None:
-        """Allocate the marked blocks.
-
-        Raises:
-            ScanError: too many blocks for the memory limit.
-        """
+        """Allocate the marked blocks. Raises a ScanError if they exceed the memory limit."""
         self.blocks = np.argwhere(self._marked).astype(np.int32)
         count = len(self.blocks)
         if count > MAX_BLOCKS:

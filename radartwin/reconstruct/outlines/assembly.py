@@ -1,46 +1,51 @@
-"""Build the scene's surfaces from segments and their polygons, one surface per object, with provenance."""
+"""Build the scene's surfaces from segments and their polygons: one surface per object, with name, colours and provenance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+import fast_simplification
 import numpy as np
 import trimesh
+from PIL import Image
+from scipy.spatial import KDTree
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from radartwin.materials import Layered
-from radartwin.reconstruct.distance import Nearest, spread
-from radartwin.reconstruct.outlines.looks import coloured, painted
-from radartwin.reconstruct.outlines.names import segment_names
-from radartwin.reconstruct.outlines.parts import simplified
+from radartwin.reconstruct.distance import Nearest, spread, to_mesh
+from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.surfaces import Flattened
+from radartwin.reconstruct.segmentation.bodies import LEVEL, UPRIGHT
 from radartwin.reconstruct.segmentation.colour import face_rgb
 from radartwin.reconstruct.segmentation.faces import Segment
+from radartwin.reconstruct.segmentation.masks import nearest
 from radartwin.scene.scene import Surface
 
 MIN_PART_M2 = 0.01  # smaller parts are omitted from the scene
+MIN_WALL_M2 = 1.0  # a smaller upright plane is furniture
 MISSING_M = 0.05  # scanned points farther than this from every surface count as missing; noise and simplification shift points less
+LARGEST_PX = 1024  # of a texture
+FACE_M2 = 0.003  # area per remaining face: triangles of 8 cm
+MIN_FACES, MAX_FACES = 24, 600
+ERROR_M = 0.03  # 95 % of the scanned vertices lie within this distance of the simplified part
+TRIES = 4
 
 
-def assembled(
-    mesh: trimesh.Trimesh, segments: Sequence[Segment], flattened: Flattened | None, material: str | Layered
-) -> tuple[list[Surface], np.ndarray, dict[str, Any]]:
-    """Build the surfaces of a segmented scan.
+def assembled(mesh: trimesh.Trimesh, flattened: Flattened, material: str | Layered) -> tuple[list[Surface], np.ndarray, dict[str, Any]]:
+    """Build the surfaces of a segmented scan, all of one material.
 
-    Args:
-        flattened: polygons of the planar segments; None keeps all scanned triangles.
-        material: material of every surface.
     Returns:
         The surfaces.
-        The surface index (F,) of each face of the scan; -1 for a face without a surface.
+        The surface index (F,) int32 of each face of the scan; -1 for a face without a surface.
         Statistics; `left_out_m2` is the area of the scan that lies near no surface.
     """
-    if flattened is not None:
-        segments = flattened.segments
+    segments = flattened.segments
     names = segment_names(mesh, segments)
     surface_of_face = np.full(len(mesh.faces), -1, dtype=np.int32)
     surfaces: list[Surface] = []
-    pieces = _Pieces(mesh, segments, flattened)
+    pieces = _Pieces(mesh, flattened)
     for members in _objects(segments):
         made = {k: piece for k in members if (piece := pieces.of(k, alone=len(members) == 1)) is not None}
         if not made:
@@ -56,14 +61,13 @@ def assembled(
         for k in made:
             surface_of_face[segments[k].faces] = len(surfaces)
         surfaces.append(surface.replaced(role=surface.kind))
-    panes = [] if flattened is None else [f for f in flattened.flats if f.segment < 0]
+    panes = [f for f in flattened.flats if f.segment < 0]
     for number, flat in enumerate(panes, 1):
         facts = _facts(planar=True, planes=1, segment=-1)
         facts |= {"completed": True, "area_m2": 0.0, "filled_m2": round(flat.filled_m2, 4), "parent": names[flat.parent]}
         surfaces.append(Surface(flat.mesh, material, f"pane_{number}", role="room", provenance=facts))
-    statistics: dict[str, Any] = {"flattening_rms_m": 0.0, "flattening_max_m": 0.0} if flattened is None else dict(flattened.statistics)
-    statistics |= {"parts_error_m": pieces.error_m, "left_out_m2": round(_missing_m2(mesh, surfaces), 4), "panes": len(panes)}
-    return surfaces, surface_of_face, statistics
+    left_out = {"parts_error_m": pieces.error_m, "left_out_m2": round(_missing_m2(mesh, surfaces), 4), "panes": len(panes)}
+    return surfaces, surface_of_face, {**flattened.statistics, **left_out}
 
 
 def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
@@ -76,11 +80,11 @@ def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
 
 
 class _Pieces:
-    """Makes the meshes of segments: polygons, simplified parts, or scanned triangles. `error_m` is the largest simplification error."""
+    """Makes the meshes of segments: polygons or simplified parts. `error_m` is the largest simplification error."""
 
-    def __init__(self, mesh: trimesh.Trimesh, segments: Sequence[Segment], flattened: Flattened | None) -> None:
-        self._mesh, self._segments = mesh, segments
-        self._flats = None if flattened is None else {f.segment: f for f in flattened.flats}
+    def __init__(self, mesh: trimesh.Trimesh, flattened: Flattened) -> None:
+        self._mesh, self._segments = mesh, flattened.segments
+        self._flats = {f.segment: f for f in flattened.flats}
         self._rgb = face_rgb(mesh)
         self._centre = np.asarray(mesh.triangles_center)
         self.error_m = 0.0
@@ -91,9 +95,6 @@ class _Pieces:
         `alone` states that no other segment belongs to the same object. The polygon of such a segment gets a texture.
         """
         segment = self._segments[k]
-        if self._flats is None:
-            piece: Any = self._mesh.submesh([segment.faces], append=True, repair=False)
-            return piece
         at, colours = self._centre[segment.faces], None if self._rgb is None else self._rgb[segment.faces]
         if segment.normal is not None:
             flat = self._flats.get(k)
@@ -106,8 +107,7 @@ class _Pieces:
         return part[0] if colours is None else coloured(part[0], at, colours)
 
     def filled_m2(self, k: int) -> float:
-        flat = None if self._flats is None else self._flats.get(k)
-        return 0.0 if flat is None else flat.filled_m2
+        return self._flats[k].filled_m2 if k in self._flats else 0.0
 
 
 def _facts(planar: bool, planes: int, segment: int) -> dict[str, Any]:
@@ -121,3 +121,130 @@ def _objects(segments: Sequence[Segment]) -> list[list[int]]:
     for k, segment in enumerate(segments):
         objects.setdefault((1, segment.body) if segment.body >= 0 else (0, k), []).append(k)
     return list(objects.values())
+
+
+def segment_names(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> list[str]:
+    """Name segments by their geometry: floor, ceiling, wall_1, level_1, plane_1, part_1, numbered in the order of the segments.
+
+    The floor is the largest level plane that faces up. The ceiling is the largest level plane above it that faces down.
+    """
+    names: list[str] = [""] * len(segments)
+    order = sorted(range(len(segments)), key=lambda k: -segments[k].area_m2)
+    centre = np.asarray(mesh.triangles_center)[:, 2]
+    heights = [float(centre[s.faces].mean()) for s in segments]
+    vertical = [0.0 if s.normal is None else float(s.normal[2]) for s in segments]
+    floor = next((k for k in order if vertical[k] > LEVEL), None)
+    if floor is not None:
+        names[floor] = "floor"
+    below = heights[floor] if floor is not None else -np.inf
+    ceiling = next((k for k in order if vertical[k] < -LEVEL and heights[k] > below), None)
+    if ceiling is not None:
+        names[ceiling] = "ceiling"
+    counts: dict[str, int] = {}
+    for k, segment in enumerate(segments):
+        if not names[k]:
+            kind = _kind(segment, vertical[k])
+            counts[kind] = counts.get(kind, 0) + 1
+            names[k] = f"{kind}_{counts[kind]}"
+    return names
+
+
+def _kind(segment: Segment, vertical: float) -> str:
+    if segment.normal is None:
+        return "part"
+    if abs(vertical) > LEVEL:
+        return "level"
+    return "wall" if abs(vertical) < UPRIGHT and segment.area_m2 >= MIN_WALL_M2 else "plane"
+
+
+def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimesh, float] | None:
+    """Simplify the part of a scan that consists of `faces` (K,).
+
+    The part is smoothed without shrinkage (Taubin 1995), then edges are collapsed by quadric error (Garland and Heckbert 1997).
+
+    Returns:
+        The simplified mesh, and the 95th percentile of the scanned vertices' distance from it in metres; None if no face remains.
+    """
+    used, index = np.unique(np.asarray(mesh.faces)[faces], return_inverse=True)
+    points = np.asarray(mesh.vertices)[used]
+    index = index.reshape(-1, 3)
+    piece = trimesh.Trimesh(points, index, process=False)
+    area = float(piece.area)
+    if area <= 0 or float(np.ptp(points, axis=0).max()) <= 0:
+        return None
+    target = int(np.clip(area / FACE_M2, MIN_FACES, MAX_FACES))
+    best, error = piece, 0.0
+    if len(index) > target:
+        smooth = _smoothed(points, np.asarray(piece.edges_unique))
+        for _ in range(TRIES):
+            if target >= len(index):
+                best, error = piece, 0.0
+                break
+            best, error = _decimated(smooth, index, target, points)
+            if error <= ERROR_M:
+                break
+            target *= 2
+    corners = np.asarray(best.triangles)
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    thin = 2 * np.asarray(best.area_faces) < 1e-6 * np.maximum(sides.max(axis=1), 1e-12)
+    best.update_faces(~thin)
+    best.remove_unreferenced_vertices()
+    return (best, error) if len(best.faces) else None
+
+
+def _decimated(smooth: np.ndarray, index: np.ndarray, target: int, points: np.ndarray) -> tuple[trimesh.Trimesh, float]:
+    triangles: Any = index
+    out: Any = fast_simplification.simplify(smooth, triangles, target_count=target)
+    mesh = trimesh.Trimesh(np.asarray(out[0], dtype=float), out[1], process=False)
+    if not len(mesh.faces):
+        return trimesh.Trimesh(points, index, process=False), 0.0
+    return mesh, float(np.quantile(to_mesh(points[:: max(1, len(points) // 4000)], mesh), 0.95))
+
+
+def _smoothed(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Taubin smoothing: alternate a step towards the mean of the neighbours with a slightly longer step away from it."""
+    count = np.maximum(np.bincount(edges.ravel(), minlength=len(points)), 1)[:, None]
+    for step in (0.5, -0.53) * 6:
+        mean = np.zeros_like(points)
+        for a, b in (edges.T, edges.T[::-1]):
+            for k in range(3):
+                mean[:, k] += np.bincount(a, points[b, k], minlength=len(points))
+        points = points + step * (mean / count - points)
+    return points
+
+
+def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarray, seen: np.ndarray | None) -> trimesh.Trimesh:
+    """Add a texture of the scanned colours to a flat mesh. Cells without a colour take the nearest colour.
+
+    Args:
+        grid: grid of the mesh's plane.
+        points, rgb: (N, 3) points on the plane and their colours, 0..255.
+        seen: mask of the scanned grid cells; the other cells become transparent. None means that all cells were scanned.
+    """
+    cell = max(grid.cell_m, grid.cell_m * max(grid.shape) / LARGEST_PX)
+    shape = tuple(int(np.ceil(s * grid.cell_m / cell)) for s in grid.shape)
+    at = np.floor((points @ grid.axes.T - grid.low) / cell).astype(int)
+    at = np.clip(at, 0, np.array(shape) - 1)
+    index = at[:, 0] * shape[1] + at[:, 1]
+    count = np.bincount(index, minlength=shape[0] * shape[1])
+    picture = np.stack([np.bincount(index, rgb[:, k], minlength=count.size) for k in range(3)], axis=-1) / np.maximum(count, 1)[:, None]
+    picture = np.rint(picture).astype(np.uint8).reshape(*shape, 3)[nearest((count > 0).reshape(shape))]
+    if seen is not None and not seen.all():
+        column, row = (
+            np.minimum(((np.arange(n) + 0.5) * cell / grid.cell_m).astype(int), m - 1) for n, m in zip(shape, seen.shape, strict=True)
+        )
+        picture = np.dstack([picture, np.where(seen[np.ix_(column, row)], 255, 0).astype(np.uint8)])
+    uv = (np.asarray(mesh.vertices) @ grid.axes.T - grid.low) / (cell * np.array(shape))
+    image = Image.fromarray(np.ascontiguousarray(picture.transpose(1, 0, 2)[::-1]))
+    material = PBRMaterial(baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0)
+    return trimesh.Trimesh(
+        mesh.vertices, mesh.faces, vertex_normals=mesh.vertex_normals, visual=TextureVisuals(uv=uv, material=material), process=False
+    )
+
+
+def coloured(mesh: trimesh.Trimesh, points: np.ndarray, rgb: np.ndarray) -> trimesh.Trimesh:
+    """Give each vertex of a mesh the mean colour of the nearest points (N, 3), whose colours are rgb (N, 3)."""
+    _, near = KDTree(points).query(np.asarray(mesh.vertices), k=min(16, len(points)))
+    near = np.asarray(near).reshape(len(mesh.vertices), -1)
+    mean = np.rint(rgb[near].mean(axis=1)).astype(np.uint8)
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.vertex_normals, vertex_colors=mean, process=False)

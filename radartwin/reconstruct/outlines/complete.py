@@ -61,7 +61,7 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
     depth = grid.depth(points)
 
     def between(low: float, high: float) -> np.ndarray:
-        return masks.closed(grid.cells(points[(depth > low) & (depth < high)]), 0.05 / grid.cell_m)
+        return masks.closed(grid.counts(points[(depth > low) & (depth < high)]) > 0, 0.05 / grid.cell_m)
 
     behind = between(-3.0, -BEHIND_M)
     before = between(BEFORE_M, STANDS_M if grid.normal[2] > 0.9 else HIDES_M)

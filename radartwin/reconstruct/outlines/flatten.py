@@ -23,8 +23,7 @@ def regular(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> tuple[list[Se
     """Make nearly regular planes regular.
 
     Returns:
-        The segments with their new planes.
-        The main horizontal direction of the walls, radians modulo 90 degrees.
+        The segments with their new planes, and the main horizontal direction of the walls, radians modulo 90 degrees.
     """
     centre, area = np.asarray(mesh.triangles_center), np.asarray(mesh.area_faces)
     main = _main_direction(segments)

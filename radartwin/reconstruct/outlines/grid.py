@@ -8,18 +8,18 @@ import numpy as np
 
 from radartwin.reconstruct.segmentation.coplanar import in_plane
 
+MARGIN_M = 0.2
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
     """A grid of square cells on a plane.
 
     Attributes:
-        normal: (3,) unit normal of the plane.
-        offset_m: the plane is normal . x = offset_m.
+        normal, offset_m: the plane is normal . x = offset_m.
         axes: (2, 3) unit vectors in the plane; horizontal and upward if the plane is upright.
         low: (2,) in-plane coordinates of the first cell's corner.
-        shape: numbers of cells along both axes.
-        cell_m: edge of a cell.
+        shape, cell_m: numbers of cells along both axes, and edge of a cell.
     """
 
     normal: np.ndarray
@@ -30,19 +30,13 @@ class Grid:
     cell_m: float
 
     @classmethod
-    def around(
-        cls, points: np.ndarray, normal: np.ndarray, offset_m: float, cell_m: float, turn: float = 0.0, margin_m: float = 0.2
-    ) -> Grid:
-        """Make the grid around points (N, 3), with a margin. Its axes are those of `in_plane`, rotated by `turn` radians."""
+    def around(cls, points: np.ndarray, normal: np.ndarray, offset_m: float, cell_m: float, turn: float = 0.0) -> Grid:
+        """Make the grid around points (N, 3), with a margin. The axes are those of `in_plane`, rotated by `turn` radians."""
         axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ in_plane(normal)
         flat = points @ axes.T
-        low, high = flat.min(axis=0) - margin_m, flat.max(axis=0) + margin_m
+        low, high = flat.min(axis=0) - MARGIN_M, flat.max(axis=0) + MARGIN_M
         x, y = np.ceil((high - low) / cell_m).astype(int) + 1
         return cls(normal, offset_m, axes, low, (int(x), int(y)), cell_m)
-
-    def cells(self, points: np.ndarray) -> np.ndarray:
-        """Return a mask of the cells that hold points (N, 3), projected along the normal."""
-        return self.counts(points) > 0
 
     def counts(self, points: np.ndarray) -> np.ndarray:
         """Count the points (N, 3), projected along the normal, in each cell."""

@@ -40,8 +40,6 @@ class Flat:
 
     Attributes:
         segment: index of the segment; -1 for a pane that the scan missed.
-        mesh: triangles of the polygon.
-        grid: grid of the polygon's plane.
         parent: index of the segment in which a pane lies; otherwise -1.
         filled_m2: area of the polygon that the scan missed.
         seen: mask of the scanned grid cells; None if all cells or no cells were scanned.
@@ -79,12 +77,7 @@ class _Room(NamedTuple):
 def flattened(
     mesh: trimesh.Trimesh, segments: Sequence[Segment], cameras: Cameras | None = None, step: Callable[[], None] = lambda: None
 ) -> Flattened:
-    """Replace the planar segments by polygons.
-
-    Args:
-        cameras: cameras of the scan's pictures, if known.
-        step: function that is called after each plane.
-    """
+    """Replace the planar segments by polygons. `cameras` took the scan's pictures, if known; `step` is called after each plane."""
     faces = Faces.of(mesh, 0.0)
     bounds = room_bounds(faces, segments)
     segments, main_rad = regular(mesh, segments)
@@ -162,7 +155,7 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
     grid, samples = _grid(room, group, limits)
     radius = max(CLOSING_M, 1.5 * grid.cell_m) / grid.cell_m
     parts = _cells_of_each(grid, samples)
-    whole = masks.closed(np.any([masks.closed(grid.cells(p), radius) for p in samples.values()], axis=0), radius)
+    whole = masks.closed(np.any([masks.closed(grid.counts(p) > 0, radius) for p in samples.values()], axis=0), radius)
     frame = spanned(whole, MIN_ROOM_SHARE if limits else MIN_OBJECT_SHARE)
     if limits and frame is not None:
         walls = [(s.normal, s.offset_m) for k, s in enumerate(room.segments) if room.bounds[k] and k not in group and s.normal is not None]

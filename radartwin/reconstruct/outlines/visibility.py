@@ -31,10 +31,8 @@ class Sight:
     """Tests visibility from the occupied voxels of a scan and its actual or possible viewpoints.
 
     Attributes:
-        occupied: (X, Y, Z) mask of the occupied voxels.
-        low: (3,) lowest corner of the voxels.
-        viewpoints: (V, 3) positions.
-        cameras: cameras at the viewpoints; None if they are unknown.
+        occupied, low: (X, Y, Z) mask of the occupied voxels, and their lowest corner (3,).
+        viewpoints, cameras: (V, 3) positions, and the cameras there, if known.
     """
 
     occupied: np.ndarray

@@ -53,11 +53,7 @@ def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
 
 
 def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | None) -> list[Segment]:
-    """Return the segments with `body` numbers. The sides of one object have the same number; floor, ceiling and walls have -1.
-
-    Args:
-        lab: (F, 3) weighted L*a*b* colours of the faces, or None.
-    """
+    """Return the segments with `body` numbers, from the weighted L*a*b* colours `lab` (F, 3) of the faces, or without colours."""
     bounds = room_bounds(faces, segments)
     colour = None
     if lab is not None:
@@ -78,9 +74,8 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
         if a == b:
             continue
         difference = 0.0 if colour is None else float(np.linalg.norm(colour[i] - colour[j]))
-        # Without colour, parts such as legs and handles stay separate, because nothing shows which object they belong to.
         if not convex and colour is None:
-            continue
+            continue  # parts such as legs and handles stay separate, because nothing shows which object they belong to
         limit = SIMILAR if convex else SAME
         # The mean colours of the bodies must also agree, so that a chain of similar segments cannot join two objects.
         if difference < limit and (colour is None or float(np.linalg.norm(body_colour[a] - body_colour[b])) < limit):

@@ -24,8 +24,6 @@ MOSTLY = 0.6  # smallest share of a piece's cells that differ from the outside, 
 ACROSS = 2.5  # number of cells; colours nearer to a border are blurred
 WITHIN = 0.5  # smallest colour step inside a piece, relative to the step at its border, because light scales both
 ROUNDS = 12  # largest number of divisions per plane
-
-
 CELL_M = 0.02  # cell size of the picture; about the scan's resolution
 STEP = 7.0  # smallest colour difference across the edge of a piece (weighted L*a*b*; 2 is just visible side by side)
 CONTRAST = 2.0  # smallest ratio of the colour difference to the colour variation outside the edge
@@ -36,9 +34,7 @@ def colour_pieces(centre: np.ndarray, area: np.ndarray, lab: np.ndarray, normal:
     """Divide the faces of a plane by colour. Return the piece number (K,) of each face; 0 is the main piece.
 
     Args:
-        centre: (K, 3) centres of the faces.
-        area: (K,) areas of the faces.
-        lab: (K, 3) colours from `face_colours`.
+        centre, area, lab: (K, 3) centres, (K,) areas and (K, 3) colours (from `face_colours`) of the faces.
         normal: (3,) of the plane.
     """
     points = centre @ in_plane(normal).T

@@ -17,9 +17,7 @@ class Faces:
     """Arrays of F faces.
 
     Attributes:
-        corners: (F, 3, 3) metres.
-        centre: (F, 3) metres.
-        area: (F,) m2.
+        corners, centre, area: (F, 3, 3) and (F, 3) in metres, and (F,) in m2.
         normal: (F, 3) normals averaged over neighbours.
         coherence: (F,) agreement of the averaged normals, 1 if they are all equal.
         adjacency: (F, F) sparse matrix, 1 where two faces share an edge.
@@ -88,9 +86,7 @@ class Segment:
 
     Attributes:
         faces: (K,) face indices of the mesh.
-        area_m2: area of these faces.
-        normal: (3,) normal of the fitted plane, towards the visible side; None if the segment is not planar.
-        offset_m: the plane is normal . x = offset_m.
+        normal, offset_m: the fitted plane normal . x = offset_m, normal towards the visible side; None if the segment is not planar.
         body: segments with the same number >= 0 are sides of one object; -1 if the segment is not part of an object.
         noise: whether the segment consists of scattered fragments and is no surface.
     """

@@ -6,8 +6,6 @@ scan has colour, planes are cut where their colour changes, and convex neighbour
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import trimesh
 from scipy.sparse.csgraph import connected_components
@@ -26,17 +24,11 @@ LOOSE_DEG = 75.0  # the same angle for a remaining face with all corners within 
 MIN_PART_M2 = 0.01  # smaller connected parts are collected in one segment of fragments
 MIN_WIDTH_M = 0.07  # narrower planes are rounded edges; their faces join neighbouring planes
 
-Segmenter = Callable[[trimesh.Trimesh], list[Segment]]  # each face belongs to one segment; planes come first, the largest first
 
-
-def segmented(mesh: trimesh.Trimesh, colour: bool = True, bodies: bool = True) -> list[Segment]:
-    """Segment a mesh (metres, z up) by growing planes.
+def segmented(mesh: trimesh.Trimesh) -> list[Segment]:
+    """Segment a mesh (metres, z up). Each face belongs to one segment.
 
     The result lists the planes, then the other parts, each sorted from large to small, then one segment of all fragments.
-
-    Args:
-        colour: cut planes where their colour changes, if the mesh has colours.
-        bodies: give convex neighbours of one colour the same body number.
     """
     faces = Faces.of(mesh, SMOOTHING_M)
     label = grow(faces, ANGLE_DEG, DISTANCE_M, MIN_PLANE_M2)
@@ -45,13 +37,12 @@ def segmented(mesh: trimesh.Trimesh, colour: bool = True, bodies: bool = True) -
     label = _without_narrow(faces, label)
     absorb(faces, label, 100.0, DISTANCE_M)
     _settle(faces, label)
-    lab = face_colours(mesh) if colour else None
+    lab = face_colours(mesh)
     if lab is not None:
         label = _cut(faces, label, lab)
     planes = [plane_segment(faces, which) for which in members(label) if which.size]
     parts, fragments = _parts(faces, np.flatnonzero(label < 0))
-    segments = sorted(planes, key=lambda s: -s.area_m2) + parts
-    return (with_bodies(faces, segments, lab) if bodies else segments) + fragments
+    return with_bodies(faces, sorted(planes, key=lambda s: -s.area_m2) + parts, lab) + fragments
 
 
 def _cut(faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
@@ -67,12 +58,7 @@ def _cut(faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
 
 
 def _parts(faces: Faces, remaining: np.ndarray) -> tuple[list[Segment], list[Segment]]:
-    """Divide the remaining faces into connected parts.
-
-    Returns:
-        The parts, largest first.
-        A list with one segment of all fragments; empty without fragments.
-    """
+    """Divide the remaining faces into connected parts, largest first, and a list with one segment of all fragments, or none."""
     if remaining.size == 0:
         return [], []
     count, part = connected_components(faces.adjacency[remaining][:, remaining], directed=False)
@@ -85,7 +71,6 @@ def _parts(faces: Faces, remaining: np.ndarray) -> tuple[list[Segment], list[Seg
 
 
 def plane_segment(faces: Faces, which: np.ndarray) -> Segment:
-    """Make a planar segment from faces."""
     normal, offset = faces.plane(which)
     return Segment(which, float(faces.area[which].sum()), normal, offset)
 
