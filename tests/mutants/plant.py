@@ -1,4 +1,4 @@
-"""Plant each fault in a copy of the tree and run the quick physics tests, which must catch it.
+"""Plant each fault of faults.py in a copy of the tree and run the quick physics tests, which must catch it.
 
     make mutants                              all faults
     python tests/mutants/plant.py layers rcs  the faults of files whose path contains one of these words
@@ -8,6 +8,7 @@ Prints one line per fault. The exit status is 1 if a fault is not caught or its 
 
 from __future__ import annotations
 
+import ast
 import os
 import shutil
 import subprocess
@@ -16,12 +17,79 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-from fault import Fault
-from faults import FAULTS
+from faults import TABLE
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT_S = 900
+
+
+class Fault(NamedTuple):
+    """One expression or statement of one function, with its faulty replacement, and the test files that must fail."""
+
+    path: str
+    tests: list[str]
+    function: str  # the name as in __qualname__, e.g. "Aspects.at"
+    right: str
+    wrong: str
+    meaning: str
+
+    def plant(self, source: str) -> str:
+        """The module's source with the fault. Expressions are compared as syntax trees, so comments and formatting do not matter.
+
+        Raises:
+            LookupError: the module has no such function, or the function does not contain the expression exactly once.
+        """
+        tree, right = ast.parse(source), ast.dump(_parsed(self.right))
+        functions = _functions(tree)
+        if self.function not in functions:
+            raise LookupError(f"{self.path} has no function {self.function}; correct the fault in tests/mutants/faults.py")
+        places = [node for node in ast.walk(functions[self.function]) if ast.dump(node) == right]
+        if len(places) != 1:
+            raise LookupError(
+                f"{self.path}: {self.function} contains `{self.right}` {len(places)} times, not once; "
+                "correct the fault in tests/mutants/faults.py"
+            )
+        return ast.unparse(_Replacement(places[0], _parsed(self.wrong)).visit(tree))
+
+
+class _Replacement(ast.NodeTransformer):
+    def __init__(self, place: ast.AST, wrong: ast.AST):
+        self.place, self.wrong = place, wrong
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        return self.wrong if node is self.place else super().visit(node)
+
+
+def _parsed(source: str) -> ast.AST:
+    (statement,) = ast.parse(source).body
+    return statement.value if isinstance(statement, ast.Expr) else statement
+
+
+def _functions(node: ast.AST, prefix: str = "") -> dict[str, ast.AST]:
+    """Functions and methods by qualified name."""
+    found: dict[str, ast.AST] = {}
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.FunctionDef):
+            found[prefix + child.name] = child
+        elif isinstance(child, ast.ClassDef):
+            found |= _functions(child, f"{prefix}{child.name}.")
+    return found
+
+
+def read(table: str) -> list[Fault]:
+    """The faults of a table in the format of faults.py."""
+    faults = []
+    for section in table.strip().split("\n\n"):
+        head, *rows = section.splitlines()
+        module, _, tests = head.partition(": ")
+        files = [f"tests/{name}.py" for name in tests.split()]
+        faults += [Fault(f"radartwin/{module}.py", files, *row.split(" | ")) for row in rows]
+    return faults
+
+
+FAULTS = read(TABLE)
 
 
 def test_status(tests: Sequence[str], tree: Path) -> int | None:
@@ -43,7 +111,7 @@ def outcome(fault: Fault, tree: Path) -> str:
     except LookupError as error:
         return f"NO PLACE ({error})"
     try:
-        status = test_status(fault.tests.split(), tree)
+        status = test_status(fault.tests, tree)
     finally:
         path.write_text(source, encoding="utf-8")
     return {0: "NOT CAUGHT", 1: "caught", None: "caught"}.get(status, f"pytest {status}")
@@ -55,7 +123,7 @@ def main(words: Sequence[str]) -> int:
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".git", ".venv", "outputs", "__pycache__", "results"))
-        tests = sorted({test for fault in chosen for test in fault.tests.split()})
+        tests = sorted({test for fault in chosen for test in fault.tests})
         if test_status(tests, tree) != 0:
             print(f"mutants: these tests fail without a fault: {' '.join(tests)}")
             return 1
@@ -63,7 +131,7 @@ def main(words: Sequence[str]) -> int:
             started = time.monotonic()
             result = outcome(fault, tree)
             missed += result != "caught"
-            print(f"{result:10s} {time.monotonic() - started:6.1f} s  {fault.path}: {fault.change.meaning}", flush=True)
+            print(f"{result:10s} {time.monotonic() - started:6.1f} s  {fault.path}: {fault.meaning}", flush=True)
     print(f"mutants: {len(chosen) - missed} of {len(chosen)} caught")
     return 1 if missed else 0
 
