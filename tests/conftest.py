@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -39,20 +40,22 @@ def radartwin(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]
 @pytest.fixture
 def inside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., subprocess.CompletedProcess[str]]:
+) -> Iterator[Callable[..., subprocess.CompletedProcess[str]]]:
     """The command line in this process, which has already imported everything: the same call and result as `radartwin`."""
     from radartwin.cli import main
 
     monkeypatch.chdir(tmp_path)
+    handler = signal.getsignal(signal.SIGINT)  # an interrupted command changes it
 
     def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
         words = [str(word) for word in arguments]
         capsys.readouterr()
         try:
             status = main(words)
-        except SystemExit as stopped:  # raised by argparse
+        except SystemExit as stopped:  # argparse
             status = int(stopped.code or 0)
         said = capsys.readouterr()
         return subprocess.CompletedProcess(words, status, said.out, said.err)
 
-    return call
+    yield call
+    signal.signal(signal.SIGINT, handler)

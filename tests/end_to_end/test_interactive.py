@@ -6,7 +6,6 @@ import json
 import re
 from pathlib import Path
 
-import browser
 import numpy as np
 import pytest
 
@@ -44,15 +43,11 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return style.save(drawn, tmp_path_factory.mktemp("figure") / "three_panels")[-1]
 
 
-@pytest.fixture(scope="module")
-def opened(path: Path, tmp_path_factory: pytest.TempPathFactory):
-    executable = browser.find()
-    if executable is None:
-        pytest.skip("no Chromium here to open the page in; on Debian or Ubuntu: apt-get install chromium")
-    with browser.browser(executable, tmp_path_factory.mktemp("profile")) as new:
-        page = new()
-        page.open(path, WIDTH, HEIGHT)
-        yield page
+@pytest.fixture
+def opened(chromium, path: Path):
+    page = chromium()
+    page.open(path, WIDTH, HEIGHT)
+    return page
 
 
 def data_of(path: Path) -> dict:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +15,13 @@ from radartwin.radar.power_maps import FftSettings
 from radartwin.radar.process_capture import process_capture
 from radartwin.recordings.recording_set import RecordingSet
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 ROOM = "radar/iwr6843_static_room"
 WALK = "radar/openradar_77ghz_frame/doppler_example_1.npy"
 ABOUT_ROOM = ["object=none", "room=indoor", "motion=static", "licence=MIT", "who=mmwave-eyes", "sensor=IWR6843ISK", "when=2024-11-19"]
 ABOUT_WALK = ["object=person", "room=indoor", "motion=other", "licence=Apache-2.0", "who=OpenRadar", "sensor=xWR 77 GHz", "when=2019"]
 
 
-def test_imported_mmwave_studio_capture_is_valid_and_has_the_same_peaks(shared_data: Path, tmp_path: Path, inside: Command) -> None:
+def test_imported_mmwave_studio_capture_is_valid_and_has_the_same_peaks(shared_data: Path, tmp_path: Path, inside) -> None:
     done = inside("import", shared_data / ROOM, "--out", "room", *ABOUT_ROOM)
     assert done.returncode == 0, done.stderr
     assert "room: 1 recording added, 1 in all" in done.stdout
@@ -55,18 +52,17 @@ def test_imported_mmwave_studio_capture_is_valid_and_has_the_same_peaks(shared_d
     assert 0.2 < multipath_share(power, axis, 1.551) < 0.9
 
 
-def test_imported_cube_shows_the_walker(shared_data: Path, tmp_path: Path, inside: Command) -> None:
+def test_imported_cube_shows_the_walker(shared_data: Path, tmp_path: Path, inside) -> None:
     arguments = ("import", shared_data / WALK, "--out", "walk", "--radar", "openradar_77ghz", *ABOUT_WALK)
-    for added in ("1 recording", "0 recordings"):
-        done = inside(*arguments)
-        assert (done.returncode, done.stdout) == (0, f"walk: {added} added, 1 in all\n")
-    assert inside("doctor", "--data", "walk").stdout.splitlines()[-1] == "doctor: the set can be used"
+    assert inside(*arguments).stdout == "walk: 1 recording added, 1 in all\n"
+    assert inside(*arguments).stdout == "walk: 0 recordings added, 1 in all\n"
+    assert inside("doctor", "--data", "walk").returncode == 0
     moving = process_capture(tmp_path / "walk/recordings/doppler_example_1", settings=FftSettings(static_removed=True))
     assert moving.range_m[0] == pytest.approx(2.955, abs=0.075)
     assert 0.5 < abs(moving.doppler_mps[0]) < 0.8
 
 
-def test_imported_capture_with_q_first_keeps_its_bytes(shared_data: Path, tmp_path: Path, inside: Command) -> None:
+def test_imported_capture_with_q_first_keeps_its_bytes(shared_data: Path, tmp_path: Path, inside) -> None:
     source = shared_data / ROOM / "iwr6843_frame_adc_data.bin"
     (tmp_path / "raw").mkdir()
     (tmp_path / "raw/radar.mmwave.json").write_bytes((shared_data / ROOM / "iwr6843_mmwaveDevice.mmwave.json").read_bytes())
@@ -76,10 +72,12 @@ def test_imported_capture_with_q_first_keeps_its_bytes(shared_data: Path, tmp_pa
     _, recording = next(RecordingSet.load(tmp_path / "room").recordings())
     assert recording.iq_swapped
     np.testing.assert_array_equal(recording.iq, load_capture(source).iq)
+    radar = tmp_path / "raw/radar.mmwave.json"
+    assert not np.array_equal(load_capture(tmp_path / "raw/swapped.bin", radar, iq_swapped=False).iq, recording.iq)
     assert inside("doctor", "--data", "room").returncode == 0
 
 
-def test_doctor_lists_every_problem_of_a_damaged_set(shared_data: Path, tmp_path: Path, inside: Command) -> None:
+def test_doctor_lists_every_problem_of_a_damaged_set(shared_data: Path, tmp_path: Path, inside) -> None:
     assert inside("import", shared_data / ROOM, "--out", "room", *ABOUT_ROOM).returncode == 0
     samples = np.fromfile(tmp_path / "room/recordings/iwr6843_frame_adc_data.bin", "<i2")
     samples[50_000:51_000] = 0
@@ -90,22 +88,7 @@ def test_doctor_lists_every_problem_of_a_damaged_set(shared_data: Path, tmp_path
     done = inside("doctor", "--data", "room")
     assert done.returncode == 2
     problems = [line for line in done.stdout.splitlines() if line.startswith("problem")]
+    assert len(problems) == 3
     for line, words in zip(problems, ("licence is missing", "zeros (frame 0)", "I and Q seem exchanged"), strict=True):
         assert words in line
     assert done.stdout.splitlines()[-1] == "doctor: 3 problems; see above"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (["doctor", "--data", "nowhere"], "nowhere"),
-        (["import", "nowhere.bin", "--out", "set"], "nowhere.bin"),
-        (["import", ".", "--out", "set", "mug"], "KEY=VALUE"),
-        (["import", ".", "--out", "set", "--map", "map.yaml"], "map.yaml"),
-        (["import", "."], "--out"),
-    ],
-)
-def test_user_error_is_one_line_with_status_2(inside: Command, arguments: list[str], word: str) -> None:
-    done = inside(*arguments)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert word in done.stderr

@@ -112,12 +112,9 @@ def test_system_metrics_are_sampled_when_they_are_switched_on(tmp_path: Path, mo
     assert [step for (step,) in steps] == list(range(len(steps)))
 
 
-def test_a_failed_run_has_its_error_as_a_tag(output: Path) -> None:
+def test_a_failed_run_has_its_error_as_a_tag_and_is_not_known(output: Path) -> None:
     rows = query(output, "SELECT status, value FROM runs r JOIN tags t USING (run_uuid) WHERE t.key = 'error'")
     assert rows == [("FAILED", "solver")]
-
-
-def test_a_finished_run_is_known_and_a_failed_run_is_not(output: Path) -> None:
     tracker = Tracker(TrackingConfig(), output)
     assert tracker.known("environment", "a" * 32)
     assert not tracker.known("environment", "b" * 32)
@@ -140,9 +137,9 @@ def test_processes_that_open_a_new_store_at_once_all_track_their_run(tmp_path: P
         command = [sys.executable, "-c", OPENS, str(number), str(tmp_path)]
         return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
-    said = [process.communicate(timeout=120) for process in [start(number) for number in range(4)]]
-    assert said == [("", "")] * 4, "a process failed, or mlflow talked"
-    assert query(tmp_path, "SELECT value FROM metrics ORDER BY value") == [(0.0,), (1.0,), (2.0,), (3.0,)]
+    said = [process.communicate(timeout=120) for process in [start(number) for number in range(2)]]
+    assert said == [("", "")] * 2, "a process failed, or mlflow talked"
+    assert query(tmp_path, "SELECT value FROM metrics ORDER BY value") == [(0.0,), (1.0,)]
     assert query(tmp_path, "SELECT DISTINCT status FROM runs") == [("FINISHED",)]
     assert {p.name for p in tmp_path.iterdir()} == {DATABASE}, "a lock or temporary file stayed"
 

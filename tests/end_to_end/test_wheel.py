@@ -1,16 +1,35 @@
-"""The wheel alone, in an environment without the checkout, simulates and processes."""
+"""The wheel alone, in an environment without the checkout, simulates and processes; the source archive installs on every Python.
+
+The slow test installs the source archive into an empty environment of each installed Python version: pip builds the wheel from the
+archive with the versions of constraints.txt. Each Python version takes a few gigabytes and minutes.
+"""
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import venv
 import zipfile
 from pathlib import Path
+from typing import Literal
 
 import pytest
-from building import ROOT, build
+
+ROOT = Path(__file__).resolve().parents[2]
+SUPPORTED = ("3.11", "3.12", "3.13")
+SAMPLE = [f"tests/{name}.py" for name in ("radar/test_radar", "store/test_digest", "physics/test_materials", "physics/test_point_targets")]
+
+
+def build(kind: Literal["wheel", "sdist"], folder: Path) -> Path:
+    """Build a distribution of the checkout in the folder, as pip does, and return the path of its archive."""
+    code = f"import sys, hatchling.build as b; print(b.build_{kind}(sys.argv[1]))"
+    subprocess.run([sys.executable, "-c", code, str(folder)], cwd=ROOT, capture_output=True, check=True)
+    (archive,) = folder.iterdir()
+    return archive
 
 
 @pytest.fixture(scope="module")
@@ -24,45 +43,73 @@ def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("environment")
     venv.create(folder, with_pip=False, symlinks=True)
     packages = next(folder.glob("lib/python*/site-packages"))
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-deps", "--no-index"]
-    subprocess.run([*pip, "--target", str(packages), str(wheel)], check=True, capture_output=True)
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(packages)
     # A .pth line adds this environment's packages, and not the .pth files in them: the editable install stays behind.
     (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     return folder
 
 
-def call(environment: Path, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [str(environment / "bin" / "python"), "-m", "radartwin", *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False, env={"PATH": ""})
-
-
 def test_the_wheel_holds_library_and_configuration_and_no_study(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
-    assert "radartwin/conf/config.yaml" in names
-    assert "radartwin/conf/scene/plate.yaml" in names
     shipped = {path.relative_to(ROOT).as_posix() for path in (ROOT / "conf").rglob("*.yaml")}
     assert {name.removeprefix("radartwin/") for name in names if name.startswith("radartwin/conf/")} == shipped
     assert {name.partition("/")[0] for name in names if not name.startswith("radartwin-")} == {"radartwin"}
 
 
 def test_the_installed_wheel_runs_without_the_checkout(environment: Path, tmp_path: Path) -> None:
-    where = subprocess.run(
-        [str(environment / "bin" / "python"), "-c", "import radartwin; print(radartwin.__file__)"],
-        cwd=tmp_path, capture_output=True, text=True, check=True, env={"PATH": ""},
-    ).stdout  # fmt: skip
-    assert where.startswith(str(environment))
-    assert call(environment, tmp_path, "--help").returncode == 0
-    doctor = call(environment, tmp_path, "doctor")
-    assert doctor.returncode == 0, doctor.stdout + doctor.stderr
-    simulated = call(environment, tmp_path, "simulate", "scene=plate", "trajectory=static", "--out", "tiny")
-    assert simulated.returncode == 0, simulated.stderr
-    processed = call(environment, tmp_path, "process", "tiny")
-    assert processed.returncode == 0, processed.stderr
+    def python(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [str(environment / "bin" / "python"), *arguments]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False, env={"PATH": ""})
+
+    assert python("-c", "import radartwin; print(radartwin.__file__)").stdout.startswith(str(environment))
+    for words in (["doctor"], ["simulate", "scene=plate", "trajectory=static", "--out", "tiny"], ["process", "tiny"]):
+        done = python("-m", "radartwin", *words)
+        assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "outputs" / "processed" / "tiny" / "peaks.csv").is_file()
-
-
-def test_without_the_study_tables_say_where_to_find_it(environment: Path, tmp_path: Path) -> None:
-    done = call(environment, tmp_path, "tables")
-    assert done.returncode == 2
+    done = python("-m", "radartwin", "tables")
+    assert done.returncode == 2, "the tables belong to the study"
     assert "checkout" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def interpreter(version: str) -> Path | None:
+    """Find an interpreter of this version on the PATH or in pyenv. A name on the PATH may be a shim without an interpreter."""
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    for found in (shutil.which(f"python{version}"), *sorted(pyenv.glob(f"{version}.*/bin/python{version}"))):
+        if found and subprocess.run([found, "-c", ""], capture_output=True, check=False).returncode == 0:
+            return Path(found)
+    return None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", SUPPORTED)
+def test_what_the_archive_installs_runs_and_passes_its_tests(version: str, tmp_path: Path) -> None:
+    found = interpreter(version)
+    if found is None:
+        pytest.skip(f"Python {version} is not installed here; install it to test what the archive installs under it")
+    for name in ("sdist", "work"):
+        (tmp_path / name).mkdir()
+    sdist, place = build("sdist", tmp_path / "sdist"), tmp_path / "environment"
+    with tarfile.open(sdist) as archive:
+        archive.extractall(tmp_path / "archive", filter="data")
+    (unpacked,) = (tmp_path / "archive").iterdir()
+
+    def call(*command: str | Path, cwd: Path = tmp_path / "work") -> str:
+        clean = {"PATH": os.pathsep.join((str(place / "bin"), os.environ["PATH"])), "HOME": os.environ["HOME"]}
+        done = subprocess.run(command, cwd=cwd, env=clean, capture_output=True, text=True, timeout=1800, check=False)
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+        return done.stdout
+
+    call(found, "-m", "venv", place)
+    pip = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-c", unpacked / "constraints.txt")
+    call(place / "bin" / "python", *pip, sdist, "pytest", "pytest-xdist")
+    assert Path(call("python", "-c", "import radartwin; print(radartwin.__file__)").strip()).is_relative_to(place)
+    call("radartwin", "doctor")
+    call("radartwin", "simulate", "scene=plate", "trajectory=static", "--out", "tiny")
+    call("radartwin", "process", "tiny")
+    assert (tmp_path / "work" / "outputs" / "processed" / "tiny" / "peaks.csv").is_file()
+    said = call("pytest", "-q", *SAMPLE, cwd=unpacked)
+    assert " passed" in said
+    assert "failed" not in said
+    shutil.rmtree(place)

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from plant import FAULTS, ROOT, Fault  # noqa: E402
+from plant import FAULTS, ROOT, Fault
 
 
 @pytest.mark.parametrize("path", sorted({fault.path for fault in FAULTS}))
