@@ -28,7 +28,7 @@ from radartwin.features.processed import Processed
 from radartwin.features.profile import gate_energies, multipath_share, profile_correlation
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
-from radartwin.radar.processing import range_doppler, steering
+from radartwin.radar.processing import doppler_fft, range_fft, steering
 from radartwin.radar.recording import Recording
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
@@ -150,7 +150,8 @@ def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> 
         doppler_axis = np.fft.fftshift(np.fft.fftfreq(count, 1 / log.frame_rate_hz))
         point = (np.array([np.nan]), nominal[:1])
     else:
-        spectra, velocity, _ = range_doppler(recording().iq[middle], radar, doppler_bins=_PADDING * radar.num_chirps)
+        profiles, _ = range_fft(recording().iq[middle], radar)
+        spectra, velocity = doppler_fft(profiles, radar, bins=_PADDING * radar.num_chirps)
         shown = np.abs(velocity) <= FASTEST_MPS
         doppler = np.mean(np.abs(spectra[shown][..., : len(processed.range_m)]) ** 2, axis=(1, 2))
         doppler_axis, point = velocity[shown], (speed[middle : middle + 1], nominal[middle : middle + 1])

@@ -60,14 +60,12 @@ def process(options: argparse.Namespace) -> int:
     from radartwin.builders.radar import named_radar
     from radartwin.io import files
     from radartwin.radar.captures import capture_name
-    from radartwin.radar.power_maps import FftSettings
     from radartwin.radar.process_capture import PEAKS_FILE, process_capture
 
     out = options.out or options.output / "processed" / capture_name(options.recording)
     files.sweep(files.check_folder(out))
     radar = named_radar(options.radar) if options.radar else None
-    settings = FftSettings(static_removed=options.moving)
-    peaks = process_capture(options.recording, out, radar, iq_swapped=options.iq_swapped, settings=settings)
+    peaks = process_capture(options.recording, out, radar, iq_swapped=options.iq_swapped, static_removed=options.moving)
     digits = {"range_m": 3, "doppler_mps": 3, "azimuth_deg": 1, "power_db": 1}
     print(" ".join(digits))
     for peak in peaks.itertuples(index=False):

@@ -24,7 +24,7 @@ from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io import files
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json
-from radartwin.radar.processing import azimuth_row, doppler_fft, range_fft, velocity_axis, window_weights
+from radartwin.radar.processing import azimuth_row, doppler_fft, hann, range_fft, velocity_axis
 from radartwin.radar.recording import Recording
 
 MAX_RANGE_M = 6.0
@@ -119,7 +119,7 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
         RecordingError: samples are NaN or infinite.
     """
     radar, row = recording.radar, azimuth_row(recording.radar)
-    taps = window_weights("hann", radar.num_chirps)
+    taps = hann(radar.num_chirps)
     fastest = (taps * (-1.0) ** np.arange(radar.num_chirps)).astype(np.float32)  # window for the Doppler bin of the highest speed
     power, channels, cubes, noise = [], [], [], []
     range_m = np.zeros(0)

@@ -1,13 +1,12 @@
 """Compute the electromagnetics of surfaces: permittivity, reflection and transmission of layers, roughness.
 
-A material is a plain name (a half-space), a name with factors (see `varied`) or a `Layered` stack. This package does not import
-`radartwin.scene`.
+A material is a plain name (a half-space), a name with factors (see `permittivity_by_name`) or a `Layered` stack. This package does not
+import `radartwin.scene`.
 """
 
 from radartwin.materials.layers import Layered, reflection, transmission
-from radartwin.materials.permittivity_by_name import MATERIAL_NAMES, MATERIAL_THICKNESS, check_name, permittivity
+from radartwin.materials.permittivity_by_name import MATERIAL_NAMES, MATERIAL_THICKNESS, check_name, permittivity, varied
 from radartwin.materials.roughness import roughness_m
-from radartwin.materials.varied import varied
 
 __all__ = [
     "MATERIAL_NAMES",

@@ -14,9 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from radartwin.materials.itu import P2040
-from radartwin.materials.layers import Layered, reflection, stack_reflection
-from radartwin.materials.permittivity_by_name import permittivity
-from radartwin.materials.varied import split
+from radartwin.materials.layers import Layered, reflection, stack_coefficients
+from radartwin.materials.permittivity_by_name import permittivity, split
 
 INCIDENCE_DEG = np.arange(0.0, 81.0, 2.0)
 SWEEP_HZ = np.linspace(77e9, 80.44e9, 33)
@@ -58,7 +57,8 @@ def closest(target: complex, among: tuple[str, ...], frequency_hz: np.ndarray | 
         distance: its electromagnetic distance from the half-space of permittivity `target`, dB.
     """
     cosine, frequency = _grid(frequency_hz, INCIDENCE_DEG)
-    level = _level(*stack_reflection([], [], np.full(frequency.shape, target), cosine, frequency))
+    te, tm, *_ = stack_coefficients([], [], np.full(frequency.shape, target), cosine, frequency)
+    level = _level(te, tm)
     distances = {name: float(np.mean(np.abs(reflectivity_db(name, frequency_hz) - level))) for name in among}
     best = min(distances, key=lambda name: distances[name])
     return best, distances[best]

@@ -112,7 +112,7 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
         if fit is None or stand_in is None:
             low, high = float(frequency_ghz.min()), float(frequency_ghz.max())
             raise MaterialError(
-                f"material {name!r} is fitted {_ranges(name)} in ITU-R P.2040-4 and has no stand-in at {low:g} to {high:g} GHz; "
+                f"material {name!r} is fitted {_ranges(name)} in ITU-R P.2040-4 and has no substitute at {low:g} to {high:g} GHz; "
                 "choose a material with values there"
             )
         _warn(name, stand_in)

@@ -16,8 +16,8 @@ import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import MaterialError
+from radartwin.materials.containers import EMPTY
 from radartwin.materials.permittivity_by_name import check_name, permittivity
-from radartwin.materials.plastics import EMPTY
 from radartwin.materials.roughness import ament, ament_transmitted
 
 
@@ -65,13 +65,8 @@ def reflection(
     """
     stack = material if isinstance(material, Layered) else Layered([], backing=material)
     frequency_hz = np.asarray(frequency_hz, float)
-    te, tm = stack_reflection(
-        [permittivity(name, frequency_hz) for name, _ in stack.layers],
-        [thickness for _, thickness in stack.layers],
-        permittivity(stack.backing, frequency_hz),
-        cos_incidence,
-        frequency_hz,
-    )
+    eta, thicknesses_m = _layers(stack, frequency_hz)
+    te, tm, *_ = stack_coefficients(eta, thicknesses_m, permittivity(stack.backing, frequency_hz), cos_incidence, frequency_hz)
     if roughness_m:
         loss = ament(roughness_m, cos_incidence, 2 * np.pi * frequency_hz / SPEED_OF_LIGHT)
         te, tm = te * loss, tm * loss
@@ -106,8 +101,8 @@ def transmission(
     if not isinstance(material, Layered) and material not in EMPTY:
         permittivity(material, frequency_hz)  # raises the errors that `reflection` raises
         return np.zeros(shape, complex), np.zeros(shape, complex)
-    eta = [permittivity(name, frequency_hz) for name, _ in stack.layers]
-    te, tm = stack_transmission(eta, [thickness for _, thickness in stack.layers], cos_incidence, frequency_hz)
+    eta, thicknesses_m = _layers(stack, frequency_hz)
+    *_, te, tm = stack_coefficients(eta, thicknesses_m, np.array(1.0 + 0j), cos_incidence, frequency_hz)
     if roughness_m and stack.layers:
         wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
         for face in (eta[0], eta[-1]):
@@ -116,54 +111,12 @@ def transmission(
     return te, tm
 
 
-def stack_reflection(
-    permittivities: Sequence[np.ndarray],
-    thicknesses_m: Sequence[float],
-    backing: np.ndarray,
-    cos_incidence: np.ndarray,
-    frequency_hz: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the complex reflection coefficients (te, tm) of a stack for a wave from air.
-
-    Args:
-        permittivities: one complex array per layer, outermost first, broadcastable with `cos_incidence`.
-        thicknesses_m: one per layer.
-        backing: complex permittivity behind the last layer.
-        cos_incidence: cosine of the angle from the normal in air, shape (...,), 0 < cos <= 1.
-        frequency_hz: broadcastable with `cos_incidence`.
-    Returns:
-        (te, tm), complex, of the broadcast shape.
-    Raises:
-        MaterialError: a permittivity with gain.
-
-    >>> te, tm = stack_reflection([], [], np.array(4.0 + 0j), np.array(1.0), np.array(77e9))
-    >>> complex(np.round(te, 6)), complex(np.round(tm, 6))
-    ((-0.333333+0j), (0.333333+0j))
-    """
-    stack = _stack(permittivities, thicknesses_m, backing, cos_incidence, frequency_hz)
-    return stack.reflected_te, stack.reflected_tm
+def _layers(stack: Layered, frequency_hz: np.ndarray) -> tuple[list[np.ndarray], list[float]]:
+    """Return the permittivity and the thickness in metres of every layer."""
+    return [permittivity(name, frequency_hz) for name, _ in stack.layers], [thickness for _, thickness in stack.layers]
 
 
-def stack_transmission(
-    permittivities: Sequence[np.ndarray],
-    thicknesses_m: Sequence[float],
-    cos_incidence: np.ndarray,
-    frequency_hz: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the complex transmission coefficients (te, tm) of a stack in air: field just behind the stack over field just in front.
-
-    Arguments and errors are those of `stack_reflection`. If a path of length L crosses a stack of thickness d, its phase is
-    k (L - d cos_incidence) plus the phase of the coefficient. Without layers the coefficient is 1.
-
-    >>> te, _ = stack_transmission([np.array(4.0 + 0j)], [299792458 / 77e9 / 4], np.array(1.0), np.array(77e9))  # half a wave thick
-    >>> complex(np.round(te, 6) + 0)
-    (-1+0j)
-    """
-    stack = _stack(permittivities, thicknesses_m, np.array(1.0 + 0j), cos_incidence, frequency_hz)
-    return stack.transmitted_te, stack.transmitted_tm
-
-
-class _Coefficients(NamedTuple):
+class Coefficients(NamedTuple):
     """Hold the coefficients of a stack; TM coefficients are ratios of the electric field in the plane of incidence."""
 
     reflected_te: np.ndarray
@@ -172,16 +125,34 @@ class _Coefficients(NamedTuple):
     transmitted_tm: np.ndarray
 
 
-def _stack(
+def stack_coefficients(
     permittivities: Sequence[np.ndarray],
     thicknesses_m: Sequence[float],
     backing: np.ndarray,
     cos_incidence: np.ndarray,
     frequency_hz: np.ndarray,
-) -> _Coefficients:
-    """Compute the coefficients of a stack, interface by interface from the backing outwards.
+) -> Coefficients:
+    """Compute the complex coefficients of a stack for a wave from air, interface by interface from the backing outwards.
 
     The recursion contains decaying exponentials only, so a thick lossy wall causes neither overflow nor loss of precision.
+
+    Args:
+        permittivities: one complex array per layer, outermost first, broadcastable with `cos_incidence`.
+        thicknesses_m: one per layer.
+        backing: complex permittivity behind the last layer.
+        cos_incidence: cosine of the angle from the normal in air, shape (...,), 0 < cos <= 1.
+        frequency_hz: broadcastable with `cos_incidence`.
+    Returns:
+        Coefficients of the broadcast shape. Transmission is the field just behind the stack over the field just in front.
+    Raises:
+        MaterialError: a permittivity with gain.
+
+    >>> half_space = stack_coefficients([], [], np.array(4.0 + 0j), np.array(1.0), np.array(77e9))
+    >>> complex(np.round(half_space.reflected_te, 6)), complex(np.round(half_space.reflected_tm, 6))
+    ((-0.333333+0j), (0.333333+0j))
+    >>> half_wave = stack_coefficients([np.array(4.0 + 0j)], [299792458 / 77e9 / 4], np.array(1.0 + 0j), np.array(1.0), np.array(77e9))
+    >>> complex(np.round(half_wave.transmitted_te, 6) + 0)
+    (-1+0j)
     """
     k0 = 2 * np.pi * np.asarray(frequency_hz, float) / SPEED_OF_LIGHT
     sin2 = 1 - np.asarray(cos_incidence, float) ** 2
@@ -207,4 +178,4 @@ def _stack(
         te, through_te = (r_te + te * once**2) / (1 + r_te * te * once**2), t_te * once * through_te / (1 + r_te * te * once**2)
         tm, through_tm = (r_tm + tm * once**2) / (1 + r_tm * tm * once**2), t_tm * once * through_tm / (1 + r_tm * tm * once**2)
     shape = np.broadcast_shapes(np.shape(te), np.shape(sin2), np.shape(k0))
-    return _Coefficients(*(np.broadcast_to(c, shape) for c in (te, tm, through_te, through_tm)))
+    return Coefficients(*(np.broadcast_to(c, shape) for c in (te, tm, through_te, through_tm)))

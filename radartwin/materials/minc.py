@@ -87,7 +87,7 @@ MINC: dict[str, Row] = {
         "0.3 to 1 mm of cloth lie 2.7 dB away at most; foam behind it is air to the radar (1.05)", "fabric"),
     "foliage": Row(Layered([("detergent", 0.0003)]), True, "leaf: two thirds water, 0.2 to 0.4 mm (F. Ulaby, M. El-Rayes 1987)",
         "a single leaf; a crown is sparse and mostly scatters", "foliage"),
-    "food": Row("dressing", True, "two thirds water; liquids.RECIPES", "moist food; dry food is nearer wood", "food"),
+    "food": Row("dressing", True, "two thirds water; containers.RECIPES", "moist food; dry food is nearer wood", "food"),
     "glass": Row("glass", False, "P.2040-4 glass, 0.1 to 100 GHz",
         "panes of 3 to 12 mm and double glazing lie 0.1 to 2.1 dB from the half-space, and further from each other", "glass"),
     "hair": Row("detergent", True, "skin of 6.6 - j 9.5 behind it (S. Gabriel et al. 1996, extrapolated to 77 GHz)",

@@ -78,19 +78,12 @@ _SPELLINGS = {"fiberglass": "fibreglass", "teflon": "ptfe", "styrofoam": "foam",
 
 @dataclass(frozen=True)
 class Resolved:
-    """Hold the material that a name resolves to.
+    """Hold the material that a name resolves to."""
 
-    Attributes:
-        name: the requested name, in lower case with underscores.
-        material: half-space or stack.
-        category: the MINC category of the name; None for a plain material.
-        stand_in: whether the material is a substitute at 77 GHz.
-    """
-
-    name: str
+    name: str  # in lower case with underscores
     material: str | Layered
-    category: str | None
-    stand_in: bool
+    category: str | None  # MINC category; None for a plain material
+    stand_in: bool  # whether the material is a substitute at 77 GHz
 
 
 def resolve(name: str) -> Resolved:

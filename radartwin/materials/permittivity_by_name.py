@@ -1,18 +1,23 @@
-"""Compute the permittivity of a named material: P.2040 materials, plastics and liquids, each with optional factors (see `varied`)."""
+"""Compute the permittivity of a named material: P.2040 materials, plastics and liquids.
+
+A name may have factors on the permittivity, which model the spread between samples of one material: `plasterboard~1.0500~0.8000` has 1.05
+times the real permittivity and 0.8 times the loss of plasterboard. Every function that accepts a material name accepts such a name.
+"""
 
 import difflib
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import MaterialError
-from radartwin.materials import itu, liquids, plastics
-from radartwin.materials.varied import split
+from radartwin.materials import containers, itu
 
-MATERIAL_NAMES = tuple(sorted({*itu.P2040, *plastics.PERMITTIVITY, *liquids.NAMES}))
+MATERIAL_NAMES = tuple(sorted({*itu.P2040, *containers.NAMES}))
 
 # Thickness in metres of each plain name that means a slab instead of a half-space; empty, because every plain name is a half-space.
 MATERIAL_THICKNESS: dict[str, float] = {}
+_MARK = "~"
 
 
 def check_name(name: str) -> None:
@@ -30,8 +35,36 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> NDArray[np.comp
     if real != 1 or loss != 1:
         eta = permittivity(name, frequency_hz)
         return real * eta.real + 1j * loss * eta.imag
-    if name in liquids.NAMES:
-        return liquids.permittivity(name, frequency_hz)
-    if name in plastics.PERMITTIVITY:
-        return plastics.permittivity(name, frequency_hz)
-    return itu.permittivity(name, frequency_hz)
+    return (containers if name in containers.NAMES else itu).permittivity(name, frequency_hz)
+
+
+def varied(name: str, real: float, loss: float) -> str:
+    """Return the material name with factors on real permittivity and loss, to four decimals. Factors that `name` already has multiply.
+
+    >>> varied("glass", 1.05, 0.8)
+    'glass~1.0500~0.8000'
+    """
+    base, real_before, loss_before = split(name)
+    return f"{base}{_MARK}{real_before * real:.4f}{_MARK}{loss_before * loss:.4f}"
+
+
+def split(name: str) -> tuple[str, float, float]:
+    """Split a material name into the plain name, the factor on the real permittivity and the factor on the loss.
+
+    Both factors are 1 for a plain name.
+
+    Raises:
+        MaterialError: the name does not end with two numbers, the first factor is not positive, or the second factor is negative.
+    """
+    base, *factors = str(name).split(_MARK)
+    if not factors:
+        return name, 1.0, 1.0
+    try:
+        real, loss = (float(factor) for factor in factors)
+    except ValueError:
+        real = loss = math.nan
+    if not (0 < real < math.inf and 0 <= loss < math.inf):
+        raise MaterialError(
+            f"material {name!r} is not a name with two factors, of permittivity and loss; write for example {base}{_MARK}1.05{_MARK}0.8"
+        )
+    return base, real, loss

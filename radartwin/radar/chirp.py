@@ -80,7 +80,7 @@ class Radar:
         self._require("element", lambda value: isinstance(value, str) and value in ELEMENTS, f"one of {', '.join(ELEMENTS)}")
         for name, kind in _PARTS.items():
             if isinstance(value := getattr(self, name), Mapping):
-                object.__setattr__(self, name, kind.from_dict(value))
+                object.__setattr__(self, name, from_mapping(kind, name, value))
             else:
                 self._require(name, lambda value, kind=kind: value is None or isinstance(value, kind), f"a {kind.__name__} or None")
         for name in ("tx_positions_m", "rx_positions_m"):

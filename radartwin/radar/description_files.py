@@ -12,7 +12,7 @@ from typing import Any
 
 from radartwin.errors import RecordingError
 from radartwin.io import untrusted_json, untrusted_yaml
-from radartwin.radar.ti_files import fields_from_cfg, fields_from_studio
+from radartwin.radar.ti_files import parse_cfg, parse_studio, radar_fields
 
 
 def read_fields(path: Path) -> dict[str, Any]:
@@ -32,9 +32,9 @@ def read_fields(path: Path) -> dict[str, Any]:
             raise RecordingError(f"{path}: suffix {suffix!r} is unknown; give a .cfg, .mmwave.json, .yaml or .json")
     try:
         if isinstance(source, str):
-            return fields_from_cfg(source, path.stem)
+            return radar_fields(path.stem, parse_cfg(source))
         if "mmWaveDevices" in source:
-            return fields_from_studio(source, path.stem.removesuffix(".mmwave"))
+            return radar_fields(path.stem.removesuffix(".mmwave"), parse_studio(source))
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     return source.get("radar", source)

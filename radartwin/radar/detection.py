@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.errors import InputError
-from radartwin.radar.cfar import ca_cfar, os_cfar
+from radartwin.radar.cfar import ca_cfar
 from radartwin.radar.chirp import Radar
-from radartwin.radar.power_maps import FftSettings, PowerMaps, power_maps, spectra
-from radartwin.radar.processing import azimuth_spectrum, window_weights
+from radartwin.radar.power_maps import PADDING, PowerMaps, power_maps, spectra
+from radartwin.radar.processing import azimuth_spectrum, hann
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,35 +27,16 @@ Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
 
 _AZIMUTH_RAD = np.radians(np.arange(-90.0, 90.5, 0.5))
+GUARD, TRAINING = (3, 3), (4, 4)  # unpadded bins on each side along (Doppler, range); reduced if a frame has too few chirps
+FALSE_ALARM = 1e-7  # false-alarm probability per cell: one false peak in about a hundred frames
+# Minimum ratio of a peak to the mean of its training cells. With many frames the noise estimate is so exact that FALSE_ALARM alone would
+# detect every small variation of the clutter.
+MIN_CONTRAST_DB = 3.0
+# Peaks weaker than the strongest cell by more are ignored, because they may be rounding errors. Single precision covers 140 dB below the
+# strongest echo, which may be a static echo that was removed before the detection.
+DYNAMIC_RANGE_DB = 100.0
+MIN_RANGE_M = 0.2  # peaks at shorter range are leakage from transmitter to receiver
 _SIDELOBE_MARGIN = 4.0  # power factor (6 dB) above the window's sidelobe, because noise and other sidelobes add to a sidelobe
-
-
-@dataclass(frozen=True)
-class Detector:
-    """Hold the settings of the detection. A cell is an unpadded bin, one range or velocity resolution wide.
-
-    Attributes:
-        method: CFAR method, "ca" or "os".
-        guard, training: number of cells on each side along (Doppler, range); reduced if a frame has too few chirps.
-        false_alarm: false-alarm probability per cell; 1e-7 gives one false peak in about a hundred frames.
-        min_contrast_db: minimum ratio of a peak to the mean of its training cells. With many frames the noise estimate is so
-            exact that `false_alarm` alone would detect every small variation of the clutter.
-        dynamic_range_db: peaks weaker than the strongest cell by more are ignored, because they may be rounding errors. Single
-            precision covers 140 dB below the strongest echo, which may be a static echo that was removed before the detection.
-        min_range_m: peaks at shorter range are ignored, because they are leakage from transmitter to receiver.
-    """
-
-    method: str = "ca"
-    guard: tuple[int, int] = (3, 3)
-    training: tuple[int, int] = (4, 4)
-    false_alarm: float = 1e-7
-    min_contrast_db: float = 3.0
-    dynamic_range_db: float = 100.0
-    min_range_m: float = 0.2
-
-    def __post_init__(self) -> None:
-        if self.method not in ("ca", "os"):
-            raise InputError(f"detection method {self.method!r} is unknown; use ca or os")
 
 
 @dataclass(frozen=True)
@@ -89,21 +69,19 @@ class Peaks:
         )
 
 
-def detect(
-    iq: Complex, radar: Radar, detector: Detector | None = None, settings: FftSettings | None = None, *, maps: PowerMaps | None = None
-) -> Peaks:
+def detect(iq: Complex, radar: Radar, *, static_removed: bool = False, maps: PowerMaps | None = None) -> Peaks:
     """Detect the peaks of a recording.
 
     Args:
         iq: (frame, chirp, tx, rx, sample); powers are averaged over frames.
-        maps: the result of power_maps for the same iq and settings, if it is already computed.
+        static_removed: as for power_maps.
+        maps: the result of power_maps for the same arguments, if it is already computed.
     """
-    detector, settings = detector or Detector(), settings or FftSettings()
-    maps = maps or power_maps(iq, radar, settings)
+    maps = maps or power_maps(iq, radar, static_removed)
     power = maps.range_doppler
-    cells = _candidates(power, radar, detector, settings, frames=len(iq))
-    cells = _without_sidelobes(cells, power, radar, settings)
-    cells = cells[maps.range_m[cells[:, 1]] >= detector.min_range_m]
+    cells = _candidates(power, radar, frames=len(iq))
+    cells = _without_sidelobes(cells, power, radar)
+    cells = cells[maps.range_m[cells[:, 1]] >= MIN_RANGE_M]
     if not len(cells):
         return Peaks(*(np.empty(0) for _ in fields(Peaks)))
     doppler_cell, range_cell = cells.T
@@ -117,47 +95,47 @@ def detect(
     peaks = Peaks(
         range_m=maps.range_m[range_cell] + range_shift * maps.range_m[1],
         velocity_mps=maps.velocity_mps[doppler_cell] + residual_mps if measures_speed else np.full(len(cells), np.nan),
-        azimuth_rad=_azimuths(iq, radar, settings, cells, residual_mps),
+        azimuth_rad=_azimuths(iq, radar, static_removed, cells, residual_mps),
         power=10 ** ((rows[1] + doppler_gain + range_gain) / 10),
     )
     order = np.argsort(-peaks.power, kind="stable")
     return Peaks(*(getattr(peaks, f.name)[order] for f in fields(Peaks)))
 
 
-def _candidates(power: Real, radar: Radar, detector: Detector, settings: FftSettings, frames: int) -> NDArray[np.intp]:
+def _candidates(power: Real, radar: Radar, frames: int) -> NDArray[np.intp]:
     """Return the (doppler, range) indices of local maxima above the CFAR threshold, (N, 2)."""
     from scipy.ndimage import maximum_filter1d
 
     guard, training = [], []
-    for cells, g, t in zip((radar.num_chirps, radar.num_samples), detector.guard, detector.training, strict=True):
+    for cells, g, t in zip((radar.num_chirps, radar.num_samples), GUARD, TRAINING, strict=True):
         reach = (cells - 1) // 2
         guarded = min(g, reach // 2)
-        guard.append(guarded * settings.padding)
-        training.append(min(t, reach - guarded) * settings.padding)
+        guard.append(guarded * PADDING)
+        training.append(min(t, reach - guarded) * PADDING)
     circular = (True, not radar.real_sampling)
-    hits, _ = (ca_cfar if detector.method == "ca" else os_cfar)(
+    hits, _ = ca_cfar(
         power,
         guard=tuple(guard),
         training=tuple(training),
-        false_alarm=detector.false_alarm,
+        false_alarm=FALSE_ALARM,
         looks=frames * radar.num_tx * radar.num_rx,
-        min_factor=10 ** (detector.min_contrast_db / 10),
+        min_factor=10 ** (MIN_CONTRAST_DB / 10),
         wrap=circular,
     )
-    neighbourhood = 2 * settings.padding + 1
+    neighbourhood = 2 * PADDING + 1
     local_maximum = power
     for axis, wraps in enumerate(circular):
         size = min(neighbourhood, power.shape[axis])
         local_maximum = maximum_filter1d(local_maximum, size, axis=axis, mode="wrap" if wraps else "nearest")
-    floor = power.max() * 10 ** (-detector.dynamic_range_db / 10)
+    floor = power.max() * 10 ** (-DYNAMIC_RANGE_DB / 10)
     return np.argwhere(hits & (power == local_maximum) & (power > floor))
 
 
-def _without_sidelobes(cells: NDArray[np.intp], power: Real, radar: Radar, settings: FftSettings) -> NDArray[np.intp]:
+def _without_sidelobes(cells: NDArray[np.intp], power: Real, radar: Radar) -> NDArray[np.intp]:
     """Return the cells that are not sidelobes of a stronger cell, the strongest first, (N, 2)."""
     order = np.argsort(-power[tuple(cells.T)], kind="stable")
     doppler_skirt, range_skirt = (
-        _skirt(settings, size, bins) for size, bins in ((radar.num_chirps, len(power)), (radar.num_samples, power.shape[1]))
+        _skirt(size, bins) for size, bins in ((radar.num_chirps, len(power)), (radar.num_samples, power.shape[1]))
     )
     peaks: list[NDArray[np.intp]] = []
     for cell in cells[order]:
@@ -178,10 +156,10 @@ def _neighbour(cell: NDArray[np.intp], step: int, size: int, radar: Radar) -> ND
     return np.clip(cell + step, 0, size - 1) if radar.real_sampling else (cell + step) % size
 
 
-def _skirt(settings: FftSettings, size: int, bins: int) -> Real:
+def _skirt(size: int, bins: int) -> Real:
     """Return, for each distance in bins, the highest sidelobe of the window at or beyond it, as power over the main peak, (bins,)."""
     fine = 8
-    response = np.abs(np.fft.fft(window_weights(settings.window, size), settings.padding * size * fine)) ** 2
+    response = np.abs(np.fft.fft(hann(size), PADDING * size * fine)) ** 2
     response = response[: response.size // 2 + 1]
     envelope = np.maximum.accumulate(response[::-1])[::-1]
     # A peak may lie half a bin from its cell, so the distance is reduced by half a bin.
@@ -204,7 +182,7 @@ def _parabola(decibels: list[Real]) -> tuple[Real, Real]:
     return shift, slope * shift + 0.5 * curvature * shift**2
 
 
-def _azimuths(iq: Complex, radar: Radar, settings: FftSettings, cells: NDArray[np.intp], residual_mps: Real) -> Real:
+def _azimuths(iq: Complex, radar: Radar, static_removed: bool, cells: NDArray[np.intp], residual_mps: Real) -> Real:
     """Estimate the azimuth of each cell from the maximum of its Bartlett spectrum over all frames; NaN for a single channel.
 
     Args:
@@ -216,7 +194,7 @@ def _azimuths(iq: Complex, radar: Radar, settings: FftSettings, cells: NDArray[n
     residual_hz = 2 * residual_mps * radar.center_frequency_hz / SPEED_OF_LIGHT
     turn = np.exp(-2j * np.pi * residual_hz[:, None] * radar.chirp_times()[0])
     power = np.zeros((len(cells), len(_AZIMUTH_RAD)))
-    for _, _, block in spectra(iq, radar, settings):
+    for _, _, block in spectra(iq, radar, static_removed):
         snapshots = block[:, doppler_cell, :, :, range_cell]  # (cell, frame, tx, rx), NumPy's order for separated indices
         power += azimuth_spectrum(snapshots * turn[:, None, :, None], radar, _AZIMUTH_RAD).sum(axis=1)
     strongest = np.argmax(power, axis=1)

@@ -1,4 +1,4 @@
-"""Check field values of the dataclasses that describe a radar."""
+"""Check field values of the dataclasses that describe a radar or a recording."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radartwin.errors import InputError
+from radartwin.errors import InputError, PoseError
 
 
 def is_number(value: Any) -> bool:
@@ -41,3 +42,20 @@ def from_mapping(kind: Any, name: str, values: Any) -> Any:
         return kind(**values)
     except TypeError as error:
         raise InputError(f"{name}: {error}".replace(f"{kind.__name__}.__init__() ", "")) from None
+
+
+def check_rigid(poses: NDArray[np.float64], what: str) -> None:
+    """Raise PoseError, which names `what` and the frame, unless all poses (F, 4, 4) are finite and rigid.
+
+    A rigid pose has a right-handed rotation and the last row 0 0 0 1. Rotations may have errors up to 1e-4, because text and float32 are
+    rounded.
+    """
+    finite = np.isfinite(poses).all(axis=(1, 2))
+    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; a rotation has no entry beyond 1
+    straight = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) < 1e-4
+    rigid = finite & straight & (np.linalg.det(rotation) > 0) & (np.abs(poses[:, 3] - (0, 0, 0, 1)) < 1e-9).all(axis=1)
+    if not rigid.all():
+        raise PoseError(
+            f"{what}, frame {np.flatnonzero(~rigid)[0]}: not a rigid pose; give a rotation and a position in metres, all finite, "
+            "with last row 0 0 0 1"
+        )

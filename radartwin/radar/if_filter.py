@@ -13,7 +13,6 @@ of the band, by 8 to 10 dB at its middle. The depth of the stop band and the sha
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -21,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radartwin.errors import InputError
-from radartwin.radar.field_checks import from_mapping, is_number
+from radartwin.radar.field_checks import is_number
 
 
 @dataclass(frozen=True)
@@ -74,8 +73,3 @@ class IfFilter:
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self) | {"high_pass_hz": list(self.high_pass_hz)}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> IfFilter:
-        """Build a filter from the result of to_dict. Raises InputError for an unknown or invalid field."""
-        return from_mapping(cls, "if_filter", values)

@@ -17,7 +17,6 @@ phase error at a few delays and interpolate between these delays.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -25,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError
-from radartwin.radar.field_checks import from_mapping, is_number
+from radartwin.radar.field_checks import is_number
 
 _TAIL = 1e-6  # neglected fraction of the oscillator's noise power, far below the phase error of the nearest echo
 _LONGER = 4  # period of the simulated noise in sweep durations; over 1, so that both ends of a sweep are independent
@@ -58,16 +57,6 @@ class PhaseNoise:
         shape = (1 + (1e6 / self.corner_hz) ** 2) / (1 + (np.asarray(offset_hz) / self.corner_hz) ** 2)
         return 2 * 10 ** (self.level_dbc_hz / 10) * shape
 
-    def terms(self, longest_s: float, sample_rate_hz: float) -> int:
-        """Return the number of random processes that cover delays up to `longest_s` seconds."""
-        from scipy.special import jv
-
-        largest = np.pi * sample_rate_hz / 2 * longest_s
-        count = int(largest) + 1
-        while abs(jv(count, largest)) > _TAIL:
-            count += 1
-        return count
-
     def processes(
         self, chirps: int, samples: int, sample_rate_hz: float, longest_s: float, rng: np.random.Generator
     ) -> NDArray[np.float64]:
@@ -88,7 +77,7 @@ class PhaseNoise:
         draw = rng.standard_normal((2, chirps, len(offset)))
         component = np.sqrt(self.density(offset) * spacing) * (draw[0] + 1j * draw[1])
         w = np.pi * offset * longest_s
-        out = np.empty((self.terms(longest_s, sample_rate_hz), chirps, samples))
+        out = np.empty((chebyshev_terms(np.pi * sample_rate_hz / 2 * longest_s, _TAIL), chirps, samples))
         for k in range(len(out)):
             weight = -np.exp(-1j * w) * (1 if k == 0 else 2) * (-1j) ** k * jv(k, w)
             spectrum = np.zeros((chirps, size), complex)
@@ -119,10 +108,15 @@ class PhaseNoise:
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
 
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> PhaseNoise:
-        """Build phase noise from the result of to_dict. Raises InputError for an unknown or invalid field."""
-        return from_mapping(cls, "phase_noise", values)
+
+def chebyshev_terms(largest: float, tail: float) -> int:
+    """Return the number of Chebyshev terms that exp(j w x) needs for |w| up to `largest`, with Bessel functions up to `tail` neglected."""
+    from scipy.special import jv
+
+    count = int(largest) + 1
+    while abs(jv(count, largest)) > tail:
+        count += 1
+    return count
 
 
 def interpolation(delays_s: Any, nodes_s: tuple[float, ...]) -> NDArray[np.float64]:

@@ -8,40 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
-from radartwin.radar.processing import azimuth_row, doppler_fft, range_axis, range_fft, steering, velocity_axis, window_weights
+from radartwin.radar.processing import azimuth_row, doppler_fft, hann, range_axis, range_fft, steering, velocity_axis
 
 Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
 
+PADDING = 2  # length of a transform divided by the number of samples or chirps
 _BLOCK_BYTES = 128 << 20  # padded spectra in memory at once
 
 
-@dataclass(frozen=True)
-class FftSettings:
-    """Hold the settings of the range and Doppler transforms.
+def range_bins(radar: Radar) -> int:
+    return PADDING * radar.num_samples
 
-    Attributes:
-        window: name of the window over samples and over chirps.
-        padding: length of a transform divided by the number of samples or chirps.
-        static_removed: whether the mean of each channel over all frames and chirps is subtracted, so that only moving echoes remain.
-    """
 
-    window: str = "hann"
-    padding: int = 2
-    static_removed: bool = False
-
-    def __post_init__(self) -> None:
-        if self.padding < 1:
-            raise InputError(f"padding {self.padding} must be at least 1, which adds no zeros")
-
-    def range_bins(self, radar: Radar) -> int:
-        return self.padding * radar.num_samples
-
-    def doppler_bins(self, radar: Radar) -> int:
-        """Return the number of Doppler bins. A frame with a single chirp has one bin, at zero velocity."""
-        return self.padding * radar.num_chirps if radar.num_chirps > 1 else 1
+def doppler_bins(radar: Radar) -> int:
+    """Return the number of Doppler bins. A frame with a single chirp has one bin, at zero velocity."""
+    return PADDING * radar.num_chirps if radar.num_chirps > 1 else 1
 
 
 @dataclass(frozen=True)
@@ -61,35 +44,35 @@ class PowerMaps:
     range_azimuth: Real
 
 
-def spectra(iq: Complex, radar: Radar, settings: FftSettings) -> Iterator[tuple[slice, Complex, Complex]]:
+def spectra(iq: Complex, radar: Radar, static_removed: bool) -> Iterator[tuple[slice, Complex, Complex]]:
     """Yield for each block its slice of frames, profiles (frame, chirp, tx, rx, range) and spectra (frame, doppler, tx, rx, range)."""
-    frame_bytes = 8 * settings.padding**2 * int(np.prod(iq.shape[1:]))
+    frame_bytes = 8 * PADDING**2 * int(np.prod(iq.shape[1:]))
     step = max(1, _BLOCK_BYTES // frame_bytes)
-    static = _static(iq) if settings.static_removed else None
+    static = _static(iq) if static_removed else None
     for start in range(0, len(iq), step):
         frames = slice(start, min(start + step, len(iq)))
         block = iq[frames] if static is None else iq[frames] - static
-        profiles, _ = range_fft(block, radar, window=settings.window, bins=settings.range_bins(radar))
-        doppler, _ = doppler_fft(profiles, radar, window=settings.window, bins=settings.doppler_bins(radar))
+        profiles, _ = range_fft(block, radar, bins=range_bins(radar))
+        doppler, _ = doppler_fft(profiles, radar, bins=doppler_bins(radar))
         yield frames, profiles, doppler
 
 
-def power_maps(iq: Complex, radar: Radar, settings: FftSettings | None = None) -> PowerMaps:
+def power_maps(iq: Complex, radar: Radar, static_removed: bool = False) -> PowerMaps:
     """Compute the three power maps of a recording, with azimuth in steps of one degree.
 
     Args:
         iq: (frame, chirp, tx, rx, sample).
+        static_removed: whether the mean of each channel over all frames and chirps is subtracted, so that only moving echoes remain.
     """
-    settings = settings or FftSettings()
     azimuth_rad = np.radians(np.arange(-90.0, 91.0))
-    range_m = range_axis(radar, settings.range_bins(radar))
-    velocity_mps = velocity_axis(radar, settings.doppler_bins(radar))
+    range_m = range_axis(radar, range_bins(radar))
+    velocity_mps = velocity_axis(radar, doppler_bins(radar))
     row = azimuth_row(radar)
     single = len(iq) == 1
     range_time = np.zeros((radar.num_chirps if single else len(iq), len(range_m)))
     range_doppler = np.zeros((len(velocity_mps), len(range_m)))
     covariance = np.zeros((len(range_m), len(row), len(row)), dtype=np.complex128)
-    for frames, profiles, block in spectra(iq, radar, settings):
+    for frames, profiles, block in spectra(iq, radar, static_removed):
         power = _power(profiles).mean(axis=(2, 3))
         if single:
             range_time[:] = power[0]
@@ -102,7 +85,7 @@ def power_maps(iq: Complex, radar: Radar, settings: FftSettings | None = None) -
     weights = steering(radar, azimuth_rad)
     range_azimuth = np.einsum("ca,rcd,da->ar", weights, covariance, weights.conj(), optimize=True).real
     # By Parseval's theorem over the Doppler bins, a constant echo has its power in this map too.
-    bins_of_energy = len(iq) * len(velocity_mps) * float((window_weights(settings.window, radar.num_chirps) ** 2).sum())
+    bins_of_energy = len(iq) * len(velocity_mps) * float((hann(radar.num_chirps) ** 2).sum())
     return PowerMaps(
         range_m=range_m,
         time_s=np.arange(len(range_time), dtype=np.float64) * (radar.loop_interval_s if single else 1 / radar.frame_rate_hz),

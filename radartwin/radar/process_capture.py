@@ -5,20 +5,19 @@ The pictures show power over range and time, Doppler or azimuth, in decibels, do
 
 from __future__ import annotations
 
-import contextlib
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import OutputError
 from radartwin.io import files
 from radartwin.plotting import style
 from radartwin.radar.captures import capture_name, load_capture
 from radartwin.radar.chirp import Radar
-from radartwin.radar.detection import Detector, Peaks, detect
-from radartwin.radar.power_maps import FftSettings, PowerMaps, power_maps
+from radartwin.radar.detection import Peaks, detect
+from radartwin.radar.power_maps import PowerMaps, power_maps
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,8 +33,7 @@ def process_capture(
     radar: Radar | str | Path | None = None,
     *,
     iq_swapped: bool | None = None,
-    settings: FftSettings | None = None,
-    detector: Detector | None = None,
+    static_removed: bool = False,
 ) -> pd.DataFrame:
     """Detect the peaks of a recording, and write a table of the peaks and pictures of the recording.
 
@@ -45,43 +43,34 @@ def process_capture(
             one chirp give no range_doppler.png, and a single channel gives no range_azimuth.png.
         radar: a Radar or the path of a radar file; required for a .npy only.
         iq_swapped: whether Q comes before I in a capture of another tool; None detects the sample order from the noise.
-        settings: settings of the transforms, including the removal of static echoes.
-        detector: settings of the detection.
+        static_removed: whether static echoes are removed.
     Returns:
         Table of the peaks, strongest first, with the columns range_m, doppler_mps, azimuth_deg and power_db. doppler_mps is NaN
         if a frame has one chirp; azimuth_deg is NaN for a single channel. Power is relative to the transmitted power, or
         to one squared ADC count in a capture of another tool.
     Raises:
-        UserError: the errors of load_capture, and OutputError if `out` cannot be written; `out` then has no new file.
+        UserError: the errors of load_capture, and OutputError if `out` cannot be written.
     """
     recording = load_capture(path, radar, iq_swapped=iq_swapped)
-    settings, radar = settings or FftSettings(), recording.radar
-    maps = power_maps(recording.iq, radar, settings)
-    peaks = detect(recording.iq, radar, detector, settings, maps=maps)
+    radar = recording.radar
+    maps = power_maps(recording.iq, radar, static_removed)
+    peaks = detect(recording.iq, radar, static_removed=static_removed, maps=maps)
     table = peaks.table()
     if out is None:
         return table
     in_counts = recording.provenance.get("unit") == "counts"
     unit = "dB of one squared ADC count" if in_counts else "dB of transmitted power"
     shown = {"range_time": True, "range_doppler": radar.num_chirps > 1, "range_azimuth": radar.num_tx * radar.num_rx > 1}
-    folder, temporary = files.make_folder(Path(out)), {}
-    try:
-        for name in (name for name, possible in shown.items() if possible):
-            target = folder / f"{name}.png"
-            temporary[target] = files.unfinished(target)
-            figure = _draw(maps, name, peaks, unit, title=f"{capture_name(path)}: {name.replace('_', '-')}")
-            # Leave out the version of matplotlib, so that every run writes the same bytes.
-            figure.savefig(temporary[target], format="png", dpi=150, metadata={"Software": None})
-        temporary[folder / PEAKS_FILE] = files.unfinished(folder / PEAKS_FILE)
-        table.to_csv(temporary[folder / PEAKS_FILE], index=False, float_format="%.6g", lineterminator="\n")
-        for target, unfinished in temporary.items():
-            unfinished.replace(target)
-    except OSError as error:
-        raise OutputError(f"cannot write {folder}: {error.strerror or error}; choose another output folder") from error
-    finally:
-        for unfinished in temporary.values():
-            with contextlib.suppress(OSError):
-                unfinished.unlink(missing_ok=True)
+    folder, contents = files.make_folder(Path(out)), {}
+    for name in (name for name, possible in shown.items() if possible):
+        figure = _draw(maps, name, peaks, unit, title=f"{capture_name(path)}: {name.replace('_', '-')}")
+        picture = io.BytesIO()
+        # Leave out the version of matplotlib, so that every run writes the same bytes.
+        figure.savefig(picture, format="png", dpi=150, metadata={"Software": None})
+        contents[f"{name}.png"] = picture.getvalue()
+    contents[PEAKS_FILE] = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    for name, content in contents.items():
+        files.write_atomically(folder / name, content)
     return table
 
 

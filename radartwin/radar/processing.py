@@ -1,8 +1,8 @@
-"""Transform IQ samples to range, Doppler and azimuth, with windows, zero padding and axes in SI units.
+"""Transform IQ samples to range, Doppler and azimuth, with Hann windows, zero padding and axes in SI units.
 
 Signs: a path of length L has the phase factor exp(+j 2 pi f L / c). Echoes therefore have positive beat frequencies, receding
 targets have positive Doppler frequencies, and the phase is smaller at an antenna nearer to the target. Spectra are divided by
-the sum of the window, so an echo of amplitude a in the centre of a bin has the value a for every window, padding and sample count.
+the sum of the window, so an echo of amplitude a in the centre of a bin has the value a for every padding and sample count.
 
 The phase of a range bin is that of the middle of the sampled sweep, so Doppler and azimuth use Radar.center_frequency_hz.
 At 77 GHz with 3.44 GHz of bandwidth, the start frequency would give speeds that are 2.2 % too high.
@@ -17,23 +17,16 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 
-WINDOWS = ("hann", "hamming", "blackman", "rectangular")
-_COSINES = {"hann": (0.5, 0.5), "hamming": (0.54, 0.46), "blackman": (0.42, 0.5, 0.08), "rectangular": (1.0,)}
-
 Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
 
 
-def window_weights(name: str, size: int) -> Real:
-    """Return a periodic window of unit sum, shape (size,). Raises InputError for a name outside WINDOWS."""
-    if name not in _COSINES:
-        raise InputError(f"window {name!r} is unknown; use one of {', '.join(WINDOWS)}")
-    phase = 2 * np.pi * np.arange(size) / size
-    taps = np.zeros(size)
-    for order, amplitude in enumerate(_COSINES[name]):
-        taps += (-1) ** order * amplitude * np.cos(order * phase)
-    # For a single sample the window formula would give zero.
-    return np.ones(1) if size == 1 else taps / taps.sum()
+def hann(size: int) -> Real:
+    """Return a periodic Hann window of unit sum, shape (size,)."""
+    if size == 1:
+        return np.ones(1)  # because the formula of the window would give zero
+    taps = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size)
+    return taps / taps.sum()
 
 
 def range_axis(radar: Radar, bins: int) -> Real:
@@ -48,12 +41,11 @@ def velocity_axis(radar: Radar, bins: int) -> Real:
     return 2 * radar.max_velocity_mps / bins * (np.arange(bins, dtype=np.float64) - bins // 2)
 
 
-def range_fft(iq: Complex, radar: Radar, *, window: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
+def range_fft(iq: Complex, radar: Radar, *, bins: int | None = None) -> tuple[Complex, Real]:
     """Compute range profiles.
 
     Args:
         iq: (..., sample).
-        window: window over the samples, one of WINDOWS.
         bins: length of the transform, at least num_samples; None takes num_samples, without padding.
     Returns:
         profiles: (..., range), in the unit of iq; for real sampling, twice the positive half of the spectrum.
@@ -67,13 +59,13 @@ def range_fft(iq: Complex, radar: Radar, *, window: str = "hann", bins: int | No
     """
     _check(iq, -1, radar.num_samples, "sample")
     bins = _bins(bins, radar.num_samples)
-    profile = np.fft.fft(iq * window_weights(window, radar.num_samples).astype(np.float32), bins, axis=-1)
+    profile = np.fft.fft(iq * hann(radar.num_samples).astype(np.float32), bins, axis=-1)
     if radar.real_sampling:
         profile = 2 * profile[..., : bins // 2]
     return profile, range_axis(radar, bins)
 
 
-def doppler_fft(profiles: Complex, radar: Radar, *, window: str = "hann", bins: int | None = None) -> tuple[Complex, Real]:
+def doppler_fft(profiles: Complex, radar: Radar, *, bins: int | None = None) -> tuple[Complex, Real]:
     """Compute Doppler spectra and compensate the TDM phase.
 
     Transmitter t fires t chirp intervals after the first transmitter. In this time the phase of a target at Doppler frequency f
@@ -90,32 +82,13 @@ def doppler_fft(profiles: Complex, radar: Radar, *, window: str = "hann", bins: 
     _check(profiles, -4, radar.num_chirps, "chirp")
     _check(profiles, -3, radar.num_tx, "tx")
     bins = _bins(bins, radar.num_chirps)
-    taps = window_weights(window, radar.num_chirps).astype(np.float32)
+    taps = hann(radar.num_chirps).astype(np.float32)
     spectra = np.fft.fftshift(np.fft.fft(profiles * taps[:, None, None, None], bins, axis=-4), axes=-4)
     velocity_mps = velocity_axis(radar, bins)
     doppler_hz = 2 * velocity_mps * radar.center_frequency_hz / SPEED_OF_LIGHT
     delay_s = radar.chirp_times()[0]
     turn = np.exp(-2j * np.pi * doppler_hz[:, None] * delay_s).astype(spectra.dtype)
     return spectra * turn[:, :, None, None], velocity_mps
-
-
-def range_doppler(
-    iq: Complex,
-    radar: Radar,
-    *,
-    window: str = "hann",
-    range_bins: int | None = None,
-    doppler_bins: int | None = None,
-) -> tuple[Complex, Real, Real]:
-    """Apply range_fft and doppler_fft with the same window.
-
-    Returns:
-        spectra: (..., doppler, tx, rx, range).
-        velocity_mps, range_m: the two axes.
-    """
-    profiles, range_m = range_fft(iq, radar, window=window, bins=range_bins)
-    spectra, velocity_mps = doppler_fft(profiles, radar, window=window, bins=doppler_bins)
-    return spectra, velocity_mps, range_m
 
 
 def azimuth_row(radar: Radar) -> NDArray[np.intp]:
@@ -125,12 +98,11 @@ def azimuth_row(radar: Radar) -> NDArray[np.intp]:
     return np.flatnonzero(height == values[np.argmax(counts)])
 
 
-def steering(radar: Radar, azimuth_rad: ArrayLike, *, window: str = "rectangular") -> Complex:
+def steering(radar: Radar, azimuth_rad: ArrayLike) -> Complex:
     """Compute beamforming weights over the azimuth row for horizontal directions.
 
     Args:
         azimuth_rad: atan2(y, x), positive to the left, shape (A,).
-        window: window along the row; all windows except "rectangular" lower the sidelobes and widen the beam.
     Returns:
         weights (channel of azimuth_row, A), whose amplitudes add up to 1. Multiply them with the channels and sum over channels.
     """
@@ -138,26 +110,23 @@ def steering(radar: Radar, azimuth_rad: ArrayLike, *, window: str = "rectangular
     direction = np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad), np.zeros_like(azimuth_rad)])
     row = radar.virtual_positions[azimuth_row(radar)]
     wavenumber = 2 * np.pi * radar.center_frequency_hz / SPEED_OF_LIGHT
-    # A periodic window without its first value, which is zero, is symmetric along the row.
-    taps = window_weights(window, len(row) + 1)[1:] if window != "rectangular" else np.ones(len(row))
-    taps = (taps / taps.sum())[np.argsort(np.argsort(row[:, 1]))]
     # The path to an antenna displaced towards the target is shorter by the displacement.
-    return taps[:, None] * np.exp(1j * wavenumber * row @ direction)
+    return 1 / len(row) * np.exp(1j * wavenumber * row @ direction)
 
 
-def azimuth_spectrum(channels: Complex, radar: Radar, azimuth_rad: ArrayLike, *, window: str = "rectangular") -> Real:
+def azimuth_spectrum(channels: Complex, radar: Radar, azimuth_rad: ArrayLike) -> Real:
     """Compute the power per horizontal direction by Bartlett (conventional) beamforming over the azimuth row.
 
     Args:
         channels: (..., tx, rx), a Doppler bin of doppler_fft, or a range bin if the scene is at rest.
-        azimuth_rad, window: as for steering.
+        azimuth_rad: as for steering.
     Returns:
         power (..., A); a plane wave of amplitude a on every channel gives a^2 in its direction.
     """
     _check(channels, -2, radar.num_tx, "tx")
     _check(channels, -1, radar.num_rx, "rx")
     row = channels.reshape(*channels.shape[:-2], -1)[..., azimuth_row(radar)]
-    return np.abs(row @ steering(radar, azimuth_rad, window=window)) ** 2
+    return np.abs(row @ steering(radar, azimuth_rad)) ** 2
 
 
 def _bins(bins: int | None, size: int) -> int:

@@ -20,11 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import MissingError, OutputError, RecordingError
+from radartwin.errors import MissingError, OutputError, PoseError, RecordingError
 from radartwin.io import files
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json
+from radartwin.radar.field_checks import check_rigid
 
 _FORMAT = "radartwin recording 1"
 # If the recording has no scale, the peak is saved at half of full scale, 6 dB below clipping.
@@ -77,11 +78,10 @@ class Recording:
                     f"recording of radar {self.radar.name}: sensor_poses must be ({self.num_frames}, 4, 4) or "
                     f"(1, 4, 4), not {self.sensor_poses.shape}"
                 )
-            if (bad := np.flatnonzero(~_rigid(self.sensor_poses))).size:
-                raise RecordingError(
-                    f"recording of radar {self.radar.name}: sensor_poses, frame {bad[0]}: not a finite rigid pose; "
-                    "give a rotation and a position in metres, last row 0 0 0 1"
-                )
+            try:
+                check_rigid(self.sensor_poses, "sensor_poses")
+            except PoseError as error:
+                raise RecordingError(f"recording of radar {self.radar.name}: {error}") from None
 
     @property
     def num_frames(self) -> int:
@@ -237,17 +237,6 @@ def _check_scale(scale: Any, where: str) -> float:
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not low <= scale <= high:
         raise RecordingError(f"{where}: scale must be an amplitude per count from {low:g} to {high:g}, not {reprlib.repr(scale)}")
     return float(scale)
-
-
-def _rigid(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Check for each pose (F, 4, 4) whether it is finite, with a right-handed rotation and the last row 0 0 0 1; returns (F,).
-
-    Rotations may have errors up to 1e-4, because text and float32 are rounded.
-    """
-    finite = np.isfinite(poses).all(axis=(1, 2))
-    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; a rotation has no entry beyond 1
-    straight = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) < 1e-4
-    return finite & straight & (np.linalg.det(rotation) > 0) & (np.abs(poses[:, 3] - (0, 0, 0, 1)) < 1e-9).all(axis=1)
 
 
 def _flush(stream: Any) -> None:

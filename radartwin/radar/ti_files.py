@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from radartwin.errors import RecordingError
-from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, IWR6843ISK, Board
+from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, IWR6843ISK
 
 _MAX_POWER_DBM = 12.0  # one transmitter without back-off: IWR1843 (TI SWRS228) and IWR6843 (TI SWRS219) data sheets
 _NOISE_FIGURE_DB = 15.0  # the same data sheets give 12 to 15 dB
@@ -64,7 +64,9 @@ class _Chirp(NamedTuple):
         return cls(first, last, profile, values[3:7], tx_mask)
 
 
-class _Setup(NamedTuple):
+class Setup(NamedTuple):
+    """Hold the values of a radar description that both formats contain."""
+
     rx_mask: int
     tx_mask: int
     profiles: Sequence[_Profile]
@@ -76,24 +78,8 @@ class _Setup(NamedTuple):
     real_sampling: bool
 
 
-def fields_from_cfg(text: str, name: str) -> dict[str, Any]:
-    """Return the fields of `Radar` from the text of a mmWave SDK .cfg.
-
-    A .cfg does not name its board. Below 70 GHz the function assumes the IWR6843ISK. Above, it assumes the xWR1642BOOST if only
-    TX1 and TX2 are enabled, and otherwise the xWR1843BOOST.
-
-    Raises:
-        RecordingError: the text is malformed (the message names the line), or has a mode other than time-division chirps of one profile.
-    """
-    return _fields(name, _parse_cfg(text))
-
-
-def fields_from_studio(values: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return the fields of `Radar` from a parsed mmWave Studio .mmwave.json; board and errors are those of fields_from_cfg."""
-    return _fields(name, _parse_studio(values))
-
-
-def _parse_cfg(text: str) -> _Setup:
+def parse_cfg(text: str) -> Setup:
+    """Parse a mmWave SDK .cfg. Raises RecordingError for malformed text; the message names the line."""
     commands: dict[str, list[tuple[str, list[float]]]] = {}
     for number, line in enumerate(text.splitlines(), start=1):
         command, *words = line.split("%", 1)[0].split() or [""]
@@ -113,7 +99,7 @@ def _parse_cfg(text: str) -> _Setup:
     frame_place, frame = commands["frameCfg"][-1]
     rx_mask, tx_mask = (_whole(channel_place, value) for value in channel[:2])
     first, last, loops = (_whole(frame_place, value) for value in frame[:3])
-    return _Setup(
+    return Setup(
         rx_mask,
         tx_mask,
         [_Profile.of(place, [*v[:6], v[7], *v[9:11]]) for place, v in commands["profileCfg"]],
@@ -126,8 +112,8 @@ def _parse_cfg(text: str) -> _Setup:
     )
 
 
-def _parse_studio(values: Mapping[str, Any]) -> _Setup:
-    """Read the first device of a mmWave Studio .mmwave.json."""
+def parse_studio(values: Mapping[str, Any]) -> Setup:
+    """Parse the first device of a mmWave Studio .mmwave.json. Raises RecordingError for malformed values."""
     device = _get(values, "mmWaveDevices", 0)
     rf = _section(device, "rfConfig", dict)
     if (waveform := rf.get("waveformType", "legacyFrameChirp")) != "legacyFrameChirp":
@@ -147,7 +133,7 @@ def _parse_studio(values: Mapping[str, Any]) -> _Setup:
     rx_mask, tx_mask = integers(_get(rf, "rlChanCfg_t"), "rxChannelEn", "txChannelEn")
     first, last, loops = integers(frame, "chirpStartIdx", "chirpEndIdx", "numLoops")
     (period_ms,) = numbers(frame, "framePeriodicity_msec")
-    return _Setup(
+    return Setup(
         rx_mask,
         tx_mask,
         [_Profile.of("rlProfiles", numbers(_get(p, "rlProfileCfg_t"), *_PROFILE_KEYS)) for p in _section(rf, "rlProfiles", list)],
@@ -160,7 +146,7 @@ def _parse_studio(values: Mapping[str, Any]) -> _Setup:
     )
 
 
-def _fired_chirps(setup: _Setup) -> list[_Chirp]:
+def _fired_chirps(setup: Setup) -> list[_Chirp]:
     """Return the chirps of one loop in firing order. Raises RecordingError for any mode but time-division chirps of one profile."""
     fired = []
     for index in range(setup.first, setup.last + 1):
@@ -184,13 +170,23 @@ def _fired_chirps(setup: _Setup) -> list[_Chirp]:
     return fired
 
 
-def _fields(name: str, setup: _Setup) -> dict[str, Any]:
+def radar_fields(name: str, setup: Setup) -> dict[str, Any]:
+    """Return the fields of `Radar`.
+
+    The files do not name their board. Below 70 GHz the function assumes the IWR6843ISK. Above, it assumes the xWR1642BOOST if only
+    TX1 and TX2 are enabled, and otherwise the xWR1843BOOST.
+
+    Raises:
+        RecordingError: the description has a mode other than time-division chirps of one profile.
+    """
     fired = _fired_chirps(setup)
     transmitters = [chirp.tx_mask.bit_length() - 1 for chirp in fired]
     profile = next((p for p in setup.profiles if p.identity == fired[0].profile), None)
     if profile is None:
         raise RecordingError(f"chirp {fired[0].first} uses profile {fired[0].profile}, which is not defined")
-    board = _likely_board(profile, setup.tx_mask)
+    board = IWR1642BOOST if setup.tx_mask == 0b011 else IWR1843BOOST
+    if profile.start_ghz < 70:
+        board = IWR6843ISK
     receivers = [n for n in range(len(board.rx_positions_m)) if setup.rx_mask >> n & 1]
     if not receivers or max(transmitters) >= len(board.tx_positions_m):
         raise RecordingError(
@@ -214,12 +210,6 @@ def _fields(name: str, setup: _Setup) -> dict[str, Any]:
         "transmit_power_dbm": _MAX_POWER_DBM - (profile.power_backoff >> 8 * transmitters[0] & 0xFF),
         "real_sampling": setup.real_sampling,
     }
-
-
-def _likely_board(profile: _Profile, tx_mask: int) -> Board:
-    if profile.start_ghz < 70:
-        return IWR6843ISK
-    return IWR1642BOOST if tx_mask == 0b011 else IWR1843BOOST
 
 
 def _get(mapping: Any, *keys: str | int) -> Any:

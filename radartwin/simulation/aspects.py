@@ -30,6 +30,7 @@ from radartwin.scene.scene import Surface
 ASPECTS = 1024  # default number of aspects per revolution
 MIN_ASPECTS = 512  # per revolution of a target that is no body of revolution, because facets cause up to 128 ripples per revolution
 TAPS = 8
+HIGHEST_HZ = 79e9
 _OVERSAMPLING = 1.6  # of the aspects; it sets the width of the interpolation window
 _BATCH = 64  # number of aspects traced together
 
@@ -68,19 +69,17 @@ class Aspects:
         return out
 
 
-def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis: bool = False, frequency_hz: float = 79e9) -> int:
-    """Return the number of aspects that a whole revolution about z needs, a multiple of the batch size.
+def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis: bool = False) -> int:
+    """Return the number of aspects that a whole revolution of the surfaces about z needs, a multiple of the batch size.
 
     Args:
-        surfaces: of the target, in the frame of the turntable.
         beyond_m: largest additional offset of the target from the axis.
         round_about_axis: whether the target is a body of revolution, whose signal varies only because of its offset.
-        frequency_hz: highest frequency.
     """
     reach = beyond_m
     if not round_about_axis:
         reach += max(float(np.hypot(*s.mesh.vertices[:, :2].T).max(initial=0.0)) for s in surfaces)
-    batches = int(np.ceil(_OVERSAMPLING * 8 * np.pi * reach * frequency_hz / SPEED_OF_LIGHT / _BATCH))
+    batches = int(np.ceil(_OVERSAMPLING * 8 * np.pi * reach * HIGHEST_HZ / SPEED_OF_LIGHT / _BATCH))
     return max(_BATCH if round_about_axis else MIN_ASPECTS, batches * _BATCH)
 
 

@@ -37,7 +37,6 @@ import numpy as np
 
 from radartwin.compiled import compiled
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.errors import InputError
 from radartwin.materials import Layered, reflection
 from radartwin.materials.roughness import ament
 from radartwin.radar.antenna import element_gain
@@ -101,11 +100,7 @@ def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) 
         surfaces: static surfaces in the world.
         count: total number of points. None: DENSITY_PER_M2 times the rough area, limited to MIN_POINTS to MAX_POINTS.
         seed: random seed of positions and field factors. The cloud is part of the scene, so all runs and frames use the same seed.
-    Raises:
-        InputError: the count is below one.
     """
-    if count is not None and count < 1:
-        raise InputError(f"count must be at least one scatterer, not {count!r}")
     rough = [index for index, surface in enumerate(surfaces) if surface.roughness_m > 0]
     if not rough:
         return Cloud(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, complex), np.zeros(0, int))

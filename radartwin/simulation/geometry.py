@@ -4,6 +4,7 @@ Edges between faces whose normals differ by less than 30 degrees are smooth, so 
 edges stay sharp even if the faces share vertices.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import trimesh
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
 
 SMOOTH_EDGE_RAD = np.radians(30.0)
 
@@ -34,10 +36,6 @@ class Geometry:
     surface: np.ndarray
     patch: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     hollow_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    _scene: Any = field(default=None, repr=False)
-    _convex: bool | None = field(default=None, repr=False)
-    _curved: bool | None = field(default=None, repr=False)
-    _hull: np.ndarray | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.patch) != len(self.corners):
@@ -50,25 +48,18 @@ class Geometry:
         """Return the largest absolute coordinate in metres, which determines the float32 resolution of a hit."""
         return float(np.abs(self.corners).max(initial=1e-3))
 
-    @property
+    @functools.cached_property
     def curved(self) -> bool:
         """Return whether any facet has different vertex normals."""
-        if self._curved is None:
-            self._curved = bool(np.ptp(self.normals, axis=1).max(initial=0.0) > 1e-6)
-        return self._curved
+        return bool(np.ptp(self.normals, axis=1).max(initial=0.0) > 1e-6)
 
-    @property
+    @functools.cached_property
     def convex(self) -> bool:
         """Return whether the geometry is one closed convex body."""
         if not len(self.corners) or not (self.hollow_m > 0).all() or np.ptp(self.surface):
             return False
-        if self._convex is None:
-            from scipy.spatial import ConvexHull
-
-            points = self.corners - self.centre
-            volume = np.einsum("ij,ij->", points[:, 0], np.cross(points[:, 1], points[:, 2])) / 6
-            self._convex = bool(ConvexHull(np.unique(points.reshape(-1, 3), axis=0)).volume <= volume * (1 + 1e-6))
-        return self._convex
+        points = self.corners - self.centre
+        return bool(ConvexHull(np.unique(points.reshape(-1, 3), axis=0)).volume <= _signed_volume(points) * (1 + 1e-6))
 
     @property
     def grid_shift(self) -> tuple[float, float]:
@@ -88,36 +79,40 @@ class Geometry:
 
     def hull_points(self) -> np.ndarray:
         """Return points (V, 3) whose bounding box in any view contains the whole geometry."""
-        if self._hull is None:
-            self._hull = self._hull_points()
         return self._hull
 
-    def _hull_points(self, limit: int = 4000) -> np.ndarray:
+    @functools.cached_property
+    def _hull(self) -> np.ndarray:
         points = np.unique(self.corners.reshape(-1, 3), axis=0)
         if len(points) <= 64:
             return points
-        from scipy.spatial import ConvexHull, QhullError
-
         try:
             return points[ConvexHull(points).vertices]
         except QhullError:  # a flat geometry has no convex hull with a volume
-            return points[:: max(1, len(points) // limit)] if len(points) > 10 * limit else points
+            return points[:: len(points) // 4000] if len(points) > 40_000 else points
 
     def scene(self) -> Any:
         """Return the Mitsuba scene of these triangles, built on first use."""
-        if self._scene is None:
-            import mitsuba as mi
-
-            count = len(self.corners)
-            mesh = mi.Mesh("geometry", 3 * count, count)
-            parameters = mi.traverse(mesh)
-            parameters["vertex_positions"] = self.corners.astype(np.float32).ravel()
-            parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
-            parameters.update()
-            # without this option, rays slip through Embree meshes along shared edges of triangles; OptiX is watertight
-            watertight = {} if "cuda" in (mi.variant() or "") else {"embree_use_robust_intersections": True}
-            self._scene = mi.load_dict({"type": "scene", **watertight, "geometry": mesh})
         return self._scene
+
+    @functools.cached_property
+    def _scene(self) -> Any:
+        import mitsuba as mi
+
+        count = len(self.corners)
+        mesh = mi.Mesh("geometry", 3 * count, count)
+        parameters = mi.traverse(mesh)
+        parameters["vertex_positions"] = self.corners.astype(np.float32).ravel()
+        parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
+        parameters.update()
+        # without this option, rays slip through Embree meshes along shared edges of triangles; OptiX is watertight
+        watertight = {} if "cuda" in (mi.variant() or "") else {"embree_use_robust_intersections": True}
+        return mi.load_dict({"type": "scene", **watertight, "geometry": mesh})
+
+
+def _signed_volume(corners: np.ndarray) -> float:
+    """Return the volume in cubic metres of a closed surface of triangles (F, 3, 3), negative if the triangles face inwards."""
+    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
 
 
 def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
@@ -135,9 +130,7 @@ def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
             # the corner of each of the two faces at this end of the shared edge
             corner = [3 * pairs[:, side] + np.argmax(faces[pairs[:, side]] == edges[:, end : end + 1], axis=1) for side in range(2)]
             links.append(np.stack(corner, axis=1))
-        link = np.concatenate(links)
-        graph = coo_matrix((np.ones(len(link), np.int8), (link[:, 0], link[:, 1])), shape=(3 * count, 3 * count))
-        group = connected_components(graph, directed=False)[1]
+        group = _groups(np.concatenate(links), 3 * count)
     weight = np.asarray(mesh.face_angles).reshape(-1)
     corner_normals = np.repeat(face_normals, 3, axis=0) * weight[:, None]
     total = np.stack([np.bincount(group, corner_normals[:, axis]) for axis in range(3)], axis=1)[group]
@@ -151,8 +144,12 @@ def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
     pairs, count = np.asarray(mesh.face_adjacency), len(mesh.faces)
     if not len(pairs):
         return np.arange(count)
-    pairs = pairs[np.asarray(mesh.face_adjacency_angles) < SMOOTH_EDGE_RAD]
-    graph = coo_matrix((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return _groups(pairs[np.asarray(mesh.face_adjacency_angles) < SMOOTH_EDGE_RAD], count)
+
+
+def _groups(links: np.ndarray, count: int) -> np.ndarray:
+    """Return the group number (count,) of each of `count` nodes; links (L, 2) connect nodes of one group."""
+    graph = coo_matrix((np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
@@ -165,9 +162,7 @@ def _hollow_m(mesh: trimesh.Trimesh) -> float:
     """Return the mean width in metres of a closed mesh that faces outwards, and zero for other meshes."""
     if not mesh.is_watertight:
         return 0.0
-    corners = np.asarray(mesh.triangles, float)
-    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
-    return max(0.0, 2 * float(volume) / float(mesh.area))
+    return max(0.0, 2 * _signed_volume(np.asarray(mesh.triangles, float)) / float(mesh.area))
 
 
 def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:

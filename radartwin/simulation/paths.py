@@ -1,9 +1,16 @@
-"""Propagation paths, the interface between tracers and synthesis, without antennas, waveform timing or noise."""
+"""Propagation paths, the interface between tracers and synthesis, without antennas, waveform timing or noise.
 
-from collections.abc import Sequence
+Traced paths are stored in the shared array cache (radartwin/store/array_cache.py), so that each room is traced only once.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
+
+from radartwin.store import array_cache
+from radartwin.store.digest import array_digest, source_digest, spec_digest
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,3 +74,41 @@ class Paths:
         joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         order = np.argsort(joined["pose"], kind="stable")
         return Paths(poses=first.poses, frequencies_hz=first.frequencies_hz, **{k: v[order] for k, v in joined.items()})
+
+
+def traced_once(spec: Mapping[str, Any], arrays: Mapping[str, np.ndarray], trace: Callable[[], list[Paths]]) -> list[Paths]:
+    """Return the cached paths, or call `trace` and cache its paths. Do not write to the returned arrays, because callers share them.
+
+    Args:
+        spec: settings that affect the paths. arrays: geometry, reflection tables and poses that affect the paths.
+    """
+    digests = {name: array_digest(array) for name, array in arrays.items()}
+    key = spec_digest({"spec": spec, "arrays": digests, "source": source_digest(["radartwin.simulation"])})
+    cache = array_cache.shared()
+    found = cache.get(key, from_arrays)
+    if found is None:
+        found = trace()
+        cache.put(key, to_arrays(found))
+    return found
+
+
+def to_arrays(parts: Sequence[Paths]) -> dict[str, np.ndarray]:
+    """Return the fields of all parts as named arrays."""
+    arrays = {"parts": np.array(len(parts))}
+    for i, part in enumerate(parts):
+        values = {field.name: getattr(part, field.name) for field in fields(Paths)}
+        arrays |= {f"{i}.{name}": np.asarray(value) for name, value in values.items() if value is not None}
+    return arrays
+
+
+def from_arrays(arrays: array_cache.Arrays) -> list[Paths]:
+    """Rebuild the parts from the arrays of `to_arrays`. Raises ValueError, LookupError or TypeError for arrays that do not fit together."""
+    parts = []
+    for i in range(int(arrays["parts"])):
+        values: dict[str, Any] = {f.name: arrays[f"{i}.{f.name}"] for f in fields(Paths) if f"{i}.{f.name}" in arrays}
+        for name, value in values.items():
+            if name not in ("poses", "frequencies_hz") and len(value) != len(values["pose"]):
+                raise ValueError(f"{name} has {len(value)} entries, not {len(values['pose'])}")
+        values["poses"] = int(values["poses"])
+        parts.append(Paths(**values))
+    return parts

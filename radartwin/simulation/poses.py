@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from radartwin.errors import PoseError
+from radartwin.radar.field_checks import check_rigid
 
 MOMENT = 1e-4  # time step for the finite difference of a velocity, in frame periods
 AT_REST = 1e-12  # largest change of a pose that counts as no motion
-_RIGID = 1e-4  # tolerated deviation of R R^T from the identity, for poses rounded to float32 or text
 
 
 def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
@@ -28,14 +28,7 @@ def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
         raise PoseError(f"{what} must have shape (F, 4, 4), not {poses.shape}")
     if len(poses) == 0:
         raise PoseError(f"{what} holds zero frames; give at least one pose")
-    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; entries beyond 1 cannot belong to a rotation
-    off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
-    wrong = (off > _RIGID) | (np.linalg.det(rotation) < 0) | (np.abs(poses[:, 3] - (0, 0, 0, 1)) > 1e-9).any(axis=1)
-    if (bad := np.flatnonzero(wrong | ~np.isfinite(poses).all(axis=(1, 2)))).size:
-        frame = bad[0]
-        if not np.isfinite(poses[frame]).all():
-            raise PoseError(f"{what}, frame {frame}: not finite")
-        raise PoseError(f"{what}, frame {frame}: not a rigid pose (rotation off by {off[frame]:.2g}, last row {poses[frame, 3].tolist()})")
+    check_rigid(poses, what)
     return poses
 
 

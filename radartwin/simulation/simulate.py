@@ -13,9 +13,9 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.backend import Backend, resolve
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.checks import check_positive, check_whole
+from radartwin.simulation.checks import check_option, check_positive, check_whole
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.signal.synthesis import FRAMES_PER_BLOCK, check_elements, received, thermal_noise
+from radartwin.simulation.signal.synthesis import ELEMENTS, FRAMES_PER_BLOCK, received, thermal_noise
 
 MAX_RAYS = 200_000_000  # tubes per pose; tracing this many takes some minutes
 MAX_DENSITY = 10_000  # tubes per square wavelength: seven million tubes on a 10 cm plate
@@ -69,7 +69,7 @@ def simulate(
     (1, 16, 2, 4, 256)
     """
     check_whole("seed", seed, 0)
-    check_elements(elements)
+    check_option("elements", elements, ELEMENTS)
     settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
     tracer = resolve(simulator, settings)
     parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings, tracer)
@@ -99,14 +99,10 @@ def trace_paths(
     settings: TraceSettings,
     tracer: Backend | None = None,
 ) -> tuple[list[Paths], np.ndarray]:
-    """Check the arguments of `simulate` and trace the paths.
+    """Check the arguments of `simulate` and trace the paths. Without a `tracer`, Mitsuba traces with `settings`.
 
-    Args:
-        tracer: the simulator. None: Mitsuba with `settings`.
     Returns:
         The parts whose signals add up, each with F poses or with one pose that holds for all frames; and the sensor poses (F, 4, 4).
-    Raises:
-        The errors of `simulate`.
     """
     for name, value, kind in (("scene", scene, Scene), ("radar", radar, Radar)):
         if not isinstance(value, kind):

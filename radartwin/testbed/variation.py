@@ -9,15 +9,16 @@ random numbers at every strength. The default spreads were chosen before any tab
 - roughness: a factor exp(0.7) of the height, which is the factor of two between values in the literature
   (radartwin/materials/roughness.py). A nominally smooth surface gets 0.1 mm if it is metal. Otherwise it gets 0.3 mm, the lower end of the
   range of 0.3 to 3 mm in the paper's own calibration (implementation section).
-- contents: 10 % of a liquid's permittivity, the uncertainty of its recipe (radartwin/materials/liquids.py), and a headspace of 5 to 15 % of
-  the height for neck and shoulder of the vessel, an order of magnitude.
+- contents: 10 % of a liquid's permittivity, the uncertainty of its recipe (radartwin/materials/containers.py), and a headspace of 5 to 15 %
+  of the height for neck and shoulder of the vessel, an order of magnitude.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from radartwin.materials import Layered, liquids, varied
+from radartwin.materials import Layered, varied
+from radartwin.materials.containers import LIQUIDS
 from radartwin.scene.scene import Surface
 
 THICKNESS_SIGMA = 0.05
@@ -69,7 +70,7 @@ def own_contents(surface: Surface, strength: float, rng: np.random.Generator) ->
     factor = float(np.exp(strength * CONTENTS_SIGMA * rng.standard_normal()))
     empty = strength * HEADSPACE * rng.uniform(0.5, 1.5)
     material = surface.material
-    if strength == 0 or not isinstance(material, Layered) or material.backing not in liquids.NAMES:
+    if strength == 0 or not isinstance(material, Layered) or material.backing not in LIQUIDS:
         return [surface]
     low, high = surface.mesh.bounds[:, 2]
     level = high - min(empty, 0.9) * (high - low)
@@ -83,4 +84,4 @@ def own_contents(surface: Surface, strength: float, rng: np.random.Generator) ->
 
 
 def _varied(name: str, real: float, loss: float) -> str:
-    return name if name in _EXACT or name in liquids.NAMES else varied(name, float(real), float(loss))
+    return name if name in _EXACT or name in LIQUIDS else varied(name, float(real), float(loss))

@@ -13,7 +13,6 @@ import radartwin as rt
 from experiments.validation.backend_crosscheck import RADAR, pose_in, reference
 from experiments.validation.path_match import partners
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.errors import BackendError
 from radartwin.materials import permittivity, reflection
 from radartwin.scene import objects, rooms
 from radartwin.scene.rooms.parts import FINISHES
@@ -47,16 +46,6 @@ def told(scene: rt.Scene, **settings: object) -> tuple[list[Paths], list[str]]:
 
 def level_db(parts: list[Paths]) -> float:
     return float(20 * np.log10(np.abs(parts[0].amplitude[0]).mean()))
-
-
-def test_missing_package_is_reported_with_the_command_to_install(monkeypatch):
-    def absent(name):
-        raise sionna.importlib.metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(sionna.importlib.metadata, "version", absent)
-    assert not sionna.is_installed()
-    with pytest.raises(BackendError, match=r"needs the package sionna-rt: pip install sionna-rt=="):
-        rt.simulate(rt.Scene([rt.Surface(objects.plate(1, 1).apply_transform(at(2.0)), "metal")]), RADAR, HERE, simulator="sionna")
 
 
 def test_sionna_and_the_tracer_use_separate_processes():

@@ -11,7 +11,6 @@ from radartwin.features.processed import process
 from radartwin.radar import dca1000
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
-from radartwin.radar.power_maps import FftSettings
 from radartwin.radar.process_capture import process_capture
 from radartwin.radar.recording import Recording
 
@@ -73,7 +72,7 @@ def test_single_channel_frame_has_ranges_and_no_azimuth(shared_data, tmp_path):
 
 
 def test_static_removal_makes_the_walker_the_strongest_peak(shared_data):
-    table = process_capture(shared_data / WALK, radar=OPENRADAR, settings=FftSettings(static_removed=True))
+    table = process_capture(shared_data / WALK, radar=OPENRADAR, static_removed=True)
     assert table.range_m[0] == pytest.approx(2.955, abs=0.075)
     assert 0.5 < abs(table.doppler_mps[0]) < 0.8
 

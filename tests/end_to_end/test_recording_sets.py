@@ -11,7 +11,6 @@ import pytest
 from radartwin.features.processed import process
 from radartwin.features.profile import multipath_share
 from radartwin.radar.captures import load_capture
-from radartwin.radar.power_maps import FftSettings
 from radartwin.radar.process_capture import process_capture
 from radartwin.recordings.recording_set import RecordingSet
 
@@ -57,7 +56,7 @@ def test_imported_cube_shows_the_walker(shared_data: Path, tmp_path: Path, insid
     assert inside(*arguments).stdout == "walk: 1 recording added, 1 in all\n"
     assert inside(*arguments).stdout == "walk: 0 recordings added, 1 in all\n"
     assert inside("doctor", "--data", "walk").returncode == 0
-    moving = process_capture(tmp_path / "walk/recordings/doppler_example_1", settings=FftSettings(static_removed=True))
+    moving = process_capture(tmp_path / "walk/recordings/doppler_example_1", static_removed=True)
     assert moving.range_m[0] == pytest.approx(2.955, abs=0.075)
     assert 0.5 < abs(moving.doppler_mps[0]) < 0.8
 

@@ -6,12 +6,12 @@ __qualname__), an expression or statement that occurs once in the function, its 
 
 TABLE = """
 materials/layers: physics/test_materials
-_stack | kz[outer] - kz[inner] | kz[inner] - kz[outer] | TE reflection has the wrong sign
-_stack | media[inner] * kz[outer] - media[outer] * kz[inner] | kz[outer] - kz[inner] | TM reflection ignores the permittivities
-_stack | -1j * k0 | 1j * k0 | a lossy layer amplifies
-_stack | r_te + te * once**2 | r_te + te * once | the wave crosses a layer once, not twice
-_stack | t_te * once * through_te | t_te * through_te | a layer transmits without phase and loss
-_stack | np.asarray(cos_incidence, float) ** 2 | np.asarray(cos_incidence, float) | the sine of the incidence is wrong
+stack_coefficients | kz[outer] - kz[inner] | kz[inner] - kz[outer] | TE reflection has the wrong sign
+stack_coefficients | media[inner] * kz[outer] - media[outer] * kz[inner] | kz[outer] - kz[inner] | TM reflection ignores the permittivities
+stack_coefficients | -1j * k0 | 1j * k0 | a lossy layer amplifies
+stack_coefficients | r_te + te * once**2 | r_te + te * once | the wave crosses a layer once, not twice
+stack_coefficients | t_te * once * through_te | t_te * through_te | a layer transmits without phase and loss
+stack_coefficients | np.asarray(cos_incidence, float) ** 2 | np.asarray(cos_incidence, float) | the sine of the incidence is wrong
 
 materials/itu: physics/test_materials
 permittivity | 1j * conductivity | 2j * conductivity | the conductivity is doubled
@@ -21,7 +21,7 @@ materials/roughness: physics/test_materials
 ament | -2 | -1 | Ament's factor applies to the power
 ament_transmitted | -0.5 | -2 | roughness reduces transmission as much as reflection
 
-materials/liquids: physics/test_materials
+materials/containers: physics/test_materials
 water | 1j * gamma_1 | 0j * gamma_1 | water has one relaxation, not two
 looyenga | np.asarray(eps) ** (1 / 3) | np.asarray(eps) ** (1 / 2) | Looyenga's mixing law has the wrong power
 
@@ -45,10 +45,10 @@ simulation/curved/contact: physics/test_rcs physics/test_tubes
 bounce | 2 * contact.cosine | contact.cosine | a curved mirror has half its power
 pass_caustics | dr.select(one, -im, re * sign) | dr.select(one, im, re * sign) | a caustic has the wrong phase
 
-simulation/curved/footprint: physics/test_rcs physics/test_tubes
+simulation/curved/scatter: physics/test_rcs physics/test_tubes
 footprint_moments | moment[1] -= part * sine | moment[1] += part * sine | the second-order phase has the wrong sign
 
-simulation/curved/coverage: physics/test_coverage
+simulation/curved/tube_grid: physics/test_coverage
 covered | (u / depth, v / depth) | (u, v) | corners are not projected onto the grid
 _mark | int(np.ceil(u[n].max())) + MARGIN + 1 | int(np.ceil(u[n].max())) - MARGIN | cells end before their facet
 

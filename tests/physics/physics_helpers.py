@@ -36,3 +36,32 @@ def mie_backscatter(radius):
     import miepython
 
     return miepython.efficiencies_mx(1e4 - 1e4j, 2 * np.pi * radius / WAVELENGTH)[2] * np.pi * radius**2
+
+
+def geometric_optics_of_a_sphere(centre, radius, source, target, wavelength=WAVELENGTH):
+    """(amplitude, length, reflection point) of the reflection of a metal sphere, source and target anywhere outside; no polarisation.
+
+    The wave leaves the reflection point with the curvatures 1/r + 2/(a cos t) in the plane of incidence and 1/r + 2 cos t/a across.
+    Ref: J. Keller, J. Opt. Soc. Am. 52 (1962) 116, section on reflection.
+    """
+    out, back = source - centre, target - centre
+    # the point of shortest way: by bisection on the great circle between the two directions
+    u = out / np.linalg.norm(out)
+    v = back - (back @ u) * u
+    opening = np.arctan2(np.linalg.norm(v), back @ u)
+    v = v / np.linalg.norm(v) if opening > 1e-9 else np.cross(u, np.eye(3)[np.argmin(np.abs(u))])
+
+    def point(t):
+        return centre + radius * (np.cos(t) * u + np.sin(t) * v)
+
+    low, high = 0.0, opening
+    for _ in range(100):
+        third, other = (2 * low + high) / 3, (low + 2 * high) / 3
+        a, b = (np.linalg.norm(point(t) - source) + np.linalg.norm(point(t) - target) for t in (third, other))
+        low, high = (low, other) if a < b else (third, high)
+    place = point((low + high) / 2)
+    r1, r2 = np.linalg.norm(place - source), np.linalg.norm(place - target)
+    cosine = (place - centre) @ (source - place) / (radius * r1)
+    within, across = 1 / r1 + 2 / (radius * cosine), 1 / r1 + 2 * cosine / radius
+    spread = 1 / np.sqrt((1 + r2 * within) * (1 + r2 * across))
+    return wavelength / (4 * np.pi) * spread / r1, r1 + r2, place

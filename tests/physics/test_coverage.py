@@ -10,7 +10,7 @@ import trimesh
 
 from radartwin.errors import BackendError
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation.curved import coverage, division, tube_grid
+from radartwin.simulation.curved import division, tube_grid
 from radartwin.simulation.curved.hits import TraceOptions
 
 
@@ -31,7 +31,7 @@ def test_every_cell_with_a_hit_is_covered() -> None:
     grid = tube_grid.towards(mesh.vertices, source, mesh.bounds.mean(0), 0.02, (0.3, 0.7))
     assert grid is not None
     for pose in range(2):
-        cells = coverage.covered(grid, pose, mesh.triangles)
+        cells = tube_grid.covered(grid, pose, mesh.triangles)
         assert cells is not None
         on_it = trimesh.sample.sample_surface(mesh, 20_000, seed=pose)[0] - source[pose]
         depth = on_it @ grid.forward[pose]
@@ -48,16 +48,16 @@ def test_object_partly_behind_the_source_needs_all_cells() -> None:
     mesh = slanted_frame()
     grid = tube_grid.towards(mesh.vertices + np.array([[3.0, 0.0, 0.0]]), np.zeros((1, 3)), np.array([3.0, 0.0, 0.0]), 0.02, (0.5, 0.5))
     assert grid is not None
-    assert coverage.covered(grid, 0, mesh.triangles) is None
+    assert tube_grid.covered(grid, 0, mesh.triangles) is None
 
 
 def test_corner_beside_the_source_needs_all_cells() -> None:
     """A depth of one rounding error does not count as depth: 0.1 + 0.2 is not 0.3."""
     grid = tube_grid.all_around(np.array([[0.3, 0.0, 0.0]]), np.eye(3)[None], 6 * 50**2)[0]
     corners = np.array([[[0.1 + 0.2, 1.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0]]])
-    assert coverage.covered(grid, 0, corners) is None
+    assert tube_grid.covered(grid, 0, corners) is None
     grazing = np.array([[[0.3 + 2e-3, 1.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0]]])
-    cells = coverage.covered(grid, 0, grazing)
+    cells = tube_grid.covered(grid, 0, grazing)
     assert cells is not None
     assert 0 < len(cells) < grid.per_pose
 
@@ -95,8 +95,8 @@ def test_signal_does_not_depend_on_the_block_size(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(made))  # whole poses, not divided at edges
     whole = signal()
     monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(made) // 7)
-    covered, left = coverage.covered, []
-    monkeypatch.setattr(coverage, "covered", lambda *arguments: left.append(covered(*arguments)) or left[-1])
+    covered, left = tube_grid.covered, []
+    monkeypatch.setattr(tube_grid, "covered", lambda *arguments: left.append(covered(*arguments)) or left[-1])
     parts = signal()
     assert len(left) >= 3  # every pose
     assert all(cells is not None and len(cells) < 0.7 * max(made) for cells in left)

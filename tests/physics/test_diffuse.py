@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from radartwin.errors import InputError
 from radartwin.materials import Layered, permittivity, reflection
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
@@ -95,7 +94,7 @@ def test_specular_and_diffuse_add_up_to_fresnel():
         assert scattered[0, 1::37] + coherent == pytest.approx(total, rel=1e-6)
 
 
-@pytest.mark.parametrize("count", [1_000, 4_000, 16_000, 50_000])
+@pytest.mark.parametrize("count", [1_000, 50_000])
 def test_mean_power_is_the_integral_for_any_number_of_points(count):
     """Tolerance: the share of the near-field limit, 1.5 x = 1.5 A/(pi r^2), and 1 %."""
     mean = (np.abs(traced([WALL], at((0, 0, 0)), count=count, unit=True).amplitude) ** 2).sum()
@@ -104,9 +103,9 @@ def test_mean_power_is_the_integral_for_any_number_of_points(count):
     assert mean / expected == pytest.approx(1.0 - bias / 2, abs=0.01 + bias / 2)
 
 
-@pytest.mark.parametrize("count", [1_000, 10_000])
-def test_speckle_is_exponential_about_the_same_mean(count):
+def test_speckle_is_exponential_about_the_same_mean():
     """Sums of |field|^2 are within four standard deviations of the mean; |field|^2 has the moments of an exponential distribution."""
+    count = 10_000
     mean = np.abs(traced([WALL], at((0, 0, 0)), count=count, unit=True).amplitude[:, 0]) ** 2
     drawn = np.abs(traced([WALL], at((0, 0, 0)), count=count).amplitude[:, 0]) ** 2
     assert abs(drawn.sum() - mean.sum()) < 4 * np.sqrt((mean**2).sum())
@@ -212,8 +211,3 @@ def test_poses_are_independent(monkeypatch):
         part = together.frames(i, i + 1)
         assert np.array_equal(part.amplitude, alone.amplitude)
         assert np.array_equal(part.length_m, alone.length_m)
-
-
-def test_no_points_are_refused():
-    with pytest.raises(InputError, match="at least one scatterer"):
-        diffuse.cloud([WALL], 0)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.special import fresnel
+from shapely import LinearRing, Polygon
 
 from experiments.validation.oracles.nearfield import chain_quadrature, panel_quadrature, two_panel_quadrature
 from radartwin.constants import SPEED_OF_LIGHT
@@ -66,7 +67,7 @@ def half_plane(distance, beyond):
     return dark if beyond > 0 else 1 - dark
 
 
-@pytest.mark.parametrize("d", [1e-6, 1e-3, 0.05, 0.3, 1.0, 1.9, 1.999, 2.001, 2.1, 4.0, 9.0])
+@pytest.mark.parametrize("d", [1e-6, 0.05, 1.0, 1.999, 2.001, 4.0])
 def test_edge_wave_matches_its_integral(d):
     def integrand(x, part):
         return getattr(d / (d * d + x * x) * np.exp(0.5j * np.pi * (d * d + x * x)), part)
@@ -92,13 +93,13 @@ def test_factor_of_a_polygon_matches_quadrature(name):
     """The sensor is in front of the middle, the edges, and up to a width beyond."""
     shape = SHAPES[name]
     width = np.ptp(np.array(shape)[:, 0])
-    places = [(d, share * width, z) for d in (0.5, 1.0, 2.0, 4.0) for share in (0.0, 0.25, 0.5, 1.0, 1.5) for z in (0.01, 0.13)]
+    places = [(d, share * width, z) for d, z in ((0.5, 0.01), (1.0, 0.13), (4.0, 0.01)) for share in (0.0, 0.25, 0.5, 1.5)]
     errors = [abs(factor(shape, place) - exact(shape, place)) for place in places]
     assert max(errors) < 0.0025
     assert np.sqrt(np.mean(np.square(errors))) < 0.001
 
 
-@pytest.mark.parametrize(("distance", "limit"), [(0.01, 0.08), (0.02, 0.04), (0.05, 0.015), (0.1, 0.01)])
+@pytest.mark.parametrize(("distance", "limit"), [(0.01, 0.08), (0.05, 0.015)])
 def test_factor_close_to_a_panel_matches_quadrature(distance, limit):
     """At a few wavelengths the excess is not quadratic: errors are 0.07 of the image at 1 cm and 0.012 at 5 cm."""
     shape = np.array([(0, 0), (0.6, 0), (0.6, 0.6), (0, 0.6)])
@@ -106,13 +107,13 @@ def test_factor_close_to_a_panel_matches_quadrature(distance, limit):
         assert abs(factor(shape, (distance, *place)) - exact(shape, (distance, *place))) < limit
 
 
-@pytest.mark.parametrize("name", ["triangle", "square", "pentagon", "trapezium"])
+@pytest.mark.parametrize("name", ["triangle", "trapezium"])
 def test_factor_at_oblique_incidence_matches_quadrature(name):
     """Separate transmitter and receiver, up to 55 degrees off the normal."""
     shape = SHAPES[name]
     width = np.ptp(np.array(shape)[:, 0])
     errors = []
-    for distance in (0.5, 1.0, 2.0):
+    for distance in (0.5, 2.0):
         for off in (0.2, 0.7, 1.4):
             for shift in (0.0, 0.5 * width, width):
                 pair = (distance, shift - off * distance, 0.01), (1.3 * distance, shift + off * distance, -0.02)
@@ -147,27 +148,6 @@ def test_factors_of_parts_add_up_to_the_whole():
     assert worst < 1e-3
 
 
-def test_cuts_through_corners_preserve_the_area():
-    """A line through two corners leaves two parts with the whole area, for any rounding of the corners."""
-    rng = np.random.default_rng(11)
-    out = np.zeros((aperture.MAX_CORNERS, 2))
-    worst = 0.0
-    for _ in range(3000):
-        n = rng.integers(4, 9)
-        turn = np.sort(rng.uniform(0, 2 * np.pi, n))
-        ring = rng.uniform(0.5, 5) * np.column_stack([np.cos(turn), np.sin(turn)]) + rng.uniform(-5, 5, 2)
-        whole = area(ring)
-        i, j = rng.choice(n, 2, replace=False)
-        (x, y), (p, q) = ring[i], ring[j] + rng.uniform(-2, 2) * (ring[j] - ring[i])
-        a, b = y - q, p - x
-        total = 0.0
-        for sign in (1, -1):
-            kept = aperture.clip(ring, n, sign * a, sign * b, -sign * (a * x + b * y), out)
-            total += area(out[:kept]) if kept else 0.0
-        worst = max(worst, abs(total - whole) / whole)
-    assert worst < 1e-9
-
-
 def pieces_of(shape, *others):
     """A shape less others, by `subtract`: list of rings."""
     pieces = np.zeros((aperture.MAX_PIECES, aperture.MAX_CORNERS, 2))
@@ -180,11 +160,6 @@ def pieces_of(shape, *others):
         aperture.box(ring, len(ring), around)
         number = aperture.subtract(pieces, counts, number, ring, len(ring), around, spare, np.zeros((2, 2)))
     return [pieces[i, : counts[i]].copy() for i in range(number)]
-
-
-def area(ring):
-    x, y = np.array(ring, float).T
-    return (x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
 HOLES = {
@@ -200,55 +175,18 @@ HOLES = {
 }
 
 
-def common_area(a, b):
-    """Area of the common part of two convex rings, by clipping one with the other's edges."""
-    ring = [np.array(p, float) for p in a]
-    other = np.array(b, float) if area(b) > 0 else np.array(b, float)[::-1]
-    for start, stop in zip(other, np.roll(other, -1, axis=0), strict=True):
-        side = [(stop[0] - start[0]) * (p[1] - start[1]) - (stop[1] - start[1]) * (p[0] - start[0]) for p in ring]
-        kept = []
-        for i, p in enumerate(ring):
-            j = (i + 1) % len(ring)
-            if side[i] >= 0:
-                kept.append(p)
-            if side[i] * side[j] < 0:
-                kept.append(p + (ring[j] - p) * side[i] / (side[i] - side[j]))
-        ring = kept
-        if len(ring) < 3:
-            return 0.0
-    return area(ring)
-
-
 @pytest.mark.parametrize("name", HOLES)
 def test_subtraction_leaves_the_remaining_area_and_factor(name):
     whole, hole = SHAPES["square"], HOLES[name]
     left = pieces_of(whole, hole)
-    common = common_area(whole, hole)
-    assert all(area(ring) > 0 for ring in left)
-    assert sum(area(ring) for ring in left) == pytest.approx(0.09 - common, abs=1e-8)
+    assert all(LinearRing(ring).is_ccw for ring in left)
+    assert sum(Polygon(ring).area for ring in left) == pytest.approx(Polygon(whole).difference(Polygon(hole)).area, abs=1e-8)
     for place in ((1.0, 0.03, 0.02), (0.6, 0.11, -0.2), (3.0, 0.0, 0.0)):
         rest = sum((factor(ring, place) for ring in left), 0j)
-        if name in ("inside",):
+        if name == "inside":
             assert rest == pytest.approx(factor(whole, place) - factor(hole, place), abs=1e-3)
         direct = sum((exact(ring, place) for ring in left), 0j)
         assert abs(rest - direct) < 0.005
-
-
-def test_order_of_subtractions_does_not_matter():
-    whole = SHAPES["square"]
-    rng = np.random.default_rng(5)
-    holes = [rng.uniform(-0.17, 0.17, 2) + 0.03 * np.array([(0, 0), (1, 0.2), (0.3, 1.0)]) for _ in range(9)]
-    factors, left = [], []
-    for order in (range(9), range(8, -1, -1), rng.permutation(9)):
-        rings = pieces_of(whole, *(holes[i] for i in order))
-        assert len(rings) < aperture.MAX_PIECES
-        left.append(sum(map(area, rings)))
-        factors.append(sum(factor(ring, (1.0, 0.02, 0.03)) for ring in rings))
-    assert np.ptp(left) < 1e-8
-    assert np.abs(np.diff(factors)).max() < 2e-3
-    once = pieces_of(whole, *holes)
-    twice = pieces_of(whole, *holes, *holes)
-    assert sum(map(area, once)) == pytest.approx(sum(map(area, twice)), abs=1e-8)
 
 
 def test_polygons_without_area_have_no_factor():

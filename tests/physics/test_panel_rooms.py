@@ -209,6 +209,17 @@ def test_box_over_the_floor_removes_its_shadow():
     assert abs(top + lid * WAVELENGTH / (8 * np.pi * 1.19) * np.exp(2.38j * K)) < 0.02 * WAVELENGTH / (8 * np.pi * 1.19)
 
 
+@pytest.mark.parametrize("name", ["lab", "atrium", "squash_court"])
+def test_first_order_echoes_are_at_the_walls(name):
+    """The sensor is 0.4 m above the floor. The metal plate in front of the court's front wall is 45 mm thick."""
+    scene, pose = rooms.room(name, detail="shell"), rooms.bench(name, 0.4).sensor_pose
+    length, width, height = scene.provenance["size_m"]
+    front = length - pose[0, 3] - (0.045 if name == "squash_court" else 0.0)
+    lengths = BOUNCE.paths(scene, RADAR, pose[None])[0].length_m
+    for distance in (front, pose[0, 3], width / 2, 0.4, height - 0.4):
+        assert np.abs(lengths / 2 - distance).min() < 2e-3, distance
+
+
 # ---- a moving sensor
 
 
@@ -280,14 +291,6 @@ def test_poses_are_nearly_independent():
         assert relative_error(alone, moving) < 0.08
 
 
-def test_static_and_repeated_poses_are_the_same():
-    scene, pose = rooms.lab(detail="shell"), looking((1.0, 0.1, 1.1), ATTITUDES["tilted"])
-    once = rt.simulate(scene, rt.Radar.iwr1843(), pose).iq[0]
-    thrice = rt.simulate(scene, rt.Radar.iwr1843(), np.repeat(pose, 3, axis=0)).iq
-    for one in thrice:
-        np.testing.assert_array_equal(one, once)
-
-
 @pytest.mark.parametrize("rotation", list(ATTITUDES))
 def test_channels_match_images_seen_by_each_element(rotation):
     """Signals of the real array against image sources of every transmitter at every receiver."""
@@ -350,7 +353,7 @@ def outside(scene, rng):
     raise AssertionError("no free place")
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_fuzzed_rooms_stay_finite_and_passive(seed):
     scene = fuzzed(seed)
     rng = np.random.default_rng(100 + seed)

@@ -7,9 +7,9 @@ import pytest
 
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
-from radartwin.radar.detection import Detector, detect
-from radartwin.radar.power_maps import FftSettings, power_maps
-from radartwin.radar.processing import azimuth_spectrum, doppler_fft, range_fft, window_weights
+from radartwin.radar.detection import detect
+from radartwin.radar.power_maps import power_maps
+from radartwin.radar.processing import azimuth_spectrum, doppler_fft, range_fft
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import synthesize
 
@@ -39,7 +39,7 @@ def echo(
     return (signal.real + 0j if radar.real_sampling else signal).astype(np.complex64)
 
 
-@pytest.mark.parametrize("velocity", [0.2, -0.2, 3.0, -6.5])
+@pytest.mark.parametrize("velocity", [0.2, -6.5])
 def test_radial_velocity_is_exact_to_one_per_cent_with_its_sign(velocity):
     peaks = detect(echo(2.0, velocity), RADAR)
     assert len(peaks) == 1
@@ -51,7 +51,7 @@ def test_twice_the_unambiguous_speed_folds_to_zero():
     assert folded.velocity_mps[0] == pytest.approx(0.0, abs=0.02)
 
 
-@pytest.mark.parametrize("range_m", [0.5, 1.0, 2.013, 5.55, 8.4, 11.0])
+@pytest.mark.parametrize("range_m", [0.5, 2.013, 11.0])
 def test_range_is_exact_to_a_twentieth_of_a_bin(range_m):
     peaks = detect(echo(range_m), RADAR)
     assert len(peaks) == 1
@@ -62,8 +62,8 @@ def test_echoes_fold_beyond_the_unambiguous_range():
     assert detect(echo(13.0), RADAR).range_m[0] == pytest.approx(13.0 - 11.1566, abs=0.005)
 
 
-@pytest.mark.parametrize("azimuth", [-55.0, -20.0, 0.0, 10.0, 35.0, 60.0])
-@pytest.mark.parametrize("velocity", [0.0, 0.35, -2.9])
+@pytest.mark.parametrize("azimuth", [-55.0, 0.0, 35.0])
+@pytest.mark.parametrize("velocity", [0.0, -2.9])
 def test_azimuth_is_positive_to_the_left_at_any_speed(azimuth, velocity):
     peaks = detect(echo(5.0, velocity, azimuth), RADAR)
     # At 5 m the near field of the array changes the phase by 0.2 degrees only.
@@ -114,18 +114,17 @@ def test_sidelobes_and_noise_are_not_detected():
     np.testing.assert_allclose(peaks.range_m, [4.0], atol=0.003)
 
 
-@pytest.mark.parametrize("method", ["ca", "os"])
-def test_weak_target_beside_a_strong_target_is_detected(method):
+def test_weak_target_beside_a_strong_target_is_detected():
     iq = echo(4.0) + echo(4.6, amplitude=0.01)
-    np.testing.assert_allclose(detect(iq, RADAR, Detector(method)).range_m, [4.0, 4.6], atol=0.01)
+    np.testing.assert_allclose(detect(iq, RADAR).range_m, [4.0, 4.6], atol=0.01)
 
 
 def test_static_removal_leaves_the_moving_target():
     iq = echo(1.2, frames=6) + echo(3.0, 0.5, amplitude=0.003, frames=6)
-    peaks = detect(iq, RADAR, settings=FftSettings(static_removed=True))
+    peaks = detect(iq, RADAR, static_removed=True)
     assert np.all(np.abs(peaks.velocity_mps) > 0.2)
     assert peaks.range_m[0] == pytest.approx(3.0 + 0.5 * 0.25, abs=0.15)
-    assert power_maps(iq, RADAR, FftSettings(static_removed=True)).range_time.max() < 1e-4
+    assert power_maps(iq, RADAR, static_removed=True).range_time.max() < 1e-4
 
 
 def test_block_size_does_not_change_the_maps(monkeypatch):
@@ -161,30 +160,17 @@ def test_raised_transmitter_does_not_change_azimuth():
     assert np.degrees(peaks.azimuth_rad[0]) == pytest.approx(25.0, abs=0.5)
 
 
-@pytest.mark.parametrize("name", ["hann", "hamming", "blackman", "rectangular"])
-def test_every_window_preserves_the_level_of_a_tone(name):
-    assert window_weights(name, 64).sum() == pytest.approx(1.0)
-    profile, _ = range_fft(echo(40 * RADAR.range_resolution_m), RADAR, window=name)
-    assert np.abs(profile).max() == pytest.approx(1.0, abs=1e-3)
-
-
 def test_zeros_have_no_peaks():
     assert len(detect(np.zeros((2, 16, 2, 4, 256), np.complex64), RADAR)) == 0
 
 
-def test_invalid_shapes_and_options_are_refused():
+def test_invalid_shapes_are_refused():
     with pytest.raises(InputError, match="256 sample"):
         range_fft(np.zeros((4, 255), complex), RADAR)
     with pytest.raises(InputError, match="cut off"):
         range_fft(np.zeros((4, 256), complex), RADAR, bins=128)
-    with pytest.raises(InputError, match="kaiser"):
-        window_weights("kaiser", 16)
     with pytest.raises(InputError, match="16 chirp"):
         doppler_fft(np.zeros((1, 15, 2, 4, 256), complex), RADAR)
-    with pytest.raises(InputError, match="method"):
-        Detector("cell")
-    with pytest.raises(InputError, match="padding"):
-        FftSettings(padding=0)
 
 
 def synthesized(range_m: float, velocity_mps: float = 0.0, azimuth_deg: float = 0.0, elements: str = "exact") -> np.ndarray:
@@ -196,7 +182,7 @@ def synthesized(range_m: float, velocity_mps: float = 0.0, azimuth_deg: float = 
     return synthesize(path, RADAR, elements=elements)
 
 
-@pytest.mark.parametrize("velocity", [0.2, -0.2, 1.0, -5.0])
+@pytest.mark.parametrize("velocity", [0.2, -5.0])
 @pytest.mark.parametrize("elements", ["exact", "planar"])
 def test_synthesis_of_a_moving_point_matches_its_exact_signal(velocity, elements):
     """The point on the axis moves within the chirps too, by at most 1 cm per frame, so that one range rate is valid for all elements."""
@@ -210,30 +196,7 @@ def test_synthesis_of_a_moving_point_matches_its_exact_signal(velocity, elements
     assert error < (1e-4 if elements == "exact" else 4.8e-3)  # the planar array is at most 0.27 degrees off at 4 m
 
 
-@pytest.mark.parametrize("velocity", [0.2, -0.2, 1.7, -6.5])
-def test_synthesized_phase_between_loops_is_the_doppler_phase(velocity):
-    """The phase between chirps of one transmitter is 2 pi f 2 v T/c at every sample, to 1 %."""
-    iq = synthesized(2.0, velocity)[0, :, 0, 0]
-    turn = np.angle(np.mean(iq[1:] * iq[:-1].conj(), axis=0))
-    f = 77e9 + 70e12 * np.arange(256) / 5.21e6
-    expected = 2 * np.pi * f * 2 * velocity * (2 * 64e-6) / C
-    np.testing.assert_allclose(turn, np.angle(np.exp(1j * expected)), atol=0.01 * abs(expected).min())
-
-
-@pytest.mark.parametrize("velocity", [0.2, -3.0])
-def test_second_transmitter_measures_the_target_one_chirp_later(velocity):
-    """With the target on the axis and both transmitters at the origin, the transmitters differ by half a loop of motion only."""
-    radar = dataclasses.replace(RADAR, tx_positions_m=((0, 0, 0),) * 2, rx_positions_m=((0, 0, 0),))
-    forward, length = np.array([[1.0, 0.0, 0.0]]), np.array([2.0])
-    rest = (np.array([RADAR.center_frequency_hz]), length, length, forward, forward, np.array([2 * velocity]))
-    iq = synthesize(Paths(1, np.zeros(1, int), np.ones(1, int), np.ones((1, 1), complex), *rest), radar)[0, :, :, 0]
-    f = 77e9 + 70e12 * np.arange(256) / 5.21e6
-    turn = np.angle((iq[:, 1] * iq[:, 0].conj()).mean(0))
-    np.testing.assert_allclose(turn, 2 * np.pi * f * 2 * velocity * 64e-6 / C, rtol=0.01)
-
-
-@pytest.mark.parametrize("velocity", [0.2, -0.2])
-@pytest.mark.parametrize("azimuth", [-40.0, 0.0, 15.0, 55.0])
+@pytest.mark.parametrize(("velocity", "azimuth"), [(0.2, -40.0), (-0.2, 15.0)])
 def test_synthesized_target_has_its_speed_angle_and_range(velocity, azimuth):
     peaks = detect(synthesized(3.0, velocity, azimuth), RADAR)
     assert len(peaks) == 1
@@ -242,22 +205,11 @@ def test_synthesized_target_has_its_speed_angle_and_range(velocity, azimuth):
     assert peaks.range_m[0] == pytest.approx(3.0, abs=0.005)
 
 
-def test_one_millimetre_of_range_changes_the_phase_by_two_wave_numbers():
-    """2 pi 2 mm/lambda is 184.9 degrees at 77 GHz and 193.2 degrees at the end of the sweep; exact to a degree over ten steps."""
-    f = 77e9 + 70e12 * np.arange(256) / 5.21e6
-    before = synthesized(1.5)[0, 0, 0, 0]
-    for step in range(1, 11):
-        turn = np.angle(synthesized(1.5 + 1e-3 * step)[0, 0, 0, 0] * before.conj())
-        off = np.angle(np.exp(1j * (turn - 2 * np.pi * f * 2e-3 * step / C)))
-        assert np.degrees(np.abs(off).max()) < 1.0
-
-
-@pytest.mark.parametrize("azimuth", [-40.0, 0.0, 25.0])
 @pytest.mark.parametrize("frames", [1, 3])
-def test_one_chirp_per_frame_gives_range_and_azimuth_without_a_speed(frames, azimuth):
+def test_one_chirp_per_frame_gives_range_and_azimuth_without_a_speed(frames):
     radar = dataclasses.replace(RADAR, num_chirps=1)
-    peaks = detect(echo(3.0, 0.0, azimuth, frames=frames, radar=radar), radar)
+    peaks = detect(echo(3.0, 0.0, 25.0, frames=frames, radar=radar), radar)
     assert len(peaks) == 1
     assert peaks.range_m[0] == pytest.approx(3.0, abs=0.005)
-    assert np.degrees(peaks.azimuth_rad[0]) == pytest.approx(azimuth, abs=0.5)
+    assert np.degrees(peaks.azimuth_rad[0]) == pytest.approx(25.0, abs=0.5)
     assert np.isnan(peaks.velocity_mps).all()

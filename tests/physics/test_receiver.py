@@ -100,7 +100,7 @@ def residual(range_m, noise, sample_rate_hz, samples):
     return np.sqrt(np.trapezoid(density, f))
 
 
-@pytest.mark.parametrize("range_m", [0.1, 1.0, 5.0, 10.0])
+@pytest.mark.parametrize("range_m", [0.1, 1.0, 10.0])
 def test_phase_noise_of_an_echo_matches_its_range_correlated_density(range_m):
     """Each echo has the phase noise of its own delay; the level spans 40 dB between 0.1 and 10 m."""
     noise = PhaseNoise(-93.0)

@@ -12,13 +12,15 @@
 | mesh far from the origin (100 m) | float32 resolves 8 micrometres: levels are exact, phases within degrees |
 """
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import trimesh
 from physics_helpers import UP, WAVELENGTH, K, coherent, db
 
 import radartwin as rt
-from radartwin.errors import InputError
 from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
@@ -44,7 +46,7 @@ def traced(mesh, position, *, rays=None, bounces=4, pieces=3, hats=False):
     return hits
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_random_triangle_soup_is_finite(seed):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 60))
@@ -58,12 +60,6 @@ def test_random_triangle_soup_is_finite(seed):
         assert 0 <= value < 10
     traced(soup, [0.7, 0.1, 0.0])
     traced(soup, [0.0, 0.0, 0.0], rays=20_000)
-
-
-def test_doubled_faces_count_once():
-    plate = objects.plate(0.05, 0.05)
-    twice = objects.joined([plate, plate])
-    assert db(rt.rcs(twice, [1, 0, 0]) / rt.rcs(plate, [1, 0, 0])) == pytest.approx(0, abs=0.01)
 
 
 def test_faces_without_area_return_nothing():
@@ -124,18 +120,25 @@ def test_extreme_poses_give_finite_results():
         traced(corner, position, rays=20_000)
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        {"rays_per_wavelength2": "4"}, {"rays_per_wavelength2": True}, {"rays_per_wavelength2": None}, {"rays_per_wavelength2": np.nan},
-        {"frequency": "77e9"}, {"frequency": None}, {"distance": "1"}, {"distance": False}, {"distance": np.inf},
-        {"max_bounces": 2.0}, {"max_bounces": "3"}, {"max_bounces": None}, {"max_bounces": True},
-        {"seed": -1}, {"seed": 0.5}, {"seed": "0"}, {"polarization": None}, {"polarization": ["V", "V"]},
-        {"direction": "x"}, {"direction": None}, {"direction": [1, 0]}, {"direction": [1, 0, np.nan]},
-    ],
-    ids=repr,
-)  # fmt: skip
-def test_arguments_of_the_wrong_type_are_refused(arguments):
-    given = {"direction": [1, 0, 0], **arguments}
-    with pytest.raises(InputError, match=next(iter(arguments))):
-        rt.rcs(objects.plate(0.05, 0.05), given.pop("direction"), **given)
+@pytest.mark.slow
+def test_three_million_rays_in_a_room_fit_in_two_gigabytes():
+    """Peak resident memory of a whole process, in kilobytes on Linux."""
+    code = (
+        "import resource, numpy as np, trimesh\n"
+        "from radartwin.simulation import geometry, reflection_table, variant\nfrom radartwin.simulation.curved import tube_grid, tubes\n"
+        "from radartwin.simulation.curved.hits import Antennas, TraceOptions\n"
+        "variant.activate('llvm')\n"
+        "room = trimesh.creation.box((6.0, 4.0, 3.0))\n"
+        "room.invert()\n"
+        "built = geometry.build([room])\n"
+        "table = reflection_table.build([('plasterboard', 0.0)], 77e9, 80.5e9)\n"
+        "source = np.array([[0.3, -0.2, 0.1]])\n"
+        "antenna = Antennas(source, np.array([[0.0, 0.0, 1.0]]))\n"
+        "count = 0\n"
+        "for one in tube_grid.all_around(source, np.eye(3)[None], 3_000_000):\n"
+        "    count += len(tubes.trace(built, table, one, antenna, antenna, TraceOptions(4, hats=True, prune=2e-4)).pose)\n"
+        "print(count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True).stdout.split()
+    assert int(out[0]) > 10_000
+    assert int(out[1]) < 2 * 1024**2

@@ -1,18 +1,17 @@
 """Whole simulations from scene to samples: level, phase, motion, angle, visibility and determinism."""
 
 import dataclasses
-import hashlib
+import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-import trimesh
 from physics_helpers import at
 
 import radartwin as rt
 from radartwin.materials import reflection
-from radartwin.scene import objects, rooms
+from radartwin.scene import objects
 from radartwin.scene.trajectories import trajectory
 
 C = 299_792_458.0
@@ -38,7 +37,7 @@ def facing(mesh, distance):
     }
 
 
-@pytest.mark.parametrize("distance", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("distance", [2.0, 8.0])
 def test_sphere_level_matches_the_radar_equation(distance):
     """|a|^2 = lambda^2 sigma / ((4 pi)^3 R^4), at the distance of its centre minus its radius."""
     scene, motion = facing(objects.sphere(0.05), distance)
@@ -64,47 +63,14 @@ def test_large_wall_matches_its_image(material):
     assert np.linalg.norm((recording.iq[0, 0] - expected)[..., inner]) / np.linalg.norm(expected[..., inner]) < 0.08
 
 
-@pytest.mark.parametrize("rays", [20_000, 200_000])
-def test_wide_tubes_match_the_image_of_a_wall(rays):
+def test_wide_tubes_match_the_image_of_a_wall():
     """A wall seen obliquely to the grid axes: complex profile within 2 % with 20,000 tubes over the sphere."""
     radar = dataclasses.replace(RADAR, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=((0.0, 0.0, 0.0),))
     pose = trajectory.look_at(np.array([-3.0, 0.3, 0.2]), np.array([0.0, 1.2, -0.4]))
-    samples = rt.simulate(rt.Scene([rt.Surface(objects.plate(12, 12), "metal", "wall")]), radar, pose[None], rays=rays).iq[0, 0, 0, 0]
+    samples = rt.simulate(rt.Scene([rt.Surface(objects.plate(12, 12), "metal", "wall")]), radar, pose[None], rays=20_000).iq[0, 0, 0, 0]
     f = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(256) / radar.sample_rate_hz
     expected = -C / f / (4 * np.pi * 6) * np.exp(2j * np.pi * f * 6 / C)
     assert np.linalg.norm(profile(samples) - profile(expected)) / np.linalg.norm(profile(expected)) < 0.02
-
-
-def test_corner_of_two_walls_returns_the_double_bounce_image():
-    """Two metal walls at a right angle: the third path is at the diagonal image distance with level lambda/(4 pi L)."""
-    a = rt.Surface(rooms.rectangle([0, 0, -4], np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), (8, 8)), "metal", "a")
-    b = rt.Surface(rooms.rectangle([0, 0, -4], np.array([0, 1.0, 0]), np.array([0, 0, 1.0]), (8, 8)), "metal", "b")
-    pose = trajectory.look_at(np.array([2.0, 3.0, 0.0]), np.array([0.0, 0.0, 0.0]))
-    radar = rt.Radar.iwr1843(element="isotropic")
-    two = rt.simulate(rt.Scene([a, b]), radar, pose[None], max_bounces=2).iq[0, 0, 0, 0]
-    one = rt.simulate(rt.Scene([a, b]), radar, pose[None], max_bounces=1).iq[0, 0, 0, 0]
-    diagonal = 2 * np.hypot(2, 3)
-    where, value = peak(two - one)
-    assert where == pytest.approx(diagonal / 2, abs=0.02)
-    assert 20 * np.log10(abs(value) / (RADAR.wavelength_m / (4 * np.pi * diagonal))) == pytest.approx(-0.2, abs=0.5)
-
-
-@pytest.mark.parametrize("speed", [0.2, -0.2, 1.0])
-def test_moving_target_has_exact_speed_and_angle(speed):
-    """Phase between chirps of a frame with TDM timing: within 1 % and 0.3 degrees."""
-    azimuth = np.radians(20)
-    way = np.array([np.cos(azimuth), np.sin(azimuth), 0])
-    poses = np.array([trajectory.pose(way * (2 + speed * f / RADAR.frame_rate_hz)) for f in range(3)])
-    scene = rt.Scene([rt.Surface(objects.sphere(0.03), "metal", "ball")])
-    samples = rt.simulate(scene, RADAR, np.eye(4)[None], motion={"ball": poses}).iq[1]
-    spectrum = profile(samples)
-    index = int(np.abs(spectrum[0, 0, 0]).argmax())
-    times = RADAR.chirp_times()[:, 0]
-    rate = np.polyfit(times, np.unwrap(np.angle(spectrum[:, 0, 0, index])), 1)[0]
-    # every frequency of the sweep sees the same speed; the peak's phase turns with the mean one
-    assert rate * C / (4 * np.pi * RADAR.center_frequency_hz) == pytest.approx(speed, rel=0.01)
-    across = np.polyfit(RADAR.rx_positions[:, 1], np.unwrap(np.angle(spectrum[0, 0, :, index])), 1)[0]
-    assert np.degrees(np.arcsin(-across * C / (2 * np.pi * RADAR.center_frequency_hz))) == pytest.approx(20, abs=0.3)
 
 
 def test_moving_sensor_and_moving_target_are_equivalent():
@@ -124,8 +90,7 @@ def test_object_moved_to_a_pose_equals_object_built_there():
     assert np.abs(moved - built).max() < 2e-3 * np.abs(built).max()
 
 
-def test_rotation_gives_speed_to_a_rim_but_not_to_a_sphere():
-    """A sphere that turns about its own axis returns equal samples in every frame."""
+def test_sphere_that_turns_about_its_axis_returns_equal_samples_in_every_frame():
     poses = trajectory.turntable(np.array([1.5, 0.0, 0.0]), 4, 10.0, 25.0)
     iq = rt.simulate(
         rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]),
@@ -169,14 +134,10 @@ def test_long_thin_and_large_round_targets_are_traced_finely():
         assert levels[0] == pytest.approx(levels[1], rel=0.02)
 
 
-def test_real_sampling_has_no_imaginary_part(tmp_path):
+def test_real_sampling_has_no_imaginary_part():
     scene, motion = facing(objects.plate(0.1, 0.1), 1.0)
     radar = dataclasses.replace(RADAR, real_sampling=True)
-    recording = rt.simulate(scene, radar, np.eye(4)[None], motion=motion)
-    assert not recording.iq.imag.any()
-    recording.save(tmp_path / "real")
-    again = rt.Recording.load(tmp_path / "real").iq
-    assert np.abs(again - recording.iq).max() < 1e-3 * np.abs(recording.iq).max()
+    assert not rt.simulate(scene, radar, np.eye(4)[None], motion=motion).iq.imag.any()
 
 
 def test_small_object_survives_beside_a_bright_wall():
@@ -192,57 +153,6 @@ def test_small_object_survives_beside_a_bright_wall():
     assert 20 * np.log10(b / a) == pytest.approx(0, abs=0.5)
 
 
-def test_same_seed_gives_equal_bytes_across_processes(tmp_path):
-    code = (
-        "import sys, numpy as np, radartwin as rt; from radartwin.scene import rooms, objects;"
-        "s = rooms.lab(detail='shell'); b = rooms.lab_bench();"
-        "r = rt.simulate(s, rt.Radar.iwr1843(), b.sensor_pose[None], rays=60000, noise=True, seed=int(sys.argv[1]));"
-        "r.save(sys.argv[2])"
-    )
-    digests = []
-    for run, seed in enumerate((3, 3, 4)):
-        stem = tmp_path / f"run{run}"
-        subprocess.run([sys.executable, "-c", code, str(seed), str(stem)], check=True, timeout=120)
-        digests.append(hashlib.sha256(stem.with_suffix(".bin").read_bytes()).hexdigest())
-    assert digests[0] == digests[1]
-    assert digests[0] != digests[2]
-
-
-def test_another_seed_changes_the_noise_and_not_the_scene():
-    scene, motion = facing(objects.trihedral(0.1), 1.5)
-    quiet = [rt.simulate(scene, RADAR, np.eye(4)[None], motion=motion, seed=s).iq for s in (0, 1)]
-    noisy = [rt.simulate(scene, RADAR, np.eye(4)[None], motion=motion, seed=s, noise=True).iq for s in (0, 1)]
-    assert np.array_equal(quiet[0], quiet[1])
-    assert not np.array_equal(noisy[0], noisy[1])
-
-
-def test_lab_signal_is_finite_and_below_the_transmitted_power():
-    recording = rt.simulate(rooms.lab(detail="furnished"), rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays=100_000)
-    assert np.isfinite(recording.iq).all()
-    assert 0 < np.abs(recording.iq).max() < 1e-2
-
-
-@pytest.mark.parametrize(
-    ("call", "match"),
-    [
-        (lambda s: rt.simulate(s, RADAR, np.eye(3)[None]), r"sensor_poses.*\(F, 4, 4\)"),
-        (lambda s: rt.simulate(s, RADAR, np.zeros((0, 4, 4))), "zero frames"),
-        (lambda s: rt.simulate(s, RADAR, 2 * np.eye(4)[None]), "not a rigid pose"),
-        (lambda s: rt.simulate(s, RADAR, np.full((1, 4, 4), np.nan)), "not finite"),
-        (lambda s: rt.simulate(s, RADAR, np.eye(4)[None], rays=0), "rays"),
-        (lambda s: rt.simulate(s, RADAR, np.eye(4)[None], seed=-1), "seed"),
-        (lambda s: rt.simulate(s, RADAR, np.eye(4)[None], max_bounces=0), "max_bounces"),
-        (lambda s: rt.simulate(s, RADAR, np.eye(4)[None], motion={"nobody": np.eye(4)[None]}), "nobody"),
-        (lambda s: rt.simulate(s, RADAR, np.repeat(np.eye(4)[None], 2, 0), motion={"box": np.repeat(np.eye(4)[None], 3, 0)}), "length"),
-        (lambda s: rt.simulate(s, RADAR, at(1.0)[None]), "inside surface 'box'"),
-    ],
-)
-def test_wrong_arguments_are_refused(call, match):
-    box = rt.Scene([rt.Surface(trimesh.creation.box((0.2, 0.2, 0.2)).apply_transform(at(1.0)), "metal", "box")])
-    with pytest.raises(ValueError, match=match):
-        call(box)
-
-
 def test_old_llvm_is_refused_before_it_loads(tmp_path):
     """Dr.Jit would abort the process with LLVM 15 or 16."""
     fake = tmp_path / "libLLVM-15.so"
@@ -253,8 +163,6 @@ def test_old_llvm_is_refused_before_it_loads(tmp_path):
         "try: rt.rcs(objects.plate(.1, .1), [1, 0, 0])\n"
         "except BackendError as error: print(error)"
     )
-    import os
-
     environment = {**os.environ, "DRJIT_LIBLLVM_PATH": str(fake)}
     environment["PATH"] = "/usr/bin:/bin"
     out = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60, check=True)

@@ -47,7 +47,7 @@ def direct_sum(paths, radar):
     return out
 
 
-@pytest.mark.parametrize("rate", [0.0, 0.2, 2.0, 20.0])
+@pytest.mark.parametrize("rate", [0.0, 0.2, 20.0])
 @pytest.mark.parametrize("nodes", [1, 4])
 def test_synthesis_matches_the_direct_sum(rate, nodes):
     radar = Radar.iwr1843(element="isotropic")
@@ -74,11 +74,6 @@ def test_noise_power_is_kTBF():
     noise = thermal_noise((200_000,), Radar.iwr1843(), np.random.default_rng(1))
     expected = 10 * np.log10(1.380649e-23 * 290 * 5.21e6 * 1e3) + 15 - 12
     assert 10 * np.log10((np.abs(noise) ** 2).mean()) == pytest.approx(expected, abs=0.05)
-
-
-def test_equal_input_gives_equal_bytes():
-    paths, radar = random_paths(5000, 4, 1.0), Radar.iwr1843()
-    assert synthesize(paths, radar).tobytes() == synthesize(paths, radar).tobytes()
 
 
 @pytest.mark.parametrize("samples", [1, 2, 7, 100, 257])
@@ -120,14 +115,14 @@ def test_frames_are_added_to_the_given_array():
         synthesize(paths, radar, out=there[:1])
 
 
-@pytest.mark.parametrize("argument", [0.0, 3e-5, -2e-4, 0.07, -1.3, 6.7, -40.0])
+@pytest.mark.parametrize("argument", [0.0, 3e-5, -1.3, 40.0])
 def test_bessel_functions_match_scipy(argument):
     found = np.empty(60)
     gridding.bessel(argument, found)
     np.testing.assert_allclose(found, jv(np.arange(60), argument), atol=1e-12)
 
 
-@pytest.mark.parametrize(("range_m", "degrees"), [(0.2, 5.4747), (0.3, 3.6499), (0.5, 2.1900), (1.0, 1.0950), (2.0, 0.5475), (5.0, 0.2190)])
+@pytest.mark.parametrize(("range_m", "degrees"), [(0.2, 5.4747), (1.0, 1.0950), (5.0, 0.2190)])
 def test_planar_elements_have_the_error_of_the_wavefront_curvature(range_m, degrees):
     """Against exact distances at boresight, and the largest error over the array in reference/array_phase_error_deg.csv."""
     radar = Radar.iwr1843(element="isotropic")
@@ -141,22 +136,6 @@ def test_planar_elements_have_the_error_of_the_wavefront_curvature(range_m, degr
     assert planar_phase(paths, radar) >= np.radians(error)
     auto = synthesize(paths, radar, elements="auto")[0, 0, :, :, 0]
     assert np.array_equal(auto, planar if range_m >= 1.93 else exact)
-
-
-@pytest.mark.parametrize("shortest_m", [2.0, 5.0])
-def test_planar_elements_of_a_scene_have_the_stated_error(shortest_m):
-    """Element delays apply over the whole band, so only the curvature of the wave is missing."""
-    radar = Radar.iwr1843(element="isotropic")
-    paths = random_paths(400, 1, 0.3)
-    paths = dataclasses.replace(paths, length_in_m=paths.length_in_m + shortest_m, length_out_m=paths.length_out_m + shortest_m)
-    exact, planar = (synthesize(paths, radar, elements=e) for e in ("exact", "planar"))
-    error = np.linalg.norm(exact - planar) / np.linalg.norm(exact)
-    assert 1e-5 < error < planar_phase(paths, radar)
-
-
-def test_unknown_elements_are_refused():
-    with pytest.raises(InputError, match="exact, planar, auto"):
-        synthesize(random_paths(1, 1, 0.0), Radar.iwr1843(), elements="spherical")
 
 
 def test_compiled_code_works_without_a_writable_cache():
@@ -197,8 +176,7 @@ def test_paths_of_images_start_at_the_mirrored_transmitter(elements):
         assert 1e-4 < error < planar_phase(paths, radar)
 
 
-@pytest.mark.parametrize("name", ["amplitude", "length_in_m", "rate_mps"])
-@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize(("name", "value"), [("amplitude", np.nan), ("length_in_m", np.inf), ("rate_mps", np.nan)])
 def test_paths_that_are_not_finite_are_refused(name, value):
     paths = random_paths(5, 1, 0.1)
     broken = getattr(paths, name).copy()

@@ -18,7 +18,6 @@ from radartwin.radar.recording import Recording
 
 RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=64, num_chirps=8)
 SHAPE = (3, 8, 2, 4, 64)
-TOO_LARGE = int("1" + "0" * 400)  # a JSON number beyond the range of a float
 
 
 def _noise(seed: int = 0, amplitude: float = 1e-5) -> NDArray[np.complex64]:
@@ -68,11 +67,6 @@ def test_given_scale_is_kept_and_clipped_values_are_counted(tmp_path):
     assert json.loads((tmp_path / "a.json").read_text())["scale"] == 1e-9
 
 
-def test_zeros_can_be_saved(tmp_path):
-    Recording(np.zeros(SHAPE, np.complex64), RADAR).save(tmp_path / "a")
-    assert np.all(Recording.load(tmp_path / "a").iq == 0)
-
-
 def test_swapped_order_changes_the_file_and_not_the_samples(tmp_path):
     Recording(_noise(), RADAR).save(tmp_path / "a")
     Recording(_noise(), RADAR).save(tmp_path / "b", iq_swapped=True)
@@ -92,7 +86,7 @@ def test_real_samples_round_trip(tmp_path):
 
 
 def test_name_with_dots_may_have_either_suffix_or_none(tmp_path):
-    Recording(_noise(), RADAR).save(tmp_path / "run.0.5m")
+    Recording(np.zeros(SHAPE, np.complex64), RADAR).save(tmp_path / "run.0.5m")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.0.5m.bin", "run.0.5m.json"]
     for name in ("run.0.5m", "run.0.5m.bin", "run.0.5m.json"):
         assert Recording.load(tmp_path / name).num_frames == 3
@@ -146,24 +140,16 @@ VALUE_DAMAGE = [
     ({"sensor_poses": np.full((1, 4, 4), np.nan).tolist()}, ("sensor_poses", "frame 0", "rigid")),
     ({"sensor_poses": [np.eye(4).tolist(), (2 * np.eye(4)).tolist(), np.eye(4).tolist()]}, ("sensor_poses", "frame 1", "rigid")),
     ({"sensor_poses": [np.diag([1.0, 1.0, -1.0, 1.0]).tolist()]}, ("sensor_poses", "rigid")),
-    ({"sensor_poses": [(np.eye(4) * 1e300).tolist()]}, ("sensor_poses", "rigid")),
     ({"sensor_poses": "x"}, ("sensor_poses",)),
-    ({"sensor_poses": [[1, 2], [3]]}, ("sensor_poses",)),
     ({"sensor_poses": [[1, 2]]}, ("sensor_poses",)),
     ({"format": "radartwin recording 9"}, ("format", "recording 9")),
-    ({"format": 1}, ("format",)),
     ({"iq_swapped": "false"}, ("iq_swapped",)),
-    ({"iq_swapped": 0}, ("iq_swapped",)),
     ({"scale": ...}, ("scale",)),
-    ({"scale": -1.0}, ("scale",)),
     ({"scale": 1e300}, ("scale",)),
-    ({"scale": 1e-300}, ("scale",)),
-    ({"scale": TOO_LARGE}, ("scale",)),
     ({"scale": "1"}, ("scale",)),
     ({"radar": ...}, ("radar",)),
     ({"radar": {"name": "x"}}, ("radar",)),
     ({"radar": 5}, ("radar", "mapping")),
-    ({"radar": [1]}, ("radar", "mapping")),
     ({"frames": 2}, ("3 frames", "a.json says 2")),
     ({"provenance": 5}, ("a.json",)),
     ({"saturated": float("inf")}, ("a.json",)),

@@ -8,8 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from radartwin.simulation.path_cache import from_arrays, to_arrays, traced_once
-from radartwin.simulation.paths import Paths
+from radartwin.simulation.paths import Paths, from_arrays, to_arrays, traced_once
 from radartwin.store import array_cache
 
 
@@ -60,7 +59,7 @@ def test_every_setting_and_array_changes_the_key(tmp_path):
 
 def test_another_process_computes_the_same_key(tmp_path):
     code = (
-        "import sys, numpy as np; from radartwin.store import array_cache; from radartwin.simulation.path_cache import traced_once\n"
+        "import sys, numpy as np; from radartwin.store import array_cache; from radartwin.simulation.paths import traced_once\n"
         "with array_cache.in_folder(sys.argv[1]): traced_once({'b': 2, 'a': 'x'}, {'x': np.eye(3)}, list)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True, env={**os.environ, "PYTHONHASHSEED": "7"})

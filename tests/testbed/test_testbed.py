@@ -7,7 +7,7 @@ import pytest
 
 import radartwin as rt
 from radartwin.materials import Layered
-from radartwin.materials.varied import split
+from radartwin.materials.permittivity_by_name import split
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
 from radartwin.scene import objects, rooms

@@ -47,13 +47,7 @@ class Backend(Protocol):
 
 
 def backend(name: str, **settings: Any) -> Backend:
-    """Return the simulator of a name, with its settings.
-
-    Args:
-        name: one of SIMULATORS.
-        settings: fields of the simulator's settings dataclass. Missing fields have their defaults.
-    Raises:
-        InputError: the name or a setting is unknown, or a value is wrong.
+    """Return the simulator of a name, with fields of its settings dataclass. Raises InputError, which names the wrong argument.
 
     >>> backend("rfgenesis", version="corrected").settings.grid
     128

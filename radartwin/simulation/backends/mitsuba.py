@@ -18,7 +18,7 @@ import numpy as np
 
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation import diffuse, path_cache, pruning, reflection_table, variant
+from radartwin.simulation import diffuse, pruning, reflection_table, variant
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends import tube_paths
@@ -26,7 +26,7 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import PRUNE, Target
 from radartwin.simulation.flat import coupling, panel_room
 from radartwin.simulation.geometry import Geometry
-from radartwin.simulation.paths import Paths
+from radartwin.simulation.paths import Paths, traced_once
 
 # Paths between small static objects and the room are dropped if their legs make them weaker than this times the room's strongest path
 # (error: 0.002 of the signal of the cluttered atrium).
@@ -101,7 +101,7 @@ class MitsubaBackend:
             "corners": geometry.corners, "normals": geometry.normals, "surface": geometry.surface, "te": table.te, "tm": table.tm,
             "frequencies_hz": table.frequencies_hz, "poses": poses,
         }  # fmt: skip
-        return path_cache.traced_once(spec, arrays, lambda: self._static_paths(static, radar, poses))
+        return traced_once(spec, arrays, lambda: self._static_paths(static, radar, poses))
 
     def _static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
         settings, room = self.settings, static.room

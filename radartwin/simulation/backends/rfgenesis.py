@@ -11,11 +11,9 @@ It serves as a baseline and is correct only in range and direction. It has three
   Between frames, the hit of each pixel moves on a straight line. A pixel without a hit uses its hit in the previous frame, or else in the
   next frame. The chirps of a frame are spread over the whole frame period, and all transmitters transmit at the same time.
 - `columns`: as `shipped`, with distance and intensity in the right columns.
-- `corrected`: corrected as far as the method allows. Each ray returns the power of its Lambert patch, rho cos(t) dOmega lambda^2/(16 pi^3
-r^2).
-  Here rho is the material's mean power reflection. The amplitude is the square root of this power. Rays pass through pixel centres, the
-  radial speed of rigid surfaces is exact, chirps have the radar's timing, and the source is isotropic, so that the radar's own pattern
-  applies.
+- `corrected`: corrected as far as the method allows. Each ray returns the power of its Lambert patch,
+  rho cos(t) dOmega lambda^2/(16 pi^3 r^2) with the material's mean power reflection rho, as an amplitude. Rays pass through pixel centres,
+  the radial speed of rigid surfaces is exact, chirps have the radar's timing, and the radar's own antenna pattern applies.
 
 Errors of all versions: there is no mirror reflection, so plates have no specular echo and corners no multiple bounces. A surface patch of
 many wavelengths has a single phase, so where patches add in phase the echo grows with the number of rays. Surfaces outside the field of
@@ -60,12 +58,10 @@ class RFGenesisSettings:
     """Settings of the naive tracer's camera and signal model.
 
     Attributes:
-        version: "shipped", "columns" or "corrected"; see the module's description.
+        version: one of VERSIONS; see the module's description.
         grid: pixels along each side of the camera.
         fov_deg: full field of view, in azimuth and elevation.
         variant: "auto", "llvm" or "cuda".
-    Raises:
-        InputError: the version is unknown, or the grid or field of view is out of range.
     """
 
     version: str = "shipped"
@@ -107,12 +103,7 @@ class RFGenesisBackend:
     name: ClassVar[str] = "rfgenesis"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Return one path per hit and frame; a single pose if nothing moves. Arguments as in
-        `radartwin.simulation.backends.backend.Backend`.
-
-        Raises:
-            InputError: there would be more than MAX_RAYS rays. BackendError: there is no usable LLVM.
-        """
+        """Return one path per hit and frame; a single pose if nothing moves. Arguments and errors as in `backend.Backend` and `trace`."""
         if not len(scene):
             return []
         hits = trace(scene, radar, sensor_poses, motion or {}, self.settings)
@@ -158,10 +149,10 @@ def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[
     variant.activate(settings.variant)
     if poses_module.at_rest(sensor_poses, *motion.values()):
         sensor_poses, motion = sensor_poses[:1], {name: poses[:1] for name, poses in motion.items()}
-    directions = pixel_directions(settings)
-    frames, rays = len(sensor_poses), len(directions)
+    frames, rays = len(sensor_poses), settings.grid**2
     if frames * rays > MAX_RAYS:
         raise InputError(f"rfgenesis: {frames} frames of {rays} rays are over {MAX_RAYS:_}; use fewer frames or a smaller grid")
+    directions = pixel_directions(settings)
     distance = np.full((frames, rays), np.inf)
     cosine, speed, surface = np.zeros((frames, rays)), np.zeros((frames, rays)), np.full((frames, rays), -1)
     for indices, group in _rigid_parts(scene.surfaces, motion):

@@ -1,9 +1,9 @@
 """Point-scatterer simulator: an object is one or a few isotropic points, and a room is empty or gives one mirror image per wall.
 
 This is the simplest simulator. It models no near field, no paths between object and room and no occlusion. The shape of an object enters
-only through a table of its far-field cross-section. A point
-at distance R has the amplitude a = sqrt(sigma lambda^2 / ((4 pi)^3 R^4)) by the radar equation. A wall at the perpendicular distance d
-returns the image of the sensor with a = Gamma(0) lambda/(4 pi 2d), where Gamma(0) is its reflection at normal incidence.
+only through a table of its far-field cross-section. A point at distance R has the amplitude a = sqrt(sigma lambda^2 / ((4 pi)^3 R^4)) by
+the radar equation. A wall at the perpendicular distance d returns the image of the sensor with a = Gamma(0) lambda/(4 pi 2d), where
+Gamma(0) is its reflection at normal incidence.
 """
 
 import functools
@@ -46,8 +46,6 @@ class PointSettings:
         room: "images" gives one mirror image of the sensor per wall; "void" ignores the room.
         step_deg: step of the cross-section table in azimuth and elevation. Entries are computed on first use.
         rays_per_wavelength2: ray tubes per square wavelength with which the table is computed.
-    Raises:
-        InputError: an option is unknown, or a step or density is not positive.
     """
 
     cross_section: str = "table"
@@ -72,9 +70,9 @@ class PointBackend:
     name: ClassVar[str] = "points"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Return one part per object and one for the room. A part has a single pose if it does not move relative to the sensor.
+        """Return one part per object and one for the room, as in `backend.Backend`.
 
-        Arguments and result as in `radartwin.simulation.backends.backend.Backend`.
+        A part has a single pose if it does not move relative to the sensor.
         """
         motion = motion or {}
         parts = []

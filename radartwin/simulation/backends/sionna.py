@@ -11,7 +11,6 @@ and mirror of each path are recomputed from its facets in double precision. The 
 through its hits, which move with their surfaces.
 """
 
-import importlib.metadata
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.errors import BackendError, InputError
+from radartwin.errors import InputError
 from radartwin.materials import Layered, reflection
 from radartwin.materials.roughness import ament
 from radartwin.radar.chirp import Radar
@@ -33,9 +32,8 @@ from radartwin.simulation.checks import check_flag, check_whole
 from radartwin.simulation.paths import Paths
 
 RAYS = 200_000  # rays per pose; enough to find every path of the furnished rooms down to 40 dB below the strongest (tested)
-ASIDE = np.array([0.74, 0.53, 0.41]) / np.linalg.norm(
-    [0.74, 0.53, 0.41]
-)  # direction of separation_m in the sensor frame, parallel to no wall
+ASIDE = np.array([0.74, 0.53, 0.41])  # direction of separation_m in the sensor frame, parallel to no wall
+ASIDE /= np.linalg.norm(ASIDE)
 COSINES = 4096  # entries per reflection table; the two boards of a stud wall need more than the tracer's tables have
 MAX_RAYS = 50_000_000
 
@@ -52,8 +50,6 @@ class SionnaSettings:
             for receiver and transmitter at one point.
         variant: "auto", "llvm" or "cuda".
         seed: random seed of Sionna's diffuse rays.
-    Raises:
-        InputError: a value is out of range.
     """
 
     max_bounces: int = 4
@@ -81,11 +77,8 @@ class SionnaBackend:
     name: ClassVar[str] = "sionna"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Return specular paths in one part and diffuse paths in another; a single pose if nothing moves.
+        """Return specular paths in one part and diffuse paths in another, as in `backend.Backend`; a single pose if nothing moves.
 
-        Arguments as in `radartwin.simulation.backends.backend.Backend`.
-        Raises:
-            BackendError: sionna-rt is not installed, or its process ended.
         Warns:
             UserWarning: Sionna cannot return a part of this scene correctly.
         """
@@ -110,12 +103,7 @@ class SionnaBackend:
         return self.settings.separation_m * ASIDE
 
     def found(self, scene: Scene, mesh: Mesh, radar: Radar, sensor_poses: np.ndarray) -> dict[str, np.ndarray]:
-        """Search the paths for the mesh of a scene. Returns the arrays of `sionna_worker.trace` and their frequencies_hz (Q,).
-
-        Raises:
-            BackendError: sionna-rt is not installed, or its process ended.
-        """
-        check_installed()
+        """Search the paths for the mesh of a scene. Returns the arrays of `sionna_worker.trace` and their frequencies_hz (Q,)."""
         diffuse = self.settings.diffuse
         entries = [(s.material, 0.0 if diffuse else s.roughness_m) for s in scene.surfaces]
         te, tm, row, frequencies = reflection_tables(entries, radar)
@@ -127,21 +115,6 @@ class SionnaBackend:
             "samples": self.settings.rays or RAYS, "diffuse": diffuse, "seed": self.settings.seed,
         })  # fmt: skip
         return answer | {"frequencies_hz": frequencies}
-
-
-def is_installed() -> bool:
-    """Return whether the package list has sionna-rt. Importing sionna.rt instead would set the Mitsuba variant of this process."""
-    try:
-        importlib.metadata.version("sionna-rt")
-    except importlib.metadata.PackageNotFoundError:
-        return False
-    return True
-
-
-def check_installed() -> None:
-    """Raise BackendError if sionna-rt is not installed."""
-    if not is_installed():
-        raise BackendError("simulator sionna needs the package sionna-rt: pip install sionna-rt==2.2.0")
 
 
 def reflection_tables(

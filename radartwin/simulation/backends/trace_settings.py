@@ -21,8 +21,6 @@ class TraceSettings:
         diffuse: whether rough surfaces scatter diffusely.
         coupled_rays_per_wavelength2: tube density on objects for paths between object and room. There are many such paths, so that a lower
             density saves time. None: rays_per_wavelength2.
-    Raises:
-        InputError: an option is unknown, or `rays` is given with room="panels". `simulate` checks the other values.
     """
 
     max_bounces: int = 4

@@ -80,12 +80,8 @@ class Device:
         """Upload coefficients (S, COSINES, Q) in the form that `lookup` reads."""
         return [upload(mi.Float, part) for c in (te, tm) for part in (np.real(c), np.imag(c))]
 
-    def reflection(self, face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
-        """Return the reflection [te.re, te.im, tm.re, tm.im] at one frequency node."""
-        return self.lookup(self.coefficients, face, cosine, node, active)
-
     def lookup(self, coefficients: list[Any], face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
-        """Interpolate [te.re, te.im, tm.re, tm.im] from tabulated coefficients, linearly in the cosine."""
+        """Interpolate [te.re, te.im, tm.re, tm.im] at one frequency node from tabulated coefficients, linearly in the cosine."""
         x = dr.clip(cosine, 0, 1) * (COSINES - 1)
         low = dr.minimum(mi.UInt32(x), COSINES - 2)
         weight = x - mi.Float(low)

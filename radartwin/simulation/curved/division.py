@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from radartwin.errors import BackendError
-from radartwin.simulation.curved import coverage
+from radartwin.simulation.curved import tube_grid
 from radartwin.simulation.curved.contact import cast, leave, meet
 from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes, TubeSelection, rays
@@ -76,7 +76,7 @@ def _parts(index: np.ndarray) -> Iterator[np.ndarray]:
 
 def _covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray:
     """Return the indices of the tubes of a pose that can meet a facet."""
-    cells = coverage.covered(grid, pose, corners)
+    cells = tube_grid.covered(grid, pose, corners)
     return pose * grid.per_pose + (np.arange(grid.per_pose) if cells is None else cells)
 
 

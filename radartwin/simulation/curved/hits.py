@@ -80,7 +80,7 @@ class Hits:
     """Hold the N contributing hits of a grid of tubes.
 
     Attributes:
-        pose, tube: (N,) index of the pose and of the tube in its grid. bounce: (N,) number of reflections, from 1.
+        pose: (N,) index of the pose. bounce: (N,) number of reflections, from 1.
         amplitude: (N, Q) complex, for signals exp(+j k L), without the propagation phase.
         length_in_m, length_out_m: (N,) float64, unfolded length from source to hit, and distance from hit to receiver.
         departure, arrival: (N, 3) unit vectors from source and receiver towards the path.
@@ -89,7 +89,6 @@ class Hits:
     """
 
     pose: np.ndarray
-    tube: np.ndarray
     bounce: np.ndarray
     amplitude: np.ndarray
     length_in_m: np.ndarray
@@ -114,4 +113,4 @@ class Hits:
         """Return an empty set of hits at `nodes` frequencies."""
         index, length, vectors = np.zeros(0, int), np.zeros(0), np.zeros((0, 3))
         amplitude, sequence = np.zeros((0, nodes), complex), np.zeros(0, np.uint64)
-        return Hits(index, index, index, amplitude, length, length, vectors, vectors, length, sequence)
+        return Hits(index, index, amplitude, length, length, vectors, vectors, length, sequence)

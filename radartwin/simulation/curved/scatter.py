@@ -3,6 +3,7 @@
 Import only after a Mitsuba variant is active.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -12,10 +13,12 @@ import numpy as np
 from radartwin.simulation.curved.contact import Contact, across_incidence
 from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes
-from radartwin.simulation.curved.footprint import footprint_integral
 
 MOST_BEND = 3.0  # radians; limit of the second-order phase on a curved surface, unless the first-order phase is steep
 TERMINATOR = 0.4  # cosine of incidence below which currents on a curved surface fade out, except towards the mirror direction
+STEEP = 14.0  # radians of phase across half a tube; beyond it, the integral follows from the kinks of the weight
+MOST_TWIST = 2.0  # radians; limit of the mixed second-order phase
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 class Reception(NamedTuple):
@@ -42,7 +45,7 @@ def scatter(device: Device, tubes: Tubes, contact: Contact, reception: Reception
     out = []
     for node in range(device.nodes):
         e_re, e_im = tubes.field_re[node], tubes.field_im[node]
-        te_re, te_im, tm_re, tm_im = device.reflection(contact.face, contact.cosine, node, active)
+        te_re, te_im, tm_re, tm_im = device.lookup(device.coefficients, contact.face, contact.cosine, node, active)
         s_re, s_im, p_re, p_im = dr.dot(e_re, s), dr.dot(e_im, s), dr.dot(e_re, p_in), dr.dot(e_im, p_in)
         r_re = s * (te_re * s_re - te_im * s_im) + p_out * (tm_re * p_re - tm_im * p_im)
         r_im = s * (te_re * s_im + te_im * s_re) + p_out * (tm_re * p_im + tm_im * p_re)
@@ -101,3 +104,45 @@ def _footprint(device: Device, tubes: Tubes, contact: Contact, reception: Recept
     if tubes.hat_share is not None:
         level *= dr.select(hat, tubes.hat_share, dr.select(tubes.in_box, mi.Float(1.0), 0.0))
     return dr.select(active, re * level, 0.0), dr.select(active, im * level, 0.0)
+
+
+def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
+    """Return the integrals of w(x) exp(-j beta x^2) times cos(alpha x), x sin(alpha x) and x^2 cos(alpha x), as real and imaginary parts.
+
+    The weight w is a hat on [-1, 1] or a box on [-1/2, 1/2].
+
+    If the phase changes by less than about two cycles per side, the integrals are computed by Gauss-Legendre quadrature (error: 1e-7).
+    Otherwise the first integral is the leading asymptotic term of the hat's three kinks (error: below 2e-3), or of the box without
+    curvature, and the other two integrals are zero.
+    """
+    half, slope = dr.select(hat, mi.Float(1.0), 0.5), dr.select(hat, mi.Float(1.0), 0.0)
+    moments = [[mi.Float(0.0), mi.Float(0.0)] for _ in range(3)]
+    for node, weight in zip((_NODES + 1) / 2, _WEIGHTS / 2, strict=True):
+        x = half * float(node)
+        share = half * float(2 * weight) * (1 - slope * float(node))
+        sine, cosine = dr.sincos(beta * x * x)
+        odd, even = dr.sincos(alpha * x)
+        for moment, part in zip(moments, (share * even, share * x * odd, share * x * x * even), strict=True):
+            moment[0] += part * cosine
+            moment[1] -= part * sine
+    up, down = dr.rcp(dr.square(alpha + 2 * beta)), dr.rcp(dr.square(alpha - 2 * beta))
+    (sine_up, cosine_up), (sine_down, cosine_down) = dr.sincos(beta + alpha), dr.sincos(beta - alpha)
+    steep = (dr.abs(alpha) * half > STEEP) & (dr.abs(alpha) > 3.9 * dr.abs(beta))
+    box = 2 * dr.sin(0.5 * alpha) * dr.rcp(alpha)
+    far_re = dr.select(hat, 2 * dr.rcp(dr.square(alpha)) - cosine_up * up - cosine_down * down, box)
+    far_im = dr.select(hat, sine_up * up + sine_down * down, 0.0)
+    far = [(far_re, far_im), (mi.Float(0.0), mi.Float(0.0)), (mi.Float(0.0), mi.Float(0.0))]
+    return [tuple(dr.select(steep, f, n) for f, n in zip(*pair, strict=True)) for pair in zip(far, moments, strict=True)]
+
+
+def footprint_integral(alpha: Sequence[Any], beta: Sequence[Any], twist: Any, hat: Any) -> tuple[Any, Any]:
+    """Integrate w(x) w(y) exp(-j (alpha . (x, y) + beta . (x^2, y^2) + twist x y)) over a footprint; real and imaginary part.
+
+    The factor exp(-j twist x y) is expanded to second order.
+    """
+    first, second = (footprint_moments(a, b, hat) for a, b in zip(alpha, beta, strict=True))
+    products = [(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]) for a, b in zip(first, second, strict=True)]
+    twist = dr.clip(twist, -MOST_TWIST, MOST_TWIST)
+    square = 0.5 * twist * twist
+    (even_re, even_im), (odd_re, odd_im), (square_re, square_im) = products
+    return even_re - twist * odd_im - square * square_re, even_im + twist * odd_re - square * square_im

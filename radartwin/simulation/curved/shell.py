@@ -28,7 +28,7 @@ import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.materials import Layered, reflection, transmission
-from radartwin.materials.plastics import EMPTY
+from radartwin.materials.containers import EMPTY
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.reflection_table import COSINES, ReflectionTable, grid_of_cosines
 

@@ -68,8 +68,8 @@ class Tracer:
             reception, seen = self._reception(tubes, contact, near, bounce, active)
             values = scatter.scatter(self.device, tubes, contact, reception, self.wavenumber, active)
             lanes = (
-                tubes.pose, tubes.index, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first,
-                tubes.sequence, values,
+                tubes.pose, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first,
+                tubes.sequence, values, tubes.index,
             )  # fmt: skip
             level = sum((re * re + im * im for re, im in values), mi.Float(0.0)) / dr.opaque(mi.Float, self.device.nodes)
             if options.prune:
@@ -141,7 +141,7 @@ def _picked(lanes: tuple, keep: Any) -> list:
 
 
 def _read_indices(lanes: tuple, keep: Any, bounce: int) -> np.ndarray:
-    return _picked(lanes[1:2], keep)[0].numpy()
+    return _picked(lanes[-1:], keep)[0].numpy()
 
 
 def _vectors(lanes: Any) -> np.ndarray:
@@ -151,11 +151,11 @@ def _vectors(lanes: Any) -> np.ndarray:
 
 def _read_hits(lanes: tuple, keep: Any, bounce: int) -> Hits:
     """Return the lanes `keep` as NumPy arrays. The amplitude is -j (re + j im), conjugated."""
-    pose, index, length, length_out, departure, outgoing, first, sequence, values = _picked(lanes, keep)
+    pose, length, length_out, departure, outgoing, first, sequence, values = _picked(lanes[:-1], keep)
     amplitude = np.empty((len(keep), len(values)), complex)
     for node, (re, im) in enumerate(values):
         amplitude[:, node] = im.numpy() + 1j * re.numpy()
     return Hits(
-        pose.numpy().astype(int), index.numpy().astype(int), np.full(len(keep), bounce), amplitude, length.numpy(), length_out.numpy(),
+        pose.numpy().astype(int), np.full(len(keep), bounce), amplitude, length.numpy(), length_out.numpy(),
         _vectors(departure), -_vectors(outgoing), first.numpy(), sequence.numpy(),
     )  # fmt: skip

@@ -18,13 +18,14 @@ import weakref
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.special import jv
 
 from radartwin.compiled import shared_out
 from radartwin.constants import BOLTZMANN, SPEED_OF_LIGHT
 from radartwin.errors import InputError
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
+from radartwin.radar.phase_noise import chebyshev_terms
+from radartwin.simulation.checks import check_option
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal import gridding
 
@@ -68,16 +69,6 @@ def _kernel_polynomials() -> np.ndarray:
     return np.ascontiguousarray(np.polyfit(place, taps, _DEGREE))
 
 
-def _terms(largest: float) -> int:
-    """Return the number of Chebyshev terms that exp(j w x) needs for |w| up to `largest`."""
-    if largest < _BESSEL_TAIL:
-        return 1
-    count = int(largest) + 1
-    while abs(jv(count, largest)) > _BESSEL_TAIL:
-        count += 1
-    return count
-
-
 def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
     """Return the Chebyshev polynomials T_k(x) (T, C, terms, N) of x (C, T, N), in single precision."""
     out = np.ones((x.shape[1], x.shape[0], terms, x.shape[2]), np.float32)
@@ -104,12 +95,6 @@ def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray,
     return np.ascontiguousarray(coefficients[:, :count]), over_band.T[:count]
 
 
-def check_elements(elements: str) -> None:
-    """Raise InputError if `elements` is not one of ELEMENTS."""
-    if elements not in ELEMENTS:
-        raise InputError(f"elements must be one of {', '.join(ELEMENTS)}, not {elements!r}")
-
-
 def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.ndarray | None = None) -> np.ndarray:
     """Compute the IQ samples of all poses, one frame per pose.
 
@@ -124,7 +109,7 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     Raises:
         InputError: `elements` is unknown, `out` has a wrong shape, or paths are not finite.
     """
-    check_elements(elements)
+    check_option("elements", elements, ELEMENTS)
     shape = (paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
     iq = np.zeros(shape, np.complex64) if out is None else out
     if iq.shape != shape:
@@ -181,7 +166,8 @@ def _motion_terms(
     moving = frequency * (chirp_start[:, :, None] + fast_time - middle)
     reach = float(np.abs(moving).max()) or 1.0
     motion = 2 * np.pi * reach / SPEED_OF_LIGHT * rate_mps
-    terms = _terms(float(np.abs(motion).max(initial=0.0)))
+    largest = float(np.abs(motion).max(initial=0.0))
+    terms = 1 if largest < _BESSEL_TAIL else chebyshev_terms(largest, _BESSEL_TAIL)
     return rate_mps * middle, motion, _chebyshev(moving / reach, terms)
 
 
