@@ -118,5 +118,13 @@ def find(result: Result, **wanted) -> dict:
     return found[0]
 
 
+def draw_all(result: Result) -> set[str]:
+    """Lay out every figure of a table; returns their names."""
+    for draw in result.figures.values():
+        assert callable(draw)
+        draw().draw_without_rendering()
+    return set(result.figures)
+
+
 def catalogue_number(name: str) -> int:
     return list(catalogue()).index(name)
